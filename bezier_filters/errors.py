@@ -1,0 +1,13 @@
+"""Errors that the array functions raise; the MeshSet filters translate them for pymeshlab scripts."""
+
+
+class InvalidMeshError(ValueError):
+    """The arrays do not describe a triangle mesh; the message names the fault and the remedy."""
+
+
+class InvalidParameterError(ValueError):
+    """A parameter is out of range; the message gives what was got and what is allowed."""
+
+
+class CancelledError(RuntimeError):
+    """A progress callback returned ``False``; nothing was changed."""

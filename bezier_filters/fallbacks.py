@@ -1,0 +1,178 @@
+"""What is tried at a vertex, in order, until one fit is sound."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import comb, perm
+
+import numpy as np
+
+from bezier_filters.adjacency import Adjacency
+from bezier_filters.arrays import IntArray
+from bezier_filters.fit_kernel import FITTED, FOLDED, ILL_POSED, KernelFit, KernelMesh, fit_vertices
+from bezier_filters.fitting import PatchFit
+from bezier_filters.frames import TangentPlanes
+from bezier_filters.jets import GraphGeometry
+from bezier_filters.mesh import TriangleMesh
+from bezier_filters.parallel import Progress, RangeTask, run_in_chunks
+from bezier_filters.status import FitStatus
+from bezier_filters.vertex_geometry import VertexGeometry
+
+MORE_RINGS = 3
+"""How many rings an ill-posed neighbourhood may grow."""
+QUADRATIC = PatchFit(degree=2, alpha=0.1)
+"""Practically a plain quadratic: six coefficients that six well-placed points determine."""
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One way to fit a vertex, tried on the vertices whose last outcome is in `after`.
+
+    Attributes
+    ----------
+    status : FitStatus
+        What a success is recorded as.
+    after : frozenset of int
+        Outcomes of the kernel.
+    rings : int
+        Size of the neighbourhood.
+    fit : PatchFit
+        The patch to fit.
+    mean_plane : bool
+        Whether the plane is normal to the mean normal of the neighbourhood, not to the vertex normal.
+    allow_folds : bool
+        Whether to fit even if faces fold in the projection.
+    """
+
+    status: FitStatus
+    after: frozenset[int]
+    rings: int
+    fit: PatchFit
+    mean_plane: bool = False
+    allow_folds: bool = False
+
+
+def fallback_chain(rings: int, fit: PatchFit) -> Iterator[Attempt]:
+    """The fit asked for, then the paper's fallbacks made sound.
+
+    Too few or badly placed points take a wider ring; a folded projection takes another plane,
+    then the 1-ring. What is left is fitted by a quadratic, because the paper's system is
+    singular on 1-rings of six neighbours or fewer.
+    """
+    ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED})
+    yield Attempt(FitStatus.OK, frozenset({FITTED}), rings, fit)
+    for more in range(1, MORE_RINGS + 1):
+        yield Attempt(FitStatus.WIDER_RING, ill_posed, rings + more, fit)
+    yield Attempt(FitStatus.OTHER_PLANE, folded, rings, fit, mean_plane=True)
+    yield Attempt(FitStatus.ONE_RING, folded, 1, QUADRATIC)
+    yield Attempt(FitStatus.LOWER_DEGREE, ill_posed, max(rings, 2), QUADRATIC)
+    yield Attempt(FitStatus.LOWER_DEGREE, ill_posed, rings + MORE_RINGS, QUADRATIC)
+    yield Attempt(FitStatus.FOLDED, ill_posed | folded, max(rings, 2), QUADRATIC, mean_plane=True, allow_folds=True)
+
+
+def fit_with_fallbacks(
+    mesh: TriangleMesh,
+    adjacency: Adjacency,
+    planes: TangentPlanes,
+    ids: IntArray,
+    attempts: Sequence[Attempt],
+    geometry: VertexGeometry,
+    *,
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> None:
+    """Run the attempts on the vertices `ids` and write what they give into `geometry`.
+
+    A vertex that no attempt fits keeps its mean face normal and zero curvature.
+    """
+    kernel_mesh = KernelMesh(
+        mesh.vertices,
+        mesh.faces,
+        adjacency.faces.indptr,
+        adjacency.faces.indices,
+        adjacency.vertices.indptr,
+        adjacency.vertices.indices,
+        planes.normals,
+        planes.safe_cosine,
+    )
+    has_normal = planes.normals[ids].any(axis=1)
+    geometry.normals[ids] = planes.normals[ids]
+    geometry.status[ids] = np.where(has_normal, FitStatus.NORMAL_ONLY, FitStatus.ISOLATED)
+    outcome = np.full(len(ids), FITTED, dtype=np.int32)
+    unsettled = np.flatnonzero(has_normal)
+    tried = 0
+    for attempt in attempts:
+        rows = unsettled[np.isin(outcome[unsettled], list(attempt.after))]
+        if not len(rows):
+            continue
+        report = _overall_progress(progress, tried, len(ids))
+        outcome[rows] = _run(attempt, kernel_mesh, ids[rows], geometry, threads, report)
+        tried = len(ids)
+        fitted = ids[rows[outcome[rows] == FITTED]]
+        geometry.status[fitted] = attempt.status
+        geometry.rings_used[fitted] = attempt.rings
+        unsettled = unsettled[outcome[unsettled] != FITTED]
+
+
+def _run(
+    attempt: Attempt,
+    mesh: KernelMesh,
+    ids: IntArray,
+    geometry: VertexGeometry,
+    threads: int,
+    progress: Progress | None,
+) -> IntArray:
+    """Run the kernel on the vertices `ids`; return their outcomes."""
+    n = len(mesh.vertices)
+    outcomes = np.empty(len(ids), dtype=np.int32)
+    fit = kernel_fit(attempt)
+    result = GraphGeometry(
+        geometry.normals, geometry.k_min, geometry.k_max, geometry.direction_min, geometry.direction_max
+    )
+
+    def make_task() -> RangeTask:
+        visited, members = np.full(n, -1, dtype=np.int32), np.empty(n, dtype=np.int32)
+        return lambda start, stop: fit_vertices(
+            mesh, fit, ids, start, stop, visited, members, result, geometry.residual, outcomes
+        )
+
+    run_in_chunks(make_task, len(ids), threads=threads, progress=progress)
+    return outcomes
+
+
+def kernel_fit(attempt: Attempt) -> KernelFit:
+    """Tables that the kernel needs for one attempt.
+
+    With the binomial factors pulled out of the basis, entry ((i, j), (k, m)) of A^T A is the
+    moment (i + k, j + m) times four binomials.
+    """
+    fit = attempt.fit
+    size = fit.degree + 1
+    binomial = np.array([comb(fit.degree, i) for i in range(size)], dtype=np.float64)
+    basis_factor = np.outer(binomial, binomial).ravel()
+    row, column = np.tril_indices(size * size)
+    i, j = np.divmod(row, size)
+    k, m = np.divmod(column, size)
+    derivative_factor = np.zeros((3, size))
+    for order in range(3):
+        for p in range(size - order):
+            derivative_factor[order, p] = perm(fit.degree, order) * comb(fit.degree - order, p)
+    return KernelFit(
+        rings=attempt.rings,
+        degree=fit.degree,
+        fewest_points=fit.free_coefficients,
+        square=fit.smoothness != "paper",
+        mean_plane=attempt.mean_plane,
+        allow_folds=attempt.allow_folds,
+        penalty=fit.penalty[row, column],
+        moment_index=((i + k) * (2 * fit.degree + 1) + j + m).astype(np.int32),
+        moment_factor=basis_factor[row] * basis_factor[column],
+        basis_factor=basis_factor,
+        derivative_factor=derivative_factor,
+    )
+
+
+def _overall_progress(progress: Progress | None, tried: int, total: int) -> Progress | None:
+    """Progress of one attempt as that of the whole: fallbacks come after the last vertex."""
+    if progress is None:
+        return None
+    return lambda done, _: progress(min(tried + done, total), total)

@@ -1,0 +1,171 @@
+"""Tangent planes: vertex normals, fold detection and the local x axis."""
+
+from dataclasses import dataclass
+from math import radians, sin
+
+import numpy as np
+from numba import njit
+
+from bezier_filters.adjacency import Adjacency
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.mesh import TriangleMesh
+from bezier_filters.parallel import RangeTask, run_in_chunks
+
+STEEPEST = radians(89.0)
+"""A face that leans further than this from the plane makes its points coincide: a fold."""
+FOLD_COSINE = sin(radians(90.0) - STEEPEST)
+
+
+@dataclass(frozen=True)
+class TangentPlanes:
+    """Approximate tangent planes of all vertices.
+
+    Attributes
+    ----------
+    normals : (n, 3) float64
+        Mean of the unit normals of the faces at each vertex, normalised; zero without any.
+    safe_cosine : (n,) float64
+        If the cosine between a direction and the normal is larger than this, no face at the
+        vertex folds when projected along that direction; 2 if there is no such bound.
+    """
+
+    normals: FloatArray
+    safe_cosine: FloatArray
+
+
+def tangent_planes(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> TangentPlanes:
+    """Tangent planes from the adjacent unit face normals, as in the paper."""
+    normals = np.zeros((mesh.vertex_count, 3))
+    safe_cosine = np.full(mesh.vertex_count, 2.0)
+    rows = adjacency.faces
+
+    def make_task() -> RangeTask:
+        return lambda start, stop: _vertex_planes(
+            mesh.vertices, mesh.faces, rows.indptr, rows.indices, start, stop, normals, safe_cosine
+        )
+
+    run_in_chunks(make_task, mesh.vertex_count, threads=threads)
+    return TangentPlanes(normals, safe_cosine)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def face_normal(vertices: FloatArray, faces: IntArray, f: int) -> tuple[float, float, float]:
+    """Normal of face f, twice its area long."""
+    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+    ux, uy, uz = vertices[b, 0] - vertices[a, 0], vertices[b, 1] - vertices[a, 1], vertices[b, 2] - vertices[a, 2]
+    vx, vy, vz = vertices[c, 0] - vertices[a, 0], vertices[c, 1] - vertices[a, 1], vertices[c, 2] - vertices[a, 2]
+    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def unit_face_normal(vertices: FloatArray, faces: IntArray, f: int) -> tuple[float, float, float]:
+    """Unit normal of face f, zero if its area is zero."""
+    x, y, z = face_normal(vertices, faces, f)
+    length = np.sqrt(x * x + y * y + z * z)
+    if length == 0.0:
+        return 0.0, 0.0, 0.0
+    return x / length, y / length, z / length
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _vertex_planes(
+    vertices: FloatArray,
+    faces: IntArray,
+    face_ptr: IntArray,
+    face_indices: IntArray,
+    start: int,
+    stop: int,
+    normals: FloatArray,
+    safe_cosine: FloatArray,
+) -> None:
+    """Normal of vertices start .. stop-1 and the bound that its cone of face normals gives."""
+    for i in range(start, stop):
+        x, y, z = 0.0, 0.0, 0.0
+        for q in range(face_ptr[i], face_ptr[i + 1]):
+            fx, fy, fz = unit_face_normal(vertices, faces, face_indices[q])
+            x, y, z = x + fx, y + fy, z + fz
+        length = np.sqrt(x * x + y * y + z * z)
+        if length < 1e-9:  # no face, or faces that cancel out
+            continue
+        x, y, z = x / length, y / length, z / length
+        normals[i, 0], normals[i, 1], normals[i, 2] = x, y, z
+        # Every face leans at most `cone` from the normal, so a direction at less than
+        # STEEPEST - cone from the normal sees them all from the front.
+        cosine = 1.0
+        for q in range(face_ptr[i], face_ptr[i + 1]):
+            fx, fy, fz = unit_face_normal(vertices, faces, face_indices[q])
+            if fx != 0.0 or fy != 0.0 or fz != 0.0:
+                cosine = min(cosine, fx * x + fy * y + fz * z)
+        cone = np.arccos(max(cosine, -1.0))
+        if cone < STEEPEST:
+            safe_cosine[i] = np.cos(STEEPEST - cone)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def folds(
+    vertices: FloatArray,
+    faces: IntArray,
+    face_ptr: IntArray,
+    face_indices: IntArray,
+    normals: FloatArray,
+    safe_cosine: FloatArray,
+    members: IntArray,
+    count: int,
+    nx: float,
+    ny: float,
+    nz: float,
+) -> bool:
+    """Whether a face at members[:count] folds or stands on edge when projected along (nx, ny, nz)."""
+    for a in range(count):
+        j = members[a]
+        if normals[j, 0] * nx + normals[j, 1] * ny + normals[j, 2] * nz > safe_cosine[j]:
+            continue
+        for q in range(face_ptr[j], face_ptr[j + 1]):
+            fx, fy, fz = unit_face_normal(vertices, faces, face_indices[q])
+            if fx * nx + fy * ny + fz * nz <= FOLD_COSINE and (fx != 0.0 or fy != 0.0 or fz != 0.0):
+                return True
+    return False
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def mean_normal(normals: FloatArray, members: IntArray, count: int) -> tuple[float, float, float]:
+    """Normalised mean of the normals of members[:count], zero if they cancel out."""
+    x, y, z = 0.0, 0.0, 0.0
+    for a in range(count):
+        j = members[a]
+        x, y, z = x + normals[j, 0], y + normals[j, 1], z + normals[j, 2]
+    length = np.sqrt(x * x + y * y + z * z)
+    if length < 1e-9:
+        return 0.0, 0.0, 0.0
+    return x / length, y / length, z / length
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def farthest_direction(
+    vertices: FloatArray, members: IntArray, first: int, last: int, nx: float, ny: float, nz: float
+) -> tuple[float, float, float]:
+    """Unit projection of the neighbour among members[first:last] that projects farthest.
+
+    The paper points the x axis to any projected neighbour; the farthest one depends on the
+    geometry alone, not on the numbering. Zero if every neighbour projects onto the center.
+    """
+    center = members[0]
+    best = 0.0
+    x, y, z = 0.0, 0.0, 0.0
+    for a in range(first, last):
+        j = members[a]
+        dx, dy, dz = (
+            vertices[j, 0] - vertices[center, 0],
+            vertices[j, 1] - vertices[center, 1],
+            vertices[j, 2] - vertices[center, 2],
+        )
+        height = dx * nx + dy * ny + dz * nz
+        dx, dy, dz = dx - height * nx, dy - height * ny, dz - height * nz
+        squared = dx * dx + dy * dy + dz * dz
+        if squared > best:
+            best = squared
+            x, y, z = dx, dy, dz
+    if best == 0.0:
+        return 0.0, 0.0, 0.0
+    length = np.sqrt(best)
+    return x / length, y / length, z / length

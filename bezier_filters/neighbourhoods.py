@@ -1,0 +1,96 @@
+"""k-ring neighbourhoods: all vertices within k edges of a vertex."""
+
+import numpy as np
+from numba import njit
+
+from bezier_filters.adjacency import Adjacency, Rows
+from bezier_filters.arrays import IntArray
+from bezier_filters.errors import InvalidParameterError
+
+
+def k_rings(adjacency: Adjacency, rings: int) -> Rows:
+    """Vertices within `rings` edges of every vertex, the vertex itself first.
+
+    The fit never needs them all at once and collects them one by one; this is for users who do.
+
+    Parameters
+    ----------
+    adjacency : Adjacency
+        From `vertex_adjacency`.
+    rings : int
+        At least 0; 0 gives the vertex alone.
+
+    Returns
+    -------
+    Rows
+        One row per vertex, ordered by distance in edges.
+
+    Examples
+    --------
+    >>> from bezier_filters.adjacency import vertex_adjacency
+    >>> from bezier_filters.mesh import triangle_mesh
+    >>> strip = triangle_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], [[0, 1, 2], [2, 1, 3]])
+    >>> k_rings(vertex_adjacency(strip), 1).row(3)
+    array([3, 1, 2], dtype=int32)
+    """
+    if rings < 0:
+        raise InvalidParameterError(f"rings: got {rings}, expected 0 or more")
+    indptr, indices = _k_rings(adjacency.vertices.indptr, adjacency.vertices.indices, rings)
+    return Rows(indptr, indices)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def collect_ring(
+    indptr: IntArray, indices: IntArray, center: int, rings: int, visited: IntArray, members: IntArray
+) -> tuple[int, int]:
+    """Breadth-first search from one vertex, as far as `rings` edges.
+
+    Parameters
+    ----------
+    indptr, indices : int32
+        Neighbour rows of all n vertices.
+    center, rings : int
+        Where to start, how far to go.
+    visited : (n,) int32
+        Work space, at first filled with -1; holds the last center that met each vertex.
+    members : (n,) int32
+        Receives the vertices, the center first, ordered by distance in edges.
+
+    Returns
+    -------
+    count, inner : int
+        How many vertices were written, and how many of them lie within ``rings - 1`` edges.
+    """
+    members[0] = center
+    visited[center] = center
+    count = 1
+    inner = 0
+    for _ in range(rings):
+        start, inner = inner, count
+        for a in range(start, inner):
+            j = members[a]
+            for q in range(indptr[j], indptr[j + 1]):
+                k = indices[q]
+                if visited[k] != center:
+                    visited[k] = center
+                    members[count] = k
+                    count += 1
+    return count, inner
+
+
+@njit(cache=True, nogil=True)
+def _k_rings(indptr: IntArray, indices: IntArray, rings: int) -> tuple[IntArray, IntArray]:
+    """Concatenated rings of all vertices; counts first, so that the result is allocated once."""
+    n = indptr.shape[0] - 1
+    members = np.empty(n, np.int32)
+    ptr = np.zeros(n + 1, np.int32)
+    visited = np.full(n, -1, np.int32)
+    for i in range(n):
+        ptr[i + 1] = ptr[i] + collect_ring(indptr, indices, i, rings, visited, members)[0]
+    result = np.empty(ptr[n], np.int32)
+    visited[:] = -1
+    for i in range(n):
+        collect_ring(indptr, indices, i, rings, visited, members)
+        for a in range(ptr[i + 1] - ptr[i]):
+            result[ptr[i] + a] = members[a]
+    return ptr, result

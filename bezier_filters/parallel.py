@@ -1,0 +1,103 @@
+"""Runs compiled loops over vertices on several threads, with progress and cancellation.
+
+The kernels release the interpreter lock, so plain Python threads run them side by side. That
+needs none of numba's threading layers: it is safe to call from several threads at once and
+safe to fork, and each vertex is computed by the same operations whatever the thread count.
+"""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+
+from bezier_filters.errors import CancelledError, InvalidParameterError
+
+Progress = Callable[[int, int], bool | None]
+"""``progress(done, total)`` is called now and then; returning False cancels."""
+
+RangeTask = Callable[[int, int], None]
+"""``task(start, stop)`` computes a range of vertices."""
+
+THREADS_VARIABLE = "BEZIER_FILTERS_THREADS"
+CHUNK = 4096
+
+
+def thread_count(threads: int | None) -> int:
+    """Threads to use: the argument, else BEZIER_FILTERS_THREADS, else all usable cores.
+
+    Raises
+    ------
+    InvalidParameterError
+        If the argument or the variable is not a positive integer.
+    """
+    if threads is None:
+        text = os.environ.get(THREADS_VARIABLE)
+        if text is None:
+            return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        if not text.isdecimal() or int(text) < 1:
+            raise InvalidParameterError(f"{THREADS_VARIABLE}: got {text!r}, expected a positive integer")
+        return int(text)
+    if threads < 1:
+        raise InvalidParameterError(f"threads: got {threads}, expected 1 or more, or None for all cores")
+    return threads
+
+
+def run_in_chunks(
+    make_task: Callable[[], RangeTask],
+    total: int,
+    *,
+    threads: int,
+    progress: Progress | None = None,
+    chunk: int = CHUNK,
+) -> None:
+    """Cover range(total) with chunks.
+
+    Parameters
+    ----------
+    make_task : callable
+        Called once per thread; the task it returns may own work space.
+    total : int
+        Length of the range.
+    threads : int
+        Number of threads; 1 runs in the calling thread.
+    progress : callable, optional
+        Called in the calling thread after every few chunks.
+    chunk : int
+        Length of a chunk: long enough to hide the call, short enough to share and to cancel.
+
+    Raises
+    ------
+    CancelledError
+        If `progress` returned False. Chunks under way are finished first.
+    """
+    starts = iter(range(0, total, chunk))  # next() on an iterator of ints is atomic: the threads share it
+    threads = min(threads, -(-total // chunk))
+    if threads <= 1:
+        task = make_task()
+        for start in starts:
+            task(start, min(start + chunk, total))
+            _report(progress, min(start + chunk, total), total)
+        return
+
+    def next_chunk(task: RangeTask) -> tuple[RangeTask, int]:
+        start = next(starts, total)
+        stop = min(start + chunk, total)
+        if start < stop:
+            task(start, stop)
+        return task, stop - start
+
+    with ThreadPoolExecutor(threads) as pool:
+        pending: set[Future[tuple[RangeTask, int]]] = {pool.submit(next_chunk, make_task()) for _ in range(threads)}
+        done = 0
+        while pending:
+            finished, pending = wait(pending, return_when=FIRST_COMPLETED)
+            for future in finished:
+                task, length = future.result()
+                if length:
+                    pending.add(pool.submit(next_chunk, task))
+                    done += length
+            _report(progress, done, total)
+
+
+def _report(progress: Progress | None, done: int, total: int) -> None:
+    if progress is not None and progress(done, total) is False:
+        raise CancelledError("cancelled by the progress callback; nothing was changed")

@@ -1,0 +1,38 @@
+"""What happened at each vertex: every fallback of the fit has a code of its own."""
+
+from enum import IntEnum
+
+
+class FitStatus(IntEnum):
+    """Outcome of the fit at one vertex, from the best (0) to the worst.
+
+    Codes up to `FOLDED` come with an estimate of every quantity; from `NORMAL_ONLY` on,
+    the quantities that could not be estimated hold the fill value 0.
+
+    >>> FitStatus.WIDER_RING.message
+    'fitted on more rings than asked for: too few or badly placed points'
+    """
+
+    OK = 0, "fitted as asked"
+    WIDER_RING = 1, "fitted on more rings than asked for: too few or badly placed points"
+    OTHER_PLANE = 2, "fitted over another plane: the projection along the vertex normal folds"
+    ONE_RING = 3, "quadratic fit of the 1-ring: wider neighbourhoods fold in every plane"
+    LOWER_DEGREE = 4, "quadratic fit: too few or badly placed points for the patch asked for"
+    FOLDED = 5, "quadratic fit of a folded neighbourhood: unreliable"
+    NORMAL_ONLY = 6, "mean face normal; no curvature: fewer than six usable points"
+    ISOLATED = 7, "no usable face at this vertex: nothing estimated"
+    SKIPPED = 8, "not selected: nothing estimated"
+
+    message: str
+
+    def __new__(cls, code: int, message: str) -> "FitStatus":
+        """Make a member of a code and its message."""
+        member = int.__new__(cls, code)
+        member._value_ = code
+        member.message = message
+        return member
+
+    @property
+    def has_curvature(self) -> bool:
+        """Whether curvature and torsion at this vertex are estimates, not fill values."""
+        return self <= FitStatus.FOLDED

@@ -1,0 +1,116 @@
+"""The result of the fit at every vertex: normals, curvatures, principal directions, torsion."""
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.status import FitStatus
+
+
+@dataclass(frozen=True)
+class VertexGeometry:
+    """Differential geometry at the vertices of a mesh; row ``i`` belongs to vertex ``i``.
+
+    Curvatures are positive on a convex body with outward normals (MeshLab's sign) and have the
+    unit 1/length; the Gaussian curvature has 1/length^2. Every value is finite: where `status`
+    says that a quantity could not be estimated, it holds 0.
+
+    Attributes
+    ----------
+    normals : (n, 3) float64
+        Unit normals of the fitted patches; zero vectors at isolated vertices.
+    k_min, k_max : (n,) float64
+        Principal curvatures, ``k_min <= k_max``.
+    direction_min, direction_max : (n, 3) float64
+        Unit tangent directions of `k_min` and `k_max`, with
+        ``direction_min = normals x direction_max``. Their signs are arbitrary, and at umbilics
+        (``k_min == k_max``) so is the pair: compare lines, not vectors.
+    residual : (n,) float64
+        Root mean square height of the fitted points over the patch, in units of length.
+    rings_used : (n,) int32
+        Number of rings of the neighbourhood that was fitted, 0 where nothing was.
+    status : (n,) int32
+        `FitStatus` codes.
+    """
+
+    normals: FloatArray
+    k_min: FloatArray
+    k_max: FloatArray
+    direction_min: FloatArray
+    direction_max: FloatArray
+    residual: FloatArray
+    rings_used: IntArray
+    status: IntArray
+
+    @property
+    def mean_curvature(self) -> FloatArray:
+        """Mean curvature H = (k_min + k_max) / 2, shape (n,), 1/length."""
+        return 0.5 * (self.k_min + self.k_max)
+
+    @property
+    def gaussian_curvature(self) -> FloatArray:
+        """Gaussian curvature K = k_min k_max, shape (n,), 1/length^2."""
+        return self.k_min * self.k_max
+
+    @property
+    def geodesic_torsion(self) -> FloatArray:
+        """Principal geodesic torsion t_max = (k_max - k_min) / 2 >= 0, shape (n,), 1/length."""
+        return 0.5 * (self.k_max - self.k_min)
+
+    @property
+    def curvedness(self) -> FloatArray:
+        """Koenderink's curvedness sqrt((k_min^2 + k_max^2) / 2), shape (n,), 1/length."""
+        result: FloatArray = np.hypot(self.k_min, self.k_max) * np.sqrt(0.5)
+        return result
+
+    @property
+    def shape_index(self) -> FloatArray:
+        """Koenderink's shape index (2/pi) atan((k_max + k_min) / (k_max - k_min)), in [-1, 1].
+
+        +1 is a convex cap, 0.5 a ridge, 0 a symmetric saddle, -0.5 a rut, -1 a cup. It is 0
+        where both curvatures vanish and the index is undefined.
+        """
+        result: FloatArray = np.arctan2(self.k_max + self.k_min, self.k_max - self.k_min) * (2.0 / np.pi)
+        return result
+
+    def torsion_along(self, directions: FloatArray) -> FloatArray:
+        """Geodesic torsion of the surface in given tangent directions.
+
+        The torsion is t(theta) = t_max sin(2 theta), theta being the angle from `direction_max`
+        to the direction, counter-clockwise about the normal. It is the Frenet torsion of the
+        geodesic that leaves in that direction, positive for a right-handed helix, and does not
+        depend on the orientation of the mesh.
+
+        Parameters
+        ----------
+        directions : (n, 3) or (3,) float64
+            Directions, of any non-zero length; their normal component is ignored.
+
+        Returns
+        -------
+        (n,) float64
+            Torsion, 1/length; 0 where a direction has no tangential part.
+        """
+        along_max = np.einsum("ij,ij->i", self.direction_max, np.broadcast_to(directions, self.normals.shape))
+        along_min = np.einsum("ij,ij->i", self.direction_min, np.broadcast_to(directions, self.normals.shape))
+        squared = along_max**2 + along_min**2
+        sine = np.divide(2.0 * along_max * along_min, squared, out=np.zeros_like(squared), where=squared > 0)
+        result: FloatArray = self.geodesic_torsion * sine
+        return result
+
+    def torsion_directions(self) -> tuple[FloatArray, FloatArray]:
+        """Directions of the largest (+t_max) and the smallest (-t_max) torsion, each (n, 3).
+
+        They bisect the principal directions. Like those they are undefined at umbilics and
+        have no sign.
+        """
+        plus = (self.direction_max + self.direction_min) * np.sqrt(0.5)
+        minus = (self.direction_max - self.direction_min) * np.sqrt(0.5)
+        return plus, minus
+
+    def status_counts(self) -> dict[str, int]:
+        """Count the vertices per status name, only those that occur, from best to worst."""
+        counts = Counter(self.status.tolist())
+        return {status.name: counts[status] for status in FitStatus if counts[status]}
