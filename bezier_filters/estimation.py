@@ -94,7 +94,7 @@ def estimate_vertex_geometry(
     announce_first_compilation(fit_vertices)
     adjacency = vertex_adjacency(mesh)
     planes = tangent_planes(mesh, adjacency, threads=threads)
-    geometry = _empty_geometry(mesh.vertex_count)
+    geometry = empty_geometry(mesh.vertex_count)
     fit_with_fallbacks(
         mesh,
         adjacency,
@@ -117,7 +117,7 @@ def _selected_ids(selected: BoolArray | None, n: int) -> IntArray:
     return np.flatnonzero(mask).astype(np.int32)
 
 
-def _empty_geometry(n: int) -> VertexGeometry:
+def empty_geometry(n: int) -> VertexGeometry:
     return VertexGeometry(
         normals=np.zeros((n, 3)),
         k_min=np.zeros(n),

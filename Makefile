@@ -1,0 +1,44 @@
+# Two virtual environments, made on demand: .venv to use the filters, .venv-dev to work on them.
+PYTHON ?= python3
+MESH ?=
+OUT ?= out
+SOURCES := pyproject.toml
+
+.PHONY: help demo test check bench clean
+
+help:  ## list the targets
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
+
+demo: .venv/ready  ## curvature, torsion and normals of the bunny (or MESH=file) into out/
+	.venv/bin/bezier-filters demo $(MESH) --out $(OUT)
+
+test: .venv-dev/ready  ## run the test suite
+	.venv-dev/bin/python -m pytest
+
+check: .venv-dev/ready  ## style (ruff) and types (mypy)
+	.venv-dev/bin/ruff check .
+	.venv-dev/bin/ruff format --check .
+	.venv-dev/bin/mypy
+
+bench: .venv-dev/bench-ready  ## speed against MeshLab's and libigl's quadric fitting
+	.venv-dev/bin/python benchmarks/speed.py
+
+clean:  ## remove environments, caches and outputs
+	rm -rf .venv .venv-dev out build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -prune -exec rm -rf {} +
+
+.venv/ready: $(SOURCES)
+	$(PYTHON) -m venv .venv
+	.venv/bin/python -m pip install --quiet --upgrade pip
+	.venv/bin/python -m pip install --quiet -e '.[viz]'
+	@touch $@
+
+.venv-dev/ready: $(SOURCES)
+	$(PYTHON) -m venv .venv-dev
+	.venv-dev/bin/python -m pip install --quiet --upgrade pip
+	.venv-dev/bin/python -m pip install --quiet -e '.[dev]'
+	@touch $@
+
+.venv-dev/bench-ready: .venv-dev/ready
+	.venv-dev/bin/python -m pip install --quiet -e '.[bench]'
+	@touch $@

@@ -1,0 +1,119 @@
+"""A mesh of a smooth surface together with the surface's exact geometry.
+
+Every surface is a level set F(x, y, z) = const, and one formula serves them all: with g the gradient
+and M the Hessian of F, the normal is n = g / |g| and the shape operator is M / |g| on the tangent
+plane. The functions of this package only place the samples and write down g and M.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bezier_filters.arrays import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class SampledSurface:
+    """A triangle mesh whose vertices lie on a smooth surface, with the surface's exact geometry.
+
+    Curvatures are positive on a convex body with outward normals (MeshLab's sign) and have the
+    unit 1/length; the Gaussian curvature has 1/length^2. Open patches have upward normals.
+
+    Attributes
+    ----------
+    vertices : (n, 3) float64
+        Points of the surface.
+    faces : (m, 3) int32
+        Consistently oriented triangles, counter-clockwise seen from outside or above.
+    normals : (n, 3) float64
+        Unit normals, outward or upward.
+    k_min, k_max : (n,) float64
+        Principal curvatures, ``k_min <= k_max``.
+    direction_min, direction_max : (n, 3) float64
+        Unit tangent directions of `k_min` and `k_max`, with
+        ``direction_min = normals x direction_max``. Their signs are arbitrary, and at umbilics
+        (``k_min == k_max``) so is the pair: compare lines, not vectors.
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+    normals: FloatArray
+    k_min: FloatArray
+    k_max: FloatArray
+    direction_min: FloatArray
+    direction_max: FloatArray
+
+    @property
+    def mean_curvature(self) -> FloatArray:
+        """Mean curvature H = (k_min + k_max) / 2, shape (n,), 1/length."""
+        return 0.5 * (self.k_min + self.k_max)
+
+    @property
+    def gaussian_curvature(self) -> FloatArray:
+        """Gaussian curvature K = k_min k_max, shape (n,), 1/length^2."""
+        return self.k_min * self.k_max
+
+    @property
+    def geodesic_torsion(self) -> FloatArray:
+        """Principal geodesic torsion t_max = (k_max - k_min) / 2 >= 0, shape (n,), 1/length."""
+        return 0.5 * (self.k_max - self.k_min)
+
+    @classmethod
+    def from_level_set(
+        cls, vertices: FloatArray, faces: IntArray, gradients: FloatArray, hessians: FloatArray
+    ) -> "SampledSurface":
+        """Surface F = const from the derivatives of F at its vertices.
+
+        The derivative of n = g / |g| along a tangent t is P M t / |g| with P = I - n n^T, so the
+        shape operator is the symmetric 2 x 2 matrix of M / |g| in any orthonormal tangent frame
+        (Goldman, "Curvature formulas for implicit curves and surfaces", CAGD 22, 2005).
+
+        Parameters
+        ----------
+        vertices : (n, 3) float64
+            Points of the surface.
+        faces : (m, 3) int32
+            Triangles, oriented like the gradients.
+        gradients : (n, 3) float64
+            Gradients of F, not zero; they point outward. Their scale cancels with the Hessians'.
+        hessians : (n, 3, 3) float64
+            Second derivatives of F.
+
+        Returns
+        -------
+        SampledSurface
+            With the exact normals, curvatures and principal directions.
+
+        Examples
+        --------
+        The unit sphere x^2 + y^2 + z^2 = 1 at one point:
+
+        >>> point = np.array([[0.0, 0.0, 1.0]])
+        >>> no_faces = np.empty((0, 3), dtype=np.int32)
+        >>> SampledSurface.from_level_set(point, no_faces, 2 * point, 2 * np.eye(3)[None]).mean_curvature
+        array([1.])
+        """
+        slope = np.linalg.norm(gradients, axis=1, keepdims=True)
+        normals = gradients / slope
+        least_aligned_axis = np.eye(3)[np.abs(normals).argmin(axis=1)]
+        first = np.cross(normals, least_aligned_axis)
+        first /= np.linalg.norm(first, axis=1, keepdims=True)
+        second = np.cross(normals, first)
+
+        frame = np.stack([first, second], axis=1)
+        shape = frame @ hessians @ frame.transpose(0, 2, 1) / slope[:, :, None]
+        middle = 0.5 * (shape[:, 0, 0] + shape[:, 1, 1])
+        deviator = 0.5 * (shape[:, 0, 0] - shape[:, 1, 1])
+        twist = 0.5 * (shape[:, 0, 1] + shape[:, 1, 0])
+        torsion = np.hypot(deviator, twist)
+        angle = 0.5 * np.arctan2(twist, deviator)[:, None]
+        direction_max = np.cos(angle) * first + np.sin(angle) * second
+        return cls(
+            vertices=vertices,
+            faces=faces,
+            normals=normals,
+            k_min=middle - torsion,
+            k_max=middle + torsion,
+            direction_min=np.cross(normals, direction_max),
+            direction_max=direction_max,
+        )

@@ -1,0 +1,299 @@
+"""Triangulated sample points of simple domains, which `surfaces` maps to surfaces with known truth.
+
+Regular samples lie on a lattice. Jittered samples get a Delaunay triangulation in the domain, so
+that their valences are irregular, too, and no triangle can fold.
+"""
+
+from collections.abc import Sequence
+from itertools import product
+
+import numpy as np
+from scipy.spatial import ConvexHull, Delaunay
+
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.errors import InvalidParameterError
+from bezier_filters.surfaces.checks import check_jitter, check_resolution
+
+TIE_JITTER = 1e-6
+"""Up to this jitter lattice squares keep their diagonals: with four corners on a circle both would be
+Delaunay, and the copies of a square on a torus could get different ones."""
+
+RIM_CLEARANCE = 0.6
+"""Least distance of lattice points to a hole's rim, in edges. Over half a chord, so that the circle
+over each chord is empty and the whole rim consists of Delaunay edges."""
+
+HOLE_GAP = 3.0
+"""Least distance between two holes, and between a hole and the border, in edges."""
+
+
+def sphere_directions(resolution: int, *, jitter: float = 0.0, seed: int = 0) -> tuple[FloatArray, IntArray]:
+    """Points on the unit sphere: an icosahedron whose edges are divided into `resolution` parts.
+
+    Parameters
+    ----------
+    resolution : int
+        Parts of each icosahedron edge, at least 1.
+    jitter : float
+        Displacement, in a random direction, as a fraction of the edge; at least 0, below 0.35.
+    seed : int
+        Seed of the displacements.
+
+    Returns
+    -------
+    directions : (10 resolution^2 + 2, 3) float64
+        Unit vectors.
+    faces : (20 resolution^2, 3) int32
+        Their spherical Delaunay triangulation, outward.
+
+    Raises
+    ------
+    InvalidParameterError
+        If `resolution` or `jitter` is out of range.
+
+    Examples
+    --------
+    >>> directions, faces = sphere_directions(1)
+    >>> len(directions), len(faces)
+    (12, 20)
+    """
+    check_resolution(resolution, 1)
+    check_jitter(jitter)
+    golden = 0.5 * (1.0 + np.sqrt(5.0))
+    rectangle = np.array([(0.0, i, j * golden) for i in (-1, 1) for j in (-1, 1)])
+    corners = np.concatenate([np.roll(rectangle, k, axis=1) for k in range(3)]) / np.hypot(1.0, golden)
+    triangles = _convex_hull(corners)
+
+    # Integer weights on the twelve corners: points that two triangles share get equal rows.
+    i, j = np.indices((resolution + 1, resolution + 1)).reshape(2, -1)
+    steps = np.stack([i, j, resolution - i - j], axis=1)[i + j <= resolution]
+    weights = np.zeros((len(triangles), len(steps), len(corners)), dtype=np.int64)
+    np.put_along_axis(weights, triangles[:, None, :].astype(np.int64), steps[None, :, :], axis=2)
+    weights = np.unique(weights.reshape(-1, len(corners)), axis=0)
+
+    # The sines divide the icosahedron's edges into equal arcs; linear weights would crowd their ends.
+    edge = np.arctan(2.0) / resolution
+    directions = _normalized(np.sin(weights * edge) @ corners)
+    if jitter > 0:
+        tangents = _normalized(np.cross(directions, _random_directions(directions.shape, seed)))
+        directions = _normalized(directions + jitter * edge * tangents)
+    return directions, _convex_hull(directions)
+
+
+def rectangle(
+    cells: tuple[int, int],
+    *,
+    wrapped: tuple[bool, bool] = (False, False),
+    holes: Sequence[tuple[float, float, float]] = (),
+    jitter: float = 0.0,
+    seed: int = 0,
+) -> tuple[FloatArray, IntArray]:
+    """Points of the rectangle [0, cells[0]] x [0, cells[1]], one per unit square.
+
+    Parameters
+    ----------
+    cells : tuple of two ints
+        Side lengths; positive, along wrapped axes at least 6 (callers check that).
+    wrapped : tuple of two bools
+        Axes whose ends are joined: one gives a tube, two give a torus.
+    holes : sequence of (x, y, radius)
+        Circles to cut out, in the units of `cells`; not with `wrapped`. Their rims are divided evenly.
+    jitter : float
+        Displacement, in a random direction, at least 0 and below 0.35. Border points slide along
+        the border; its corners and the rims of holes stay.
+    seed : int
+        Seed of the displacements.
+
+    Returns
+    -------
+    points : (n, 2) float64
+        Coordinates in the units of `cells`.
+    faces : (m, 3) int32
+        Counter-clockwise triangles.
+
+    Raises
+    ------
+    InvalidParameterError
+        If `jitter` is out of range, or holes are combined with `wrapped`, smaller than an edge, or
+        closer than three edges to each other or to the border.
+
+    Examples
+    --------
+    >>> points, faces = rectangle((2, 1))
+    >>> points.T
+    array([[0., 0., 1., 1., 2., 2.],
+           [0., 1., 0., 1., 0., 1.]])
+    >>> faces
+    array([[0, 2, 3],
+           [0, 3, 1],
+           [2, 4, 5],
+           [2, 5, 3]], dtype=int32)
+    """
+    check_jitter(jitter)
+    if len(holes) and any(wrapped):
+        raise InvalidParameterError("holes cannot be cut out of a wrapped rectangle")
+    counts = tuple(n if wrap else n + 1 for n, wrap in zip(cells, wrapped, strict=True))
+    points = np.indices(counts).reshape(2, -1).T.astype(np.float64)
+    offsets = jitter * _random_directions(points.shape, seed)
+    for axis in range(2):
+        if not wrapped[axis]:
+            offsets[(points[:, axis] == 0) | (points[:, axis] == cells[axis]), axis] = 0.0
+    points += offsets
+    if not len(holes):
+        periods = tuple(n if wrap else 0 for n, wrap in zip(cells, wrapped, strict=True))
+        return points, _lattice_faces(cells, counts) if jitter <= TIE_JITTER else _delaunay(points, periods)
+
+    _check_holes(np.asarray(holes, dtype=np.float64), cells)
+    for x, y, radius in holes:
+        points = points[np.hypot(*(points - (x, y)).T) > radius + RIM_CLEARANCE]
+    rims = [_circle(*hole) for hole in holes]
+    owner = np.repeat(np.arange(len(holes) + 1), [len(points), *map(len, rims)])
+    points = np.concatenate([points, *rims])
+    faces = _delaunay(points, (0, 0))
+    # Triangles inside a hole are those with all three corners on its rim.
+    owners = owner[faces]
+    inside = (owners[:, 0] > 0) & (owners == owners[:, :1]).all(axis=1)
+    return points, faces[~inside]
+
+
+def notched_cube(resolution: int, *, jitter: float = 0.0, seed: int = 0) -> tuple[FloatArray, IntArray]:
+    """Surface points of the cube [0, resolution]^3 without its upper octant, one per unit square.
+
+    Parameters
+    ----------
+    resolution : int
+        Cells along an edge of the cube; even.
+    jitter : float
+        Displacement, in a random direction, at least 0 and below 0.35. Points stay in their plane
+        or on their edge, corners stay. The squares get random diagonals if it is positive.
+    seed : int
+        Seed of the displacements and diagonals.
+
+    Returns
+    -------
+    points : (6 resolution^2 + 2, 3) float64
+        Coordinates in cells.
+    faces : (12 resolution^2, 3) int32
+        Triangles, outward.
+
+    Raises
+    ------
+    InvalidParameterError
+        If `resolution` is odd or less than 2, or `jitter` is out of range.
+
+    Examples
+    --------
+    >>> points, faces = notched_cube(2)
+    >>> len(points), len(faces)
+    (26, 48)
+    """
+    check_resolution(resolution, 2)
+    check_jitter(jitter)
+    if resolution % 2:
+        raise InvalidParameterError(f"resolution is {resolution}, but must be even: the notch is half a cube wide")
+    solid = np.pad(np.ones((resolution,) * 3, dtype=np.int8), 1)
+    solid[1 + resolution // 2 : -1, 1 + resolution // 2 : -1, 1 + resolution // 2 : -1] = 0
+
+    squares: list[IntArray] = []
+    normal_axes: list[IntArray] = []
+    for axis in range(3):
+        step = np.diff(solid, axis=axis)
+        for side, corners in ((-1, [(0, 0), (1, 0), (1, 1), (0, 1)]), (1, [(0, 0), (0, 1), (1, 1), (1, 0)])):
+            cell = np.argwhere(step == side).astype(np.int32)
+            # The padding moved the cells by one, but not the planes between them.
+            cell[:, [axis - 2, axis - 1]] -= 1
+            corner = np.zeros((4, 3), dtype=np.int32)
+            corner[:, [axis - 2, axis - 1]] = corners
+            squares.append(cell[:, None, :] + corner)
+            normal_axes.append(np.full(len(cell), axis, dtype=np.int32))
+
+    corners_of_squares = np.concatenate(squares)
+    lattice, inverse = np.unique(corners_of_squares.reshape(-1, 3), axis=0, return_inverse=True)
+    quads = inverse.reshape(-1, 4).astype(np.int32)
+    points = lattice.astype(np.float64)
+    if jitter > 0:
+        offsets = jitter * _random_directions(points.shape, seed)
+        # A point on a square must not leave its plane; on edges and corners several planes hold it.
+        offsets[quads, np.concatenate(normal_axes)[:, None]] = 0.0
+        points += offsets
+        turned = np.random.default_rng(seed).integers(2, size=len(quads), dtype=np.int8) == 1
+        quads = np.where(turned[:, None], np.roll(quads, 1, axis=1), quads)
+    return points, _canonical(np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]))
+
+
+def _check_holes(holes: FloatArray, cells: tuple[int, int]) -> None:
+    """Raise `InvalidParameterError` if holes are too small, touch each other or touch the border."""
+    if holes.ndim != 2 or holes.shape[1] != 3 or not np.isfinite(holes).all():
+        raise InvalidParameterError("holes must be finite triples (x, y, radius)")
+    centres, radii = holes[:, :2], holes[:, 2]
+    if radii.min() < 1.0:
+        raise InvalidParameterError(
+            f"a hole has a radius of {radii.min():.3g} edges, but must have at least 1: raise resolution or radius"
+        )
+    to_border = np.minimum(centres, np.asarray(cells) - centres).min(axis=1) - radii
+    apart = np.linalg.norm(centres[:, None] - centres, axis=2) - radii[:, None] - radii
+    gap = min(to_border.min(), apart[~np.eye(len(holes), dtype=bool)].min(initial=np.inf))
+    if gap < HOLE_GAP:
+        raise InvalidParameterError(
+            f"the gap between two holes, or a hole and the border, is {gap:.3g} edges, but must be at least "
+            f"{HOLE_GAP:g}: raise resolution or move the holes"
+        )
+
+
+def _circle(x: float, y: float, radius: float) -> FloatArray:
+    """Evenly spaced points on a circle, at most one unit apart."""
+    count = int(np.ceil(2 * np.pi * radius))
+    angle = np.arange(count) * (2 * np.pi / count)
+    return np.stack([x + radius * np.cos(angle), y + radius * np.sin(angle)], axis=1)
+
+
+def radial_directions(angle: FloatArray) -> FloatArray:
+    """Unit vectors in the x-y plane, shape (n, 3)."""
+    return np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
+
+
+def _lattice_faces(cells: tuple[int, int], counts: tuple[int, ...]) -> IntArray:
+    """Split every lattice square along the same diagonal: all inner valences are six."""
+    i, j = np.indices(cells).reshape(2, -1)
+
+    def vertex(di: int, dj: int) -> IntArray:
+        index: IntArray = ((i + di) % counts[0] * counts[1] + (j + dj) % counts[1]).astype(np.int32)
+        return index
+
+    a, b, c, d = vertex(0, 0), vertex(1, 0), vertex(1, 1), vertex(0, 1)
+    return np.stack([a, b, c, a, c, d], axis=1).reshape(-1, 3)
+
+
+def _delaunay(points: FloatArray, periods: tuple[int, ...]) -> IntArray:
+    """Delaunay triangulation in the plane, on a strip or on a torus (period 0: not periodic)."""
+    shifts = np.array(list(product(*((0, -period, period) if period else (0,) for period in periods))))
+    tiles = (points + shifts[:, None, :]).reshape(-1, 2)
+    tiled = Delaunay(tiles).simplices
+    faces = tiled % len(points)
+    # Each triangle recurs in every tile: keep the one whose lowest vertex lies in the first tile.
+    lowest = np.take_along_axis(tiled, faces.argmin(axis=1)[:, None], axis=1)[:, 0]
+    return _canonical(faces[lowest < len(points)])
+
+
+def _convex_hull(points: FloatArray) -> IntArray:
+    """Outward triangles of the convex hull of points around the origin."""
+    faces = ConvexHull(points).simplices
+    inward = np.linalg.det(points[faces]) < 0
+    return _canonical(np.where(inward[:, None], faces[:, ::-1], faces))
+
+
+def _canonical(faces: IntArray) -> IntArray:
+    """Rotate each face to start at its lowest vertex and sort the faces, whatever order qhull chose."""
+    turns = (faces.argmin(axis=1)[:, None] + np.arange(3)) % 3
+    rotated = np.take_along_axis(faces, turns, axis=1)
+    return rotated[np.lexsort(rotated.T[::-1])].astype(np.int32)
+
+
+def _random_directions(shape: tuple[int, ...], seed: int) -> FloatArray:
+    """Random unit vectors, one per row."""
+    return _normalized(np.random.default_rng(seed).standard_normal(shape))
+
+
+def _normalized(vectors: FloatArray) -> FloatArray:
+    """Unit vectors along the rows of an array."""
+    unit: FloatArray = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    return unit

@@ -1,0 +1,74 @@
+"""An independent implementation of the fit: dense, three coordinates, one vertex at a time.
+
+It shares no code with the package. It follows the paper: S from its stencil, the whole stacked
+system solved by lstsq for x, y and z, and E, F, G, L, M, N of the parametric patch.
+"""
+
+from math import comb
+
+import numpy as np
+
+PAPER_TRIPLES = ["00 01 02", "01 02 03", "00 10 20", "10 20 30", "30 31 32", "31 32 33", "03 13 23", "13 23 33"]
+
+
+def paper_rows():
+    rows = np.zeros((8, 16))
+    for row, triple in zip(rows, PAPER_TRIPLES, strict=True):
+        for name, value in zip(triple.split(), (1, -2, 1), strict=True):
+            row[4 * int(name[0]) + int(name[1])] = value
+    return rows
+
+
+def bernstein(t, order=0, degree=3):
+    if order:
+        lower = bernstein(t, order - 1, degree - 1)
+        padded = np.pad(lower, ((0, 0), (1, 1)))
+        return degree * (padded[:, :-1] - padded[:, 1:])
+    return np.stack([comb(degree, i) * t**i * (1 - t) ** (degree - i) for i in range(degree + 1)], axis=1)
+
+
+def design(u, v, du=0, dv=0):
+    return np.einsum("ki,kj->kij", bernstein(u, du), bernstein(v, dv)).reshape(len(u), 16)
+
+
+def one_ring(faces, vertex):
+    touching = faces[(faces == vertex).any(axis=1)]
+    return set(touching.ravel().tolist()) - {vertex}
+
+
+def paper_fit(vertices, faces, vertex, alpha=0.8):
+    """Normal, H and K (MeshLab's sign) at one vertex, its 2-ring fitted as the paper says."""
+    touching = faces[(faces == vertex).any(axis=1)]
+    a, b, c = vertices[touching].transpose(1, 0, 2)
+    face_normals = np.cross(b - a, c - a)
+    face_normals /= np.linalg.norm(face_normals, axis=1, keepdims=True)
+    normal = face_normals.sum(axis=0)
+    normal /= np.linalg.norm(normal)
+
+    ring = sorted(one_ring(faces, vertex))
+    edges = vertices[ring] - vertices[vertex]
+    projected = edges - np.outer(edges @ normal, normal)
+    x_axis = projected[np.argmax(np.linalg.norm(projected, axis=1))]
+    x_axis = x_axis / np.linalg.norm(x_axis)
+    y_axis = np.cross(normal, x_axis)
+
+    members = [vertex, *sorted(set().union(*(one_ring(faces, j) for j in ring), ring) - {vertex})]
+    local = (vertices[members] - vertices[vertex]) @ np.array([x_axis, y_axis, normal]).T
+    low, high = local[:, :2].min(axis=0), local[:, :2].max(axis=0)
+    u, v = ((local[:, :2] - low) / (high - low)).T
+    system = np.vstack([alpha * design(u, v), (1 - alpha) * paper_rows()])
+    target = np.vstack([alpha * local, np.zeros((8, 3))])
+    net, _, rank, _ = np.linalg.lstsq(system, target)
+    assert rank == 16
+
+    def derivative(du, dv):
+        return (design(u[:1], v[:1], du, dv) @ net)[0]
+
+    bu, bv, buu, buv, bvv = (derivative(*o) for o in [(1, 0), (0, 1), (2, 0), (1, 1), (0, 2)])
+    n = np.cross(bu, bv)
+    n /= np.linalg.norm(n)
+    E, F, G = bu @ bu, bu @ bv, bv @ bv
+    L, M, N = buu @ n, buv @ n, bvv @ n
+    mean = -(N * E - 2 * M * F + L * G) / (2 * (E * G - F * F))
+    gaussian = (L * N - M * M) / (E * G - F * F)
+    return n @ np.array([x_axis, y_axis, normal]), mean, gaussian

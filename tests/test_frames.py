@@ -1,0 +1,74 @@
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bezier_filters import triangle_mesh, vertex_adjacency
+from bezier_filters.frames import face_normal, farthest_direction, folds, mean_normal, tangent_planes
+from bezier_filters.surfaces import block_with_sharp_edges, sphere, waves
+
+directions = st.tuples(*[st.floats(-1, 1)] * 3).map(np.array).filter(lambda d: np.linalg.norm(d) > 0.1)
+
+
+def test_normals_are_the_normalised_means_of_the_unit_face_normals():
+    surface = waves(jitter=0.3, resolution=10)
+    mesh = triangle_mesh(surface.vertices, surface.faces)
+    a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
+    unit = np.cross(b - a, c - a)
+    unit /= np.linalg.norm(unit, axis=1, keepdims=True)
+    expected = np.zeros_like(mesh.vertices)
+    for corner in range(3):
+        np.add.at(expected, mesh.faces[:, corner], unit)
+    expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+    np.testing.assert_allclose(tangent_planes(mesh, vertex_adjacency(mesh)).normals, expected, atol=1e-12)
+
+
+@given(directions, st.integers(0, 20))
+def test_fold_test_finds_exactly_the_faces_that_turn_away(direction, seed):
+    """The bound that skips faces must not hide a fold."""
+    vertices, faces = block_with_sharp_edges(resolution=4)
+    rng = np.random.default_rng(seed)
+    mesh = triangle_mesh(vertices + 0.05 * rng.standard_normal(vertices.shape), faces)
+    adjacency = vertex_adjacency(mesh)
+    planes = tangent_planes(mesh, adjacency)
+    direction = direction / np.linalg.norm(direction)
+    rows = adjacency.faces
+    for vertex in range(0, mesh.vertex_count, 5):
+        cosines = []
+        for f in rows.row(vertex):
+            normal = np.array(face_normal(mesh.vertices, mesh.faces, f))
+            cosines.append(normal @ direction / np.linalg.norm(normal))
+        members = np.array([vertex], dtype=np.int32)
+        found = folds(
+            mesh.vertices,
+            mesh.faces,
+            rows.indptr,
+            rows.indices,
+            planes.normals,
+            planes.safe_cosine,
+            members,
+            1,
+            *direction,
+        )
+        assert found == (min(cosines) <= np.sin(np.radians(1.0)))
+
+
+def test_x_axis_points_to_the_farthest_projection_in_any_numbering():
+    surface = sphere(resolution=3, jitter=0.2)
+    members = np.array([0, 5, 9, 11, 20], dtype=np.int32)
+    normal = surface.normals[0]
+    expected = None
+    for order in (members, members[[0, 4, 2, 3, 1]]):
+        axis = np.array(farthest_direction(surface.vertices, order, 1, 5, *normal))
+        assert abs(axis @ normal) < 1e-12
+        assert abs(np.linalg.norm(axis) - 1) < 1e-12
+        expected = axis if expected is None else expected
+        np.testing.assert_array_equal(axis, expected)
+    edges = surface.vertices[members[1:]] - surface.vertices[0]
+    tangential = edges - np.outer(edges @ normal, normal)
+    longest = tangential[np.argmax(np.linalg.norm(tangential, axis=1))]
+    np.testing.assert_allclose(expected, longest / np.linalg.norm(longest), atol=1e-12)
+
+
+def test_normals_that_cancel_out_have_no_mean():
+    normals = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
+    assert mean_normal(normals, np.array([0, 1], dtype=np.int32), 2) == (0.0, 0.0, 0.0)

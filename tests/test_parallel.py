@@ -1,0 +1,57 @@
+import threading
+
+import numpy as np
+import pytest
+
+from bezier_filters import CancelledError
+from bezier_filters.parallel import run_in_chunks
+
+
+@pytest.mark.parametrize("threads", [1, 2, 5])
+@pytest.mark.parametrize("total", [0, 1, 9, 10, 11, 1000])
+def test_every_index_is_covered_once(threads, total):
+    counts = np.zeros(total, dtype=int)
+
+    def task(start, stop):
+        counts[start:stop] += 1
+
+    reports = []
+    run_in_chunks(lambda: task, total, threads=threads, progress=lambda *a: reports.append(a), chunk=10)
+    assert (counts == 1).all()
+    assert all(of == total for _, of in reports)
+    if total:
+        assert reports[-1] == (total, total)
+
+
+def test_each_thread_gets_a_task_of_its_own():
+    owners = {}
+
+    def make_task():
+        key = object()
+
+        def task(start, stop):
+            owners.setdefault(key, set()).add(threading.get_ident())
+
+        return task
+
+    run_in_chunks(make_task, 1000, threads=4, chunk=1)
+    assert len(owners) <= 4
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_cancelling_stops_early(threads):
+    done = []
+    with pytest.raises(CancelledError):
+        run_in_chunks(
+            lambda: lambda start, stop: done.append(start), 10_000, threads=threads, progress=lambda *_: False, chunk=1
+        )
+    assert len(done) < 100
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_errors_of_a_task_reach_the_caller(threads):
+    def task(start, stop):
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        run_in_chunks(lambda: task, 100, threads=threads, chunk=1)
