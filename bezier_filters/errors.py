@@ -11,3 +11,7 @@ class InvalidParameterError(ValueError):
 
 class CancelledError(RuntimeError):
     """A progress callback returned ``False``; nothing was changed."""
+
+
+class FieldFileError(ValueError):
+    """A file holds no readable vertex fields; the message says what was found and what to do."""

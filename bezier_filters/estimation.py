@@ -118,6 +118,7 @@ def _selected_ids(selected: BoolArray | None, n: int) -> IntArray:
 
 
 def empty_geometry(n: int) -> VertexGeometry:
+    """Geometry of n vertices that nothing is known of: zeros and `FitStatus.SKIPPED`."""
     return VertexGeometry(
         normals=np.zeros((n, 3)),
         k_min=np.zeros(n),

@@ -1,0 +1,105 @@
+"""What the command line prints: reports as text or JSON, and the progress bar."""
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from bezier_filters.diagnosis import diagnose
+from bezier_filters.mesh import MeshReport, TriangleMesh
+from bezier_filters.parallel import Progress as ProgressCallback
+from bezier_filters.status import FitStatus
+
+err = Console(stderr=True, highlight=False, soft_wrap=True)
+out = Console(highlight=False, soft_wrap=True)
+
+
+@contextmanager
+def progress_bar(label: str, *, quiet: bool) -> Iterator[ProgressCallback | None]:
+    """A bar on stderr while the block runs, gone afterwards; the callback that moves it, or None."""
+    if quiet or not err.is_terminal:
+        yield None
+        return
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=err, transient=True) as bar:
+        task = bar.add_task(label, total=None)
+
+        def report(done: int, total: int) -> None:
+            bar.update(task, completed=done, total=total)
+
+        yield report
+
+
+def print_json(data: dict[str, Any]) -> None:
+    """Print a report as JSON on stdout."""
+    print(json.dumps(data, indent=2, ensure_ascii=False))
+
+
+def print_status(report: dict[str, Any], source: str) -> None:
+    """Say how the fits of a mesh went."""
+    out.print(f"[bold]{escape(source)}[/]: {sum(report['status'].values()):,} vertices")
+    for name, count in report["status"].items():
+        out.print(f"  {count:>9,}  {FitStatus[name].message} ({name})")
+
+
+def print_statistics(report: dict[str, Any], label: str) -> None:
+    """Say what the values of a quality are."""
+    if report["statistics"]:
+        unit = f" [{report['unit']}]" if report["unit"] else ""
+        numbers = ", ".join(f"{name} {value:.4g}" for name, value in report["statistics"].items())
+        out.print(f"{label}{escape(unit)}: {numbers}")
+
+
+def print_written(report: dict[str, Any], target: str) -> None:
+    """Say which file was written and how long the filter took."""
+    out.print(f"wrote [bold]{escape(target)}[/] ({sum(report['seconds'].values()):.2f} s)")
+
+
+def mesh_summary(mesh: TriangleMesh, report: MeshReport, topology: dict[str, Any]) -> dict[str, Any]:
+    """What `info` tells, as one dict."""
+    low, high = (mesh.vertices.min(axis=0), mesh.vertices.max(axis=0))
+    return {
+        "vertices": mesh.vertex_count,
+        "faces": mesh.face_count,
+        "components": topology.get("connected_components_number", 0),
+        "genus": topology.get("genus", -1),
+        "boundary_loops": topology.get("number_holes", -1),
+        "non_manifold_vertices": topology.get("non_two_manifold_vertices", 0),
+        **asdict(report),
+        "bounding_box": [low.tolist(), high.tolist()],
+        "fit_for_fitting": mesh.face_count > 0,
+        "findings": diagnose(mesh, report),
+    }
+
+
+def print_mesh_summary(summary: dict[str, Any], source: str) -> None:
+    """Say what is in a mesh and whether it can be fitted."""
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    low, high = summary["bounding_box"]
+
+    def number(key: str) -> str:
+        return f"{summary[key]:,}" if summary[key] >= 0 else "undefined (not a manifold)"
+
+    table.add_row("vertices, faces", f"{summary['vertices']:,}, {summary['faces']:,}")
+    table.add_row("size", " x ".join(f"{b - a:.6g}" for a, b in zip(low, high, strict=True)))
+    table.add_row("mean edge", f"{summary['mean_edge_length']:.6g}")
+    table.add_row("components", number("components"))
+    table.add_row("genus", number("genus"))
+    table.add_row("boundary loops", f"{number('boundary_loops')}, {summary['boundary_edges']:,} edges")
+    table.add_row(
+        "non-manifold", f"{summary['non_manifold_edges']:,} edges, {number('non_manifold_vertices')} vertices"
+    )
+    out.print(f"[bold]{escape(source)}[/]")
+    out.print(table)
+    if not summary["findings"]:
+        out.print("Fit for fitting: nothing stands in the way.")
+        return
+    out.print("Fit for fitting, but note:" if summary["fit_for_fitting"] else "[bold]Not fit for fitting:[/]")
+    for finding in summary["findings"]:
+        out.print(f"  - {finding}")

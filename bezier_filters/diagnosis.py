@@ -1,0 +1,41 @@
+"""Whether a mesh is fit for fitting, and what to do about it if not."""
+
+from bezier_filters.mesh import MeshReport, TriangleMesh
+
+
+def diagnose(mesh: TriangleMesh, report: MeshReport) -> list[str]:
+    """What stands in the way of good estimates, each with its remedy in pymeshlab; empty if nothing does.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    report : MeshReport
+        From `inspect_mesh` of the same mesh.
+
+    Examples
+    --------
+    >>> from bezier_filters.mesh import inspect_mesh, triangle_mesh
+    >>> mesh = triangle_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 5, 5]], [[0, 1, 2]])
+    >>> diagnose(mesh, inspect_mesh(mesh))
+    ['1 unreferenced vertices get no estimate (meshing_remove_unreferenced_vertices removes them)']
+    """
+    if mesh.face_count == 0:
+        return ["there are no faces: nothing can be estimated (generate_surface_reconstruction_* makes a surface)"]
+    findings = [
+        (
+            report.incoherent_edges,
+            "edges between faces that disagree about the outside: signs are wrong there "
+            "(meshing_re_orient_faces_coherently)",
+        ),
+        (
+            report.non_manifold_edges,
+            "edges with three or more faces: neighbourhoods mix sheets (meshing_repair_non_manifold_edges)",
+        ),
+        (report.degenerate_faces, "faces without area are ignored (meshing_remove_null_faces removes them)"),
+        (report.duplicate_faces, "duplicate faces (meshing_remove_duplicate_faces removes them)"),
+        (
+            report.unreferenced_vertices,
+            "unreferenced vertices get no estimate (meshing_remove_unreferenced_vertices removes them)",
+        ),
+    ]
+    return [f"{count:,} {text}" for count, text in findings if count]

@@ -1,0 +1,165 @@
+"""Mesh files: load one into a MeshSet, save the current mesh whole or not at all, with one-line errors."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from bezier_filters.atomic import atomic_write
+from bezier_filters.fields import PREFIX
+from bezier_filters.meshset import BezierFilterError, MeshSet, PyMeshLabException, current_mesh
+
+_ATTRIBUTE_KEY = "__ca_vs__"  # of the parameters with which pymeshlab saves custom vertex attributes
+
+
+@dataclass(frozen=True)
+class FormatSupport:
+    """What pymeshlab writes per vertex, besides positions, into files of a format.
+
+    Attributes
+    ----------
+    normals, color, quality : bool
+        Vertex normals, vertex colours and the quality.
+    attributes : bool
+        The ``bz_*`` columns. pymeshlab does not read them back; `bezier_filters.read_fields` does.
+    """
+
+    normals: bool = False
+    color: bool = False
+    quality: bool = False
+    attributes: bool = False
+
+
+_FORMATS = {
+    ".ply": FormatSupport(normals=True, color=True, quality=True, attributes=True),
+    ".obj": FormatSupport(normals=True, color=True),
+    ".off": FormatSupport(normals=True, color=True),
+    ".dae": FormatSupport(normals=True, color=True),
+    ".x3d": FormatSupport(normals=True, color=True),
+    ".wrl": FormatSupport(color=True),
+    ".stl": FormatSupport(),
+    ".3ds": FormatSupport(),
+    ".3mf": FormatSupport(),
+    ".ctm": FormatSupport(),
+    ".dxf": FormatSupport(),
+}
+SAVE_SUFFIXES = tuple(_FORMATS)
+
+
+def format_support(path: str | os.PathLike[str]) -> FormatSupport:
+    """What a file of this name can hold; the suffix decides, in any case.
+
+    Raises
+    ------
+    BezierFilterError
+        If meshes cannot be saved in this format; the message lists those that can be used.
+
+    Examples
+    --------
+    >>> format_support("bunny.obj").quality
+    False
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in _FORMATS:
+        raise BezierFilterError(
+            f"cannot write {path}: unknown format {suffix or 'without a suffix'}; use one of {' '.join(SAVE_SUFFIXES)}"
+        )
+    return _FORMATS[suffix]
+
+
+def load_mesh(path: str | os.PathLike[str]) -> MeshSet:
+    """Load a file of any format that pymeshlab reads.
+
+    Returns
+    -------
+    pymeshlab.MeshSet
+        Its current mesh has at least one vertex; it may be a point cloud.
+
+    Raises
+    ------
+    BezierFilterError
+        If there is no such file, or it is empty, damaged or of unknown format; the message has one line.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise BezierFilterError(f"cannot read {path}: {'it is a directory' if path.is_dir() else 'no such file'}")
+    if path.stat().st_size == 0:
+        raise BezierFilterError(f"cannot read {path}: the file is empty")
+    meshset = MeshSet()
+    try:
+        meshset.load_new_mesh(str(path))
+    except (PyMeshLabException, RuntimeError) as error:
+        raise BezierFilterError(f"cannot read {path}: {_reason(error)}") from error
+    if meshset.current_mesh().vertex_number() == 0:
+        raise BezierFilterError(f"cannot read {path}: there are no vertices in it")
+    return meshset
+
+
+def save_mesh(ms: MeshSet, path: str | os.PathLike[str], *, binary: bool = True, attributes: bool = True) -> None:
+    """Save the current mesh with everything that the format can hold (see `format_support`).
+
+    The file appears whole or not at all. Files that go with it, such as the MTL of an OBJ, are
+    replaced; images of textures are written only where no file of that name exists, because
+    writing one's own input again loses quality. The transform matrix of the layer is lost, as always
+    in pymeshlab outside of projects.
+
+    Parameters
+    ----------
+    ms : pymeshlab.MeshSet
+        Nothing in it is changed.
+    path : path
+        File to write or replace; its suffix decides on the format.
+    binary : bool
+        Whether PLY and STL files are binary. pymeshlab rounds to 6 decimals in ASCII PLY files.
+    attributes : bool
+        Whether the ``bz_*`` columns are saved where the format has place for them.
+
+    Raises
+    ------
+    BezierFilterError
+        If there is no current mesh, the format is unknown or the file cannot be written; the
+        message has one line.
+    """
+    support = format_support(path)
+    current_mesh(ms)
+    target = Path(os.path.realpath(path))
+    try:
+        with atomic_write(target) as temporary, TemporaryDirectory(prefix=".", dir=target.parent) as folder:
+            # The name inside the folder is the final one: an OBJ file names its MTL file after itself.
+            staged = Path(folder) / target.name
+            ms.save_current_mesh(str(staged), **_save_options(ms, staged, support, binary, attributes))
+            if not staged.is_file():
+                raise BezierFilterError(f"cannot write {path}: pymeshlab wrote no file")
+            _move_companions(staged, target.parent)
+            os.replace(staged, temporary)
+    except BezierFilterError:
+        raise
+    except OSError as error:
+        raise BezierFilterError(f"cannot write {path}: {error.strerror}" if error.strerror else str(error)) from error
+    except (PyMeshLabException, RuntimeError) as error:
+        raise BezierFilterError(f"cannot write {path}: {_reason(error)}") from error
+
+
+def _save_options(ms: MeshSet, path: Path, support: FormatSupport, binary: bool, attributes: bool) -> dict[str, Any]:
+    known = ms.filter_parameter_values(path.suffix[1:].lower())
+    options: dict[str, Any] = {"save_vertex_normal": True} if support.normals else {}
+    if "binary" in known:
+        options["binary"] = binary
+    if support.attributes and attributes:
+        # pymeshlab's keys are in lower case, as the names of our columns are.
+        options |= {key: True for key in known if key.startswith(_ATTRIBUTE_KEY + PREFIX)}
+    return options
+
+
+def _move_companions(staged: Path, folder: Path) -> None:
+    for companion in staged.parent.iterdir():
+        ours = companion.name.startswith(staged.name)
+        if companion != staged and (ours or not (folder / companion.name).exists()):
+            os.replace(companion, folder / companion.name)
+
+
+def _reason(error: Exception) -> str:
+    """The part of pymeshlab's error message that says why: its last line."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return lines[-1].removeprefix("Error details: ") if lines else type(error).__name__

@@ -1,0 +1,95 @@
+"""The imports point one way, and importing the package is cheap."""
+
+import ast
+import subprocess
+import sys
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import bezier_filters
+
+PACKAGE = Path(bezier_filters.__file__).parent
+LAYERS = """
+_version arrays errors status bernstein lanes parallel compilation atomic color_range
+mesh smoothness patch differential_geometry jets vertex_geometry surfaces
+adjacency boundary fields
+neighbourhoods frames fitting diagnosis ply_columns
+fit_kernel vertex_patch field_files
+fallbacks
+estimation
+meshset
+mesh_attributes mesh_colors mesh_files
+vertex_filter
+filters
+registration
+rendering sheets
+render
+pictures demo console
+cli
+__main__
+"""
+"""Modules, one layer a line: a module imports only from its own layer and those above it."""
+
+
+def imports_of(path):
+    """Modules of the package that a module imports anywhere in its code."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module == "bezier_filters":
+            found.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("bezier_filters."):
+            found.add(node.module.split(".")[1])
+        elif isinstance(node, ast.Import):
+            found.update(a.name.split(".")[1] for a in node.names if a.name.startswith("bezier_filters."))
+    return found
+
+
+def package_imports():
+    """Every module, or subpackage as a whole, with the modules that it imports."""
+    found = {}
+    for path in PACKAGE.rglob("*.py"):
+        name = path.relative_to(PACKAGE).with_suffix("").parts[0]
+        if name != "__init__":
+            found.setdefault(name, set()).update(imports_of(path) - {name})
+    return found
+
+
+def test_no_import_points_upwards():
+    level = {name: k for k, layer in enumerate(LAYERS.split("\n")) for name in layer.split()}
+    for name, imported_names in package_imports().items():
+        for imported in imported_names:
+            assert level[imported] <= level[name], f"{name} must not import {imported}"
+
+
+def test_there_are_no_import_cycles():
+    TopologicalSorter(package_imports()).prepare()
+
+
+def test_one_module_imports_pymeshlab():
+    importing = [
+        path.stem
+        for path in PACKAGE.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Import | ast.ImportFrom) and "pymeshlab" in ast.unparse(node)
+    ]
+    assert importing == ["meshset"]
+
+
+def run(code):
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+
+
+def test_importing_the_package_loads_neither_pymeshlab_nor_numba():
+    loaded = run("import sys, bezier_filters; print(*sys.modules)").split()
+    assert "pymeshlab" not in loaded
+    assert "numba" not in loaded
+
+
+def test_estimating_loads_no_pymeshlab():
+    code = "import sys, bezier_filters; bezier_filters.estimate_vertex_geometry; print(*sys.modules)"
+    assert "pymeshlab" not in run(code).split()
+
+
+def test_every_public_name_exists():
+    for name in bezier_filters.__all__:
+        assert getattr(bezier_filters, name) is not None

@@ -1,0 +1,158 @@
+"""The real command line in a process of its own."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pymeshlab
+import pytest
+
+from bezier_filters import read_fields
+from bezier_filters._version import __version__
+
+SAMPLES = Path(__file__).parent.parent / "sample_meshes"
+COMMANDS = ["normals", "curvature", "torsion", "render", "info", "demo"]
+
+
+def run(*arguments, command=(sys.executable, "-m", "bezier_filters")):
+    return subprocess.run([*command, *map(str, arguments)], capture_output=True, text=True)
+
+
+def load(path):
+    meshset = pymeshlab.MeshSet()
+    meshset.load_new_mesh(str(path))
+    return meshset
+
+
+@pytest.mark.parametrize("command", ["normals", "curvature", "torsion"])
+def test_filters_write_quality_colour_and_fields(command, tmp_path):
+    target = tmp_path / "result.ply"
+    result = run(command, SAMPLES / "torus.ply", target)
+    assert result.returncode == 0, result.stderr
+    assert "fitted as asked (OK)" in result.stdout
+    assert f"wrote {target}" in result.stdout
+    meshset = load(target)
+    mesh = meshset.current_mesh()
+    assert mesh.has_vertex_color()
+    assert len(np.unique(mesh.vertex_color_array())) > 50
+    assert np.ptp(mesh.vertex_scalar_array()) > 0
+    fields = read_fields(target)
+    np.testing.assert_array_equal(fields["quality"], mesh.vertex_scalar_array())
+    assert "bz_fit_status" in fields
+
+
+def test_the_quality_is_the_field_asked_for(tmp_path):
+    target = tmp_path / "result.ply"
+    run("curvature", SAMPLES / "ellipsoid.ply", target, "--quality", "gaussian", "--rings", 3, "--degree", 4)
+    fields = read_fields(target)
+    np.testing.assert_array_equal(fields["quality"], fields["bz_gaussian_curvature"])
+    from plyfile import PlyData
+
+    truth = PlyData.read(SAMPLES / "ellipsoid.ply")["vertex"]["true_gaussian_curvature"]
+    assert np.abs(fields["quality"] - truth).max() < 0.1 * np.abs(truth).max()
+
+
+def test_json_is_a_report_and_nothing_else(tmp_path):
+    result = run("curvature", SAMPLES / "waves.ply", tmp_path / "w.ply", "--json")
+    report = json.loads(result.stdout)
+    assert sum(report["status"].values()) == load(SAMPLES / "waves.ply").current_mesh().vertex_number()
+    assert report["unit"] == "1/length"
+    assert "bz_k_min" in report["attributes"]
+
+
+def test_quiet_prints_nothing(tmp_path):
+    result = run("torsion", SAMPLES / "waves.ply", tmp_path / "w.ply", "--quiet")
+    assert (result.stdout, result.returncode) == ("", 0)
+
+
+def test_formats_without_quality_are_written_with_a_note(tmp_path):
+    result = run("curvature", SAMPLES / "waves.ply", tmp_path / "w.obj")
+    assert result.returncode == 0
+    assert "hold no quality" in result.stderr
+    assert load(tmp_path / "w.obj").current_mesh().has_vertex_color()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["curvature", "missing.ply", "out.ply"], "cannot read missing.ply: no such file"),
+        (["curvature", SAMPLES / "waves.ply", "out.xyzzy"], "unknown format .xyzzy"),
+        (["curvature", SAMPLES / "waves.ply", "no/such/folder/out.ply"], "there is no directory"),
+        (
+            ["curvature", SAMPLES / "waves.ply", "out.ply", "--quality", "gauss"],
+            "quality: got 'gauss', expected 'mean'",
+        ),
+        (["curvature", SAMPLES / "waves.ply", "out.ply", "--alpha", "2"], "alpha: got 2.0"),
+        (["curvature", SAMPLES / "waves.ply", "out.ply", "--smoothness", "x"], "smoothness: got 'x'"),
+        (["curvature", SAMPLES / "waves.ply", "out.ply", "--colormap", "jet"], "colormap: got 'jet'"),
+        (["curvature", SAMPLES / "generate.py", "out.ply"], "cannot read"),
+        (["info", SAMPLES], "it is a directory"),
+        (["render", SAMPLES / "waves.ply", "out.png", "--field", "bz_k_min"], "has no 'bz_k_min'"),
+        (["demo", "missing.ply"], "cannot read missing.ply"),
+    ],
+)
+def test_bad_input_ends_with_one_line_and_status_2(arguments, message, tmp_path):
+    result = subprocess.run(
+        [sys.executable, "-m", "bezier_filters", *map(str, arguments)], capture_output=True, text=True, cwd=tmp_path
+    )
+    assert result.returncode == 2
+    assert result.stdout == ""
+    assert result.stderr.count("\n") == 1
+    assert result.stderr.startswith("bezier-filters: ")
+    assert message in result.stderr
+    assert not list(tmp_path.glob("out.*"))
+
+
+def test_wrong_usage_ends_with_status_2():
+    assert run("curvature").returncode == 2
+    assert run("no-such-command").returncode == 2
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_has_an_example(command):
+    result = run(command, "--help")
+    assert result.returncode == 0
+    assert "Example: bezier-filters" in result.stdout
+
+
+def test_version_by_script_and_by_module():
+    script = Path(sys.executable).parent / "bezier-filters"
+    assert run("--version", command=[str(script)]).stdout == f"bezier-filters {__version__}\n"
+    assert run("--version").stdout == f"bezier-filters {__version__}\n"
+
+
+def test_info_says_what_stands_in_the_way(tmp_path):
+    assert "nothing stands in the way" in run("info", SAMPLES / "torus.ply").stdout
+    airplane = Path(pymeshlab.__file__).parent / "tests" / "sample_meshes" / "airplane.obj"
+    text = run("info", airplane).stdout
+    assert "1,617 unreferenced vertices" in text
+    assert "meshing_remove_unreferenced_vertices" in text
+    report = json.loads(run("info", SAMPLES / "punched_patch.ply", "--json").stdout)
+    assert report["boundary_loops"] == 4
+    assert report["fit_for_fitting"]
+    points = tmp_path / "points.xyz"
+    points.write_text("0 0 0 0 0 1\n1 0 0 0 0 1\n")
+    assert "Not fit for fitting" in run("info", points).stdout
+
+
+def test_render_draws_several_fields(tmp_path):
+    curved, picture = tmp_path / "curved.ply", tmp_path / "picture.png"
+    run("curvature", SAMPLES / "bumpy_star.ply", curved)
+    fields = ["--field", "quality", "--field", "bz_shape_index", "--field", "color"]
+    result = run("render", curved, picture, *fields, "--view", "iso", "--size", 200)
+    assert result.returncode == 0, result.stderr
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert picture.stat().st_size > 10_000
+
+
+def test_demo_of_a_mesh_writes_four_meshes_and_a_picture(tmp_path):
+    result = run("demo", SAMPLES / "bumpy_star.ply", "--out", tmp_path / "new" / "folder")
+    assert result.returncode == 0, result.stderr
+    names = sorted(path.name for path in (tmp_path / "new" / "folder").iterdir())
+    quantities = ["gaussian_curvature", "geodesic_torsion", "mean_curvature", "normal_angle"]
+    assert names == sorted(["bumpy_star.png", *(f"bumpy_star_{q}.ply" for q in quantities)])
+    for path in (tmp_path / "new" / "folder").glob("*.ply"):
+        mesh_set = load(path)
+        assert np.ptp(mesh_set.current_mesh().vertex_scalar_array()) > 0
