@@ -30,7 +30,7 @@ class DemoStep:
     report: dict[str, Any]
 
 
-def run_demo(folder: Path, mesh: Path | None = None) -> Iterator[DemoStep]:
+def run_demo(folder: Path, mesh: Path | None = None, *, size: tuple[int, int] = (480, 480)) -> Iterator[DemoStep]:
     """Write the files of the demonstration one by one; the picture comes with the last step.
 
     Parameters
@@ -39,6 +39,8 @@ def run_demo(folder: Path, mesh: Path | None = None) -> Iterator[DemoStep]:
         Where the files go; made if it does not exist.
     mesh : Path, optional
         Any mesh file; by default the bunny that pymeshlab ships.
+    size : (int, int)
+        Width and height of one image of the picture in pixels.
 
     Yields
     ------
@@ -55,7 +57,7 @@ def run_demo(folder: Path, mesh: Path | None = None) -> Iterator[DemoStep]:
         save_mesh(ms, path)
         panels.append(_panel(ms, field, report))
         yield DemoStep(field, path, report)
-    render_panels(picture_path(folder, mesh), panels, views=VIEWS, size=(480, 480))
+    render_panels(picture_path(folder, mesh), panels, views=VIEWS, size=size)
 
 
 def picture_path(folder: Path, mesh: Path | None = None) -> Path:

@@ -115,7 +115,7 @@ def fit_patch(points: FloatArray, origin: FloatArray, axes: FloatArray, fit: Pat
         smoothness = (1.0 - fit.alpha) * fit.smoothness_rows
         equations = np.vstack([equations, smoothness])
         target = np.append(target, np.zeros(len(smoothness)))
-    heights, _, rank, _ = np.linalg.lstsq(equations, target)
+    heights, _, rank, _ = np.linalg.lstsq(equations, target, rcond=None)
     if rank < equations.shape[1]:
         raise InvalidParameterError(
             f"points: {len(points)} points determine only {rank} of {equations.shape[1]} control points; "

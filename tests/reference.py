@@ -58,7 +58,7 @@ def paper_fit(vertices, faces, vertex, alpha=0.8):
     u, v = ((local[:, :2] - low) / (high - low)).T
     system = np.vstack([alpha * design(u, v), (1 - alpha) * paper_rows()])
     target = np.vstack([alpha * local, np.zeros((8, 3))])
-    net, _, rank, _ = np.linalg.lstsq(system, target)
+    net, _, rank, _ = np.linalg.lstsq(system, target, rcond=None)
     assert rank == 16
 
     def derivative(du, dv):

@@ -10,7 +10,7 @@ def coefficients_of(polynomial, degree):
     """Bernstein coefficients of a polynomial in (s, t) on [-1, 1]^2, by interpolation."""
     s, t = (a.ravel() for a in np.meshgrid(np.linspace(-1, 1, 9), np.linspace(-1, 1, 9)))
     matrix = design_matrix((s + 1) / 2, (t + 1) / 2, degree)
-    return np.linalg.lstsq(matrix, polynomial(s, t))[0]
+    return np.linalg.lstsq(matrix, polynomial(s, t), rcond=None)[0]
 
 
 def test_paper_rows_are_the_second_differences_of_the_four_boundary_polygons():
