@@ -11,7 +11,7 @@ from numba import njit
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 
 LANES = 8
-SMALLEST_PIVOT = 1e-7
+SMALLEST_PIVOT = 1e-6
 """A pivot below this fraction of its diagonal entry means a rank-deficient system."""
 
 

@@ -112,7 +112,7 @@ def assert_reproduces(geometry, truth, at_least):
     seed=st.integers(0, 20),
 )
 def test_quadratics_are_reproduced_at_every_alpha(alpha, degree, coefficients, seed):
-    x, y = np.random.default_rng(seed).uniform(-1, 1, (2, 60))
+    x, y = np.random.default_rng(seed).uniform(-1, 1, (2, 120))
     a, b, c, d, e = coefficients
     z = a * x + b * y + c * x * x + d * x * y + e * y * y
     one = np.ones_like(x)
