@@ -1,5 +1,7 @@
 """Differential geometry at every vertex of a mesh: the function that users call."""
 
+from numbers import Integral
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -86,7 +88,7 @@ def estimate_vertex_geometry(
     """
     mesh = triangle_mesh(vertices, faces)
     fit = PatchFit(degree, alpha, smoothness)
-    if isinstance(rings, bool) or not isinstance(rings, int | np.integer) or rings < 1:
+    if isinstance(rings, bool) or not isinstance(rings, Integral) or rings < 1:
         raise InvalidParameterError(f"rings: got {rings!r}, expected an integer of 1 or more")
     ids = _selected_ids(selected, mesh.vertex_count)
     threads = thread_count(threads)

@@ -142,7 +142,7 @@ def compute_curvature_by_bezier_patch_per_vertex(
     """Compute the curvature of the current mesh from Bezier patches fitted to its vertices.
 
     Curvatures are positive on a convex body with outward normals, as in pymeshlab, and have the unit
-    1/length; the Gaussian curvature has 1/length². The custom scalar attributes
+    1/length; the Gaussian curvature has 1/length^2. The custom scalar attributes
     ``bz_mean_curvature``, ``bz_gaussian_curvature``, ``bz_k_min``, ``bz_k_max``, ``bz_curvedness``,
     ``bz_shape_index``, the unit principal directions ``bz_direction_min_x``, ``_y``, ``_z`` and
     ``bz_direction_max_x``, ``_y``, ``_z`` (of arbitrary sign), ``bz_fit_status`` (`FitStatus` codes),

@@ -1,6 +1,7 @@
 """Least-squares fit of one Bezier patch to the points of a neighbourhood."""
 
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 
@@ -38,7 +39,7 @@ class PatchFit:
     def __post_init__(self) -> None:
         if self.degree not in DEGREES:
             raise InvalidParameterError(f"degree: got {self.degree!r}, expected one of {DEGREES}")
-        if isinstance(self.alpha, str) or not 0.0 < self.alpha <= 1.0:
+        if not isinstance(self.alpha, Real) or not 0.0 < self.alpha <= 1.0:
             raise InvalidParameterError(f"alpha: got {self.alpha!r}, expected a number in (0, 1]")
         smoothness_matrix(self.smoothness, self.degree)
 

@@ -81,6 +81,10 @@ def _check_names(ms: MeshSet, mesh: Mesh) -> None:
         culprits = hidden
     except RuntimeError:  # how pymeshlab reports names that are no identifiers
         culprits = [name for name in _listed_attributes(ms) if not _is_legal(mesh, name)] or ["(not listed)"]
+    finally:
+        # A filter that failed leaves a reference to its MeshSet behind, and loading a mesh after the end of that
+        # MeshSet crashes (SIGSEGV or bad_alloc, every time). Any filter that succeeds mends it; this one does nothing.
+        ms.set_selection_none(allfaces=False, allverts=False)
     raise BezierFilterError(
         f"the mesh has a vertex attribute that stops pymeshlab's expression filters: {', '.join(culprits)} "
         f"(as pymeshlab lists it: in lower case, other characters replaced); {_DROP_ATTRIBUTES}"

@@ -20,7 +20,7 @@ class FormatSupport:
     Attributes
     ----------
     normals, color, quality : bool
-        Vertex normals, vertex colours and the quality.
+        Vertex normals, vertex colours and the quality. OFF files get normals only if there are no colours.
     attributes : bool
         The ``bz_*`` columns. pymeshlab does not read them back; `bezier_filters.read_fields` does.
     """
@@ -143,7 +143,11 @@ def save_mesh(ms: MeshSet, path: str | os.PathLike[str], *, binary: bool = True,
 
 def _save_options(ms: MeshSet, path: Path, support: FormatSupport, binary: bool, attributes: bool) -> dict[str, Any]:
     known = ms.filter_parameter_values(path.suffix[1:].lower())
-    options: dict[str, Any] = {"save_vertex_normal": True} if support.normals else {}
+    options: dict[str, Any] = {}
+    if support.normals:
+        # An OFF file with both has them in the wrong order: readers take the colours for normals.
+        both_fail = path.suffix.lower() == ".off" and current_mesh(ms).has_vertex_color()
+        options["save_vertex_normal"] = not both_fail
     if "binary" in known:
         options["binary"] = binary
     if support.attributes and attributes:

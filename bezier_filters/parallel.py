@@ -8,6 +8,7 @@ safe to fork, and each vertex is computed by the same operations whatever the th
 import os
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from numbers import Integral
 
 from bezier_filters.errors import CancelledError, InvalidParameterError
 
@@ -36,8 +37,8 @@ def thread_count(threads: int | None) -> int:
         if not text.isdecimal() or int(text) < 1:
             raise InvalidParameterError(f"{THREADS_VARIABLE}: got {text!r}, expected a positive integer")
         return int(text)
-    if threads < 1:
-        raise InvalidParameterError(f"threads: got {threads}, expected 1 or more, or None for all cores")
+    if not isinstance(threads, Integral) or threads < 1:
+        raise InvalidParameterError(f"threads: got {threads!r}, expected 1 or more, or None for all cores")
     return threads
 
 

@@ -34,7 +34,7 @@ __main__
 def imports_of(path):
     """Modules of the package that a module imports anywhere in its code."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.ImportFrom) and node.module == "bezier_filters":
             found.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("bezier_filters."):
@@ -69,7 +69,7 @@ def test_one_module_imports_pymeshlab():
     importing = [
         path.stem
         for path in PACKAGE.rglob("*.py")
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.Import | ast.ImportFrom) and "pymeshlab" in ast.unparse(node)
     ]
     assert importing == ["meshset"]

@@ -351,6 +351,9 @@ def test_two_python_threads_may_estimate_at_once(bunny):
     [
         ({"rings": 0}, InvalidParameterError, "rings: got 0, expected an integer of 1 or more"),
         ({"rings": 1.5}, InvalidParameterError, "rings: got 1.5"),
+        ({"rings": True}, InvalidParameterError, "rings: got True"),
+        ({"alpha": None}, InvalidParameterError, "alpha: got None"),
+        ({"threads": "a"}, InvalidParameterError, "threads: got 'a'"),
         ({"alpha": 1.5}, InvalidParameterError, "alpha: got 1.5"),
         ({"degree": 7}, InvalidParameterError, "degree: got 7"),
         ({"threads": 0}, InvalidParameterError, "threads: got 0"),

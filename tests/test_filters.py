@@ -1,0 +1,486 @@
+import inspect
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pymeshlab
+import pytest
+from meshset_state import attributes, changed, filter_script, mesh_state
+
+from bezier_filters.errors import CancelledError
+from bezier_filters.estimation import estimate_vertex_geometry
+from bezier_filters.fields import CURVATURE_FIELDS, curvature_columns, normal_columns, torsion_columns
+from bezier_filters.filters import (
+    compute_curvature_by_bezier_patch_per_vertex,
+    compute_normal_by_bezier_patch_per_vertex,
+    compute_torsion_by_bezier_patch_per_vertex,
+)
+from bezier_filters.meshset import BezierFilterError
+from bezier_filters.registration import FILTERS, register
+from bezier_filters.status import FitStatus
+
+SAMPLES = Path(pymeshlab.__file__).parent / "tests" / "sample_meshes"
+DIAGNOSTICS = {"bz_fit_status", "bz_rings_used", "bz_residual"}
+CURVATURE_ATTRIBUTES = {
+    "bz_mean_curvature",
+    "bz_gaussian_curvature",
+    "bz_k_min",
+    "bz_k_max",
+    "bz_curvedness",
+    "bz_shape_index",
+    *(f"bz_direction_{end}_{axis}" for end in ("min", "max") for axis in "xyz"),
+    *DIAGNOSTICS,
+}
+
+
+def load(name):
+    ms = pymeshlab.MeshSet()
+    ms.load_new_mesh(str(SAMPLES / name))
+    return ms
+
+
+@pytest.fixture
+def textured():
+    """The textured bunny in a MeshSet where everything that could get lost is set."""
+    ms = load("bunny10k_textured.obj")
+    ms.create_cube()
+    ms.set_current_mesh(0)
+    ms.set_matrix(transformmatrix=np.array([[0, -2, 0, 1], [2, 0, 0, 2], [0, 0, 2, 3], [0, 0, 0, 1.0]]), freeze=False)
+    ms.compute_scalar_by_function_per_vertex(q="x")
+    ms.compute_color_by_function_per_vertex(x="vi * 0.05", y="7", z="9")
+    ms.compute_selection_by_condition_per_vertex(condselect="y > 10")
+    ms.compute_selection_by_condition_per_face(condselect="fi < 3000")
+    ms.set_mesh_visibility(0, False)
+    mesh = ms.current_mesh()
+    mesh.set_label("my bunny")
+    rng = np.random.default_rng(1)
+    mesh.add_vertex_custom_scalar_attribute(rng.normal(size=mesh.vertex_number()), "mine")
+    mesh.add_vertex_custom_point_attribute(rng.normal(size=(mesh.vertex_number(), 3)), "minepoint")
+    mesh.add_face_custom_scalar_attribute(rng.normal(size=mesh.face_number()), "facemine")
+    return ms
+
+
+def sphere(radius=2.0):
+    ms = pymeshlab.MeshSet()
+    ms.create_sphere(radius=radius, subdiv=3)
+    return ms
+
+
+def sphere_and_a_lone_vertex():
+    ball = sphere()
+    vertices = np.vstack([ball.current_mesh().vertex_matrix(), [[9.0, 9.0, 9.0]]])
+    ms = pymeshlab.MeshSet()
+    ms.add_mesh(pymeshlab.Mesh(vertices, ball.current_mesh().face_matrix()))
+    return ms
+
+
+def array(ms, name):
+    return ms.current_mesh().vertex_custom_scalar_attribute_array(name)
+
+
+class TestWhatChanges:
+    def test_normals(self, textured):
+        before = mesh_state(textured)
+        compute_normal_by_bezier_patch_per_vertex(textured)
+        columns = {f"bz_normal_{c}" for c in ("x", "y", "z", "angle")} | {
+            "bz_fit_status",
+            "bz_rings_used",
+            "bz_residual",
+        }
+        expected = {"vertex_normal_matrix", "vertex_scalar_array"} | columns
+        assert changed(before, mesh_state(textured)) == {f"0: {key}" for key in expected}
+
+    def test_curvature(self, textured):
+        before = mesh_state(textured)
+        compute_curvature_by_bezier_patch_per_vertex(textured)
+        expected = {"vertex_scalar_array"} | CURVATURE_ATTRIBUTES
+        assert changed(before, mesh_state(textured)) == {f"0: {key}" for key in expected}
+
+    def test_torsion_with_colours(self, textured):
+        before = mesh_state(textured)
+        result = compute_torsion_by_bezier_patch_per_vertex(textured, color=True, colormap="french rgb")
+        expected = {"vertex_scalar_array", "vertex_color_matrix", *result["attributes"]}
+        assert changed(before, mesh_state(textured)) == {f"0: {key}" for key in expected}
+
+    @pytest.mark.parametrize("function", FILTERS)
+    def test_the_second_and_third_run_change_only_the_same_things(self, textured, function):
+        function(textured)
+        once = mesh_state(textured)
+        for rings in (3, 2):
+            function(textured, rings=rings)
+        leftovers = {"0: outlierScore"}
+        if function is compute_normal_by_bezier_patch_per_vertex:  # the previous normals are other ones now
+            leftovers |= {"0: vertex_scalar_array", "0: bz_normal_angle"}
+        assert changed(once, mesh_state(textured)) == leftovers
+
+    def test_quality_none_leaves_the_quality_alone(self, textured):
+        before = mesh_state(textured)
+        compute_curvature_by_bezier_patch_per_vertex(textured, quality=None)
+        assert changed(before, mesh_state(textured)) == {f"0: {name}" for name in CURVATURE_ATTRIBUTES}
+
+    def test_only_the_current_layer_is_read_and_written(self):
+        ms = sphere(radius=2.0)
+        ms.create_sphere(radius=1.0, subdiv=3)
+        ms.set_current_mesh(0)
+        before = mesh_state(ms)
+        result = compute_curvature_by_bezier_patch_per_vertex(ms)
+        assert result["statistics"]["median"] == pytest.approx(0.5, rel=0.05)
+        assert all(key.startswith("0: ") for key in changed(before, mesh_state(ms)))
+
+    def test_the_filter_script_stays(self, textured):
+        before = filter_script(textured)
+        for function in FILTERS:
+            function(textured, color=True)
+        assert filter_script(textured) == before
+
+    def test_running_often_does_not_leak(self):
+        ms = pymeshlab.MeshSet()
+        ms.create_sphere(subdiv=5)  # 10,242 vertices: a leak of every column would be 30 MB
+        for _ in range(4):
+            for function in FILTERS:
+                function(ms, threads=1)
+        names = set(attributes(ms))
+        with open("/proc/self/statm") as file:
+            before = int(file.read().split()[1]) * 4096
+        for k in range(10):
+            for function in FILTERS:
+                function(ms, threads=1, alpha=0.5 + 0.4 * (k % 2))
+        with open("/proc/self/statm") as file:
+            assert int(file.read().split()[1]) * 4096 - before < 8e6
+        assert set(attributes(ms)) == names | {"outlierScore"}
+
+
+class TestValues:
+    @pytest.mark.parametrize(
+        ("function", "columns"),
+        [
+            (compute_normal_by_bezier_patch_per_vertex, normal_columns),
+            (compute_curvature_by_bezier_patch_per_vertex, curvature_columns),
+            (compute_torsion_by_bezier_patch_per_vertex, torsion_columns),
+        ],
+    )
+    @pytest.mark.parametrize("runs", [1, 2])
+    def test_columns_are_those_of_the_estimate_bit_for_bit(self, textured, function, columns, runs):
+        options = {"rings": 3, "alpha": 0.6, "smoothness": "paper"}
+        mesh = textured.current_mesh()
+        geometry = estimate_vertex_geometry(mesh.vertex_matrix(), mesh.face_matrix(), **options)
+        for k in range(runs):
+            function(textured, **(options if k == runs - 1 else {}))
+        for name, values in columns(geometry).items():
+            assert np.array_equal(array(textured, name), values), name
+
+    @pytest.mark.parametrize("quality", CURVATURE_FIELDS)
+    def test_quality_of_curvature(self, textured, quality):
+        result = compute_curvature_by_bezier_patch_per_vertex(textured, quality=quality)
+        field = CURVATURE_FIELDS[quality]
+        assert np.array_equal(textured.current_mesh().vertex_scalar_array(), array(textured, field.mesh_attribute))
+        assert (result["quality"], result["unit"]) == (quality, field.unit)
+
+    def test_a_sphere_is_positively_curved(self):
+        ms = sphere(radius=2.0)
+        compute_curvature_by_bezier_patch_per_vertex(ms, quality="gaussian")
+        assert ms.current_mesh().vertex_scalar_array() == pytest.approx(0.25, rel=0.1)
+
+    def test_normals_of_a_sphere(self):
+        ms = sphere(radius=2.0)
+        compute_normal_by_bezier_patch_per_vertex(ms, quality="z")
+        mesh = ms.current_mesh()
+        assert mesh.vertex_normal_matrix() == pytest.approx(mesh.vertex_matrix() / 2.0, abs=1e-2)
+        assert np.array_equal(mesh.vertex_scalar_array(), mesh.vertex_normal_matrix()[:, 2])
+
+    def test_angle_to_previous_normals(self):
+        ms = sphere()
+        compute_normal_by_bezier_patch_per_vertex(ms)
+        ms.compute_normal_by_function_per_vertex(x="-3 * nx", y="-3 * ny", z="-3 * nz")
+        result = compute_normal_by_bezier_patch_per_vertex(ms)
+        assert ms.current_mesh().vertex_scalar_array() == pytest.approx(180.0)
+        assert result["unit"] == "degrees"
+        compute_normal_by_bezier_patch_per_vertex(ms)
+        assert ms.current_mesh().vertex_scalar_array() == pytest.approx(0.0, abs=1e-5)
+
+    def test_previous_normals_that_are_not_finite_do_no_harm(self):
+        ms = sphere()
+        ms.compute_normal_by_function_per_vertex(x="vi == 5 ? 0/0 : nx", y="ny", z="nz")
+        assert np.isnan(ms.current_mesh().vertex_normal_matrix()).any()
+        compute_normal_by_bezier_patch_per_vertex(ms)
+        assert np.isfinite(ms.current_mesh().vertex_normal_matrix()).all()
+        assert ms.current_mesh().vertex_scalar_array()[5] == 0.0
+
+    def test_isolated_vertices_keep_their_normals(self):
+        ms = sphere_and_a_lone_vertex()
+        ms.compute_normal_by_function_per_vertex(x="1", y="2", z="3")
+        result = compute_normal_by_bezier_patch_per_vertex(ms)
+        assert ms.current_mesh().vertex_normal_matrix()[-1].tolist() == [1.0, 2.0, 3.0]
+        assert array(ms, "bz_fit_status")[-1] == FitStatus.ISOLATED
+        assert result["status"] == {"OK": 642, "ISOLATED": 1}
+
+    def test_the_transform_is_ignored(self):
+        ms = sphere(radius=2.0)
+        ms.set_matrix(transformmatrix=np.diag([3.0, 3.0, 3.0, 1.0]), freeze=False)
+        before = ms.current_mesh().vertex_matrix()
+        result = compute_curvature_by_bezier_patch_per_vertex(ms)
+        assert result["statistics"]["median"] == pytest.approx(0.5, rel=0.05)
+        assert np.array_equal(ms.current_mesh().vertex_matrix(), before)
+
+
+class TestReport:
+    def test_report(self, textured):
+        result = compute_curvature_by_bezier_patch_per_vertex(textured, color=True, percentile=5.0)
+        quality = textured.current_mesh().vertex_scalar_array()
+        assert json.loads(json.dumps(result)) == result
+        assert sum(result["status"].values()) == len(quality)
+        assert set(result["attributes"]) == CURVATURE_ATTRIBUTES
+        assert result["statistics"] == {
+            "min": quality.min(),
+            "median": np.median(quality),
+            "max": quality.max(),
+            "mean": quality.mean(),
+        }
+        assert set(result["seconds"]) == {"read", "fit", "write", "color"}
+        low, high = result["color_range"]
+        assert high == -low == np.abs(np.percentile(quality, [5.0, 95.0])).max()
+        assert result["colormap"] == "Turbo"
+
+    def test_without_quality_and_colour(self, textured):
+        result = compute_normal_by_bezier_patch_per_vertex(textured, quality=None)
+        assert (result["quality"], result["unit"], result["statistics"]) == (None, None, None)
+        assert "color_range" not in result
+        assert set(result["seconds"]) == {"read", "fit", "write"}
+
+    def test_statistics_leave_out_what_was_not_estimated(self):
+        ms = sphere_and_a_lone_vertex()
+        result = compute_curvature_by_bezier_patch_per_vertex(ms, color=True)
+        assert result["statistics"]["min"] > 0.4
+        assert ms.current_mesh().vertex_scalar_array()[-1] == 0.0
+
+    def test_nothing_estimated(self):
+        ms = pymeshlab.MeshSet()
+        ms.add_mesh(pymeshlab.Mesh(np.eye(3), [[0, 1, 2]]))
+        result = compute_curvature_by_bezier_patch_per_vertex(ms, color=True)
+        assert result["statistics"] is None
+        assert result["color_range"] == [-1.0, 1.0]
+        assert result["status"] == {"NORMAL_ONLY": 3}
+
+    def test_red_is_high(self):
+        ms = pymeshlab.MeshSet()
+        ms.create_torus(hradius=3.0, vradius=1.0, hsubdiv=48, vsubdiv=24)
+        compute_curvature_by_bezier_patch_per_vertex(ms, quality="gaussian", color=True, colormap="RGB")
+        mesh = ms.current_mesh()
+        colors, quality = mesh.vertex_color_matrix(), mesh.vertex_scalar_array()
+        assert (colors[quality.argmax(), 0], colors[quality.argmax(), 2]) == (1.0, 0.0)
+        assert (colors[quality.argmin(), 0], colors[quality.argmin(), 2]) == (0.0, 1.0)
+
+
+class TestSelection:
+    @pytest.mark.parametrize("function", FILTERS)
+    def test_only_selected_vertices_change(self, textured, function):
+        mesh = textured.current_mesh()
+        chosen = mesh.vertex_selection_array()
+        quality, normals = mesh.vertex_scalar_array(), mesh.vertex_normal_matrix()
+        before = mesh_state(textured)
+        result = function(textured, onselected=True)
+        assert result["status"]["SKIPPED"] == np.count_nonzero(~chosen)
+        assert np.array_equal(mesh.vertex_scalar_array()[~chosen], quality[~chosen])
+        assert np.array_equal(mesh.vertex_normal_matrix()[~chosen], normals[~chosen])
+        assert (mesh.vertex_scalar_array()[chosen] != quality[chosen]).all()
+        assert (array(textured, "bz_fit_status")[~chosen] == FitStatus.SKIPPED).all()
+        assert (array(textured, "bz_residual")[~chosen] == 0.0).all()
+        selections = {"0: vertex_selection_array", "0: face_selection_array"}
+        assert not changed(before, mesh_state(textured)) & selections
+
+    @pytest.mark.parametrize("function", FILTERS)
+    def test_old_columns_stay_outside_the_selection(self, textured, function):
+        chosen = textured.current_mesh().vertex_selection_array()
+        function(textured)
+        before = attributes(textured)
+        result = function(textured, onselected=True, rings=3)
+        for name in result["attributes"]:
+            assert np.array_equal(array(textured, name)[~chosen], before[name][~chosen])
+        assert (array(textured, "bz_rings_used")[chosen] != before["bz_rings_used"][chosen]).any()
+
+    @pytest.mark.parametrize("function", FILTERS)
+    def test_selected_faces_stand_for_their_vertices(self, function):
+        ms = sphere()
+        ms.compute_selection_by_condition_per_face(condselect="fi < 7")
+        ms.set_selection_none(allfaces=False, allverts=True)
+        mesh = ms.current_mesh()
+        chosen = np.isin(np.arange(mesh.vertex_number()), mesh.face_matrix()[mesh.face_selection_array()])
+        before = mesh_state(ms)
+        function(ms, onselected=True)
+        assert np.array_equal(array(ms, "bz_fit_status") != FitStatus.SKIPPED, chosen)
+        assert (mesh.vertex_scalar_array()[~chosen] == 0.0).all()
+        assert (mesh.vertex_scalar_array()[chosen] != 0.0).all()
+        assert not changed(before, mesh_state(ms)) & {"0: vertex_selection_array", "0: face_selection_array"}
+
+    def test_nothing_selected(self):
+        ms = sphere()
+        ms.set_selection_none()
+        before = mesh_state(ms)
+        with pytest.raises(BezierFilterError, match="there is no selection"):
+            compute_curvature_by_bezier_patch_per_vertex(ms, onselected=True)
+        assert changed(before, mesh_state(ms)) == set()
+
+    def test_uninitialised_rows_of_old_columns_never_reach_the_mesh_as_nan(self):
+        ms = sphere()
+        count = ms.current_mesh().vertex_number()
+        ms.current_mesh().add_vertex_custom_scalar_attribute(np.full(count, np.nan), "bz_k_min")
+        ms.compute_selection_by_condition_per_vertex(condselect="x > 0")
+        compute_curvature_by_bezier_patch_per_vertex(ms, onselected=True)
+        assert np.isfinite(array(ms, "bz_k_min")).all()
+
+
+class TestFailure:
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            ({"rings": 0}, "rings: got 0"),
+            ({"alpha": 1.5}, "alpha: got 1.5"),
+            ({"degree": 7}, "degree: got 7"),
+            ({"smoothness": "soft"}, "smoothness: got 'soft'"),
+            ({"threads": 0}, "threads: got 0"),
+            ({"quality": "colour"}, "quality: got 'colour', expected 'mean', 'gaussian'"),
+            ({"quality": 3}, "quality: got 3"),
+            ({"color": True, "quality": None}, "color: got True with quality=None"),
+            ({"color": True, "colormap": "jet"}, "colormap: got 'jet', expected one of RGB"),
+            ({"color": True, "percentile": 50}, "percentile: got 50"),
+        ],
+    )
+    def test_parameters_are_refused_and_all_stays(self, textured, options, message):
+        before = mesh_state(textured)
+        with pytest.raises(BezierFilterError, match=message):
+            compute_curvature_by_bezier_patch_per_vertex(textured, **options)
+        assert changed(before, mesh_state(textured)) == set()
+
+    @pytest.mark.parametrize("runs", [0, 1])
+    def test_cancelling_leaves_all_as_it_was(self, textured, runs):
+        for _ in range(runs):
+            compute_normal_by_bezier_patch_per_vertex(textured)
+        before = mesh_state(textured)
+        with pytest.raises(CancelledError):
+            compute_normal_by_bezier_patch_per_vertex(textured, progress=lambda done, total: False)
+        assert changed(before, mesh_state(textured)) == set()
+
+    def test_an_error_in_the_callback_leaves_all_as_it_was(self, textured):
+        def fail(done, total):
+            raise ZeroDivisionError
+
+        before = mesh_state(textured)
+        with pytest.raises(ZeroDivisionError):
+            compute_normal_by_bezier_patch_per_vertex(textured, progress=fail)
+        assert changed(before, mesh_state(textured)) == set()
+
+    def test_coordinates_that_are_not_finite(self):
+        ms = sphere()
+        ms.compute_coord_by_function(x="vi == 3 ? 0/0 : x", y="y", z="z")
+        before = mesh_state(ms)
+        with pytest.raises(BezierFilterError, match="finite"):
+            compute_curvature_by_bezier_patch_per_vertex(ms)
+        assert changed(before, mesh_state(ms)) == set()
+
+    def test_a_point_attribute_of_our_name(self):
+        ms = sphere()
+        count = ms.current_mesh().vertex_number()
+        ms.current_mesh().add_vertex_custom_point_attribute(np.zeros((count, 3)), "bz_k_max")
+        before = mesh_state(ms)
+        with pytest.raises(BezierFilterError, match="point attribute 'bz_k_max'"):
+            compute_curvature_by_bezier_patch_per_vertex(ms)
+        assert changed(before, mesh_state(ms)) == set()
+
+    def test_an_illegal_attribute_is_reported_before_the_fit(self):
+        ms = sphere()
+        ms.current_mesh().add_vertex_custom_scalar_attribute(np.zeros(642), "my-field")
+        with pytest.raises(BezierFilterError, match="my_field"):
+            compute_curvature_by_bezier_patch_per_vertex(ms, progress=lambda done, total: pytest.fail("was fitted"))
+        assert list(ms.filter_parameter_values("ply")) == ["binary", "__ca_vs__my_field"]
+
+    def test_a_change_of_the_mesh_meanwhile(self):
+        ms = sphere()
+
+        def switch(done, total):
+            ms.create_cube()
+
+        with pytest.raises(BezierFilterError, match="changed while the filter ran"):
+            compute_curvature_by_bezier_patch_per_vertex(ms, progress=switch)
+
+    @pytest.mark.parametrize("runs", [0, 1])
+    def test_an_interrupt_while_writing_is_undone(self, textured, runs):
+        class Interrupted(pymeshlab.MeshSet):
+            def compute_normal_by_function_per_vertex(self, **options):
+                super().compute_normal_by_function_per_vertex(**options)
+                if "bz_normal_x" in options["x"]:
+                    raise KeyboardInterrupt
+
+        ms = Interrupted()
+        ms.load_new_mesh(str(SAMPLES / "bunny10k_textured.obj"))
+        ms.compute_scalar_by_function_per_vertex(q="y")
+        if runs:
+            with pytest.raises(KeyboardInterrupt):
+                compute_normal_by_bezier_patch_per_vertex(ms)
+        before = mesh_state(ms)
+        with pytest.raises(KeyboardInterrupt):
+            compute_normal_by_bezier_patch_per_vertex(ms, rings=3)
+        left = changed(before, mesh_state(ms)) - {"0: outlierScore"}
+        assert all(key.startswith("0: bz_") for key in left)  # new columns cannot be removed
+        assert not (left and runs)
+
+
+class TestProgress:
+    def test_progress_reaches_the_total(self, textured):
+        calls = []
+        compute_torsion_by_bezier_patch_per_vertex(textured, progress=lambda done, total: calls.append((done, total)))
+        done, total = calls[-1]
+        assert done == total
+
+
+@pytest.mark.parametrize(
+    "name", ["bunny.obj", "bunny10k_textured.obj", "cow.obj", "bone.ply", "airplane.obj", "rangemaps/face000.ply"]
+)
+@pytest.mark.parametrize("function", FILTERS)
+def test_sample_meshes(name, function):
+    ms = load(name)
+    result = function(ms, color=True)
+    mesh = ms.current_mesh()
+    assert sum(result["status"].values()) == mesh.vertex_number()
+    assert np.isfinite(mesh.vertex_scalar_array()).all()
+    for attribute in result["attributes"]:
+        assert np.isfinite(array(ms, attribute)).all()
+
+
+class TestRegistration:
+    @pytest.fixture(autouse=True)
+    def registered(self):
+        register()
+        yield
+        for function in FILTERS:
+            delattr(pymeshlab.MeshSet, function.__name__)
+
+    def test_methods_have_signature_and_docstring(self):
+        for function in FILTERS:
+            method = getattr(pymeshlab.MeshSet(), function.__name__)
+            assert "alpha" in inspect.signature(method).parameters
+            assert "ms" not in inspect.signature(method).parameters
+            assert method.__doc__ == function.__doc__
+
+    def test_methods_work(self):
+        ms = sphere()
+        assert ms.compute_curvature_by_bezier_patch_per_vertex(quality="max")["quality"] == "max"
+
+    def test_registering_twice_changes_nothing(self):
+        before = {function.__name__: getattr(pymeshlab.MeshSet, function.__name__) for function in FILTERS}
+        register()
+        assert before == {name: getattr(pymeshlab.MeshSet, name) for name in before}
+
+    def test_a_foreign_attribute_is_not_overwritten(self, monkeypatch):
+        name = FILTERS[1].__name__
+        monkeypatch.setattr(pymeshlab.MeshSet, name, print)
+        with pytest.raises(BezierFilterError, match=name):
+            register()
+        assert getattr(pymeshlab.MeshSet, name) is print
+
+
+def test_importing_registers_nothing():
+    code = "import pymeshlab, bezier_filters.registration; print(hasattr(pymeshlab.MeshSet, {!r}))"
+    command = [sys.executable, "-c", code.format(FILTERS[0].__name__)]
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "False\n"
