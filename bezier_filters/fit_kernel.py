@@ -118,6 +118,8 @@ def fit_vertices(
                 continue
             counts[lane] = count
             longest = max(longest, count)
+        for lane in range(LANES):  # points without weight must be finite all the same
+            points[:, counts[lane] : longest, lane] = 0.0
 
         moments[:] = 0.0
         heights[:] = 0.0
@@ -211,7 +213,7 @@ def _frame(mesh: KernelMesh, fit: KernelFit, members: IntArray, count: int, inne
     ):
         return FOLDED
     valence = mesh.ring_ptr[i + 1] - mesh.ring_ptr[i]
-    xx, xy, xz = farthest_direction(mesh.vertices, members, 1, 1 + valence, nx, ny, nz)
+    xx, xy, xz = farthest_direction(mesh.vertices, members, valence, count, nx, ny, nz)
     if xx == 0.0 and xy == 0.0 and xz == 0.0:
         return ILL_POSED
     frame[0], frame[1], frame[2] = xx, xy, xz

@@ -14,6 +14,8 @@ from bezier_filters.parallel import RangeTask, run_in_chunks
 STEEPEST = radians(89.0)
 """A face that leans further than this from the plane makes its points coincide: a fold."""
 FOLD_COSINE = sin(radians(90.0) - STEEPEST)
+TIE = 1e-6
+"""Relative difference below which lengths count as equal: far above rounding, far below irregularity."""
 
 
 @dataclass(frozen=True)
@@ -142,30 +144,90 @@ def mean_normal(normals: FloatArray, members: IntArray, count: int) -> tuple[flo
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def farthest_direction(
-    vertices: FloatArray, members: IntArray, first: int, last: int, nx: float, ny: float, nz: float
+    vertices: FloatArray, members: IntArray, neighbours: int, count: int, nx: float, ny: float, nz: float
 ) -> tuple[float, float, float]:
-    """Unit projection of the neighbour among members[first:last] that projects farthest.
+    """Unit projection of the neighbour that projects farthest from the center members[0].
 
-    The paper points the x axis to any projected neighbour; the farthest one depends on the
-    geometry alone, not on the numbering. Zero if every neighbour projects onto the center.
+    The paper points the x axis to any projected neighbour, and what it fits depends on which.
+    The farthest one follows from the geometry alone. Where several are equally far, as on
+    regular meshes, the whole neighbourhood decides: see `_signature`. Those that tie in this,
+    too, see the same surroundings, and it does not matter which is taken.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64
+    members : (n,) int32
+        The center, then its neighbours, then the rest of the neighbourhood.
+    neighbours, count : int
+        How many of the members are neighbours, and how many there are in all.
+    nx, ny, nz : float
+        Unit normal of the plane.
+
+    Returns
+    -------
+    x, y, z : float
+        Zero if every neighbour projects onto the center.
     """
-    center = members[0]
-    best = 0.0
-    x, y, z = 0.0, 0.0, 0.0
-    for a in range(first, last):
-        j = members[a]
-        dx, dy, dz = (
-            vertices[j, 0] - vertices[center, 0],
-            vertices[j, 1] - vertices[center, 1],
-            vertices[j, 2] - vertices[center, 2],
-        )
-        height = dx * nx + dy * ny + dz * nz
-        dx, dy, dz = dx - height * nx, dy - height * ny, dz - height * nz
-        squared = dx * dx + dy * dy + dz * dz
-        if squared > best:
-            best = squared
-            x, y, z = dx, dy, dz
-    if best == 0.0:
-        return 0.0, 0.0, 0.0
-    length = np.sqrt(best)
-    return x / length, y / length, z / length
+    farthest = 0.0
+    for a in range(1, neighbours + 1):
+        x, y, z = _projected_edge(vertices, members[0], members[a], nx, ny, nz)
+        farthest = max(farthest, x * x + y * y + z * z)
+    length = np.sqrt(farthest)
+    bx, by, bz = 0.0, 0.0, 0.0
+    best = (-np.inf, -np.inf)
+    tied = 0
+    for a in range(1, neighbours + 1):
+        x, y, z = _projected_edge(vertices, members[0], members[a], nx, ny, nz)
+        if x * x + y * y + z * z > (1.0 - TIE) * farthest:
+            tied += 1
+            x, y, z = x / length, y / length, z / length
+            if tied == 1:
+                bx, by, bz = x, y, z
+                continue
+            if tied == 2:
+                best = _signature(vertices, members, count, length, bx, by, bz, nx, ny, nz)
+            other = _signature(vertices, members, count, length, x, y, z, nx, ny, nz)
+            if other[0] > best[0] + TIE or (other[0] > best[0] - TIE and other[1] > best[1] * (1.0 + TIE)):
+                bx, by, bz = x, y, z
+                best = other
+    return bx, by, bz
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _projected_edge(
+    vertices: FloatArray, i: int, j: int, nx: float, ny: float, nz: float
+) -> tuple[float, float, float]:
+    """Edge from vertex i to vertex j without its part along the normal."""
+    x, y, z = vertices[j, 0] - vertices[i, 0], vertices[j, 1] - vertices[i, 1], vertices[j, 2] - vertices[i, 2]
+    height = x * nx + y * ny + z * nz
+    return x - height * nx, y - height * ny, z - height * nz
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _signature(
+    vertices: FloatArray,
+    members: IntArray,
+    count: int,
+    length: float,
+    x: float,
+    y: float,
+    z: float,
+    nx: float,
+    ny: float,
+    nz: float,
+) -> tuple[float, float]:
+    """Two numbers that tell how a neighbourhood lies about an axis, the same in any numbering.
+
+    With a the coordinate along the axis and h the height, the means of a^3 + a^4 and of a^2 h^2
+    in units of `length`. Turning the normal round does not change them.
+    """
+    i = members[0]
+    along, heights = 0.0, 0.0
+    for k in range(1, count):
+        j = members[k]
+        dx, dy, dz = vertices[j, 0] - vertices[i, 0], vertices[j, 1] - vertices[i, 1], vertices[j, 2] - vertices[i, 2]
+        a = (dx * x + dy * y + dz * z) / length
+        h = (dx * nx + dy * ny + dz * nz) / length
+        along += a * a * a + a * a * a * a
+        heights += a * a * h * h
+    return along / count, heights / count

@@ -64,7 +64,7 @@ def vertex_patch(
     visited = np.full(mesh.vertex_count, -1, dtype=np.int32)
     count, _ = collect_ring(rows.indptr, rows.indices, vertex, rings, visited, members)
     valence = len(rows.row(vertex))
-    x_axis = np.array(farthest_direction(mesh.vertices, members, 1, 1 + valence, *normal))
+    x_axis = np.array(farthest_direction(mesh.vertices, members, valence, count, *normal))
     if not (normal.any() and x_axis.any()):
         raise InvalidParameterError(f"vertex: {vertex} has no tangent plane")
     axes = np.array([x_axis, np.cross(normal, x_axis), normal])

@@ -36,6 +36,24 @@ def one_ring(faces, vertex):
     return set(touching.ravel().tolist()) - {vertex}
 
 
+def farthest_axis(edges, neighbourhood, normal):
+    """Direction of the edge that projects farthest; of equals, the one with the largest moments."""
+    projected = edges - np.outer(edges @ normal, normal)
+    lengths = np.linalg.norm(projected, axis=1)
+    axes = projected[lengths > lengths.max() * (1 - 5e-7)] / lengths.max()
+
+    def moments(axis):
+        a, h = neighbourhood @ axis / lengths.max(), neighbourhood @ normal / lengths.max()
+        return np.mean(a**3 + a**4), np.mean(a**2 * h**2)
+
+    best = axes[0]
+    for axis in axes[1:]:
+        (a, h), (best_a, best_h) = moments(axis), moments(best)
+        if a > best_a + 1e-6 or (a > best_a - 1e-6 and h > best_h * (1 + 1e-6)):
+            best = axis
+    return best
+
+
 def paper_fit(vertices, faces, vertex, alpha=0.8):
     """Normal, H and K (MeshLab's sign) at one vertex, its 2-ring fitted as the paper says."""
     touching = faces[(faces == vertex).any(axis=1)]
@@ -46,13 +64,9 @@ def paper_fit(vertices, faces, vertex, alpha=0.8):
     normal /= np.linalg.norm(normal)
 
     ring = sorted(one_ring(faces, vertex))
-    edges = vertices[ring] - vertices[vertex]
-    projected = edges - np.outer(edges @ normal, normal)
-    x_axis = projected[np.argmax(np.linalg.norm(projected, axis=1))]
-    x_axis = x_axis / np.linalg.norm(x_axis)
-    y_axis = np.cross(normal, x_axis)
-
     members = [vertex, *sorted(set().union(*(one_ring(faces, j) for j in ring), ring) - {vertex})]
+    x_axis = farthest_axis(vertices[ring] - vertices[vertex], vertices[members] - vertices[vertex], normal)
+    y_axis = np.cross(normal, x_axis)
     local = (vertices[members] - vertices[vertex]) @ np.array([x_axis, y_axis, normal]).T
     low, high = local[:, :2].min(axis=0), local[:, :2].max(axis=0)
     u, v = ((local[:, :2] - low) / (high - low)).T

@@ -58,7 +58,7 @@ def test_x_axis_points_to_the_farthest_projection_in_any_numbering():
     normal = surface.normals[0]
     expected = None
     for order in (members, members[[0, 4, 2, 3, 1]]):
-        axis = np.array(farthest_direction(surface.vertices, order, 1, 5, *normal))
+        axis = np.array(farthest_direction(surface.vertices, order, 4, 5, *normal))
         assert abs(axis @ normal) < 1e-12
         assert abs(np.linalg.norm(axis) - 1) < 1e-12
         expected = axis if expected is None else expected
@@ -72,3 +72,15 @@ def test_x_axis_points_to_the_farthest_projection_in_any_numbering():
 def test_normals_that_cancel_out_have_no_mean():
     normals = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
     assert mean_normal(normals, np.array([0, 1], dtype=np.int32), 2) == (0.0, 0.0, 0.0)
+
+
+def test_x_axis_among_equally_far_neighbours_follows_from_the_neighbourhood():
+    """On a square lattice four neighbours are equally far; an extra point breaks the symmetry."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [0.2, 1.5, 0.0]], dtype=np.float64)
+    rng = np.random.default_rng(0)
+    for _ in range(10):
+        turn = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+        order = np.r_[0, 1 + rng.permutation(4), 5].astype(np.int32)
+        members = np.arange(6, dtype=np.int32)
+        axis = np.array(farthest_direction(points[order] @ turn.T, members, 4, 6, *(turn @ [0.0, 0.0, 1.0])))
+        np.testing.assert_allclose(axis, turn @ [0.0, 1.0, 0.0], atol=1e-12)
