@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import comb, perm
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from bezier_filters.frames import TangentPlanes
 from bezier_filters.jets import GraphGeometry
 from bezier_filters.mesh import TriangleMesh
 from bezier_filters.parallel import Progress, RangeTask, run_in_chunks
+from bezier_filters.polynomials import tensor_space
 from bezier_filters.status import FitStatus
 from bezier_filters.vertex_geometry import VertexGeometry
 
@@ -140,34 +140,21 @@ def _run(
 
 
 def kernel_fit(attempt: Attempt) -> KernelFit:
-    """Tables that the kernel needs for one attempt.
-
-    With the binomial factors pulled out of the basis, entry ((i, j), (k, m)) of A^T A is the
-    moment (i + k, j + m) times four binomials.
-    """
+    """What the kernel needs to know of one attempt."""
     fit = attempt.fit
-    size = fit.degree + 1
-    binomial = np.array([comb(fit.degree, i) for i in range(size)], dtype=np.float64)
-    basis_factor = np.outer(binomial, binomial).ravel()
-    row, column = np.tril_indices(size * size)
-    i, j = np.divmod(row, size)
-    k, m = np.divmod(column, size)
-    derivative_factor = np.zeros((3, size))
-    for order in range(3):
-        for p in range(size - order):
-            derivative_factor[order, p] = perm(fit.degree, order) * comb(fit.degree - order, p)
+    space = tensor_space(fit.degree)
+    moment_exponents, moment_place = space.moments
     return KernelFit(
         rings=attempt.rings,
-        degree=fit.degree,
         fewest_points=fit.free_coefficients,
         square=fit.smoothness != "paper",
         mean_plane=attempt.mean_plane,
         allow_folds=attempt.allow_folds,
-        penalty=fit.penalty[row, column],
-        moment_index=((i + k) * (2 * fit.degree + 1) + j + m).astype(np.int32),
-        moment_factor=basis_factor[row] * basis_factor[column],
-        basis_factor=basis_factor,
-        derivative_factor=derivative_factor,
+        highest_power=2 * fit.degree,
+        exponents=space.exponents,
+        moment_exponents=moment_exponents,
+        moment_place=moment_place,
+        penalty=fit.monomial_penalty[np.tril_indices(space.dimension)],
     )
 
 

@@ -1,9 +1,8 @@
 """The hot loop: fit a patch to the neighbourhood of each vertex and read its geometry off.
 
 Eight vertices are fitted at a time (see `lanes`). Since the patch is a height field, one
-right-hand side is solved; since a product of two Bernstein polynomials of degree d is one of
-degree 2d, the normal matrix needs (2d + 1)^2 moments of the points, not all pairs of basis
-functions.
+right-hand side is solved; since products of monomials are monomials, the normal matrix needs the
+moments of the points, not all pairs of basis functions.
 """
 
 from typing import NamedTuple
@@ -11,16 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.frames import farthest_direction, folds, mean_normal
-from bezier_filters.jets import (
-    GraphGeometry,
-    add_squared_residuals,
-    basis_derivatives,
-    height_derivatives,
-    write_graph_geometry,
-)
-from bezier_filters.lanes import LANES, add_outer_product, cholesky_solve, normal_matrix, power_products
+from bezier_filters.jets import GraphGeometry, polynomial_derivatives, write_graph_geometry
+from bezier_filters.lanes import LANES, add_products, cholesky_solve, normal_matrix, powers
 from bezier_filters.neighbourhoods import collect_ring
 
 FITTED, NO_FRAME, FOLDED, ILL_POSED = 0, 1, 2, 3
@@ -41,19 +34,37 @@ class KernelMesh(NamedTuple):
 
 
 class KernelFit(NamedTuple):
-    """How to fit: see `fitting.PatchFit`; the tables come from there."""
+    """How to fit: `fallbacks.Attempt` in arrays."""
 
     rings: int
-    degree: int
     fewest_points: int
     square: bool
     mean_plane: bool
     allow_folds: bool
+    highest_power: int
+    exponents: IntArray
+    moment_exponents: IntArray
+    moment_place: IntArray
     penalty: FloatArray
-    moment_index: IntArray
-    moment_factor: FloatArray
-    basis_factor: FloatArray
-    derivative_factor: FloatArray
+
+
+class Workspace(NamedTuple):
+    """Scratch arrays for eight vertices; the last axis is the lane."""
+
+    counts: IntArray
+    frames: FloatArray  # x, y and z axes
+    box: FloatArray  # middle and reciprocal half width of the parameter rectangle along x, then y
+    s: FloatArray
+    t: FloatArray
+    powers_s: FloatArray
+    powers_t: FloatArray
+    moments: FloatArray
+    matrix: FloatArray
+    coefficients: FloatArray
+    inverse: FloatArray
+    singular: BoolArray
+    jet: FloatArray
+    residual: FloatArray
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
@@ -74,117 +85,154 @@ def fit_vertices(
     `visited` (filled with -1 before its first use in an attempt) and `members`, both (n,), are
     the work space of `collect_ring`.
     """
-    size = fit.degree + 1
-    order = size * size
-    moment_size = 2 * fit.degree + 1
-    capacity = 64
-    points = np.zeros((3, capacity, LANES))
-    weights = np.zeros((capacity, LANES))
-    counts = np.zeros(LANES, np.int64)
-    frames = np.zeros((9, LANES))
-    box = np.ones((4, LANES))
-    u = np.zeros(LANES)
-    v = np.zeros(LANES)
-    powers = np.zeros((2, moment_size, LANES))
-    basis_u = np.zeros((moment_size, LANES))
-    basis_v = np.zeros((moment_size, LANES))
-    moments = np.zeros((moment_size * moment_size, LANES))
-    matrix = np.zeros((order * (order + 1) // 2, LANES))
-    heights = np.zeros((order, LANES))
-    inverse = np.zeros((order, LANES))
-    singular = np.zeros(LANES, np.bool_)
-    derivatives = np.zeros((2, 3, size, LANES))
-    jet = np.zeros((3, 3, LANES))
-    residual = np.zeros(LANES)
-
+    order = fit.exponents.shape[0]
+    work = _workspace(fit)
+    points = np.zeros((4, 64, LANES))
     for first in range(start, stop, LANES):
         used = min(LANES, stop - first)
-        longest = 0
-        for lane in range(LANES):
-            counts[lane] = 0
-            if lane >= used:
-                continue
-            i = ids[first + lane]
-            count, inner = collect_ring(mesh.ring_ptr, mesh.ring_indices, i, fit.rings, visited, members)
-            outcomes[first + lane] = _frame(mesh, fit, members, count, inner, frames[:, lane])
-            if outcomes[first + lane] != FITTED:
-                continue
-            while count > capacity:
-                capacity *= 2
-                points = _grown(points, capacity)
-                weights = np.zeros((capacity, LANES))
-            if not _project(mesh.vertices, members, count, fit.square, frames[:, lane], points, lane, box[:, lane]):
-                outcomes[first + lane] = ILL_POSED
-                continue
-            counts[lane] = count
-            longest = max(longest, count)
-        for lane in range(LANES):  # points without weight must be finite all the same
-            points[:, counts[lane] : longest, lane] = 0.0
-
-        moments[:] = 0.0
-        heights[:] = 0.0
-        for a in range(longest):
-            for lane in range(LANES):
-                weight = 1.0 if a < counts[lane] else 0.0
-                weights[a, lane] = weight
-                u[lane] = (points[0, a, lane] - box[0, lane]) * box[1, lane]
-                v[lane] = (points[1, a, lane] - box[2, lane]) * box[3, lane]
-            power_products(u, 2 * fit.degree, powers, basis_u)
-            power_products(v, 2 * fit.degree, powers, basis_v)
-            for k in range(moment_size):
-                for lane in range(LANES):
-                    basis_u[k, lane] *= weights[a, lane]
-            add_outer_product(basis_u, basis_v, moment_size, moments)
-            power_products(u, fit.degree, powers, basis_u)
-            power_products(v, fit.degree, powers, basis_v)
-            for k in range(size):
-                for lane in range(LANES):
-                    basis_u[k, lane] *= weights[a, lane] * points[2, a, lane]
-            add_outer_product(basis_u, basis_v, size, heights)
-        for k in range(order):
-            for lane in range(LANES):
-                heights[k, lane] *= fit.basis_factor[k]
-        normal_matrix(moments, fit.moment_index, fit.moment_factor, fit.penalty, matrix)
-        cholesky_solve(matrix, heights, order, inverse, singular)
-
-        for lane in range(LANES):
-            u[lane] = -box[0, lane] * box[1, lane]
-            v[lane] = -box[2, lane] * box[3, lane]
-        basis_derivatives(u, fit.degree, fit.derivative_factor, powers, basis_u, derivatives[0])
-        basis_derivatives(v, fit.degree, fit.derivative_factor, powers, basis_u, derivatives[1])
-        height_derivatives(heights, derivatives, size, jet)
-
-        for k in range(order):
-            for lane in range(LANES):
-                heights[k, lane] *= fit.basis_factor[k]
-        residual[:] = 0.0
-        for a in range(longest):
-            for lane in range(LANES):
-                u[lane] = (points[0, a, lane] - box[0, lane]) * box[1, lane]
-                v[lane] = (points[1, a, lane] - box[2, lane]) * box[3, lane]
-            power_products(u, fit.degree, powers, basis_u)
-            power_products(v, fit.degree, powers, basis_v)
-            add_squared_residuals(heights, basis_u, basis_v, size, points[2, a], weights[a], residual)
-
+        points = _gather(mesh, fit, ids, first, used, visited, members, work, points, outcomes)
+        longest = work.counts.max()
+        _accumulate(fit, points, longest, work)
+        normal_matrix(work.moments, fit.moment_place, fit.penalty, work.matrix)
+        cholesky_solve(work.matrix, work.coefficients, order, work.inverse, work.singular)
+        _derivatives_at_vertices(fit, work)
+        _residuals(fit, points, longest, work)
         for lane in range(used):
             if outcomes[first + lane] != FITTED:
                 continue
-            if singular[lane]:
+            if work.singular[lane]:
                 outcomes[first + lane] = ILL_POSED
                 continue
             i = ids[first + lane]
-            sx, sy = box[1, lane], box[3, lane]
+            jet, sx, sy = work.jet[:, :, lane], work.box[1, lane], work.box[3, lane]
             write_graph_geometry(
-                jet[1, 0, lane] * sx,
-                jet[0, 1, lane] * sy,
-                jet[2, 0, lane] * sx * sx,
-                jet[1, 1, lane] * sx * sy,
-                jet[0, 2, lane] * sy * sy,
-                frames[:, lane],
+                jet[1, 0] * sx,
+                jet[0, 1] * sy,
+                jet[2, 0] * sx * sx,
+                jet[1, 1] * sx * sy,
+                jet[0, 2] * sy * sy,
+                work.frames[:, lane],
                 i,
                 result,
             )
-            residuals[i] = np.sqrt(residual[lane] / counts[lane])
+            residuals[i] = np.sqrt(work.residual[lane] / work.counts[lane])
+
+
+@njit(cache=True, nogil=True)
+def _workspace(fit: KernelFit) -> Workspace:
+    """Scratch arrays that fit the polynomial space."""
+    order = fit.exponents.shape[0]
+    return Workspace(
+        np.zeros(LANES, np.int32),
+        np.zeros((9, LANES)),
+        np.ones((4, LANES)),
+        np.zeros(LANES),
+        np.zeros(LANES),
+        np.zeros((fit.highest_power + 1, LANES)),
+        np.zeros((fit.highest_power + 1, LANES)),
+        np.zeros((fit.moment_exponents.shape[0], LANES)),
+        np.zeros((order * (order + 1) // 2, LANES)),
+        np.zeros((order, LANES)),
+        np.zeros((order, LANES)),
+        np.zeros(LANES, np.bool_),
+        np.zeros((3, 3, LANES)),
+        np.zeros(LANES),
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _gather(
+    mesh: KernelMesh,
+    fit: KernelFit,
+    ids: IntArray,
+    first: int,
+    used: int,
+    visited: IntArray,
+    members: IntArray,
+    work: Workspace,
+    points: FloatArray,
+    outcomes: IntArray,
+) -> FloatArray:
+    """Neighbourhoods of ids[first : first + used] as points[:, a, lane] = (x, y, z, weight).
+
+    Lanes without a neighbourhood get the count 0. Returns the points, which may have grown.
+    """
+    for lane in range(LANES):
+        work.counts[lane] = 0
+        if lane >= used:
+            continue
+        i = ids[first + lane]
+        count, inner = collect_ring(mesh.ring_ptr, mesh.ring_indices, i, fit.rings, visited, members)
+        frame = work.frames[:, lane]
+        outcomes[first + lane] = _frame(mesh, fit, members, count, inner, frame)
+        if outcomes[first + lane] != FITTED:
+            continue
+        while count > points.shape[1]:
+            points = np.concatenate((points, np.zeros_like(points)), axis=1)
+        if _project(mesh.vertices, members, count, fit.square, frame, points[:, :, lane], work.box[:, lane]):
+            work.counts[lane] = count
+        else:
+            outcomes[first + lane] = ILL_POSED
+    longest = work.counts.max()
+    for lane in range(LANES):
+        points[:, work.counts[lane] : longest, lane] = 0.0
+    return points
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _parameters(points: FloatArray, a: int, highest: int, work: Workspace) -> None:
+    """Parameters (s, t) of point a of every lane, and their powers."""
+    for lane in range(LANES):
+        work.s[lane] = (points[0, a, lane] - work.box[0, lane]) * work.box[1, lane]
+        work.t[lane] = (points[1, a, lane] - work.box[2, lane]) * work.box[3, lane]
+    powers(work.s, highest, work.powers_s)
+    powers(work.t, highest, work.powers_t)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _accumulate(fit: KernelFit, points: FloatArray, longest: int, work: Workspace) -> None:
+    """Moments of the points, and the right-hand side A^T z."""
+    degree = fit.highest_power // 2
+    work.moments[:] = 0.0
+    work.coefficients[:] = 0.0
+    for a in range(longest):
+        _parameters(points, a, fit.highest_power, work)
+        for k in range(fit.highest_power + 1):
+            for lane in range(LANES):
+                work.powers_s[k, lane] *= points[3, a, lane]
+        add_products(work.powers_s, work.powers_t, fit.moment_exponents, work.moments)
+        for k in range(degree + 1):
+            for lane in range(LANES):
+                work.powers_t[k, lane] *= points[2, a, lane]
+        add_products(work.powers_s, work.powers_t, fit.exponents, work.coefficients)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _derivatives_at_vertices(fit: KernelFit, work: Workspace) -> None:
+    """Derivatives by (s, t) at the vertices themselves, the origins of their frames."""
+    for lane in range(LANES):
+        work.s[lane] = -work.box[0, lane] * work.box[1, lane]
+        work.t[lane] = -work.box[2, lane] * work.box[3, lane]
+    powers(work.s, fit.highest_power // 2, work.powers_s)
+    powers(work.t, fit.highest_power // 2, work.powers_t)
+    polynomial_derivatives(work.coefficients, fit.exponents, work.powers_s, work.powers_t, work.jet)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _residuals(fit: KernelFit, points: FloatArray, longest: int, work: Workspace) -> None:
+    """Weighted sums of the squared heights of the points over their patches."""
+    work.residual[:] = 0.0
+    for a in range(longest):
+        _parameters(points, a, fit.highest_power // 2, work)
+        difference = work.s
+        for lane in range(LANES):
+            difference[lane] = -points[2, a, lane]
+        for k in range(fit.exponents.shape[0]):
+            i, j = fit.exponents[k, 0], fit.exponents[k, 1]
+            for lane in range(LANES):
+                difference[lane] += work.coefficients[k, lane] * work.powers_s[i, lane] * work.powers_t[j, lane]
+        for lane in range(LANES):
+            work.residual[lane] += points[3, a, lane] * difference[lane] * difference[lane]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -230,12 +278,12 @@ def _project(
     square: bool,
     frame: FloatArray,
     points: FloatArray,
-    lane: int,
     box: FloatArray,
 ) -> bool:
-    """Write local coordinates into points[:, :count, lane] and the parameter rectangle.
+    """Write local coordinates and weights into points[:, :count], and the parameter rectangle.
 
-    box is (x, 1 / width, y, 1 / height). Returns False where the rectangle has no area.
+    box is (middle, 1 / half width) along x, then along y. Returns False where the rectangle has
+    no area.
     """
     i = members[0]
     low_x, high_x, low_y, high_y, radius = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -244,9 +292,10 @@ def _project(
         dx, dy, dz = vertices[j, 0] - vertices[i, 0], vertices[j, 1] - vertices[i, 1], vertices[j, 2] - vertices[i, 2]
         x = dx * frame[0] + dy * frame[1] + dz * frame[2]
         y = dx * frame[3] + dy * frame[4] + dz * frame[5]
-        points[0, a, lane] = x
-        points[1, a, lane] = y
-        points[2, a, lane] = dx * frame[6] + dy * frame[7] + dz * frame[8]
+        points[0, a] = x
+        points[1, a] = y
+        points[2, a] = dx * frame[6] + dy * frame[7] + dz * frame[8]
+        points[3, a] = 1.0
         low_x, high_x = min(low_x, x), max(high_x, x)
         low_y, high_y = min(low_y, y), max(high_y, y)
         radius = max(radius, x * x + y * y)
@@ -256,13 +305,6 @@ def _project(
     width, height = high_x - low_x, high_y - low_y
     if not (width > 0.0 and height > 0.0):
         return False
-    box[0], box[1], box[2], box[3] = low_x, 1.0 / width, low_y, 1.0 / height
+    box[0], box[1] = 0.5 * (low_x + high_x), 2.0 / width
+    box[2], box[3] = 0.5 * (low_y + high_y), 2.0 / height
     return True
-
-
-@njit(cache=True, nogil=True)
-def _grown(points: FloatArray, capacity: int) -> FloatArray:
-    """Copy of the points with room for `capacity` of them."""
-    larger = np.zeros((3, capacity, LANES))
-    larger[:, : points.shape[1]] = points
-    return larger

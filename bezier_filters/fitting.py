@@ -8,6 +8,7 @@ import numpy as np
 from bezier_filters.arrays import FloatArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.patch import BezierPatch, ParameterRectangle
+from bezier_filters.polynomials import monomials_from_bernstein
 from bezier_filters.smoothness import Smoothness, smoothness_matrix
 
 DEGREES = (2, 3, 4)
@@ -49,9 +50,9 @@ class PatchFit:
         return smoothness_matrix(self.smoothness, self.degree)
 
     @property
-    def penalty(self) -> FloatArray:
-        """((1 - alpha) / alpha)^2 S^T S, what the smoothness adds to A^T A."""
-        rows = self.smoothness_rows
+    def monomial_penalty(self) -> FloatArray:
+        """((1 - alpha) / alpha)^2 S^T S, what the smoothness adds to A^T A, for monomials on [-1, 1]^2."""
+        rows = self.smoothness_rows @ np.linalg.inv(monomials_from_bernstein(self.degree))
         return ((1.0 - self.alpha) / self.alpha) ** 2 * (rows.T @ rows)
 
     @property

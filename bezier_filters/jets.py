@@ -1,12 +1,12 @@
-"""Derivatives of fitted patches, and the geometry of the graph that they describe."""
+"""Derivatives of fitted polynomials, and the geometry of the graph that they describe."""
 
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from bezier_filters.arrays import FloatArray
-from bezier_filters.lanes import LANES, power_products
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.lanes import LANES
 
 
 class GraphGeometry(NamedTuple):
@@ -20,58 +20,33 @@ class GraphGeometry(NamedTuple):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def basis_derivatives(
-    t: FloatArray, degree: int, factor: FloatArray, powers: FloatArray, lowered: FloatArray, out: FloatArray
+def polynomial_derivatives(
+    coefficients: FloatArray, exponents: IntArray, powers_s: FloatArray, powers_t: FloatArray, jet: FloatArray
 ) -> None:
-    """Bernstein polynomials and their first two derivatives: out[r, i] for order r.
+    """Partial derivatives jet[r, q] of polynomials, r times by s and q times by t, r + q <= 2.
 
-    The r-th derivative is the r-th difference of the basis of degree - r; `factor[r, k]` is
-    its binomial coefficient times degree! / (degree - r)!.
+    Parameters
+    ----------
+    coefficients : (m, LANES) float64
+        Coefficients of the monomials s^a t^b.
+    exponents : (m, 2) int32
+        The pairs (a, b).
+    powers_s, powers_t : (p, LANES) float64
+        Powers of s and t where the derivatives are wanted.
+    jet : (3, 3, LANES) float64
+        Receives them.
     """
-    out[:] = 0.0
-    for r in range(3):
-        power_products(t, degree - r, powers, lowered)
-        for k in range(degree - r + 1):
-            for e in range(r + 1):
-                sign = 1.0 if (r - e) % 2 == 0 else -1.0
-                times = 2.0 if r == 2 and e == 1 else 1.0
-                for lane in range(LANES):
-                    out[r, k + e, lane] += sign * times * factor[r, k] * lowered[k, lane]
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def height_derivatives(heights: FloatArray, derivatives: FloatArray, size: int, jet: FloatArray) -> None:
-    """Partial derivatives jet[r, s] of the height, r times by u and s times by v, r + s <= 2."""
     jet[:] = 0.0
-    for i in range(size):
-        for s in range(3):
-            for lane in range(LANES):
-                along_v = 0.0
-                for j in range(size):
-                    along_v += heights[i * size + j, lane] * derivatives[1, s, j, lane]
-                for r in range(3 - s):
-                    jet[r, s, lane] += derivatives[0, r, i, lane] * along_v
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def add_squared_residuals(
-    heights: FloatArray,
-    basis_u: FloatArray,
-    basis_v: FloatArray,
-    size: int,
-    target: FloatArray,
-    weight: FloatArray,
-    residual: FloatArray,
-) -> None:
-    """Add the weighted squared distances of one point of each lane from its patch."""
-    for lane in range(LANES):
-        difference = -target[lane]
-        for i in range(size):
-            along_v = 0.0
-            for j in range(size):
-                along_v += heights[i * size + j, lane] * basis_v[j, lane]
-            difference += basis_u[i, lane] * along_v
-        residual[lane] += weight[lane] * difference * difference
+    for k in range(exponents.shape[0]):
+        a, b = exponents[k, 0], exponents[k, 1]
+        factor_s = 1.0
+        for r in range(min(a, 2) + 1):
+            factor = factor_s
+            for q in range(min(b, 2 - r) + 1):
+                for lane in range(LANES):
+                    jet[r, q, lane] += factor * coefficients[k, lane] * powers_s[a - r, lane] * powers_t[b - q, lane]
+                factor *= b - q
+            factor_s *= a - r
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

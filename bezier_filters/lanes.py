@@ -16,48 +16,31 @@ SMALLEST_PIVOT = 1e-6
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def power_products(t: FloatArray, degree: int, powers: FloatArray, out: FloatArray) -> None:
-    """Bernstein polynomials without their binomial factors: out[i] = t^i (1 - t)^(degree - i).
-
-    Parameters
-    ----------
-    t : (LANES,) float64
-    degree : int
-    powers : (2, >= degree + 1, LANES) float64
-        Work space.
-    out : (>= degree + 1, LANES) float64
-    """
+def powers(t: FloatArray, highest: int, out: FloatArray) -> None:
+    """Powers out[k] = t^k for k up to `highest`; t is (LANES,), out (highest + 1, LANES)."""
     for lane in range(LANES):
-        powers[0, 0, lane] = 1.0
-        powers[1, 0, lane] = 1.0
-    for i in range(degree):
+        out[0, lane] = 1.0
+    for k in range(highest):
         for lane in range(LANES):
-            powers[0, i + 1, lane] = powers[0, i, lane] * t[lane]
-            powers[1, i + 1, lane] = powers[1, i, lane] * (1.0 - t[lane])
-    for i in range(degree + 1):
-        for lane in range(LANES):
-            out[i, lane] = powers[0, i, lane] * powers[1, degree - i, lane]
+            out[k + 1, lane] = out[k, lane] * t[lane]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def add_outer_product(a: FloatArray, b: FloatArray, size: int, out: FloatArray) -> None:
-    """Add the outer products of a[:size] and b[:size] to out, row by row."""
-    for i in range(size):
-        for j in range(size):
-            k = i * size + j
-            for lane in range(LANES):
-                out[k, lane] += a[i, lane] * b[j, lane]
+def add_products(a: FloatArray, b: FloatArray, exponents: IntArray, out: FloatArray) -> None:
+    """Add a[i] b[j] to out[k] for every row k = (i, j) of `exponents`."""
+    for k in range(exponents.shape[0]):
+        i, j = exponents[k, 0], exponents[k, 1]
+        for lane in range(LANES):
+            out[k, lane] += a[i, lane] * b[j, lane]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def normal_matrix(
-    moments: FloatArray, moment_index: IntArray, moment_factor: FloatArray, penalty: FloatArray, out: FloatArray
-) -> None:
-    """Lower triangle of A^T A + penalty from the moments of the points."""
-    for k in range(moment_index.shape[0]):
-        moment, factor, added = moment_index[k], moment_factor[k], penalty[k]
+def normal_matrix(moments: FloatArray, place: IntArray, penalty: FloatArray, out: FloatArray) -> None:
+    """Lower triangle of A^T A + penalty: entry k of A^T A is the moment place[k]."""
+    for k in range(place.shape[0]):
+        moment, added = place[k], penalty[k]
         for lane in range(LANES):
-            out[k, lane] = factor * moments[moment, lane] + added
+            out[k, lane] = moments[moment, lane] + added
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -75,17 +58,13 @@ def cholesky_solve(matrix: FloatArray, rhs: FloatArray, order: int, inverse: Flo
     singular : (LANES,) bool
         Set where a pivot is too small; the solution of such a lane means nothing.
     """
-    for k in range(order):
-        row = k * (k + 1) // 2
-        diagonal = row + k
-        for lane in range(LANES):
-            inverse[k, lane] = matrix[diagonal, lane]
     for lane in range(LANES):
         singular[lane] = False
-    # Left-looking by columns: what has to be subtracted from an entry is summed in one go.
     for k in range(order):
         row = k * (k + 1) // 2
         pivot = matrix[row + k]
+        for lane in range(LANES):
+            inverse[k, lane] = pivot[lane]
         for p in range(k):
             for lane in range(LANES):
                 pivot[lane] -= matrix[row + p, lane] * matrix[row + p, lane]

@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bezier_filters.lanes import LANES, add_outer_product, cholesky_solve, power_products
+from bezier_filters.lanes import LANES, add_products, cholesky_solve, powers
 
 
 @given(st.integers(1, 25), st.integers(0, 100))
@@ -33,12 +33,11 @@ def test_a_singular_lane_is_flagged_and_leaves_the_others_alone():
     assert np.isfinite(rhs).all()
 
 
-def test_power_products_and_outer_products():
+def test_powers_and_products():
     t = np.linspace(-0.2, 1.1, LANES)
-    out, powers = np.zeros((4, LANES)), np.zeros((2, 4, LANES))
-    power_products(t, 3, powers, out)
-    for i in range(4):
-        np.testing.assert_allclose(out[i], t**i * (1 - t) ** (3 - i), atol=1e-15)
-    total = np.ones((4, LANES))
-    add_outer_product(out, 2 * out, 2, total)
-    np.testing.assert_allclose(total[1], 1 + out[0] * 2 * out[1])
+    out = np.zeros((4, LANES))
+    powers(t, 3, out)
+    np.testing.assert_allclose(out, t ** np.arange(4)[:, None], atol=1e-15)
+    total = np.ones((2, LANES))
+    add_products(out, 2 * out, np.array([[0, 3], [2, 1]], dtype=np.int32), total)
+    np.testing.assert_allclose(total, [1 + 2 * t**3, 1 + 2 * t**3])

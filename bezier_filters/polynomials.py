@@ -1,0 +1,59 @@
+"""Polynomials in two variables by their monomials, as the kernel solves for them.
+
+A Bezier patch and its monomial coefficients about the middle of the parameter rectangle are the
+same polynomial; the latter make A^T A a table of moments and derivatives a matter of reading off.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.bernstein import centred_monomials
+
+
+@dataclass(frozen=True)
+class PolynomialSpace:
+    """Polynomials spanned by monomials s^a t^b on the square [-1, 1]^2.
+
+    Attributes
+    ----------
+    exponents : (m, 2) int32
+        The pairs (a, b).
+    """
+
+    exponents: IntArray
+
+    @property
+    def dimension(self) -> int:
+        """Number of coefficients."""
+        return len(self.exponents)
+
+    @cached_property
+    def total_degrees(self) -> IntArray:
+        """A + b of every monomial, shape (m,)."""
+        return np.asarray(self.exponents.sum(axis=1), dtype=np.int32)
+
+    @cached_property
+    def moments(self) -> tuple[IntArray, IntArray]:
+        """Exponents (q, 2) of the products of two monomials, and where each product is among them.
+
+        The second array has an entry for each entry of the lower triangle of A^T A, row by row.
+        """
+        row, column = np.tril_indices(self.dimension)
+        products = self.exponents[row] + self.exponents[column]
+        distinct, place = np.unique(products, axis=0, return_inverse=True)
+        return distinct.astype(np.int32), place.ravel().astype(np.int32)
+
+
+def tensor_space(degree: int) -> PolynomialSpace:
+    """Polynomials of bi-degree d, those of a Bezier patch: (d + 1)^2 monomials, b running fastest."""
+    a, b = np.divmod(np.arange((degree + 1) ** 2), degree + 1)
+    return PolynomialSpace(np.column_stack([a, b]).astype(np.int32))
+
+
+def monomials_from_bernstein(degree: int) -> FloatArray:
+    """Matrix from the control heights of a patch to the coefficients of its `tensor_space`."""
+    along_one = centred_monomials(degree)
+    return np.asarray(np.kron(along_one, along_one), dtype=np.float64)
