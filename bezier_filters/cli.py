@@ -25,9 +25,26 @@ Source = Annotated[Path, typer.Argument(help="Mesh to read: any format that pyme
 Target = Annotated[
     Path, typer.Argument(help="Mesh to write. PLY keeps quality, colour and all fields.", metavar="OUTPUT")
 ]
-Rings = Annotated[int, typer.Option(help="Size of the fitted neighbourhood in edges.", min=1)]
-Alpha = Annotated[float, typer.Option(help="Weight of the points against smoothness, in (0, 1].")]
-Degree = Annotated[int, typer.Option(help="Degree of the patch: 2, 3 or 4.", min=2, max=4)]
+
+
+def _auto_or(kind: type) -> Callable[[str], Any]:
+    """Parser of an option that is a number or 'auto'."""
+
+    def parse(text: str) -> Any:
+        return text if text == "auto" else kind(text)
+
+    parse.__name__ = f"{kind.__name__} or auto"  # what the help and error messages show
+    return parse
+
+
+Rings = Annotated[
+    Any,
+    typer.Option(help="Size of the fitted neighbourhood in edges; auto lets the data choose.", parser=_auto_or(int)),
+]
+Alpha = Annotated[
+    Any, typer.Option(help="Weight of the points against smoothness, in (0, 1], or auto.", parser=_auto_or(float))
+]
+Degree = Annotated[Any, typer.Option(help="Degree of the patch: 2, 3, 4, ... or auto.", parser=_auto_or(int))]
 SmoothnessName = Annotated[str, typer.Option(help="third_order (consistent) or paper (the method to the letter).")]
 Color = Annotated[bool, typer.Option("--color/--no-color", help="Colour the vertices by the quality.")]
 ColorMapName = Annotated[str, typer.Option(help="Colour map of pymeshlab: Turbo, RGB, Viridis, French RGB, ...")]
@@ -59,9 +76,9 @@ def normals(
     quality: Annotated[
         str, typer.Option(help="Quality to set: angle (to the old normal, degrees), x, y or z.")
     ] = "angle",
-    rings: Rings = 2,
-    alpha: Alpha = 0.8,
-    degree: Degree = 3,
+    rings: Rings = "auto",
+    alpha: Alpha = "auto",
+    degree: Degree = "auto",
     smoothness: SmoothnessName = "third_order",
     color: Color = True,
     colormap: ColorMapName = "Turbo",
@@ -92,9 +109,9 @@ def curvature(
     quality: Annotated[
         str, typer.Option(help="Quality to set: mean, gaussian, min, max, curvedness or shape_index.")
     ] = "mean",
-    rings: Rings = 2,
-    alpha: Alpha = 0.8,
-    degree: Degree = 3,
+    rings: Rings = "auto",
+    alpha: Alpha = "auto",
+    degree: Degree = "auto",
     smoothness: SmoothnessName = "third_order",
     color: Color = True,
     colormap: ColorMapName = "Turbo",
@@ -123,9 +140,9 @@ def curvature(
 def torsion(
     source: Source,
     target: Target,
-    rings: Rings = 2,
-    alpha: Alpha = 0.8,
-    degree: Degree = 3,
+    rings: Rings = "auto",
+    alpha: Alpha = "auto",
+    degree: Degree = "auto",
     smoothness: SmoothnessName = "third_order",
     color: Color = True,
     colormap: ColorMapName = "Turbo",

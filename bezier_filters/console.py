@@ -44,6 +44,10 @@ def print_json(data: dict[str, Any]) -> None:
 def print_status(report: dict[str, Any], source: str) -> None:
     """Say how the fits of a mesh went."""
     out.print(f"[bold]{escape(source)}[/]: {sum(report['status'].values()):,} vertices")
+    fit = report["fit"]
+    weight = "weights learned from the mesh" if fit["alpha"] is None else f"alpha {fit['alpha']:g}"
+    noise = "" if fit["noise_sigma"] is None else f"; noise {fit['noise_sigma']:.3g} (standard deviation, length)"
+    out.print(f"  fitted on {fit['rings']} rings, degree {fit['degree']}, {weight}{noise}")
     for name, count in report["status"].items():
         out.print(f"  {count:>9,}  {FitStatus[name].message} ({name})")
 

@@ -1,32 +1,36 @@
 """Differential geometry at every vertex of a mesh: the function that users call."""
 
 from numbers import Integral
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bezier_filters.adjacency import vertex_adjacency
+from bezier_filters.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.arrays import BoolArray, IntArray
 from bezier_filters.compilation import announce_first_compilation
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.fallbacks import fallback_chain, fit_with_fallbacks
-from bezier_filters.fit_kernel import fit_vertices
+from bezier_filters.fallbacks import Attempt, fallback_chain, fit_with_fallbacks, planned_chain
+from bezier_filters.fit_kernel import KernelMesh, fit_vertices, kernel_mesh
 from bezier_filters.fitting import PatchFit
 from bezier_filters.frames import tangent_planes
 from bezier_filters.mesh import triangle_mesh
 from bezier_filters.parallel import Progress, thread_count
+from bezier_filters.plans import CANDIDATE_DEGREES, CANDIDATE_RINGS, best_plan, learn_surface, ring_plans
 from bezier_filters.smoothness import Smoothness
 from bezier_filters.status import FitStatus
-from bezier_filters.vertex_geometry import VertexGeometry
+from bezier_filters.vertex_geometry import FitChoice, VertexGeometry
+
+Automatic = Literal["auto"]
 
 
 def estimate_vertex_geometry(
     vertices: ArrayLike,
     faces: ArrayLike,
     *,
-    rings: int = 2,
-    alpha: float = 0.8,
-    degree: int = 3,
+    rings: int | Automatic = "auto",
+    alpha: float | Automatic = "auto",
+    degree: int | Automatic = "auto",
     smoothness: Smoothness = "third_order",
     selected: BoolArray | None = None,
     threads: int | None = None,
@@ -34,11 +38,17 @@ def estimate_vertex_geometry(
 ) -> VertexGeometry:
     """Normals, curvatures, principal directions and torsion of a mesh at its vertices.
 
-    A Bezier patch is fitted to the k-ring of every vertex, as a height field over the tangent
-    plane, by solving [alpha A; (1 - alpha) S] b = [alpha z; 0] (Li, Barsky, Jin, "An effective
-    third-order local fitting patch and its application", IEEE SMI 2009). Its derivatives at
-    the vertex give the geometry. ``rings=2, alpha=0.8, smoothness="paper"`` is the paper's method
-    to the letter, whose curvature is biased at every resolution; the defaults are consistent.
+    A patch is fitted to the k-ring of every vertex, as a height field over the tangent plane, by
+    least squares with a smoothness that holds its higher terms back (after Li, Barsky, Jin, "An
+    effective third-order local fitting patch and its application", IEEE SMI 2009). Its
+    derivatives at the vertex give the geometry.
+
+    By default the data choose: the noise of the mesh and the variation of its surface are learned
+    from a sample of neighbourhoods, and the neighbourhood, the degree and the weight of the
+    smoothness are those with the smallest predicted error of normal and curvature. With a number
+    for `alpha`, [alpha A; (1 - alpha) S] b = [alpha z; 0] is solved as in the paper;
+    ``rings=2, alpha=0.8, smoothness="paper"`` is the paper's method to the letter, whose curvature
+    is biased at every resolution.
 
     Parameters
     ----------
@@ -46,14 +56,16 @@ def estimate_vertex_geometry(
         Coordinates.
     faces : (m, 3) array_like of int
         Triangles, counter-clockwise seen from outside.
-    rings : int
+    rings : int or "auto"
         Size of the neighbourhood in edges, at least 1.
-    alpha : float
+    alpha : float or "auto"
         Weight of the points against the smoothness, in (0, 1]; 1 fits the points alone.
-    degree : {2, 3, 4}
-        Degree of the patch in each parameter.
+    degree : int or "auto"
+        With a number for `alpha`, degree of the patch in each parameter: 2, 3 or 4, and "auto"
+        is 3. Otherwise total degree of the polynomial: 2 to 6.
     smoothness : {"third_order", "paper"}
-        What S penalises: see `smoothness_matrix`.
+        What S penalises: see `smoothness_matrix`. With ``"paper"``, "auto" stands for the paper's
+        settings: 2 rings, alpha 0.8, degree 3.
     selected : (n,) bool, optional
         Vertices to estimate; the others get zeros and `FitStatus.SKIPPED`.
     threads : int, optional
@@ -67,7 +79,7 @@ def estimate_vertex_geometry(
     -------
     VertexGeometry
         Curvatures in 1/length, positive where the surface is convex towards its outside. Where
-        a vertex needed a fallback, `status` says which.
+        a vertex needed a fallback, `status` says which; `fit` says what was chosen.
 
     Raises
     ------
@@ -83,31 +95,64 @@ def estimate_vertex_geometry(
     >>> from bezier_filters.surfaces import sphere
     >>> ball = sphere(radius=2.0)
     >>> geometry = estimate_vertex_geometry(ball.vertices, ball.faces)
-    >>> bool(abs(geometry.mean_curvature - 0.5).max() < 0.01)
+    >>> bool(abs(geometry.mean_curvature - 0.5).max() < 1e-4)
     True
     """
     mesh = triangle_mesh(vertices, faces)
-    fit = PatchFit(degree, alpha, smoothness)
-    if isinstance(rings, bool) or not isinstance(rings, Integral) or rings < 1:
-        raise InvalidParameterError(f"rings: got {rings!r}, expected an integer of 1 or more")
+    if smoothness == "paper":
+        rings, alpha = (2 if rings == "auto" else rings), (0.8 if alpha == "auto" else alpha)
+    _check_rings(rings)
+    fixed = None if alpha == "auto" else PatchFit(3 if degree == "auto" else degree, alpha, smoothness)
+    if fixed is None:
+        _check_choices(degree, smoothness)
     ids = _selected_ids(selected, mesh.vertex_count)
     threads = thread_count(threads)
 
     announce_first_compilation(fit_vertices)
     adjacency = vertex_adjacency(mesh)
-    planes = tangent_planes(mesh, adjacency, threads=threads)
-    geometry = empty_geometry(mesh.vertex_count)
-    fit_with_fallbacks(
-        mesh,
-        adjacency,
-        planes,
-        ids,
-        list(fallback_chain(int(rings), fit)),
-        geometry,
-        threads=threads,
-        progress=progress,
-    )
+    arrays = kernel_mesh(mesh, adjacency, tangent_planes(mesh, adjacency, threads=threads))
+    attempts, choice = _choose(arrays, adjacency, rings, degree, fixed)
+    geometry = empty_geometry(mesh.vertex_count, choice)
+    fit_with_fallbacks(arrays, ids, attempts, geometry, threads=threads, progress=progress)
     return geometry
+
+
+def _choose(
+    arrays: KernelMesh,
+    adjacency: Adjacency,
+    rings: int | Automatic,
+    degree: int | Automatic,
+    fixed: PatchFit | None,
+) -> tuple[list[Attempt], FitChoice]:
+    """What is tried at the vertices, and what the result says of it."""
+    if fixed is not None and rings != "auto":
+        return list(fallback_chain(rings, fixed)), FitChoice(rings, fixed.degree, fixed.alpha, None)
+    surface = learn_surface(arrays, adjacency, rings=CANDIDATE_RINGS if rings == "auto" else (rings,))
+    degrees = CANDIDATE_DEGREES if degree == "auto" else (degree,)
+    by_ring = [] if surface is None else [ring_plans(surface, ring, degrees) for ring in surface.by_rings]
+    plans = [best_plan(of_ring) for of_ring in by_ring if of_ring]
+    if surface is None or not plans:
+        fit = fixed or PatchFit()
+        rings = 2 if rings == "auto" else rings
+        return list(fallback_chain(rings, fit)), FitChoice(rings, fit.degree, fit.alpha, None)
+    chosen = best_plan(plans)
+    if fixed is not None:
+        return list(fallback_chain(chosen.rings, fixed)), FitChoice(
+            chosen.rings, fixed.degree, fixed.alpha, surface.sigma
+        )
+    return list(planned_chain(plans, chosen)), FitChoice(chosen.rings, chosen.degree, None, surface.sigma)
+
+
+def _check_rings(rings: object) -> None:
+    if rings != "auto" and (isinstance(rings, bool) or not isinstance(rings, Integral) or rings < 1):
+        raise InvalidParameterError(f"rings: got {rings!r}, expected an integer of 1 or more, or 'auto'")
+
+
+def _check_choices(degree: object, smoothness: object) -> None:
+    if degree != "auto" and degree not in CANDIDATE_DEGREES:
+        raise InvalidParameterError(f"degree: got {degree!r}, expected one of {CANDIDATE_DEGREES}, or 'auto'")
+    if smoothness != "third_order":
+        raise InvalidParameterError(f"smoothness: got {smoothness!r}, expected 'third_order' or 'paper'")
 
 
 def _selected_ids(selected: BoolArray | None, n: int) -> IntArray:
@@ -119,7 +164,7 @@ def _selected_ids(selected: BoolArray | None, n: int) -> IntArray:
     return np.flatnonzero(mask).astype(np.int32)
 
 
-def empty_geometry(n: int) -> VertexGeometry:
+def empty_geometry(n: int, choice: FitChoice | None = None) -> VertexGeometry:
     """Geometry of n vertices that nothing is known of: zeros and `FitStatus.SKIPPED`."""
     return VertexGeometry(
         normals=np.zeros((n, 3)),
@@ -130,4 +175,5 @@ def empty_geometry(n: int) -> VertexGeometry:
         residual=np.zeros(n),
         rings_used=np.zeros(n, dtype=np.int32),
         status=np.full(n, FitStatus.SKIPPED, dtype=np.int32),
+        fit=choice or FitChoice(0, 0, None, None),
     )

@@ -5,18 +5,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bezier_filters.adjacency import Adjacency
 from bezier_filters.arrays import IntArray
 from bezier_filters.fit_kernel import FITTED, FOLDED, ILL_POSED, KernelFit, KernelMesh, fit_vertices
 from bezier_filters.fitting import PatchFit
-from bezier_filters.frames import TangentPlanes
 from bezier_filters.jets import GraphGeometry
-from bezier_filters.mesh import TriangleMesh
 from bezier_filters.parallel import Progress, RangeTask, run_in_chunks
-from bezier_filters.polynomials import tensor_space
+from bezier_filters.plans import MOST_TURNED, FitPlan
 from bezier_filters.status import FitStatus
 from bezier_filters.vertex_geometry import VertexGeometry
 
+SMALLEST_PIVOT = 1e-6
+"""Relative pivot below which the points do not determine a patch: its error stays near 1e-10."""
+SMALLEST_PRIOR_PIVOT = 1e-10
+"""The same for fits with a prior, which decides what the points leave open."""
 MORE_RINGS = 3
 """How many rings an ill-posed neighbourhood may grow."""
 QUADRATIC = PatchFit(degree=2, alpha=0.1)
@@ -35,20 +36,21 @@ class Attempt:
         Outcomes of the kernel.
     rings : int
         Size of the neighbourhood.
-    fit : PatchFit
+    fit : PatchFit or FitPlan
         The patch to fit.
     mean_plane : bool
         Whether the plane is normal to the mean normal of the neighbourhood, not to the vertex normal.
-    allow_folds : bool
-        Whether to fit even if faces fold in the projection.
+    most_turned : float
+        Share of the vertices whose normals may turn away from the plane; if negative, not even a
+        single face may fold.
     """
 
     status: FitStatus
     after: frozenset[int]
     rings: int
-    fit: PatchFit
+    fit: PatchFit | FitPlan
     mean_plane: bool = False
-    allow_folds: bool = False
+    most_turned: float = -1.0
 
 
 def fallback_chain(rings: int, fit: PatchFit) -> Iterator[Attempt]:
@@ -63,16 +65,38 @@ def fallback_chain(rings: int, fit: PatchFit) -> Iterator[Attempt]:
     for more in range(1, MORE_RINGS + 1):
         yield Attempt(FitStatus.WIDER_RING, ill_posed, rings + more, fit)
     yield Attempt(FitStatus.OTHER_PLANE, folded, rings, fit, mean_plane=True)
+    yield from last_resorts(rings)
+
+
+def last_resorts(rings: int) -> Iterator[Attempt]:
+    """Quadratic fits for what nothing else fits."""
+    ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED})
     yield Attempt(FitStatus.ONE_RING, folded, 1, QUADRATIC)
     yield Attempt(FitStatus.LOWER_DEGREE, ill_posed, max(rings, 2), QUADRATIC)
     yield Attempt(FitStatus.LOWER_DEGREE, ill_posed, rings + MORE_RINGS, QUADRATIC)
-    yield Attempt(FitStatus.FOLDED, ill_posed | folded, max(rings, 2), QUADRATIC, mean_plane=True, allow_folds=True)
+    yield Attempt(FitStatus.FOLDED, ill_posed | folded, max(rings, 2), QUADRATIC, mean_plane=True, most_turned=1.0)
+
+
+def planned_chain(plans: Sequence[FitPlan], chosen: FitPlan) -> Iterator[Attempt]:
+    """The chosen plan and its fallbacks: narrower rings where it folds, wider ones where it is ill posed.
+
+    A prior makes nearly every neighbourhood well posed, and noise folds a few faces of a wide one;
+    so these fits take the mean plane and mind only folds of the surface.
+    """
+    ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED})
+    yield Attempt(FitStatus.OK, frozenset({FITTED}), chosen.rings, chosen, mean_plane=True, most_turned=MOST_TURNED)
+    narrower = sorted((plan for plan in plans if plan.rings < chosen.rings), key=lambda plan: -plan.rings)
+    for plan in narrower:
+        yield Attempt(FitStatus.NARROWER_RING, folded, plan.rings, plan, mean_plane=True, most_turned=MOST_TURNED)
+    for more in range(1, MORE_RINGS + 1):
+        yield Attempt(
+            FitStatus.WIDER_RING, ill_posed, chosen.rings + more, chosen, mean_plane=True, most_turned=MOST_TURNED
+        )
+    yield from last_resorts(min(chosen.rings, 2))
 
 
 def fit_with_fallbacks(
-    mesh: TriangleMesh,
-    adjacency: Adjacency,
-    planes: TangentPlanes,
+    mesh: KernelMesh,
     ids: IntArray,
     attempts: Sequence[Attempt],
     geometry: VertexGeometry,
@@ -84,18 +108,8 @@ def fit_with_fallbacks(
 
     A vertex that no attempt fits keeps its mean face normal and zero curvature.
     """
-    kernel_mesh = KernelMesh(
-        mesh.vertices,
-        mesh.faces,
-        adjacency.faces.indptr,
-        adjacency.faces.indices,
-        adjacency.vertices.indptr,
-        adjacency.vertices.indices,
-        planes.normals,
-        planes.safe_cosine,
-    )
-    has_normal = planes.normals[ids].any(axis=1)
-    geometry.normals[ids] = planes.normals[ids]
+    has_normal = mesh.normals[ids].any(axis=1)
+    geometry.normals[ids] = mesh.normals[ids]
     geometry.status[ids] = np.where(has_normal, FitStatus.NORMAL_ONLY, FitStatus.ISOLATED)
     outcome = np.full(len(ids), FITTED, dtype=np.int32)
     unsettled = np.flatnonzero(has_normal)
@@ -105,7 +119,7 @@ def fit_with_fallbacks(
         if not len(rows):
             continue
         report = _overall_progress(progress, tried, len(ids))
-        outcome[rows] = _run(attempt, kernel_mesh, ids[rows], geometry, threads, report)
+        outcome[rows] = _run(attempt, mesh, ids[rows], geometry, threads, report)
         tried = len(ids)
         fitted = ids[rows[outcome[rows] == FITTED]]
         geometry.status[fitted] = attempt.status
@@ -142,19 +156,27 @@ def _run(
 def kernel_fit(attempt: Attempt) -> KernelFit:
     """What the kernel needs to know of one attempt."""
     fit = attempt.fit
-    space = tensor_space(fit.degree)
-    moment_exponents, moment_place = space.moments
+    lower = np.tril_indices(fit.space.dimension)
+    moment_exponents, moment_place = fit.space.moments
+    if isinstance(fit, PatchFit):
+        fewest, square, penalty = fit.free_coefficients, fit.smoothness != "paper", fit.monomial_penalty[lower]
+        prior, smallest_pivot = np.zeros(fit.space.dimension), SMALLEST_PIVOT
+    else:
+        fewest, square, penalty = 6, True, np.zeros(len(lower[0]))
+        prior, smallest_pivot = fit.prior, SMALLEST_PRIOR_PIVOT
     return KernelFit(
         rings=attempt.rings,
-        fewest_points=fit.free_coefficients,
-        square=fit.smoothness != "paper",
+        fewest_points=fewest,
+        square=square,
         mean_plane=attempt.mean_plane,
-        allow_folds=attempt.allow_folds,
+        most_turned=attempt.most_turned,
         highest_power=2 * fit.degree,
-        exponents=space.exponents,
+        exponents=fit.space.exponents,
         moment_exponents=moment_exponents,
         moment_place=moment_place,
-        penalty=fit.monomial_penalty[np.tril_indices(space.dimension)],
+        penalty=penalty,
+        prior=prior,
+        smallest_pivot=smallest_pivot,
     )
 
 

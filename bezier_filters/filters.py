@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
+from bezier_filters.estimation import Automatic
 from bezier_filters.fields import (
     CURVATURE_FIELDS,
     PREFIX,
@@ -38,9 +39,9 @@ NORMAL_FIELDS = {
 def compute_normal_by_bezier_patch_per_vertex(
     ms: MeshSet,
     *,
-    rings: int = 2,
-    alpha: float = 0.8,
-    degree: int = 3,
+    rings: int | Automatic = "auto",
+    alpha: float | Automatic = "auto",
+    degree: int | Automatic = "auto",
     smoothness: Smoothness = "third_order",
     quality: str | None = "angle",
     onselected: bool = False,
@@ -65,12 +66,13 @@ def compute_normal_by_bezier_patch_per_vertex(
     ----------
     ms : pymeshlab.MeshSet
         Its current mesh needs faces.
-    rings : int
-        Size of the fitted neighbourhood in edges, at least 1.
-    alpha : float
+    rings : int or "auto"
+        Size of the fitted neighbourhood in edges, at least 1. By default the data choose this and
+        the next two, for the smallest predicted error at the noise that they have.
+    alpha : float or "auto"
         Weight of the points against the smoothness of the patch, in (0, 1].
-    degree : {2, 3, 4}
-        Degree of the patch in each parameter.
+    degree : int or "auto"
+        Degree of the patch in each parameter, 2 to 4, or with ``alpha="auto"`` its total degree, 2 to 6.
     smoothness : {"third_order", "paper"}
         ``"paper"`` is the method of Li, Barsky, Jin (2009) to the letter; see `estimate_vertex_geometry`.
     quality : {"angle", "x", "y", "z"} or None
@@ -93,7 +95,8 @@ def compute_normal_by_bezier_patch_per_vertex(
     Returns
     -------
     dict
-        ``status`` (number of vertices per status name), ``attributes`` (names written), ``quality``
+        ``status`` (number of vertices per status name), ``fit`` (the ``rings``, ``degree`` and ``alpha`` that were
+        used, and the ``noise_sigma`` that was found, a length), ``attributes`` (names written), ``quality``
         and ``unit``, ``statistics`` (min, median, max and mean of the quality over the vertices with an
         estimate), ``seconds`` (read, fit, write, color) and, if coloured, ``color_range`` and
         ``colormap``. It can be written as JSON.
@@ -127,9 +130,9 @@ def compute_normal_by_bezier_patch_per_vertex(
 def compute_curvature_by_bezier_patch_per_vertex(
     ms: MeshSet,
     *,
-    rings: int = 2,
-    alpha: float = 0.8,
-    degree: int = 3,
+    rings: int | Automatic = "auto",
+    alpha: float | Automatic = "auto",
+    degree: int | Automatic = "auto",
     smoothness: Smoothness = "third_order",
     quality: str | None = "mean",
     onselected: bool = False,
@@ -157,12 +160,13 @@ def compute_curvature_by_bezier_patch_per_vertex(
     ----------
     ms : pymeshlab.MeshSet
         Its current mesh needs faces.
-    rings : int
-        Size of the fitted neighbourhood in edges, at least 1.
-    alpha : float
+    rings : int or "auto"
+        Size of the fitted neighbourhood in edges, at least 1. By default the data choose this and
+        the next two, for the smallest predicted error at the noise that they have.
+    alpha : float or "auto"
         Weight of the points against the smoothness of the patch, in (0, 1].
-    degree : {2, 3, 4}
-        Degree of the patch in each parameter.
+    degree : int or "auto"
+        Degree of the patch in each parameter, 2 to 4, or with ``alpha="auto"`` its total degree, 2 to 6.
     smoothness : {"third_order", "paper"}
         ``"paper"`` is the method of Li, Barsky, Jin (2009) to the letter, whose curvature is biased; see
         `estimate_vertex_geometry`.
@@ -185,7 +189,8 @@ def compute_curvature_by_bezier_patch_per_vertex(
     Returns
     -------
     dict
-        ``status`` (number of vertices per status name), ``attributes`` (names written), ``quality``
+        ``status`` (number of vertices per status name), ``fit`` (the ``rings``, ``degree`` and ``alpha`` that were
+        used, and the ``noise_sigma`` that was found, a length), ``attributes`` (names written), ``quality``
         and ``unit``, ``statistics`` (min, median, max and mean of the quality over the vertices with an
         estimate), ``seconds`` (read, fit, write, color) and, if coloured, ``color_range`` and
         ``colormap``. It can be written as JSON.
@@ -219,9 +224,9 @@ def compute_curvature_by_bezier_patch_per_vertex(
 def compute_torsion_by_bezier_patch_per_vertex(
     ms: MeshSet,
     *,
-    rings: int = 2,
-    alpha: float = 0.8,
-    degree: int = 3,
+    rings: int | Automatic = "auto",
+    alpha: float | Automatic = "auto",
+    degree: int | Automatic = "auto",
     smoothness: Smoothness = "third_order",
     onselected: bool = False,
     color: bool = False,
@@ -248,12 +253,13 @@ def compute_torsion_by_bezier_patch_per_vertex(
     ----------
     ms : pymeshlab.MeshSet
         Its current mesh needs faces.
-    rings : int
-        Size of the fitted neighbourhood in edges, at least 1.
-    alpha : float
+    rings : int or "auto"
+        Size of the fitted neighbourhood in edges, at least 1. By default the data choose this and
+        the next two, for the smallest predicted error at the noise that they have.
+    alpha : float or "auto"
         Weight of the points against the smoothness of the patch, in (0, 1].
-    degree : {2, 3, 4}
-        Degree of the patch in each parameter.
+    degree : int or "auto"
+        Degree of the patch in each parameter, 2 to 4, or with ``alpha="auto"`` its total degree, 2 to 6.
     smoothness : {"third_order", "paper"}
         ``"paper"`` is the method of Li, Barsky, Jin (2009) to the letter, whose curvature is biased; see
         `estimate_vertex_geometry`.
@@ -274,7 +280,8 @@ def compute_torsion_by_bezier_patch_per_vertex(
     Returns
     -------
     dict
-        ``status`` (number of vertices per status name), ``attributes`` (names written), ``quality``
+        ``status`` (number of vertices per status name), ``fit`` (the ``rings``, ``degree`` and ``alpha`` that were
+        used, and the ``noise_sigma`` that was found, a length), ``attributes`` (names written), ``quality``
         and ``unit``, ``statistics`` (min, median, max and mean of the quality over the vertices with an
         estimate), ``seconds`` (read, fit, write, color) and, if coloured, ``color_range`` and
         ``colormap``. It can be written as JSON.

@@ -1,8 +1,8 @@
 """The hot loop: fit a patch to the neighbourhood of each vertex and read its geometry off.
 
-Eight vertices are fitted at a time (see `lanes`). Since the patch is a height field, one
-right-hand side is solved; since products of monomials are monomials, the normal matrix needs the
-moments of the points, not all pairs of basis functions.
+Since the patch is a height field, one right-hand side is solved; since products of monomials are
+monomials, the normal matrix needs the moments of the points, not all pairs of basis functions.
+Every moment is a dot product over the points, which is where the time goes.
 """
 
 from typing import NamedTuple
@@ -10,10 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.frames import farthest_direction, folds, mean_normal
+from bezier_filters.adjacency import Adjacency
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.dense import cholesky_solve, dot, powers
+from bezier_filters.frames import TangentPlanes, farthest_direction, folds, mean_normal, turned_share
 from bezier_filters.jets import GraphGeometry, polynomial_derivatives, write_graph_geometry
-from bezier_filters.lanes import LANES, add_products, cholesky_solve, normal_matrix, powers
+from bezier_filters.mesh import TriangleMesh
 from bezier_filters.neighbourhoods import collect_ring
 
 FITTED, NO_FRAME, FOLDED, ILL_POSED = 0, 1, 2, 3
@@ -33,6 +35,20 @@ class KernelMesh(NamedTuple):
     safe_cosine: FloatArray
 
 
+def kernel_mesh(mesh: TriangleMesh, adjacency: Adjacency, planes: TangentPlanes) -> KernelMesh:
+    """Collect the arrays for the kernel."""
+    return KernelMesh(
+        mesh.vertices,
+        mesh.faces,
+        adjacency.faces.indptr,
+        adjacency.faces.indices,
+        adjacency.vertices.indptr,
+        adjacency.vertices.indices,
+        planes.normals,
+        planes.safe_cosine,
+    )
+
+
 class KernelFit(NamedTuple):
     """How to fit: `fallbacks.Attempt` in arrays."""
 
@@ -40,34 +56,34 @@ class KernelFit(NamedTuple):
     fewest_points: int
     square: bool
     mean_plane: bool
-    allow_folds: bool
+    most_turned: float  # share of vertices that may turn away; if negative, no face may fold
     highest_power: int
     exponents: IntArray
     moment_exponents: IntArray
     moment_place: IntArray
     penalty: FloatArray
+    prior: FloatArray
+    smallest_pivot: float
 
 
 class Workspace(NamedTuple):
-    """Scratch arrays for eight vertices; the last axis is the lane."""
+    """Scratch arrays for one neighbourhood at a time."""
 
-    counts: IntArray
-    frames: FloatArray  # x, y and z axes
-    box: FloatArray  # middle and reciprocal half width of the parameter rectangle along x, then y
-    s: FloatArray
-    t: FloatArray
-    powers_s: FloatArray
+    points: FloatArray  # (3, capacity): x, y, z
+    parameters: FloatArray  # (2, capacity): s, t
+    powers_s: FloatArray  # (highest power + 1, capacity)
     powers_t: FloatArray
+    lifted_t: FloatArray  # powers of t times z
+    residual: FloatArray  # (capacity,)
     moments: FloatArray
     matrix: FloatArray
     coefficients: FloatArray
-    inverse: FloatArray
-    singular: BoolArray
-    jet: FloatArray
-    residual: FloatArray
+    frame: FloatArray  # (9,): x, y and z axes
+    box: FloatArray  # (4,): middle and reciprocal half width of the parameter rectangle along x, then y
+    jet: FloatArray  # (3, 3)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@njit(cache=True, nogil=True, error_model="numpy")
 def fit_vertices(
     mesh: KernelMesh,
     fit: KernelFit,
@@ -85,154 +101,91 @@ def fit_vertices(
     `visited` (filled with -1 before its first use in an attempt) and `members`, both (n,), are
     the work space of `collect_ring`.
     """
-    order = fit.exponents.shape[0]
-    work = _workspace(fit)
-    points = np.zeros((4, 64, LANES))
-    for first in range(start, stop, LANES):
-        used = min(LANES, stop - first)
-        points = _gather(mesh, fit, ids, first, used, visited, members, work, points, outcomes)
-        longest = work.counts.max()
-        _accumulate(fit, points, longest, work)
-        normal_matrix(work.moments, fit.moment_place, fit.penalty, work.matrix)
-        cholesky_solve(work.matrix, work.coefficients, order, work.inverse, work.singular)
-        _derivatives_at_vertices(fit, work)
-        _residuals(fit, points, longest, work)
-        for lane in range(used):
-            if outcomes[first + lane] != FITTED:
-                continue
-            if work.singular[lane]:
-                outcomes[first + lane] = ILL_POSED
-                continue
-            i = ids[first + lane]
-            jet, sx, sy = work.jet[:, :, lane], work.box[1, lane], work.box[3, lane]
-            write_graph_geometry(
-                jet[1, 0] * sx,
-                jet[0, 1] * sy,
-                jet[2, 0] * sx * sx,
-                jet[1, 1] * sx * sy,
-                jet[0, 2] * sy * sy,
-                work.frames[:, lane],
-                i,
-                result,
-            )
-            residuals[i] = np.sqrt(work.residual[lane] / work.counts[lane])
+    work = _workspace(fit, 64)
+    for row in range(start, stop):
+        i = ids[row]
+        count, inner = collect_ring(mesh.ring_ptr, mesh.ring_indices, i, fit.rings, visited, members)
+        if count > work.points.shape[1]:
+            work = _workspace(fit, 2 * count)
+        outcomes[row] = _frame(mesh, fit, members, count, inner, work.frame)
+        if outcomes[row] != FITTED:
+            continue
+        if not _project(mesh.vertices, members, count, fit.square, work) or not _solve(fit, count, work):
+            outcomes[row] = ILL_POSED
+            continue
+        polynomial_derivatives(
+            work.coefficients, fit.exponents, -work.box[0] * work.box[1], -work.box[2] * work.box[3], work.jet
+        )
+        jet, sx, sy = work.jet, work.box[1], work.box[3]
+        write_graph_geometry(
+            jet[1, 0] * sx,
+            jet[0, 1] * sy,
+            jet[2, 0] * sx * sx,
+            jet[1, 1] * sx * sy,
+            jet[0, 2] * sy * sy,
+            work.frame,
+            i,
+            result,
+        )
+        residuals[i] = _residual(fit, count, work)
 
 
 @njit(cache=True, nogil=True)
-def _workspace(fit: KernelFit) -> Workspace:
-    """Scratch arrays that fit the polynomial space."""
+def _workspace(fit: KernelFit, capacity: int) -> Workspace:
+    """Scratch arrays for neighbourhoods of up to `capacity` points."""
     order = fit.exponents.shape[0]
     return Workspace(
-        np.zeros(LANES, np.int32),
-        np.zeros((9, LANES)),
-        np.ones((4, LANES)),
-        np.zeros(LANES),
-        np.zeros(LANES),
-        np.zeros((fit.highest_power + 1, LANES)),
-        np.zeros((fit.highest_power + 1, LANES)),
-        np.zeros((fit.moment_exponents.shape[0], LANES)),
-        np.zeros((order * (order + 1) // 2, LANES)),
-        np.zeros((order, LANES)),
-        np.zeros((order, LANES)),
-        np.zeros(LANES, np.bool_),
-        np.zeros((3, 3, LANES)),
-        np.zeros(LANES),
+        np.empty((3, capacity)),
+        np.empty((2, capacity)),
+        np.empty((fit.highest_power + 1, capacity)),
+        np.empty((fit.highest_power + 1, capacity)),
+        np.empty((fit.highest_power // 2 + 1, capacity)),
+        np.empty(capacity),
+        np.empty(fit.moment_exponents.shape[0]),
+        np.empty(order * (order + 1) // 2),
+        np.empty(order),
+        np.empty(9),
+        np.empty(4),
+        np.empty((3, 3)),
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _gather(
-    mesh: KernelMesh,
-    fit: KernelFit,
-    ids: IntArray,
-    first: int,
-    used: int,
-    visited: IntArray,
-    members: IntArray,
-    work: Workspace,
-    points: FloatArray,
-    outcomes: IntArray,
-) -> FloatArray:
-    """Neighbourhoods of ids[first : first + used] as points[:, a, lane] = (x, y, z, weight).
-
-    Lanes without a neighbourhood get the count 0. Returns the points, which may have grown.
-    """
-    for lane in range(LANES):
-        work.counts[lane] = 0
-        if lane >= used:
-            continue
-        i = ids[first + lane]
-        count, inner = collect_ring(mesh.ring_ptr, mesh.ring_indices, i, fit.rings, visited, members)
-        frame = work.frames[:, lane]
-        outcomes[first + lane] = _frame(mesh, fit, members, count, inner, frame)
-        if outcomes[first + lane] != FITTED:
-            continue
-        while count > points.shape[1]:
-            points = np.concatenate((points, np.zeros_like(points)), axis=1)
-        if _project(mesh.vertices, members, count, fit.square, frame, points[:, :, lane], work.box[:, lane]):
-            work.counts[lane] = count
-        else:
-            outcomes[first + lane] = ILL_POSED
-    longest = work.counts.max()
-    for lane in range(LANES):
-        points[:, work.counts[lane] : longest, lane] = 0.0
-    return points
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _parameters(points: FloatArray, a: int, highest: int, work: Workspace) -> None:
-    """Parameters (s, t) of point a of every lane, and their powers."""
-    for lane in range(LANES):
-        work.s[lane] = (points[0, a, lane] - work.box[0, lane]) * work.box[1, lane]
-        work.t[lane] = (points[1, a, lane] - work.box[2, lane]) * work.box[3, lane]
-    powers(work.s, highest, work.powers_s)
-    powers(work.t, highest, work.powers_t)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _solve(fit: KernelFit, count: int, work: Workspace) -> bool:
+    """Set up and solve the normal equations; False if they are rank deficient."""
+    powers(work.parameters[0], count, fit.highest_power, work.powers_s)
+    powers(work.parameters[1], count, fit.highest_power, work.powers_t)
+    for k in range(fit.moment_exponents.shape[0]):
+        a, b = fit.moment_exponents[k, 0], fit.moment_exponents[k, 1]
+        work.moments[k] = dot(work.powers_s[a], work.powers_t[b], count)
+    for k in range(fit.moment_place.shape[0]):
+        work.matrix[k] = work.moments[fit.moment_place[k]] + fit.penalty[k]
+    order = fit.exponents.shape[0]
+    for k in range(order):
+        if fit.prior[k] != 0.0:  # per length, hence in the units of this neighbourhood:
+            degree = fit.exponents[k, 0] + fit.exponents[k, 1]
+            work.matrix[k * (k + 1) // 2 + k] += fit.prior[k] * work.box[1] ** (2 * degree)
+    for b in range(fit.highest_power // 2 + 1):
+        for p in range(count):
+            work.lifted_t[b, p] = work.powers_t[b, p] * work.points[2, p]
+    for k in range(order):
+        a, b = fit.exponents[k, 0], fit.exponents[k, 1]
+        work.coefficients[k] = dot(work.powers_s[a], work.lifted_t[b], count)
+    return cholesky_solve(work.matrix, work.coefficients, order, fit.smallest_pivot)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _accumulate(fit: KernelFit, points: FloatArray, longest: int, work: Workspace) -> None:
-    """Moments of the points, and the right-hand side A^T z."""
-    degree = fit.highest_power // 2
-    work.moments[:] = 0.0
-    work.coefficients[:] = 0.0
-    for a in range(longest):
-        _parameters(points, a, fit.highest_power, work)
-        for k in range(fit.highest_power + 1):
-            for lane in range(LANES):
-                work.powers_s[k, lane] *= points[3, a, lane]
-        add_products(work.powers_s, work.powers_t, fit.moment_exponents, work.moments)
-        for k in range(degree + 1):
-            for lane in range(LANES):
-                work.powers_t[k, lane] *= points[2, a, lane]
-        add_products(work.powers_s, work.powers_t, fit.exponents, work.coefficients)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _derivatives_at_vertices(fit: KernelFit, work: Workspace) -> None:
-    """Derivatives by (s, t) at the vertices themselves, the origins of their frames."""
-    for lane in range(LANES):
-        work.s[lane] = -work.box[0, lane] * work.box[1, lane]
-        work.t[lane] = -work.box[2, lane] * work.box[3, lane]
-    powers(work.s, fit.highest_power // 2, work.powers_s)
-    powers(work.t, fit.highest_power // 2, work.powers_t)
-    polynomial_derivatives(work.coefficients, fit.exponents, work.powers_s, work.powers_t, work.jet)
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _residuals(fit: KernelFit, points: FloatArray, longest: int, work: Workspace) -> None:
-    """Weighted sums of the squared heights of the points over their patches."""
-    work.residual[:] = 0.0
-    for a in range(longest):
-        _parameters(points, a, fit.highest_power // 2, work)
-        difference = work.s
-        for lane in range(LANES):
-            difference[lane] = -points[2, a, lane]
-        for k in range(fit.exponents.shape[0]):
-            i, j = fit.exponents[k, 0], fit.exponents[k, 1]
-            for lane in range(LANES):
-                difference[lane] += work.coefficients[k, lane] * work.powers_s[i, lane] * work.powers_t[j, lane]
-        for lane in range(LANES):
-            work.residual[lane] += points[3, a, lane] * difference[lane] * difference[lane]
+def _residual(fit: KernelFit, count: int, work: Workspace) -> float:
+    """Root mean square height of the points over the fitted polynomial."""
+    residual = work.residual
+    for p in range(count):
+        residual[p] = -work.points[2, p]
+    for k in range(fit.exponents.shape[0]):
+        coefficient = work.coefficients[k]
+        s, t = work.powers_s[fit.exponents[k, 0]], work.powers_t[fit.exponents[k, 1]]
+        for p in range(count):
+            residual[p] += coefficient * s[p] * t[p]
+    return float(np.sqrt(dot(residual, residual, count) / count))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -246,19 +199,23 @@ def _frame(mesh: KernelMesh, fit: KernelFit, members: IntArray, count: int, inne
         return NO_FRAME
     if count < fit.fewest_points:
         return ILL_POSED
-    if not fit.allow_folds and folds(
-        mesh.vertices,
-        mesh.faces,
-        mesh.face_ptr,
-        mesh.face_indices,
-        mesh.normals,
-        mesh.safe_cosine,
-        members,
-        inner,
-        nx,
-        ny,
-        nz,
-    ):
+    if fit.most_turned >= 0.0:
+        folded = turned_share(mesh.normals, members, inner, nx, ny, nz) > fit.most_turned
+    else:
+        folded = folds(
+            mesh.vertices,
+            mesh.faces,
+            mesh.face_ptr,
+            mesh.face_indices,
+            mesh.normals,
+            mesh.safe_cosine,
+            members,
+            inner,
+            nx,
+            ny,
+            nz,
+        )
+    if folded:
         return FOLDED
     valence = mesh.ring_ptr[i + 1] - mesh.ring_ptr[i]
     xx, xy, xz = farthest_direction(mesh.vertices, members, valence, count, nx, ny, nz)
@@ -271,21 +228,9 @@ def _frame(mesh: KernelMesh, fit: KernelFit, members: IntArray, count: int, inne
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _project(
-    vertices: FloatArray,
-    members: IntArray,
-    count: int,
-    square: bool,
-    frame: FloatArray,
-    points: FloatArray,
-    box: FloatArray,
-) -> bool:
-    """Write local coordinates and weights into points[:, :count], and the parameter rectangle.
-
-    box is (middle, 1 / half width) along x, then along y. Returns False where the rectangle has
-    no area.
-    """
-    i = members[0]
+def _project(vertices: FloatArray, members: IntArray, count: int, square: bool, work: Workspace) -> bool:
+    """Local coordinates and parameters of the points; False if the parameter rectangle has no area."""
+    i, frame, points, box = members[0], work.frame, work.points, work.box
     low_x, high_x, low_y, high_y, radius = 0.0, 0.0, 0.0, 0.0, 0.0
     for a in range(count):
         j = members[a]
@@ -295,7 +240,6 @@ def _project(
         points[0, a] = x
         points[1, a] = y
         points[2, a] = dx * frame[6] + dy * frame[7] + dz * frame[8]
-        points[3, a] = 1.0
         low_x, high_x = min(low_x, x), max(high_x, x)
         low_y, high_y = min(low_y, y), max(high_y, y)
         radius = max(radius, x * x + y * y)
@@ -307,4 +251,7 @@ def _project(
         return False
     box[0], box[1] = 0.5 * (low_x + high_x), 2.0 / width
     box[2], box[3] = 0.5 * (low_y + high_y), 2.0 / height
+    for a in range(count):
+        work.parameters[0, a] = (points[0, a] - box[0]) * box[1]
+        work.parameters[1, a] = (points[1, a] - box[2]) * box[3]
     return True

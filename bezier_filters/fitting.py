@@ -8,7 +8,7 @@ import numpy as np
 from bezier_filters.arrays import FloatArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.patch import BezierPatch, ParameterRectangle
-from bezier_filters.polynomials import monomials_from_bernstein
+from bezier_filters.polynomials import PolynomialSpace, monomials_from_bernstein, tensor_space
 from bezier_filters.smoothness import Smoothness, smoothness_matrix
 
 DEGREES = (2, 3, 4)
@@ -43,6 +43,11 @@ class PatchFit:
         if not isinstance(self.alpha, Real) or not 0.0 < self.alpha <= 1.0:
             raise InvalidParameterError(f"alpha: got {self.alpha!r}, expected a number in (0, 1]")
         smoothness_matrix(self.smoothness, self.degree)
+
+    @property
+    def space(self) -> PolynomialSpace:
+        """The polynomials of the patch."""
+        return tensor_space(self.degree)
 
     @property
     def smoothness_rows(self) -> FloatArray:

@@ -130,6 +130,21 @@ def folds(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def turned_share(normals: FloatArray, members: IntArray, count: int, nx: float, ny: float, nz: float) -> float:
+    """Share of members[:count] whose own normal turns away from (nx, ny, nz).
+
+    Noise folds single faces of a wide neighbourhood; where the surface itself turns away, so do
+    the vertex normals of a whole part of it.
+    """
+    turned = 0
+    for a in range(count):
+        j = members[a]
+        if normals[j, 0] * nx + normals[j, 1] * ny + normals[j, 2] * nz <= FOLD_COSINE:
+            turned += 1
+    return turned / max(count, 1)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def mean_normal(normals: FloatArray, members: IntArray, count: int) -> tuple[float, float, float]:
     """Normalised mean of the normals of members[:count], zero if they cancel out."""
     x, y, z = 0.0, 0.0, 0.0

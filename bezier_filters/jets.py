@@ -6,7 +6,6 @@ import numpy as np
 from numba import njit
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.lanes import LANES
 
 
 class GraphGeometry(NamedTuple):
@@ -20,31 +19,28 @@ class GraphGeometry(NamedTuple):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def polynomial_derivatives(
-    coefficients: FloatArray, exponents: IntArray, powers_s: FloatArray, powers_t: FloatArray, jet: FloatArray
-) -> None:
-    """Partial derivatives jet[r, q] of polynomials, r times by s and q times by t, r + q <= 2.
+def polynomial_derivatives(coefficients: FloatArray, exponents: IntArray, s: float, t: float, jet: FloatArray) -> None:
+    """Partial derivatives jet[r, q] of a polynomial at (s, t), r times by s and q times by t, r + q <= 2.
 
     Parameters
     ----------
-    coefficients : (m, LANES) float64
+    coefficients : (m,) float64
         Coefficients of the monomials s^a t^b.
     exponents : (m, 2) int32
         The pairs (a, b).
-    powers_s, powers_t : (p, LANES) float64
-        Powers of s and t where the derivatives are wanted.
-    jet : (3, 3, LANES) float64
+    s, t : float
+        Where the derivatives are wanted.
+    jet : (3, 3) float64
         Receives them.
     """
     jet[:] = 0.0
     for k in range(exponents.shape[0]):
         a, b = exponents[k, 0], exponents[k, 1]
-        factor_s = 1.0
+        factor_s = coefficients[k]
         for r in range(min(a, 2) + 1):
             factor = factor_s
             for q in range(min(b, 2 - r) + 1):
-                for lane in range(LANES):
-                    jet[r, q, lane] += factor * coefficients[k, lane] * powers_s[a - r, lane] * powers_t[b - q, lane]
+                jet[r, q] += factor * s ** (a - r) * t ** (b - q)
                 factor *= b - q
             factor_s *= a - r
 

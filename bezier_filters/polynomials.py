@@ -53,6 +53,12 @@ def tensor_space(degree: int) -> PolynomialSpace:
     return PolynomialSpace(np.column_stack([a, b]).astype(np.int32))
 
 
+def total_degree_space(degree: int) -> PolynomialSpace:
+    """Polynomials of total degree d: (d + 1)(d + 2) / 2 monomials, ordered by total degree."""
+    pairs = [(total - b, b) for total in range(degree + 1) for b in range(total + 1)]
+    return PolynomialSpace(np.array(pairs, dtype=np.int32))
+
+
 def monomials_from_bernstein(degree: int) -> FloatArray:
     """Matrix from the control heights of a patch to the coefficients of its `tensor_space`."""
     along_one = centred_monomials(degree)

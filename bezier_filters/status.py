@@ -15,13 +15,14 @@ class FitStatus(IntEnum):
 
     OK = 0, "fitted as asked"
     WIDER_RING = 1, "fitted on more rings than asked for: too few or badly placed points"
-    OTHER_PLANE = 2, "fitted over another plane: the projection along the vertex normal folds"
-    ONE_RING = 3, "quadratic fit of the 1-ring: wider neighbourhoods fold in every plane"
-    LOWER_DEGREE = 4, "quadratic fit: too few or badly placed points for the patch asked for"
-    FOLDED = 5, "quadratic fit of a folded neighbourhood: unreliable"
-    NORMAL_ONLY = 6, "mean face normal; no curvature: fewer than six usable points"
-    ISOLATED = 7, "no usable face at this vertex: nothing estimated"
-    SKIPPED = 8, "not selected: nothing estimated"
+    NARROWER_RING = 2, "fitted on fewer rings than chosen: the wider ones fold in the projection"
+    OTHER_PLANE = 3, "fitted over another plane: the projection along the vertex normal folds"
+    ONE_RING = 4, "quadratic fit of the 1-ring: wider neighbourhoods fold in every plane"
+    LOWER_DEGREE = 5, "quadratic fit: too few or badly placed points for the patch asked for"
+    FOLDED = 6, "quadratic fit of a folded neighbourhood: unreliable"
+    NORMAL_ONLY = 7, "mean face normal; no curvature: fewer than six usable points"
+    ISOLATED = 8, "no usable face at this vertex: nothing estimated"
+    SKIPPED = 9, "not selected: nothing estimated"
 
     message: str
 

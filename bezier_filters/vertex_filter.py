@@ -6,7 +6,7 @@ Everything that can be refused is refused before the first write.
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.color_range import color_range
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
-from bezier_filters.estimation import empty_geometry, estimate_vertex_geometry
+from bezier_filters.estimation import Automatic, empty_geometry, estimate_vertex_geometry
 from bezier_filters.fields import PREFIX, ScalarField
 from bezier_filters.mesh_attributes import (
     check_finite,
@@ -67,9 +67,9 @@ class VertexFilter:
 class FitOptions:
     """Arguments for `estimate_vertex_geometry`."""
 
-    rings: int
-    alpha: float
-    degree: int
+    rings: int | Automatic
+    alpha: float | Automatic
+    degree: int | Automatic
     smoothness: Smoothness
     threads: int | None
     progress: Progress | None
@@ -151,6 +151,7 @@ def run_filter(ms: MeshSet, vertex_filter: VertexFilter, fit: FitOptions, output
                     color_by_quality(ms, *limits, output.colormap)
     report: dict[str, Any] = {
         "status": geometry.status_counts(),
+        "fit": asdict(geometry.fit),
         "attributes": list(columns),
         "quality": None if output.quality is None else output.quality.name,
         "unit": None if output.quality is None else output.quality.unit,

@@ -10,6 +10,28 @@ from bezier_filters.status import FitStatus
 
 
 @dataclass(frozen=True)
+class FitChoice:
+    """How the vertices of a mesh were fitted.
+
+    Attributes
+    ----------
+    rings : int
+        Size of the neighbourhood in edges; some vertices may have needed another one.
+    degree : int
+        Degree of the patch, or total degree of the polynomial where `alpha` is None.
+    alpha : float or None
+        Weight of the points; None where the weight of every degree was learned.
+    noise_sigma : float or None
+        Standard deviation of the noise along the normal, a length; None where it was not learned.
+    """
+
+    rings: int
+    degree: int
+    alpha: float | None
+    noise_sigma: float | None
+
+
+@dataclass(frozen=True)
 class VertexGeometry:
     """Differential geometry at the vertices of a mesh; row ``i`` belongs to vertex ``i``.
 
@@ -33,6 +55,8 @@ class VertexGeometry:
         Number of rings of the neighbourhood that was fitted, 0 where nothing was.
     status : (n,) int32
         `FitStatus` codes.
+    fit : FitChoice
+        Neighbourhood, degree and weight that were used.
     """
 
     normals: FloatArray
@@ -43,6 +67,12 @@ class VertexGeometry:
     residual: FloatArray
     rings_used: IntArray
     status: IntArray
+    fit: FitChoice
+
+    @property
+    def noise_sigma(self) -> float | None:
+        """Standard deviation of the noise along the normal, a length; None where it was not learned."""
+        return self.fit.noise_sigma
 
     @property
     def mean_curvature(self) -> FloatArray:

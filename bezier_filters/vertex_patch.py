@@ -34,7 +34,7 @@ def vertex_patch(
     vertex : int
         Index of the vertex.
     rings, alpha, degree, smoothness
-        See `estimate_vertex_geometry`.
+        See `estimate_vertex_geometry`; numbers only.
 
     Returns
     -------

@@ -10,11 +10,14 @@ import bezier_filters
 
 PACKAGE = Path(bezier_filters.__file__).parent
 LAYERS = """
-_version arrays errors status bernstein lanes parallel compilation atomic color_range
+_version arrays errors status bernstein dense parallel compilation atomic color_range
 mesh polynomials smoothness patch differential_geometry jets vertex_geometry surfaces
 adjacency boundary fields
 neighbourhoods frames fitting diagnosis ply_columns
 fit_kernel vertex_patch field_files
+neighbourhood_samples
+surface_model
+plans
 fallbacks
 estimation
 meshset

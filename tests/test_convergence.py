@@ -12,7 +12,7 @@ RESOLUTIONS = {torus: (16, 24, 36, 54), waves: (24, 36, 54, 81)}
 def errors(make, resolution, **options):
     """RMS errors of the normal (radians), H (relative), and the mean edge, away from boundaries."""
     surface = make(resolution=resolution, jitter=0.3)
-    geometry = estimate_vertex_geometry(surface.vertices, surface.faces, **options)
+    geometry = estimate_vertex_geometry(surface.vertices, surface.faces, **({"rings": 2, "alpha": 0.8} | options))
     inner = np.ones(len(surface.vertices), dtype=bool)
     if make is waves:
         inner = np.abs(surface.vertices[:, :2]).max(axis=1) < 0.7
@@ -50,3 +50,10 @@ def test_the_paper_at_alpha_08_does_not_converge(make):
     table = np.array([errors(make, r, smoothness="paper", alpha=0.8) for r in resolutions])
     assert table[-1, 1] > 0.1
     assert table[-1, 1] > 0.9 * table[-2, 1]
+
+
+@pytest.mark.parametrize("make", [torus, waves])
+def test_orders_of_the_automatic_choice(make):
+    normal, mean = orders(make, rings="auto", alpha="auto")
+    assert normal >= 3
+    assert mean >= 2.5

@@ -13,6 +13,7 @@ from bezier_filters.differential_geometry import (
 )
 from bezier_filters.jets import GraphGeometry, write_graph_geometry
 from bezier_filters.surfaces import cylinder
+from bezier_filters.vertex_geometry import FitChoice
 
 angles = st.floats(0, 2 * np.pi)
 
@@ -72,6 +73,7 @@ def vertex_geometry(k_min, k_max):
         residual=np.zeros(1),
         rings_used=np.array([2], dtype=np.int32),
         status=np.array([FitStatus.OK], dtype=np.int32),
+        fit=FitChoice(2, 3, 0.8, None),
     )
 
 

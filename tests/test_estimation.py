@@ -23,7 +23,7 @@ from bezier_filters import (
 )
 from bezier_filters.estimation import empty_geometry
 from bezier_filters.fallbacks import Attempt, fit_with_fallbacks
-from bezier_filters.fit_kernel import FITTED
+from bezier_filters.fit_kernel import FITTED, kernel_mesh
 from bezier_filters.frames import TangentPlanes
 from bezier_filters.surfaces import (
     block_with_sharp_edges,
@@ -34,6 +34,7 @@ from bezier_filters.surfaces import (
 
 SAMPLES = Path(__file__).parent.parent / "sample_meshes"
 PAPER = {"rings": 2, "alpha": 0.8, "smoothness": "paper"}
+FIXED = {"rings": 2, "alpha": 0.8}
 
 
 def load_ply(path):
@@ -75,10 +76,11 @@ def fit_over_plane_z(x, y, z, fit, rings, ids=None):
     mesh = triangle_mesh(np.column_stack([x, y, z]), Delaunay(np.column_stack([x, y])).simplices)
     adjacency = vertex_adjacency(mesh)
     normals = np.tile([0.0, 0.0, 1.0], (len(x), 1))
+    arrays = kernel_mesh(mesh, adjacency, TangentPlanes(normals, np.full(len(x), 2.0)))
     geometry = empty_geometry(len(x))
-    attempt = Attempt(FitStatus.OK, frozenset({FITTED}), rings, fit, allow_folds=True)
+    attempt = Attempt(FitStatus.OK, frozenset({FITTED}), rings, fit, most_turned=1.0)
     ids = np.arange(len(x), dtype=np.int32) if ids is None else ids
-    fit_with_fallbacks(mesh, adjacency, TangentPlanes(normals, np.full(len(x), 2.0)), ids, [attempt], geometry)
+    fit_with_fallbacks(arrays, ids, [attempt], geometry)
     return geometry
 
 
@@ -157,7 +159,9 @@ def rotation(seed):
     return q * np.sign(np.linalg.det(q))
 
 
-@pytest.mark.parametrize("options", [{}, PAPER, {"degree": 4, "rings": 3}], ids=["default", "paper", "degree_4"])
+@pytest.mark.parametrize(
+    "options", [FIXED, PAPER, FIXED | {"degree": 4, "rings": 3}], ids=["fixed", "paper", "degree_4"]
+)
 class TestInvariance:
     """The same shape in another place, size, numbering or orientation has the same geometry."""
 
@@ -270,15 +274,15 @@ class TestStatus:
         x = x + 0.5 * np.round(y / np.sqrt(0.75))
         points = np.column_stack([x, y, 0.01 * x * y])
         mesh = triangle_mesh(points, Delaunay(points[:, :2]).simplices)
-        geometry = estimate_vertex_geometry(mesh.vertices, mesh.faces, alpha=1.0)
+        geometry = estimate_vertex_geometry(mesh.vertices, mesh.faces, rings=2, alpha=1.0)
         middle = 5 * 11 + 5
         assert geometry.status[middle] == FitStatus.WIDER_RING
         assert geometry.rings_used[middle] == 3
-        assert estimate_vertex_geometry(mesh.vertices, mesh.faces).status[middle] == FitStatus.OK
+        assert estimate_vertex_geometry(mesh.vertices, mesh.faces, **FIXED).status[middle] == FitStatus.OK
 
     def test_a_sharp_edge_takes_another_plane_or_the_one_ring(self):
         vertices, faces = block_with_sharp_edges()
-        geometry = estimate_vertex_geometry(vertices, faces)
+        geometry = estimate_vertex_geometry(vertices, faces, **FIXED)
         counts = geometry.status_counts()
         assert counts["OK"] > 0
         assert counts["OTHER_PLANE"] > 0
@@ -298,7 +302,7 @@ class TestStatus:
         x, y = (a.ravel() for a in np.meshgrid(np.linspace(-1, 1, 9), np.linspace(-1, 1, 9)))
         faces = Delaunay(np.column_stack([x, y])).simplices
         slope = np.tan(np.radians(85))
-        geometry = estimate_vertex_geometry(np.column_stack([x, y, -slope * np.abs(x)]), faces)
+        geometry = estimate_vertex_geometry(np.column_stack([x, y, -slope * np.abs(x)]), faces, **FIXED)
         counts = geometry.status_counts()
         assert np.isfinite(geometry.k_max).all()
         assert counts.get("OK", 0) < len(x)
@@ -351,6 +355,8 @@ def test_two_python_threads_may_estimate_at_once(bunny):
         ({"threads": "a"}, InvalidParameterError, "threads: got 'a'"),
         ({"alpha": 1.5}, InvalidParameterError, "alpha: got 1.5"),
         ({"degree": 7}, InvalidParameterError, "degree: got 7"),
+        ({"degree": 6, "alpha": 0.5}, InvalidParameterError, "degree: got 6"),
+        ({"smoothness": "none"}, InvalidParameterError, "smoothness: got 'none'"),
         ({"threads": 0}, InvalidParameterError, "threads: got 0"),
         ({"selected": np.ones(3)}, InvalidParameterError, "selected: got float64"),
         ({"faces": [[0, 1, 9999]]}, InvalidMeshError, "faces: indices run from 0 to 9999"),
