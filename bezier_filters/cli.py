@@ -107,7 +107,7 @@ def curvature(
     source: Source,
     target: Target,
     quality: Annotated[
-        str, typer.Option(help="Quality to set: mean, gaussian, min, max, curvedness or shape_index.")
+        str, typer.Option(help="Quality to set: mean, gaussian, min, max, curvedness, shape_index or std.")
     ] = "mean",
     rings: Rings = "auto",
     alpha: Alpha = "auto",

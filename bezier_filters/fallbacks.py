@@ -1,7 +1,7 @@
 """What is tried at a vertex, in order, until one fit is sound."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from bezier_filters.jets import GraphGeometry
 from bezier_filters.parallel import Progress, RangeTask, run_in_chunks
 from bezier_filters.plans import MOST_TURNED, FitPlan
 from bezier_filters.status import FitStatus
+from bezier_filters.uncertainty import StandardErrors
 from bezier_filters.vertex_geometry import VertexGeometry
 
 SMALLEST_PIVOT = 1e-6
@@ -43,6 +44,8 @@ class Attempt:
     most_turned : float
         Share of the vertices whose normals may turn away from the plane; if negative, not even a
         single face may fold.
+    noise : float
+        Standard deviation of the heights, a length, for the standard errors; 0 for none.
     """
 
     status: FitStatus
@@ -51,6 +54,7 @@ class Attempt:
     fit: PatchFit | FitPlan
     mean_plane: bool = False
     most_turned: float = -1.0
+    noise: float = 0.0
 
 
 def fallback_chain(rings: int, fit: PatchFit) -> Iterator[Attempt]:
@@ -84,15 +88,17 @@ def planned_chain(plans: Sequence[FitPlan], chosen: FitPlan) -> Iterator[Attempt
     so these fits take the mean plane and mind only folds of the surface.
     """
     ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED})
-    yield Attempt(FitStatus.OK, frozenset({FITTED}), chosen.rings, chosen, mean_plane=True, most_turned=MOST_TURNED)
-    narrower = sorted((plan for plan in plans if plan.rings < chosen.rings), key=lambda plan: -plan.rings)
-    for plan in narrower:
-        yield Attempt(FitStatus.NARROWER_RING, folded, plan.rings, plan, mean_plane=True, most_turned=MOST_TURNED)
+
+    def planned(status: FitStatus, after: frozenset[int], rings: int, plan: FitPlan) -> Attempt:
+        return Attempt(status, after, rings, plan, mean_plane=True, most_turned=MOST_TURNED, noise=plan.noise)
+
+    yield planned(FitStatus.OK, frozenset({FITTED}), chosen.rings, chosen)
+    for plan in sorted((plan for plan in plans if plan.rings < chosen.rings), key=lambda plan: -plan.rings):
+        yield planned(FitStatus.NARROWER_RING, folded, plan.rings, plan)
     for more in range(1, MORE_RINGS + 1):
-        yield Attempt(
-            FitStatus.WIDER_RING, ill_posed, chosen.rings + more, chosen, mean_plane=True, most_turned=MOST_TURNED
-        )
-    yield from last_resorts(min(chosen.rings, 2))
+        yield planned(FitStatus.WIDER_RING, ill_posed, chosen.rings + more, chosen)
+    for attempt in last_resorts(min(chosen.rings, 2)):
+        yield replace(attempt, noise=chosen.noise)
 
 
 def fit_with_fallbacks(
@@ -143,10 +149,12 @@ def _run(
         geometry.normals, geometry.k_min, geometry.k_max, geometry.direction_min, geometry.direction_max
     )
 
+    errors = StandardErrors(geometry.normal_std, geometry.mean_curvature_std, geometry.gaussian_curvature_std)
+
     def make_task() -> RangeTask:
         visited, members = np.full(n, -1, dtype=np.int32), np.empty(n, dtype=np.int32)
         return lambda start, stop: fit_vertices(
-            mesh, fit, ids, start, stop, visited, members, result, geometry.residual, outcomes
+            mesh, fit, ids, start, stop, visited, members, result, errors, geometry.residual, outcomes
         )
 
     run_in_chunks(make_task, len(ids), threads=threads, progress=progress)
@@ -160,10 +168,13 @@ def kernel_fit(attempt: Attempt) -> KernelFit:
     moment_exponents, moment_place = fit.space.moments
     if isinstance(fit, PatchFit):
         fewest, square, penalty = fit.free_coefficients, fit.smoothness != "paper", fit.monomial_penalty[lower]
-        prior, smallest_pivot = np.zeros(fit.space.dimension), SMALLEST_PIVOT
+        prior, smallest_pivot = np.zeros(len(lower[0])), SMALLEST_PIVOT
     else:
         fewest, square, penalty = 6, True, np.zeros(len(lower[0]))
-        prior, smallest_pivot = fit.prior, SMALLEST_PRIOR_PIVOT
+        prior, smallest_pivot = fit.prior[lower], SMALLEST_PRIOR_PIVOT
+    entries = np.flatnonzero(prior)
+    degrees = fit.space.total_degrees[lower[0]][entries]
+    places: IntArray = entries[np.argsort(degrees, kind="stable")].astype(np.int32)
     return KernelFit(
         rings=attempt.rings,
         fewest_points=fewest,
@@ -175,8 +186,12 @@ def kernel_fit(attempt: Attempt) -> KernelFit:
         moment_exponents=moment_exponents,
         moment_place=moment_place,
         penalty=penalty,
-        prior=prior,
+        prior=prior[places],
+        prior_place=places,
+        prior_degree=np.sort(degrees).astype(np.int32),
         smallest_pivot=smallest_pivot,
+        noise=attempt.noise,
+        derivative_places=fit.space.places([(1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]),
     )
 
 

@@ -52,6 +52,7 @@ CURVATURE_FIELDS = {
         ScalarField("max", "k_max", "largest principal curvature", "1/length", signed=True),
         ScalarField("curvedness", "curvedness", "curvedness", "1/length", signed=False),
         ScalarField("shape_index", "shape_index", "shape index", "", signed=True),
+        ScalarField("std", "mean_curvature_std", "standard error of the mean curvature", "1/length", signed=False),
     )
 }
 TORSION_FIELD = ScalarField("torsion", "geodesic_torsion", "principal geodesic torsion", "1/length", signed=False)
@@ -73,7 +74,11 @@ def diagnostic_columns(geometry: VertexGeometry) -> dict[str, FloatArray]:
 
 def normal_columns(geometry: VertexGeometry) -> dict[str, FloatArray]:
     """Mesh columns of the normal filter."""
-    return vector_components("normal", geometry.normals) | diagnostic_columns(geometry)
+    return (
+        vector_components("normal", geometry.normals)
+        | {PREFIX + "normal_std": geometry.normal_std}
+        | diagnostic_columns(geometry)
+    )
 
 
 def curvature_columns(geometry: VertexGeometry) -> dict[str, FloatArray]:
@@ -81,6 +86,7 @@ def curvature_columns(geometry: VertexGeometry) -> dict[str, FloatArray]:
     scalars = {field.mesh_attribute: field.values(geometry) for field in CURVATURE_FIELDS.values()}
     return (
         scalars
+        | {PREFIX + "gaussian_curvature_std": geometry.gaussian_curvature_std}
         | vector_components("direction_min", geometry.direction_min)
         | vector_components("direction_max", geometry.direction_max)
         | diagnostic_columns(geometry)

@@ -55,7 +55,8 @@ def compute_normal_by_bezier_patch_per_vertex(
 
     The normals have unit length and point to the side from which the faces are counter-clockwise.
     Vertices where nothing could be fitted keep theirs. The custom scalar attributes ``bz_normal_x``,
-    ``_y``, ``_z``, ``bz_normal_angle`` (degrees), ``bz_fit_status`` (`FitStatus` codes), ``bz_rings_used`` and
+    ``_y``, ``_z``, ``bz_normal_angle`` (degrees), ``bz_normal_std`` (standard error, radians),
+    ``bz_fit_status`` (`FitStatus` codes), ``bz_rings_used`` and
     ``bz_residual`` (length) are added or overwritten. Nothing else in the MeshSet changes: not its
     selections, colours (unless asked for), textures, other attributes or filter script. Running it again
     overwrites the columns and leaves an attribute ``outlierScore`` of zeros.
@@ -147,7 +148,8 @@ def compute_curvature_by_bezier_patch_per_vertex(
     Curvatures are positive on a convex body with outward normals, as in pymeshlab, and have the unit
     1/length; the Gaussian curvature has 1/length^2. The custom scalar attributes
     ``bz_mean_curvature``, ``bz_gaussian_curvature``, ``bz_k_min``, ``bz_k_max``, ``bz_curvedness``,
-    ``bz_shape_index``, the unit principal directions ``bz_direction_min_x``, ``_y``, ``_z`` and
+    ``bz_shape_index``, the standard errors ``bz_mean_curvature_std`` and ``bz_gaussian_curvature_std`` (0 where
+    alpha is given), the unit principal directions ``bz_direction_min_x``, ``_y``, ``_z`` and
     ``bz_direction_max_x``, ``_y``, ``_z`` (of arbitrary sign), ``bz_fit_status`` (`FitStatus` codes),
     ``bz_rings_used`` and ``bz_residual`` (length) are added or overwritten. Where there is no estimate they
     hold 0. Nothing else in the MeshSet changes: not its normals, selections, colours (unless asked for),
@@ -170,8 +172,9 @@ def compute_curvature_by_bezier_patch_per_vertex(
     smoothness : {"third_order", "paper"}
         ``"paper"`` is the method of Li, Barsky, Jin (2009) to the letter, whose curvature is biased; see
         `estimate_vertex_geometry`.
-    quality : {"mean", "gaussian", "min", "max", "curvedness", "shape_index"} or None
-        What the vertex quality becomes. None leaves the quality alone.
+    quality : {"mean", "gaussian", "min", "max", "curvedness", "shape_index", "std"} or None
+        What the vertex quality becomes; "std" is the standard error of the mean curvature. None
+        leaves the quality alone.
     onselected : bool
         Only selected vertices get new quality and columns; if there are none, the vertices of the
         selected faces. The others keep theirs, or get 0 where a column or the quality is new.

@@ -17,6 +17,7 @@ from bezier_filters.frames import TangentPlanes, farthest_direction, folds, mean
 from bezier_filters.jets import GraphGeometry, polynomial_derivatives, write_graph_geometry
 from bezier_filters.mesh import TriangleMesh
 from bezier_filters.neighbourhoods import collect_ring
+from bezier_filters.uncertainty import StandardErrors, write_standard_errors
 
 FITTED, NO_FRAME, FOLDED, ILL_POSED = 0, 1, 2, 3
 """Outcomes of one attempt at one vertex."""
@@ -62,8 +63,12 @@ class KernelFit(NamedTuple):
     moment_exponents: IntArray
     moment_place: IntArray
     penalty: FloatArray
-    prior: FloatArray
+    prior: FloatArray  # non-zero entries of the prior, per length,
+    prior_place: IntArray  # where they belong in the packed matrix,
+    prior_degree: IntArray  # and their degree, ascending
     smallest_pivot: float
+    noise: float  # standard deviation of the heights; 0 for no standard errors
+    derivative_places: IntArray  # of the coefficients of x, y, x^2, x y, y^2
 
 
 class Workspace(NamedTuple):
@@ -81,6 +86,7 @@ class Workspace(NamedTuple):
     frame: FloatArray  # (9,): x, y and z axes
     box: FloatArray  # (4,): middle and reciprocal half width of the parameter rectangle along x, then y
     jet: FloatArray  # (3, 3)
+    sensitivities: FloatArray  # (4, order)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -93,6 +99,7 @@ def fit_vertices(
     visited: IntArray,
     members: IntArray,
     result: GraphGeometry,
+    errors: StandardErrors,
     residuals: FloatArray,
     outcomes: IntArray,
 ) -> None:
@@ -117,16 +124,30 @@ def fit_vertices(
             work.coefficients, fit.exponents, -work.box[0] * work.box[1], -work.box[2] * work.box[3], work.jet
         )
         jet, sx, sy = work.jet, work.box[1], work.box[3]
-        write_graph_geometry(
+        zx, zy, zxx, zxy, zyy = (
             jet[1, 0] * sx,
             jet[0, 1] * sy,
             jet[2, 0] * sx * sx,
             jet[1, 1] * sx * sy,
             jet[0, 2] * sy * sy,
-            work.frame,
-            i,
-            result,
         )
+        write_graph_geometry(zx, zy, zxx, zxy, zyy, work.frame, i, result)
+        if fit.noise > 0.0:
+            write_standard_errors(
+                work.matrix,
+                fit.exponents.shape[0],
+                fit.derivative_places,
+                fit.noise,
+                sx,
+                zx,
+                zy,
+                zxx,
+                zxy,
+                zyy,
+                work.sensitivities,
+                i,
+                errors,
+            )
         residuals[i] = _residual(fit, count, work)
 
 
@@ -147,6 +168,7 @@ def _workspace(fit: KernelFit, capacity: int) -> Workspace:
         np.empty(9),
         np.empty(4),
         np.empty((3, 3)),
+        np.empty((4, order)),
     )
 
 
@@ -161,10 +183,12 @@ def _solve(fit: KernelFit, count: int, work: Workspace) -> bool:
     for k in range(fit.moment_place.shape[0]):
         work.matrix[k] = work.moments[fit.moment_place[k]] + fit.penalty[k]
     order = fit.exponents.shape[0]
-    for k in range(order):
-        if fit.prior[k] != 0.0:  # per length, hence in the units of this neighbourhood:
-            degree = fit.exponents[k, 0] + fit.exponents[k, 1]
-            work.matrix[k * (k + 1) // 2 + k] += fit.prior[k] * work.box[1] ** (2 * degree)
+    degree, scale = 0, 1.0
+    for k in range(fit.prior.shape[0]):
+        while degree < fit.prior_degree[k]:  # from units of length to those of this neighbourhood
+            degree += 1
+            scale *= work.box[1] * work.box[1]
+        work.matrix[fit.prior_place[k]] += fit.prior[k] * scale
     for b in range(fit.highest_power // 2 + 1):
         for p in range(count):
             work.lifted_t[b, p] = work.powers_t[b, p] * work.points[2, p]

@@ -12,21 +12,20 @@ from bezier_filters.neighbourhood_samples import sample_neighbourhoods
 from bezier_filters.polynomials import PolynomialSpace, total_degree_space
 from bezier_filters.surface_model import (
     FREE_DEGREE,
-    MODEL_DEGREE,
     RingAnalysis,
     RingModel,
     SurfaceModel,
     analyse_ring,
+    harmonic_basis,
     learn_noise,
-    monomial_scales,
 )
 
 CANDIDATE_RINGS = (2, 3, 4, 5, 6, 8, 10)
 CANDIDATE_DEGREES = (2, 3, 4, 5, 6)
 PRIOR_STRENGTHS = (1.0, 0.03, 0.001)
 """The prior takes what a degree leaves out for noise; on regular meshes it cancels out, and less is better."""
-SMALLEST_VARIANCE = 1e-12
-"""Of a degree, relative to the others and to the noise: the prior stays finite."""
+STRONGEST_PRIOR = 1e5
+"""Times what the points say of a term: leaves nothing of it, and the normal equations well conditioned."""
 NEAR_RINGS = 5
 """Most meshes need no wider rings than these, of which many neighbourhoods can be afforded."""
 SAMPLES = {2: 300, 3: 300, 4: 200, 5: 150, 6: 120, 8: 80, 10: 60}
@@ -51,8 +50,11 @@ class FitPlan:
         Size of the neighbourhood.
     degree : int
         Total degree of the polynomial.
-    prior : (m,) float64
-        sigma^2 / tau_j^2 of every coefficient, for coordinates in units of length.
+    prior : (m, m) float64
+        sigma^2 times the inverse covariance of the monomials' coefficients, for coordinates in
+        units of length; it couples only monomials of the same degree.
+    noise : float
+        Standard deviation of the heights over the fit: noise and what the degree leaves out, a length.
     normal_error : float
         Predicted standard error of the normal, radians.
     curvature_error : float
@@ -62,6 +64,7 @@ class FitPlan:
     rings: int
     degree: int
     prior: FloatArray
+    noise: float
     normal_error: float
     curvature_error: float
 
@@ -106,7 +109,7 @@ def learn_surface(
         analyses.append(analysis)
         surface = learn_noise(analyses)
         error = min(plan.error for plan in ring_plans(surface, surface.by_rings[-1]))
-        if k > 3 and error > HOPELESS * best:
+        if k > NEAR_RINGS and error > HOPELESS * best:
             break
         best = min(best, error)
     return learn_noise(analyses) if analyses else None
@@ -134,25 +137,28 @@ def _plan(surface: SurfaceModel, ring: RingModel, degree: int, strength: float) 
     The estimate is linear in the heights, so its mean squared error is the noise that passes
     through plus, for each random term, what is lost of it or mistaken for slope and curvature.
     """
-    analysis, degrees = ring.analysis, total_degree_space(MODEL_DEGREE).total_degrees
-    m = int((degrees <= degree).sum())
+    analysis, basis = ring.analysis, harmonic_basis()
+    m = int((basis.degrees <= degree).sum())
     # What the degree leaves out acts on the fit much like noise.
     noise = strength * analysis.mean_squares[degree]
-    variances = np.maximum(ring.variances, SMALLEST_VARIANCE * max(ring.variances.max(), noise, 1e-300))
-    prior = np.where(degrees[:m] <= FREE_DEGREE, 0.0, noise / variances[degrees[:m]])
+    strongest = STRONGEST_PRIOR * analysis.energies[:m]
+    prior = np.where(basis.degrees[:m] <= FREE_DEGREE, 0.0, noise / np.maximum(ring.variances[:m], noise / strongest))
     triangles = analysis.factors[:, :m, :m]
     normal_matrices = triangles.transpose(0, 2, 1) @ triangles
     normal_matrices[:, np.arange(m), np.arange(m)] += prior
-    wanted = np.arange(1, 6)  # two slopes and three second-order coefficients
+    wanted = np.arange(1, 6)  # two slopes, x^2 - y^2, 2 x y and x^2 + y^2
     solver = np.linalg.solve(normal_matrices, triangles.transpose(0, 2, 1))[:, wanted]
     transfer = solver @ analysis.factors[:, :m]
     transfer[:, np.arange(5), wanted] -= 1.0
-    squares = surface.sigma**2 * np.square(solver).sum(axis=2) + np.square(transfer) @ ring.variances[degrees]
+    squares = surface.sigma**2 * np.square(solver).sum(axis=2) + np.square(transfer) @ ring.variances
     mean = squares.mean(axis=0)
+    to_terms = np.linalg.inv(basis.monomials[:m, :m])
+    powers = analysis.radius ** basis.degrees[:m].astype(np.float64)
     return FitPlan(
         rings=analysis.rings,
         degree=degree,
-        prior=prior / monomial_scales()[:m] ** 2 * analysis.radius ** (2.0 * degrees[:m]),
+        prior=(to_terms.T * prior) @ to_terms * np.outer(powers, powers),
+        noise=float(np.sqrt(analysis.mean_squares[degree])),
         normal_error=float(np.sqrt(mean[:2].sum()) / analysis.radius),
-        curvature_error=float(np.sqrt(4.0 * mean[2:].sum()) / analysis.radius**2),
+        curvature_error=float(np.sqrt(8.0 * mean[2:].sum()) / analysis.radius**2),
     )

@@ -4,6 +4,7 @@ A Bezier patch and its monomial coefficients about the middle of the parameter r
 same polynomial; the latter make A^T A a table of moments and derivatives a matter of reading off.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -34,6 +35,10 @@ class PolynomialSpace:
     def total_degrees(self) -> IntArray:
         """A + b of every monomial, shape (m,)."""
         return np.asarray(self.exponents.sum(axis=1), dtype=np.int32)
+
+    def places(self, pairs: Sequence[tuple[int, int]]) -> IntArray:
+        """Indices of the monomials with the given exponents, which must be there."""
+        return np.array([np.flatnonzero((self.exponents == pair).all(axis=1))[0] for pair in pairs], dtype=np.int32)
 
     @cached_property
     def moments(self) -> tuple[IntArray, IntArray]:

@@ -1,15 +1,18 @@
 """What a sample of neighbourhoods says about a surface: its noise, and how fast it varies.
 
-Over a neighbourhood the height is a polynomial plus noise of standard deviation sigma. The terms
-of total degree j >= 3 count as random, with one variance tau_j^2 per degree and the
-rotation-invariant weights j! / (a! b!) between the monomials x^a y^b of one degree; height, slope
-and curvature are free. The variances follow from an analysis of variance: after orthogonalisation
-degree by degree, what the heights hold of degree j is noise plus terms of degree j and above.
+Over a neighbourhood the height is a polynomial plus noise of standard deviation sigma. Terms of
+total degree j >= 3 count as random; height, slope and curvature are free. A prior that does not
+prefer directions has one variance per degree j and angular frequency l of the terms
+r^j cos(l phi), r^j sin(l phi), l = j, j - 2, ...: the round ones (l = 0) act on the mean curvature,
+those with l = 2 on the difference of the principal curvatures. The variances follow from an
+analysis of variance: after orthogonalisation term by term, what the heights hold of a term is
+noise plus that term and later ones.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import factorial
+from functools import cache
+from math import comb
 
 import numpy as np
 
@@ -22,7 +25,7 @@ FREE_DEGREE = 2
 MODEL_DEGREE = 8
 """Degrees of the model; those that a fit leaves out are its bias."""
 SIGNIFICANT = 3.0
-"""Standard errors by which a degree must rise above the noise to be believed."""
+"""Standard errors by which a term must rise above the noise to be believed."""
 FEWEST_SAMPLES = 12
 FEWEST_POINTS_PER_COEFFICIENT = 1.2
 
@@ -40,15 +43,15 @@ class RingAnalysis:
     degree : int
         Highest degree J that the neighbourhoods determine.
     factors : (N, m, M) float64
-        Q^T A for the design matrices A of the neighbourhoods, Q being orthonormal for the m
-        monomials up to degree J; upper triangular in its first m columns. The M columns are all
-        monomials up to `MODEL_DEGREE`, scaled so that those of one degree have the same variance.
+        Q^T A for the design matrices A of the neighbourhoods, Q being orthonormal for the m terms
+        up to degree J; upper triangular in its first m columns. The M columns are the terms of
+        `harmonic_basis`.
     mean_squares : (J + 1,) float64
         Mean squared residual of fits of each degree without prior, length^2.
-    part_squares : (J + 1,) float64
-        Mean sum of squares of what the heights hold of each degree, length^2.
-    energies : (J + 1,) float64
-        What that sum would be if the terms of the degree had the variance 1 and all others 0.
+    part_squares : (m,) float64
+        Mean square of what the heights hold of each term, length^2.
+    energies : (m,) float64
+        What that would be if the term had the variance 1 and all others 0.
     """
 
     rings: int
@@ -67,8 +70,8 @@ class RingModel:
     Attributes
     ----------
     analysis : RingAnalysis
-    variances : (MODEL_DEGREE + 1,) float64
-        tau_j^2 for coordinates in units of the radius, length^2; 0 for the free degrees.
+    variances : (M,) float64
+        Of the terms, for coordinates in units of the radius, length^2; 0 for the free degrees.
     """
 
     analysis: RingAnalysis
@@ -91,10 +94,41 @@ class SurfaceModel:
     by_rings: tuple[RingModel, ...]
 
 
-def monomial_scales() -> FloatArray:
-    """sqrt(j! / (a! b!)) of the monomials x^a y^b up to `MODEL_DEGREE`, j = a + b."""
-    pairs = total_degree_space(MODEL_DEGREE).exponents.tolist()
-    return np.sqrt([factorial(a + b) / (factorial(a) * factorial(b)) for a, b in pairs])
+@dataclass(frozen=True)
+class HarmonicBasis:
+    """Terms r^j cos(l phi), r^j sin(l phi) up to `MODEL_DEGREE`, by ascending degree.
+
+    Attributes
+    ----------
+    degrees, frequencies : (M,) int32
+        j and l of every term.
+    monomials : (M, M) float64
+        Column k holds the coefficients of term k for the monomials of `total_degree_space`.
+    """
+
+    degrees: IntArray
+    frequencies: IntArray
+    monomials: FloatArray
+
+
+@cache
+def harmonic_basis() -> HarmonicBasis:
+    """The terms of the model."""
+    place = {tuple(pair): k for k, pair in enumerate(total_degree_space(MODEL_DEGREE).exponents.tolist())}
+    degrees, frequencies, columns = [], [], []
+    for degree in range(MODEL_DEGREE + 1):
+        for frequency in range(degree, -1, -2):
+            half = (degree - frequency) // 2
+            term = np.zeros(len(place), dtype=np.complex128)  # (x^2 + y^2)^half (x + i y)^frequency
+            for n in range(half + 1):
+                for k in range(frequency + 1):
+                    pair = (2 * (half - n) + frequency - k, 2 * n + k)
+                    term[place[pair]] += comb(half, n) * comb(frequency, k) * 1j**k
+            for part in (term.real, term.imag)[: 2 if frequency else 1]:
+                degrees.append(degree)
+                frequencies.append(frequency)
+                columns.append(part)
+    return HarmonicBasis(np.array(degrees, np.int32), np.array(frequencies, np.int32), np.column_stack(columns))
 
 
 def analyse_ring(sample: NeighbourhoodSample, rings: int, most: int) -> RingAnalysis | None:
@@ -105,8 +139,8 @@ def analyse_ring(sample: NeighbourhoodSample, rings: int, most: int) -> RingAnal
         return None
     sizes = present.sum(axis=1)
     degree = _determined_degree(float(np.percentile(sizes, 20)))
-    space = total_degree_space(MODEL_DEGREE)
-    m = int((space.total_degrees <= degree).sum())
+    basis = harmonic_basis()
+    m = int((basis.degrees <= degree).sum())
     enough = sizes > m
     points, present, sizes = points[enough], present[enough], sizes[enough]
     if len(points) < FEWEST_SAMPLES or degree <= FREE_DEGREE:
@@ -114,17 +148,17 @@ def analyse_ring(sample: NeighbourhoodSample, rings: int, most: int) -> RingAnal
     radius = float(np.median(np.sqrt(np.square(points[..., :2]).sum(axis=2).max(axis=1))))
     if not radius > 0.0:
         return None
-    design = _design(points[..., :2] / radius, space.exponents) * (monomial_scales() * present[..., np.newaxis])
+    design = (_monomials(points[..., :2] / radius) @ basis.monomials) * present[..., np.newaxis]
     q, _ = np.linalg.qr(design[..., :m])
     transposed = q.transpose(0, 2, 1)
     heights = points[..., 2, np.newaxis]
     parts = transposed @ heights
     left = np.square(heights - q @ parts).sum()
     factors = transposed @ design
-    blocks = [np.flatnonzero(space.total_degrees == j) for j in range(degree + 1)]
-    part_squares = np.array([np.square(parts[:, block]).sum() for block in blocks]) / len(points)
+    part_squares = np.square(parts[..., 0]).mean(axis=0)
     # Residuals of fits of degree J, J - 1, ...: what was left, and the parts given back.
-    given_back = np.cumsum(np.append(0.0, part_squares[:0:-1]))[::-1]
+    by_degree = np.bincount(basis.degrees[:m], weights=part_squares)
+    given_back = np.cumsum(np.append(0.0, by_degree[:0:-1]))[::-1]
     freedom = np.cumsum(np.append(0, np.arange(degree + 1, 1, -1)))[::-1]
     return RingAnalysis(
         rings=rings,
@@ -133,7 +167,7 @@ def analyse_ring(sample: NeighbourhoodSample, rings: int, most: int) -> RingAnal
         factors=factors,
         mean_squares=(left / len(points) + given_back) / ((sizes - m).mean() + freedom),
         part_squares=part_squares,
-        energies=np.array([np.square(factors[:, block][..., block]).sum() for block in blocks]) / len(points),
+        energies=np.square(factors[:, np.arange(m), np.arange(m)]).mean(axis=0),
     )
 
 
@@ -141,8 +175,9 @@ def learn_noise(analyses: Sequence[RingAnalysis]) -> SurfaceModel:
     """Find the noise, and the variances that it leaves to the surface.
 
     The noise is the smallest residual of a fit of the highest degree: where a neighbourhood is
-    wide enough for degrees beyond, they show as a larger residual. The variance of a degree takes
-    in what higher degrees look like over the ring, which errs on the side of less smoothing.
+    wide enough for degrees beyond, they show as a larger residual. The variance of a term takes
+    in what later ones look like over the ring, which errs on the side of less smoothing; of all
+    rings at least as wide, the one that says least is believed.
 
     Parameters
     ----------
@@ -151,18 +186,23 @@ def learn_noise(analyses: Sequence[RingAnalysis]) -> SurfaceModel:
     """
     reliable = [analysis for analysis in analyses if analysis.rings >= 3] or analyses
     noise = min(float(analysis.mean_squares[-1]) for analysis in reliable)
+    basis = harmonic_basis()
     models: list[RingModel] = []
+    smallest = np.full(len(basis.degrees), np.inf)  # variances so far, for coordinates in units of length
     for analysis in reversed(analyses):
-        known = slice(FREE_DEGREE + 1, analysis.degree + 1)
-        dimensions = np.arange(analysis.degree + 1) + 1
-        variances = np.zeros(MODEL_DEGREE + 1)
-        surplus = analysis.part_squares - noise * dimensions
-        by_chance = SIGNIFICANT * noise * np.sqrt(2.0 * dimensions / len(analysis.factors))
-        variances[known] = (np.where(surplus > by_chance, surplus, 0.0) / analysis.energies)[known]
-        if models:  # degrees that only wider rings determine, in the units of this one
-            wider = models[-1]
-            beyond = np.arange(analysis.degree + 1, MODEL_DEGREE + 1)
-            variances[beyond] = wider.variances[beyond] * (analysis.radius / wider.analysis.radius) ** (2 * beyond)
+        m = len(analysis.part_squares)
+        # Both terms of a frequency have one variance.
+        group = basis.degrees * (MODEL_DEGREE + 1) + basis.frequencies
+        size = np.bincount(group[:m])
+        surplus = np.bincount(group[:m], weights=analysis.part_squares - noise)
+        energy = np.bincount(group[:m], weights=analysis.energies)
+        by_chance = SIGNIFICANT * noise * np.sqrt(2.0 * size / len(analysis.factors))
+        believed = np.where(surplus > by_chance, surplus, 0.0) / np.maximum(energy, 1e-300)
+        # Every estimate errs upwards, a narrow ring's by the noise of terms that it hardly sees.
+        to_length = analysis.radius ** (-2.0 * basis.degrees)
+        smallest[:m] = np.minimum(smallest[:m], believed[group[:m]] * to_length[:m])
+        known = np.isfinite(smallest) & (basis.degrees > FREE_DEGREE)
+        variances = np.where(known, smallest, 0.0) / to_length
         models.append(RingModel(analysis, variances))
     return SurfaceModel(float(np.sqrt(noise)), tuple(reversed(models)))
 
@@ -174,8 +214,9 @@ def _determined_degree(points: float) -> int:
     return degree
 
 
-def _design(xy: FloatArray, exponents: IntArray) -> FloatArray:
-    """Monomials (..., M) of points (..., 2)."""
+def _monomials(xy: FloatArray) -> FloatArray:
+    """Monomials (..., M) of points (..., 2) up to `MODEL_DEGREE`."""
     powers = np.stack([xy**k for k in range(MODEL_DEGREE + 1)], axis=-1)
-    columns: FloatArray = powers[..., 0, exponents[:, 0]] * powers[..., 1, exponents[:, 1]]
+    a, b = total_degree_space(MODEL_DEGREE).exponents.T
+    columns: FloatArray = powers[..., 0, a] * powers[..., 1, b]
     return columns

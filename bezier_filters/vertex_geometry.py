@@ -51,6 +51,11 @@ class VertexGeometry:
         (``k_min == k_max``) so is the pair: compare lines, not vectors.
     residual : (n,) float64
         Root mean square height of the fitted points over the patch, in units of length.
+    normal_std : (n,) float64
+        Standard error of the normal: root mean square angle to the true one, in radians.
+    mean_curvature_std, gaussian_curvature_std : (n,) float64
+        Standard errors of H, 1/length, and K, 1/length^2. Like `normal_std` they follow from the
+        noise and the smoothness that were learned from the mesh, and are 0 where alpha was given.
     rings_used : (n,) int32
         Number of rings of the neighbourhood that was fitted, 0 where nothing was.
     status : (n,) int32
@@ -65,6 +70,9 @@ class VertexGeometry:
     direction_min: FloatArray
     direction_max: FloatArray
     residual: FloatArray
+    normal_std: FloatArray
+    mean_curvature_std: FloatArray
+    gaussian_curvature_std: FloatArray
     rings_used: IntArray
     status: IntArray
     fit: FitChoice

@@ -13,7 +13,7 @@ LAYERS = """
 _version arrays errors status bernstein dense parallel compilation atomic color_range
 mesh polynomials smoothness patch differential_geometry jets vertex_geometry surfaces
 adjacency boundary fields
-neighbourhoods frames fitting diagnosis ply_columns
+neighbourhoods frames fitting uncertainty diagnosis ply_columns
 fit_kernel vertex_patch field_files
 neighbourhood_samples
 surface_model

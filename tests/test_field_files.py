@@ -39,7 +39,12 @@ def geometry(n: int, seed: int = 0) -> VertexGeometry:
     k = np.sort(rng.normal(size=(2, n)), axis=0)
     codes = rng.integers(0, 5, size=(2, n)).astype(np.int32)
     return VertexGeometry(
-        *rng.normal(size=(1, n, 3)), *k, *rng.normal(size=(2, n, 3)), rng.random(n), *codes, FitChoice(2, 3, 0.8, None)
+        *rng.normal(size=(1, n, 3)),
+        *k,
+        *rng.normal(size=(2, n, 3)),
+        *rng.random((4, n)),
+        *codes,
+        FitChoice(2, 3, 0.8, None),
     )
 
 

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from bezier_filters import FitStatus, estimate_vertex_geometry
+from bezier_filters.polynomials import total_degree_space
+from bezier_filters.surface_model import harmonic_basis
 from bezier_filters.surfaces import bumpy_star, ellipsoid, height_field, monkey_saddle, sphere, torus, waves
 
 SURFACES = {
@@ -74,7 +76,7 @@ def test_the_automatic_choice_beats_every_single_setting_over_clean_and_noisy_me
 
 
 def test_wide_rings_are_taken_for_noise_and_narrow_ones_without():
-    surface = SURFACES["torus"](20)
+    surface = SURFACES["waves"](18)
     clean = estimate_vertex_geometry(surface.vertices, surface.faces).fit
     noisy = estimate_vertex_geometry(with_noise(surface, 0.1), surface.faces).fit
     assert clean.rings <= 4 < noisy.rings
@@ -141,3 +143,50 @@ def test_a_sharp_edge_keeps_its_curvature_to_itself():
     flat = (distance > 0.21) & ~notch
     assert flat.sum() > 100
     assert np.abs(geometry.mean_curvature[flat]).max() < 0.05
+
+
+@pytest.mark.parametrize("name", ["sphere", "torus", "waves"])
+@pytest.mark.parametrize("level", [0.02, 0.1])
+def test_standard_errors_have_the_size_of_the_errors(name, level):
+    """Within a factor of two; they are too small where a few places vary more than the rest."""
+    surface = SURFACES[name](24)
+    geometry = estimate_vertex_geometry(with_noise(surface, level), surface.faces)
+    mask = inner(surface)
+    error = (geometry.mean_curvature - surface.mean_curvature)[mask]
+    assert 0.5 < np.sqrt(np.mean(error**2) / np.mean(geometry.mean_curvature_std[mask] ** 2)) < 2.0
+
+
+def test_standard_errors_are_those_of_repeated_measurements():
+    """On a plane, where the fit is linear, the spread over many draws of the noise is known."""
+    plane = height_field(lambda x, y: [0 * x, 0, 0, 0, 0, 0], resolution=16, jitter=0.2)
+    draws = [estimate_vertex_geometry(with_noise(plane, 0.05, seed), plane.faces, rings=4) for seed in range(30)]
+    middle = np.flatnonzero(np.abs(plane.vertices[:, :2]).max(axis=1) < 0.3)
+    spread = np.sqrt(np.mean([geometry.mean_curvature[middle] ** 2 for geometry in draws]))
+    claimed = np.sqrt(np.mean([geometry.mean_curvature_std[middle] ** 2 for geometry in draws]))
+    assert claimed == pytest.approx(spread, rel=0.15)
+
+
+def test_standard_errors_scale_like_what_they_belong_to():
+    surface = SURFACES["ellipsoid"](12)
+    vertices = with_noise(surface, 0.05)
+    one = estimate_vertex_geometry(vertices, surface.faces)
+    ten = estimate_vertex_geometry(10.0 * vertices, surface.faces)
+    np.testing.assert_allclose(ten.normal_std, one.normal_std, rtol=1e-6)
+    np.testing.assert_allclose(10.0 * ten.mean_curvature_std, one.mean_curvature_std, rtol=1e-6)
+    np.testing.assert_allclose(100.0 * ten.gaussian_curvature_std, one.gaussian_curvature_std, rtol=1e-6)
+
+
+def test_there_are_no_standard_errors_without_a_learned_noise():
+    surface = SURFACES["torus"](8)
+    assert not estimate_vertex_geometry(surface.vertices, surface.faces, rings=2, alpha=0.8).mean_curvature_std.any()
+
+
+def test_the_terms_of_the_model_are_the_harmonics():
+    basis = harmonic_basis()
+    phi = np.linspace(0, 2 * np.pi, 50, endpoint=False)
+    xy = 0.7 * np.column_stack([np.cos(phi), np.sin(phi)])
+    a, b = total_degree_space(8).exponents.T
+    values = (xy[:, :1] ** a * xy[:, 1:] ** b) @ basis.monomials
+    for k, (j, frequency) in enumerate(zip(basis.degrees, basis.frequencies, strict=True)):
+        cosine, sine = 0.7**j * np.cos(frequency * phi), 0.7**j * np.sin(frequency * phi)
+        assert min(np.abs(values[:, k] - cosine).max(), np.abs(values[:, k] - sine).max()) < 1e-12
