@@ -20,7 +20,8 @@ check: .venv-dev/ready  ## style (ruff) and types (mypy)
 	.venv-dev/bin/ruff format --check .
 	.venv-dev/bin/mypy
 
-bench: .venv-dev/bench-ready  ## speed against MeshLab's and libigl's quadric fitting
+bench: .venv-dev/bench-ready  ## accuracy and speed next to MeshLab and libigl
+	.venv-dev/bin/python benchmarks/accuracy.py
 	.venv-dev/bin/python benchmarks/speed.py
 
 clean:  ## remove environments, caches and outputs
