@@ -31,20 +31,21 @@ def _auto_or(kind: type) -> Callable[[str], Any]:
     """Parser of an option that is a number or 'auto'."""
 
     def parse(text: str) -> Any:
-        return text if text == "auto" else kind(text)
+        try:
+            return text if text == "auto" else kind(text)
+        except ValueError:
+            raise typer.BadParameter(f"got {text!r}, expected a number or auto") from None
 
-    parse.__name__ = f"{kind.__name__} or auto"  # what the help and error messages show
     return parse
 
 
-Rings = Annotated[
-    Any,
-    typer.Option(help="Size of the fitted neighbourhood in edges; auto lets the data choose.", parser=_auto_or(int)),
-]
-Alpha = Annotated[
-    Any, typer.Option(help="Weight of the points against smoothness, in (0, 1], or auto.", parser=_auto_or(float))
-]
-Degree = Annotated[Any, typer.Option(help="Degree of the patch: 2, 3, 4, ... or auto.", parser=_auto_or(int))]
+def _number_option(kind: type, text: str) -> Any:
+    return typer.Option(help=text, parser=_auto_or(kind), metavar="NUMBER|auto")
+
+
+Rings = Annotated[Any, _number_option(int, "Size of the fitted neighbourhood in edges; auto lets the data choose.")]
+Alpha = Annotated[Any, _number_option(float, "Weight of the points against smoothness, in (0, 1].")]
+Degree = Annotated[Any, _number_option(int, "Degree of the patch, 2 to 4, or 2 to 6 if alpha is auto.")]
 SmoothnessName = Annotated[str, typer.Option(help="third_order (consistent) or paper (the method to the letter).")]
 Color = Annotated[bool, typer.Option("--color/--no-color", help="Colour the vertices by the quality.")]
 ColorMapName = Annotated[str, typer.Option(help="Colour map of pymeshlab: Turbo, RGB, Viridis, French RGB, ...")]

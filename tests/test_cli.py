@@ -105,6 +105,14 @@ def test_bad_input_ends_with_one_line_and_status_2(arguments, message, tmp_path)
     assert not list(tmp_path.glob("out.*"))
 
 
+def test_numbers_may_be_auto_and_nothing_else(tmp_path):
+    result = run("torsion", SAMPLES / "waves.ply", tmp_path / "w.ply", "--rings", "two")
+    assert result.returncode == 2
+    assert "got 'two', expected a number or auto" in " ".join(result.stderr.replace("│", "").split())
+    result = run("torsion", SAMPLES / "waves.ply", tmp_path / "w.ply", "--rings", 3, "--alpha", "auto", "--json")
+    assert json.loads(result.stdout)["fit"]["rings"] == 3
+
+
 def test_wrong_usage_ends_with_status_2():
     assert run("curvature").returncode == 2
     assert run("no-such-command").returncode == 2
