@@ -153,11 +153,13 @@ def _plan(surface: SurfaceModel, ring: RingModel, degree: int, strength: float) 
     squares = surface.sigma**2 * np.square(solver).sum(axis=2) + np.square(transfer) @ ring.variances
     mean = squares.mean(axis=0)
     to_terms = np.linalg.inv(basis.monomials[:m, :m])
-    powers = analysis.radius ** basis.degrees[:m].astype(np.float64)
+    with np.errstate(over="ignore", invalid="ignore"):  # beyond 1e25 lengths; the fit is then refused
+        powers = analysis.radius ** basis.degrees[:m].astype(np.float64)
+        prior_per_length = (to_terms.T * prior) @ to_terms * np.outer(powers, powers)
     return FitPlan(
         rings=analysis.rings,
         degree=degree,
-        prior=(to_terms.T * prior) @ to_terms * np.outer(powers, powers),
+        prior=prior_per_length,
         noise=float(np.sqrt(analysis.mean_squares[degree])),
         normal_error=float(np.sqrt(mean[:2].sum()) / analysis.radius),
         curvature_error=float(np.sqrt(8.0 * mean[2:].sum()) / analysis.radius**2),

@@ -188,7 +188,8 @@ def learn_noise(analyses: Sequence[RingAnalysis]) -> SurfaceModel:
     noise = min(float(analysis.mean_squares[-1]) for analysis in reliable)
     basis = harmonic_basis()
     models: list[RingModel] = []
-    smallest = np.full(len(basis.degrees), np.inf)  # variances so far, for coordinates in units of length
+    unit = analyses[0].radius
+    smallest = np.full(len(basis.degrees), np.inf)  # variances so far, for coordinates in this unit
     for analysis in reversed(analyses):
         m = len(analysis.part_squares)
         # Both terms of a frequency have one variance.
@@ -199,10 +200,10 @@ def learn_noise(analyses: Sequence[RingAnalysis]) -> SurfaceModel:
         by_chance = SIGNIFICANT * noise * np.sqrt(2.0 * size / len(analysis.factors))
         believed = np.where(surplus > by_chance, surplus, 0.0) / np.maximum(energy, 1e-300)
         # Every estimate errs upwards, a narrow ring's by the noise of terms that it hardly sees.
-        to_length = analysis.radius ** (-2.0 * basis.degrees)
-        smallest[:m] = np.minimum(smallest[:m], believed[group[:m]] * to_length[:m])
+        to_unit = (unit / analysis.radius) ** (2.0 * basis.degrees)
+        smallest[:m] = np.minimum(smallest[:m], believed[group[:m]] * to_unit[:m])
         known = np.isfinite(smallest) & (basis.degrees > FREE_DEGREE)
-        variances = np.where(known, smallest, 0.0) / to_length
+        variances = np.where(known, smallest, 0.0) / to_unit
         models.append(RingModel(analysis, variances))
     return SurfaceModel(float(np.sqrt(noise)), tuple(reversed(models)))
 
