@@ -47,9 +47,10 @@ def contenders(meshset: pymeshlab.MeshSet) -> dict[str, Callable[[], object]]:
         "MeshLab quadric fitting": lambda: meshset.compute_curvature_principal_directions_per_vertex(
             method="Quadric Fitting"
         ),
-        "default, 1 thread": ours(1),
-        "default, 2 threads": ours(2),
-        "paper, 1 thread": ours(1, smoothness="paper"),
+        "2 rings, alpha 0.8, 1 thread": ours(1, rings=2, alpha=0.8),
+        "2 rings, alpha 0.8, 2 threads": ours(2, rings=2, alpha=0.8),
+        "automatic, 1 thread": ours(1),
+        "automatic, 2 threads": ours(2),
         "paper, 2 threads": ours(2, smoothness="paper"),
     }
     try:
