@@ -8,6 +8,7 @@ from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.errors import InvalidParameterError
 
 _RESOLUTION = 1e-6  # relative; pymeshlab keeps the ends of the range in single precision
+_TINY = 1e-290  # taken for 0, so that steps between the ends do not underflow
 
 
 def color_range(
@@ -55,6 +56,8 @@ def color_range(
     if signed:
         largest = max(abs(low), abs(high))
         low, high = -largest, largest
+    if max(abs(low), abs(high)) < _TINY:
+        return -1.0, 1.0
     if not _agree(low, high):
         return low, high
     margin = 0.05 * abs(low) or 1.0

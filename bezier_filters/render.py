@@ -20,7 +20,6 @@ __all__ = ["UP_AXES", "VIEW_NAMES", "Panel", "RenderingUnavailableError", "rende
 _Image: TypeAlias = NDArray[np.uint8]
 
 _SIZES = (50, 4000)  # pixels; graphics drivers end at 16384, twice supersampled
-_TINY = 1e-290  # taken for 0, so that tick steps do not underflow
 _FONT = 0.04  # size of the text in units of the larger side of a panel
 
 

@@ -102,6 +102,11 @@ def test_few_different_values_are_not_hidden() -> None:
     assert color_range(np.array([0.0] * 999 + [7.0]), signed=False) == (0.0, 7.0)
 
 
+@pytest.mark.parametrize("value", [5e-324, 1e-310])
+def test_values_that_are_all_but_zero_count_as_zero(value: float) -> None:
+    assert color_range(np.array([0.0, value]), signed=False) == (-1.0, 1.0)
+
+
 def test_no_usable_value() -> None:
     assert color_range(np.array([np.nan]), signed=True) == (-1.0, 1.0)
     assert color_range(np.ones(3), signed=False, mask=np.zeros(3, bool)) == (-1.0, 1.0)
