@@ -1,22 +1,26 @@
 """Differential geometry at every vertex of a mesh: the function that users call."""
 
+from dataclasses import fields, replace
 from numbers import Integral
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from bezier_filters.adaptive_fit import fit_adaptively
 from bezier_filters.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.arrays import BoolArray, IntArray
 from bezier_filters.compilation import announce_first_compilation
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.fallbacks import Attempt, fallback_chain, fit_with_fallbacks, planned_chain
+from bezier_filters.fallbacks import fallback_chain, fit_with_fallbacks
 from bezier_filters.fit_kernel import KernelMesh, fit_vertices, kernel_mesh
 from bezier_filters.fitting import PatchFit
 from bezier_filters.frames import tangent_planes
+from bezier_filters.learning import CANDIDATE_RINGS, analyse_rings
 from bezier_filters.mesh import triangle_mesh
+from bezier_filters.model_tree import leaf_of
 from bezier_filters.parallel import Progress, thread_count
-from bezier_filters.plans import CANDIDATE_DEGREES, CANDIDATE_RINGS, best_plan, learn_surface, ring_plans
+from bezier_filters.plans import CANDIDATE_DEGREES
 from bezier_filters.smoothness import Smoothness
 from bezier_filters.status import FitStatus
 from bezier_filters.vertex_geometry import FitChoice, VertexGeometry
@@ -111,36 +115,40 @@ def estimate_vertex_geometry(
     announce_first_compilation(fit_vertices)
     adjacency = vertex_adjacency(mesh)
     arrays = kernel_mesh(mesh, adjacency, tangent_planes(mesh, adjacency, threads=threads))
-    attempts, choice = _choose(arrays, adjacency, rings, degree, fixed)
-    geometry = empty_geometry(mesh.vertex_count, choice)
-    fit_with_fallbacks(arrays, ids, attempts, geometry, threads=threads, progress=progress)
-    return geometry
+    geometry = empty_geometry(mesh.vertex_count)
+    choice = _fit(arrays, adjacency, ids, rings, degree, fixed, geometry, threads, progress)
+    _clear(geometry, np.setdiff1d(np.arange(mesh.vertex_count), ids))
+    return replace(geometry, fit=choice)
 
 
-def _choose(
+def _fit(
     arrays: KernelMesh,
     adjacency: Adjacency,
+    ids: IntArray,
     rings: int | Automatic,
     degree: int | Automatic,
     fixed: PatchFit | None,
-) -> tuple[list[Attempt], FitChoice]:
-    """What is tried at the vertices, and what the result says of it."""
-    if fixed is not None and rings != "auto":
-        return list(fallback_chain(rings, fixed)), FitChoice(rings, fixed.degree, fixed.alpha, None)
-    surface = learn_surface(arrays, adjacency, rings=CANDIDATE_RINGS if rings == "auto" else (rings,))
-    degrees = CANDIDATE_DEGREES if degree == "auto" else (degree,)
-    by_ring = [] if surface is None else [ring_plans(surface, ring, degrees) for ring in surface.by_rings]
-    plans = [best_plan(of_ring) for of_ring in by_ring if of_ring]
-    if surface is None or not plans:
-        fit = fixed or PatchFit()
-        rings = 2 if rings == "auto" else rings
-        return list(fallback_chain(rings, fit)), FitChoice(rings, fit.degree, fit.alpha, None)
-    chosen = best_plan(plans)
-    if fixed is not None:
-        return list(fallback_chain(chosen.rings, fixed)), FitChoice(
-            chosen.rings, fixed.degree, fixed.alpha, surface.sigma
-        )
-    return list(planned_chain(plans, chosen)), FitChoice(chosen.rings, chosen.degree, None, surface.sigma)
+    geometry: VertexGeometry,
+    threads: int,
+    progress: Progress | None,
+) -> FitChoice:
+    """Choose how to fit what the user left open, and do it."""
+    root, sigma = None, None
+    if fixed is None or rings == "auto":
+        candidates = CANDIDATE_RINGS if rings == "auto" else (rings,)
+        degrees = CANDIDATE_DEGREES if degree == "auto" else (degree,)
+        analyses = analyse_rings(arrays, adjacency, rings=candidates, threads=threads)
+        root = leaf_of(analyses, degrees)
+    if root is not None:
+        sigma = root.surface.sigma
+        if fixed is None:
+            return fit_adaptively(arrays, ids, root, analyses, degrees, geometry, threads=threads, progress=progress)
+    if rings == "auto":
+        rings = 2 if root is None else root.chosen.rings
+    fit = fixed or PatchFit()
+    attempts = list(fallback_chain(rings, fit))
+    fit_with_fallbacks(arrays, ids, attempts, geometry, threads=threads, progress=progress)
+    return FitChoice(rings, fit.degree, fit.alpha, sigma)
 
 
 def _check_rings(rings: object) -> None:
@@ -164,7 +172,7 @@ def _selected_ids(selected: BoolArray | None, n: int) -> IntArray:
     return np.flatnonzero(mask).astype(np.int32)
 
 
-def empty_geometry(n: int, choice: FitChoice | None = None) -> VertexGeometry:
+def empty_geometry(n: int) -> VertexGeometry:
     """Geometry of n vertices that nothing is known of: zeros and `FitStatus.SKIPPED`."""
     return VertexGeometry(
         normals=np.zeros((n, 3)),
@@ -178,5 +186,13 @@ def empty_geometry(n: int, choice: FitChoice | None = None) -> VertexGeometry:
         gaussian_curvature_std=np.zeros(n),
         rings_used=np.zeros(n, dtype=np.int32),
         status=np.full(n, FitStatus.SKIPPED, dtype=np.int32),
-        fit=choice or FitChoice(0, 0, None, None),
+        fit=FitChoice(0, 0, None, None),
     )
+
+
+def _clear(geometry: VertexGeometry, ids: IntArray) -> None:
+    """Forget what is known of some vertices."""
+    for part in fields(geometry):
+        values = getattr(geometry, part.name)
+        if isinstance(values, np.ndarray):
+            values[ids] = FitStatus.SKIPPED if part.name == "status" else 0

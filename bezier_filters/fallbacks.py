@@ -9,8 +9,9 @@ from bezier_filters.arrays import IntArray
 from bezier_filters.fit_kernel import FITTED, FOLDED, ILL_POSED, KernelFit, KernelMesh, fit_vertices
 from bezier_filters.fitting import PatchFit
 from bezier_filters.jets import GraphGeometry
+from bezier_filters.learning import MOST_TURNED
 from bezier_filters.parallel import Progress, RangeTask, run_in_chunks
-from bezier_filters.plans import MOST_TURNED, FitPlan
+from bezier_filters.plans import FitPlan
 from bezier_filters.status import FitStatus
 from bezier_filters.uncertainty import StandardErrors
 from bezier_filters.vertex_geometry import VertexGeometry

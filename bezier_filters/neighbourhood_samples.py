@@ -18,6 +18,8 @@ class NeighbourhoodSample:
 
     Attributes
     ----------
+    centers : (N,) int32
+        The vertices.
     points : (N, n, 3) float64
         Coordinates (x, y, z) over the tangent plane of each vertex, ordered by distance in edges;
         rows beyond a neighbourhood's size are zero.
@@ -29,18 +31,11 @@ class NeighbourhoodSample:
         Whether, in addition, the k-ring projects with at most the allowed share of turned vertices.
     """
 
+    centers: IntArray
     points: FloatArray
     sizes: IntArray
     clear: BoolArray
     usable: BoolArray
-
-    def ring(self, k: int) -> tuple[FloatArray, BoolArray]:
-        """Points (N', n', 3) of the usable k-rings, and which entries are points, (N', n')."""
-        rows = np.flatnonzero(self.usable[:, k])
-        sizes = self.sizes[rows, k]
-        longest = int(sizes.max(initial=0))
-        present = np.arange(longest) < sizes[:, np.newaxis]
-        return np.where(present[..., np.newaxis], self.points[rows, :longest], 0.0), present
 
 
 def sample_neighbourhoods(
@@ -77,7 +72,7 @@ def sample_neighbourhoods(
     sizes = np.zeros((len(ids), rings + 1), dtype=np.int32)
     clear, usable = np.zeros((2, len(ids), rings + 1), dtype=np.bool_)
     _project_sample(mesh, adjacency.on_boundary, ids, rings, points, sizes, clear, usable, most_turned)
-    return NeighbourhoodSample(points, sizes, clear, usable)
+    return NeighbourhoodSample(ids, points, sizes, clear, usable)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -151,7 +151,7 @@ def run_filter(ms: MeshSet, vertex_filter: VertexFilter, fit: FitOptions, output
                     color_by_quality(ms, *limits, output.colormap)
     report: dict[str, Any] = {
         "status": geometry.status_counts(),
-        "fit": asdict(geometry.fit),
+        "fit": asdict(geometry.fit) | {"parts": [asdict(part) for part in geometry.fit.parts]},
         "attributes": list(columns),
         "quality": None if output.quality is None else output.quality.name,
         "unit": None if output.quality is None else output.quality.unit,

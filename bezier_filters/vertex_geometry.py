@@ -10,6 +10,26 @@ from bezier_filters.status import FitStatus
 
 
 @dataclass(frozen=True)
+class FitPart:
+    """How a part of a mesh was fitted, where one choice would not do for all of it.
+
+    Attributes
+    ----------
+    vertices : int
+        How many there are.
+    rings, degree : int
+        As in `FitChoice`.
+    noise_sigma : float
+        Standard deviation of the noise there, a length.
+    """
+
+    vertices: int
+    rings: int
+    degree: int
+    noise_sigma: float
+
+
+@dataclass(frozen=True)
 class FitChoice:
     """How the vertices of a mesh were fitted.
 
@@ -23,12 +43,16 @@ class FitChoice:
         Weight of the points; None where the weight of every degree was learned.
     noise_sigma : float or None
         Standard deviation of the noise along the normal, a length; None where it was not learned.
+    parts : tuple of FitPart
+        Where noise or shape vary, the choices for the parts of the surface; the above is then the
+        one choice that would be best for all of it.
     """
 
     rings: int
     degree: int
     alpha: float | None
     noise_sigma: float | None
+    parts: tuple[FitPart, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,16 @@ PACKAGE = Path(bezier_filters.__file__).parent
 LAYERS = """
 _version arrays errors status bernstein dense parallel compilation atomic color_range
 mesh polynomials smoothness patch differential_geometry jets vertex_geometry surfaces
-adjacency boundary fields
+adjacency boundary fields harmonics
 neighbourhoods frames fitting uncertainty diagnosis ply_columns
 fit_kernel vertex_patch field_files
 neighbourhood_samples
+ring_analysis
 surface_model
 plans
+learning model_tree
 fallbacks
+adaptive_fit
 estimation
 meshset
 mesh_attributes mesh_colors mesh_files

@@ -1,0 +1,88 @@
+"""Fits every part of a surface with the plan that suits it."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.fallbacks import fit_with_fallbacks, planned_chain
+from bezier_filters.fit_kernel import KernelMesh
+from bezier_filters.model_tree import Leaf, grow, leaf_numbers, leaves
+from bezier_filters.parallel import Progress
+from bezier_filters.ring_analysis import RingAnalysis
+from bezier_filters.vertex_geometry import FitChoice, FitPart, VertexGeometry
+
+
+def fit_adaptively(
+    mesh: KernelMesh,
+    ids: IntArray,
+    root: Leaf,
+    analyses: Sequence[RingAnalysis],
+    degrees: Sequence[int],
+    geometry: VertexGeometry,
+    *,
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> FitChoice:
+    """Fit the vertices `ids` with one plan for all, then those again that belong to a part of their own.
+
+    The sampled vertices are fitted, too, so that the parts do not depend on `ids`; what is
+    written there means nothing.
+
+    Parameters
+    ----------
+    mesh : KernelMesh
+    ids : (k,) int32
+        Vertices to fit, in ascending order.
+    root : Leaf
+        Model and plans of the whole.
+    analyses : sequence of RingAnalysis
+        What `root` was learned from.
+    degrees : sequence of int
+        Degrees allowed.
+    geometry : VertexGeometry
+        Receives the results.
+    threads : int
+        Number of threads.
+    progress : callable, optional
+        Called with the number of vertices done.
+
+    Returns
+    -------
+    FitChoice
+    """
+    sampled = np.unique(np.concatenate([analysis.centers for analysis in analyses]))
+    fitted = np.union1d(ids, sampled).astype(np.int32)
+    fit_with_fallbacks(
+        mesh, fitted, list(planned_chain(root.plans, root.chosen)), geometry, threads=threads, progress=progress
+    )
+    choice = FitChoice(root.chosen.rings, root.chosen.degree, None, root.surface.sigma)
+    tree = grow(root, analyses, _features(geometry), degrees)
+    if isinstance(tree, Leaf):
+        return choice
+    numbers = leaf_numbers(tree, _features(geometry)[ids])
+    parts = []
+    for number, leaf in enumerate(leaves(tree)):
+        part = ids[numbers == number]
+        fit_with_fallbacks(
+            mesh,
+            part,
+            list(planned_chain(leaf.plans, leaf.chosen)),
+            geometry,
+            threads=threads,
+            progress=_at_the_end(progress, len(ids)),
+        )
+        parts.append(FitPart(len(part), leaf.chosen.rings, leaf.chosen.degree, leaf.surface.sigma))
+    return replace(choice, parts=tuple(parts))
+
+
+def _features(geometry: VertexGeometry) -> FloatArray:
+    """Curvedness and residual of the first fit, (n, 2): what the parts are told apart by."""
+    features: FloatArray = np.column_stack([geometry.curvedness, geometry.residual])
+    return features
+
+
+def _at_the_end(progress: Progress | None, total: int) -> Progress | None:
+    """Progress of what comes after the last vertex."""
+    return None if progress is None else lambda *_: progress(total, total)

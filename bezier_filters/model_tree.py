@@ -1,0 +1,151 @@
+"""A model for every part of a surface: a regression tree over what a first fit shows.
+
+Noise, density and shape may vary over a mesh. A first fit with one plan for all gives each vertex
+a curvedness and a residual; a sample split by one of them may have different models on both
+sides, and where the predicted error drops, the split stays.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.harmonics import harmonic_basis
+from bezier_filters.plans import FitPlan, all_plans, best_plan, plan_for
+from bezier_filters.ring_analysis import FREE_DEGREE, RingAnalysis
+from bezier_filters.surface_model import SurfaceModel, learn_model
+
+QUANTILES = (0.15, 0.3, 0.5, 0.7, 0.85)
+"""Where a sample is tried to be split."""
+FEWEST_ON_A_SIDE = 40
+"""Neighbourhoods of the sample that a model of its own needs."""
+WORTHWHILE = 0.1
+"""Mean logarithm of the predicted error that a split must save."""
+DEEPEST = 3
+"""Splits above each leaf."""
+MOST_TRIED = 2
+"""Likeliest splits whose models are learned."""
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """A part of the surface: its model and plans.
+
+    Attributes
+    ----------
+    surface : SurfaceModel
+    plans : tuple of FitPlan
+        One for each ring.
+    chosen : FitPlan
+        The best of them.
+    """
+
+    surface: SurfaceModel
+    plans: tuple[FitPlan, ...]
+    chosen: FitPlan
+
+
+@dataclass(frozen=True)
+class Split:
+    """Two parts: vertices whose feature is at most the threshold, and the others."""
+
+    feature: int
+    threshold: float
+    low: "Leaf | Split"
+    high: "Leaf | Split"
+
+
+def leaf_of(analyses: Sequence[RingAnalysis], degrees: Sequence[int], whole: SurfaceModel | None = None) -> Leaf | None:
+    """One model for all; None if the analyses allow no plan."""
+    if not analyses:
+        return None
+    surface = learn_model(analyses, whole)
+    plans = all_plans(surface, degrees)
+    return Leaf(surface, tuple(plans), best_plan(plans)) if plans else None
+
+
+def grow(
+    root: Leaf, analyses: Sequence[RingAnalysis], features: FloatArray, degrees: Sequence[int], depth: int = DEEPEST
+) -> Leaf | Split:
+    """Split a leaf as long as that is worthwhile.
+
+    Parameters
+    ----------
+    root : Leaf
+        Model of the neighbourhoods.
+    analyses : sequence of RingAnalysis
+        The neighbourhoods.
+    features : (n, F) float64
+        Features of all vertices; only those at the centers of neighbourhoods are looked at.
+    degrees : sequence of int
+        Degrees allowed.
+    depth : int
+        How many times to split at most.
+    """
+    candidates = list(_candidates(root, analyses, features)) if depth else []
+    for _, feature, threshold in sorted(candidates, reverse=True)[:MOST_TRIED]:
+        low = [part.where(features[part.centers, feature] <= threshold) for part in analyses]
+        high = [part.where(features[part.centers, feature] > threshold) for part in analyses]
+        sides = [[part for part in side if part is not None] for side in (low, high)]
+        leaves_ = [leaf_of(side, degrees, root.surface) for side in sides]
+        saved = [_saved(root.chosen, leaf) for leaf in leaves_]
+        sizes = [max((len(part.centers) for part in side), default=0) for side in sides]
+        if sum(s * n for s, n in zip(saved, sizes, strict=True)) > WORTHWHILE * sum(sizes):
+            branches = [
+                grow(leaf, side, features, degrees, depth - 1)
+                for leaf, side in zip(leaves_, sides, strict=True)
+                if leaf
+            ]
+            return Split(feature, threshold, *branches)
+    return root
+
+
+def _saved(plan: FitPlan, leaf: Leaf | None) -> float:
+    """Logarithm of what a leaf's own plan takes off the predicted error of another; -inf if there is none."""
+    before = None if leaf is None else plan_for(plan, leaf.surface)
+    return -np.inf if leaf is None or before is None else float(np.log(before.error / leaf.chosen.error))
+
+
+def leaves(tree: Leaf | Split) -> list[Leaf]:
+    """The leaves, from left to right."""
+    return [tree] if isinstance(tree, Leaf) else leaves(tree.low) + leaves(tree.high)
+
+
+def leaf_numbers(tree: Leaf | Split, features: FloatArray) -> IntArray:
+    """Which of the `leaves` each row of features (n, F) belongs to, (n,)."""
+    if isinstance(tree, Leaf):
+        return np.zeros(len(features), dtype=np.int32)
+    low, high = leaf_numbers(tree.low, features), leaf_numbers(tree.high, features)
+    is_low: BoolArray = features[:, tree.feature] <= tree.threshold
+    result: IntArray = np.where(is_low, low, high + len(leaves(tree.low))).astype(np.int32)
+    return result
+
+
+def _candidates(
+    root: Leaf, analyses: Sequence[RingAnalysis], features: FloatArray
+) -> Iterator[tuple[float, int, float]]:
+    """Possible splits with what they add to the likelihood of the sample: gain, feature, threshold."""
+    analysis = next(analysis for analysis in analyses if analysis.rings == root.chosen.rings)
+    of_rows = features[analysis.centers]
+    everywhere = np.ones(len(of_rows), dtype=np.bool_)
+    for feature in range(features.shape[1]):
+        for threshold in np.unique(np.quantile(of_rows[:, feature], QUANTILES)):
+            low = of_rows[:, feature] <= threshold
+            if min(low.sum(), (~low).sum()) < FEWEST_ON_A_SIDE:
+                continue
+            gain = _log_likelihood(analysis, low) + _log_likelihood(analysis, ~low)
+            gain -= _log_likelihood(analysis, everywhere)
+            yield gain, feature, float(threshold)
+
+
+def _log_likelihood(analysis: RingAnalysis, rows: BoolArray) -> float:
+    """Of Gaussian terms of degree 3 and more and a Gaussian rest, each with its own variance."""
+    free = harmonic_basis().up_to(FREE_DEGREE)
+    groups = harmonic_basis().groups[free : analysis.parts.shape[1]]
+    first = groups[0]
+    sums = np.bincount(groups - first, weights=np.square(analysis.parts[rows, free:]).sum(axis=0))
+    counts = np.bincount(groups - first) * rows.sum()
+    sums = np.append(sums, analysis.residuals[rows, -1].sum())
+    counts = np.append(counts, analysis.freedom[rows, -1].sum())
+    return float(-0.5 * (counts * np.log(np.maximum(sums, 1e-300) / counts)).sum())
