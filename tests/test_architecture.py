@@ -20,6 +20,7 @@ surface_model
 plans
 fallbacks
 estimation
+baselines
 meshset
 mesh_attributes mesh_colors mesh_files
 vertex_filter
