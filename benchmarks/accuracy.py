@@ -16,7 +16,17 @@ import numpy as np
 import bezier_filters as bf
 from bezier_filters import surfaces
 from bezier_filters.surfaces import SampledSurface
-from peers import Estimate, Method, angles, libigl_quadric, meshlab_discrete, ours, ouyang_feng, razdan_bae
+from peers import (
+    Estimate,
+    Method,
+    angles,
+    libigl_quadric,
+    meshlab_discrete,
+    meshlab_normals,
+    ours,
+    ouyang_feng,
+    razdan_bae,
+)
 
 RESULTS = Path(__file__).parent / "results"
 
@@ -37,6 +47,8 @@ def methods() -> dict[str, Method]:
         "paper": ours(smoothness="paper"),
         "Razdan-Bae": razdan_bae("edges"),
         "OuYang-Feng": ouyang_feng,
+        "MeshLab area weights": meshlab_normals("By Area"),
+        "MeshLab N. Max weights": meshlab_normals("As defined by N. Max"),
         "MeshLab discrete": meshlab_discrete,
         **libigl_quadric(2),
         **libigl_quadric(5),

@@ -71,7 +71,7 @@ def meshlab_discrete(vertices: np.ndarray, faces: np.ndarray) -> Estimate:
     for kind in ("Mean Curvature", "Gaussian Curvature"):
         meshset.compute_scalar_by_discrete_curvature_per_vertex(curvaturetype=kind)
         fields.append(meshset.current_mesh().vertex_scalar_array().copy())
-    return Estimate(meshset.current_mesh().vertex_normal_matrix(), fields[0], fields[1])
+    return Estimate(None, fields[0], fields[1])
 
 
 def meshlab_directions(kind: str) -> Method:
