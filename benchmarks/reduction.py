@@ -48,6 +48,7 @@ TITLES = {"normal": "normal, degrees", "H": "mean curvature H", "K": "Gaussian c
 def methods(*, slow: bool) -> dict[str, Method]:
     found = {
         "automatic": ours(),
+        "automatic on 2 rings": ours(rings=2),
         "paper": ours(smoothness="paper"),
         "Razdan-Bae": razdan_bae("edges"),
         "Razdan-Bae, twists": razdan_bae("twists"),
