@@ -8,8 +8,8 @@ import pymeshlab
 
 import bezier_filters as bf
 from bezier_filters.surfaces import SampledSurface
+from half_edges import HalfEdges, half_edges
 from peers import loaded
-from survivors import HalfEdges, half_edges
 
 
 def limit_surface(vertices: np.ndarray, faces: np.ndarray, *, subdivisions: int) -> tuple[SampledSurface, np.ndarray]:

@@ -5,13 +5,12 @@ the best triangles; edges are flipped towards Delaunay in between. A collapse th
 mesh non-manifold, or a face look away from the surface, is not done: such a vertex stays.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit
 
 import bezier_filters as bf
 from bezier_filters.frames import tangent_planes
+from half_edges import HalfEdges, half_edges, next_edge, origin, previous_edge, vertex_star
 
 QUALITIES = (0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 0.01, 0.01)
 """Worst triangle that a collapse may leave (1 is equilateral, 0 is flat), pass by pass."""
@@ -21,14 +20,6 @@ TURN = 0.3
 """Cosine between a new face and those it replaces, at least."""
 LEAN = 0.1
 """Cosine between a new face and the normals of the full mesh at its corners, at least."""
-
-
-class HalfEdges(NamedTuple):
-    """A manifold mesh; half-edge 3 f + k goes from corner k of face f to corner k + 1."""
-
-    faces: np.ndarray  # (m, 3) int32; -1 for faces that are gone
-    twin: np.ndarray  # (3 m,) int32: the half-edge in the other direction, -1 at borders
-    out: np.ndarray  # (n,) int32: a half-edge from every vertex, -1 for vertices without
 
 
 def keep_survivors(vertices: np.ndarray, faces: np.ndarray, survivors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -68,66 +59,6 @@ def keep_survivors(vertices: np.ndarray, faces: np.ndarray, survivors: np.ndarra
     return kept, np.searchsorted(kept, left).astype(np.int32)
 
 
-def half_edges(faces: np.ndarray, vertex_count: int) -> HalfEdges:
-    """Half-edges of an oriented manifold."""
-    start = faces.ravel().astype(np.int64)
-    end = np.roll(faces, -1, axis=1).ravel().astype(np.int64)
-    there, back = start * vertex_count + end, end * vertex_count + start
-    order = np.argsort(there)
-    if (np.diff(there[order]) == 0).any():
-        raise ValueError("an edge has more than two faces, or two that are oriented differently")
-    place = np.minimum(np.searchsorted(there[order], back), len(order) - 1)
-    twin = np.where(there[order[place]] == back, order[place], -1).astype(np.int32)
-    out = np.full(vertex_count, -1, dtype=np.int32)
-    out[start] = np.arange(len(start), dtype=np.int32)
-    mesh = HalfEdges(faces.astype(np.int32).copy(), twin, out)
-    star = np.empty(len(faces), dtype=np.int32)
-    degree = np.array([_star(mesh, v, star)[0] if out[v] >= 0 else 0 for v in range(vertex_count)])
-    if (degree != np.bincount(start, minlength=vertex_count)).any():
-        raise ValueError("the faces at a vertex are not one fan")
-    return mesh
-
-
-@njit(cache=True)
-def _next(h: int) -> int:
-    return h - 2 if h % 3 == 2 else h + 1
-
-
-@njit(cache=True)
-def _previous(h: int) -> int:
-    return h + 2 if h % 3 == 0 else h - 1
-
-
-@njit(cache=True)
-def _origin(mesh: HalfEdges, h: int) -> int:
-    return mesh.faces[h // 3, h % 3]
-
-
-@njit(cache=True)
-def _star(mesh: HalfEdges, v: int, star: np.ndarray) -> tuple[int, bool]:
-    """Write the half-edges from v counter-clockwise into `star`; return their number and whether v is on a border.
-
-    The first half-edge at a border has no twin.
-    """
-    first = h = mesh.out[v]
-    border = False
-    while True:
-        if mesh.twin[h] < 0:
-            border = True
-            break
-        h = _next(mesh.twin[h])
-        if h == first:
-            break
-    count = 0
-    first = h
-    while True:
-        star[count] = h
-        count += 1
-        h = mesh.twin[_previous(h)]
-        if h < 0 or h == first:
-            return count, border
-
-
 @njit(cache=True)
 def _normal(vertices: np.ndarray, a: int, b: int, c: int) -> tuple[np.ndarray, float]:
     """Unit normal and quality of a triangle, 4 sqrt(3) area / sum of squared edges."""
@@ -161,12 +92,12 @@ def _collapse_pass(
     for v in range(survivors.shape[0]):
         if survivors[v] or mesh.out[v] < 0:
             continue
-        count, border = _star(mesh, v, star)
+        count, border = vertex_star(mesh, v, star)
         size = count
         for k in range(count):
-            ring[k] = _origin(mesh, _next(star[k]))
+            ring[k] = origin(mesh, next_edge(star[k]))
         if border:
-            ring[count] = _origin(mesh, _previous(star[count - 1]))
+            ring[count] = origin(mesh, previous_edge(star[count - 1]))
             size += 1
         best, target = worst, -1
         for k in range(size):
@@ -186,7 +117,7 @@ def _quality_after(
     """Worst triangle once the star's centre is at w; 0 if a face turns away."""
     worst = 1.0
     for k in range(count):
-        v, a, b = _origin(mesh, star[k]), _origin(mesh, _next(star[k])), _origin(mesh, _previous(star[k]))
+        v, a, b = origin(mesh, star[k]), origin(mesh, next_edge(star[k])), origin(mesh, previous_edge(star[k]))
         if a != w and b != w:
             before, _ = _normal(vertices, v, a, b)
             after, quality = _normal(vertices, w, a, b)
@@ -207,12 +138,12 @@ def _link_condition(
     for q in range(size):
         stamp[ring[q]] = v
     w = ring[k]
-    count, w_border = _star(mesh, w, other)
+    count, w_border = vertex_star(mesh, w, other)
     shared = 0
     for q in range(count):
-        shared += stamp[_origin(mesh, _next(other[q]))] == v
+        shared += stamp[origin(mesh, next_edge(other[q]))] == v
     if w_border:
-        shared += stamp[_origin(mesh, _previous(other[count - 1]))] == v
+        shared += stamp[origin(mesh, previous_edge(other[count - 1]))] == v
     for q in range(size):
         stamp[ring[q]] = -1
     return shared == beside
@@ -223,10 +154,10 @@ def _across_is(mesh: HalfEdges, v: int, ring: np.ndarray, k: int) -> bool:
     """Whether the face across the edge opposite ring[k], in a star of three, has ring[k] too: a tetrahedron."""
     a = ring[(k + 1) % 3]
     h = mesh.out[v]
-    while _origin(mesh, _next(h)) != a:
-        h = mesh.twin[_previous(h)]
-    across = mesh.twin[_next(h)]
-    return across >= 0 and _origin(mesh, _previous(across)) == ring[k]
+    while origin(mesh, next_edge(h)) != a:
+        h = mesh.twin[previous_edge(h)]
+    across = mesh.twin[next_edge(h)]
+    return across >= 0 and origin(mesh, previous_edge(across)) == ring[k]
 
 
 @njit(cache=True)
@@ -235,10 +166,10 @@ def _collapse(mesh: HalfEdges, star: np.ndarray, count: int, border: bool, k: in
     for q in range(count):
         mesh.faces[star[q] // 3, star[q] % 3] = w
     if k < count:
-        _remove(mesh, _next(star[k]), _previous(star[k]))
+        _remove(mesh, next_edge(star[k]), previous_edge(star[k]))
     if k > 0 or not border:
         h = star[(k - 1) % count]
-        _remove(mesh, _next(h), h)
+        _remove(mesh, next_edge(h), h)
 
 
 @njit(cache=True)
@@ -247,10 +178,10 @@ def _remove(mesh: HalfEdges, first: int, second: int) -> None:
     p, q = mesh.twin[first], mesh.twin[second]
     if p >= 0:
         mesh.twin[p] = q
-        mesh.out[_origin(mesh, p)], mesh.out[_origin(mesh, _next(p))] = p, _next(p)
+        mesh.out[origin(mesh, p)], mesh.out[origin(mesh, next_edge(p))] = p, next_edge(p)
     if q >= 0:
         mesh.twin[q] = p
-        mesh.out[_origin(mesh, q)], mesh.out[_origin(mesh, _next(q))] = q, _next(q)
+        mesh.out[origin(mesh, q)], mesh.out[origin(mesh, next_edge(q))] = q, next_edge(q)
     mesh.faces[first // 3] = -1
 
 
@@ -263,7 +194,7 @@ def _flip_pass(mesh: HalfEdges, vertices: np.ndarray, normals: np.ndarray) -> in
         t = mesh.twin[h]
         if mesh.faces[h // 3, 0] < 0 or t < h:
             continue
-        a, b, c, d = _origin(mesh, h), _origin(mesh, t), _origin(mesh, _previous(h)), _origin(mesh, _previous(t))
+        a, b, c, d = origin(mesh, h), origin(mesh, t), origin(mesh, previous_edge(h)), origin(mesh, previous_edge(t))
         if _cotangent(vertices, c, a, b) + _cotangent(vertices, d, a, b) > -1e-6:
             continue
         if _flip_is_sound(mesh, vertices, normals, a, b, c, d, star):
@@ -284,11 +215,11 @@ def _flip_is_sound(
     mesh: HalfEdges, vertices: np.ndarray, normals: np.ndarray, a: int, b: int, c: int, d: int, star: np.ndarray
 ) -> bool:
     """Whether the edge a b may become c d: a new edge, and no face turns away."""
-    count, border = _star(mesh, c, star)
+    count, border = vertex_star(mesh, c, star)
     for k in range(count):
-        if _origin(mesh, _next(star[k])) == d:
+        if origin(mesh, next_edge(star[k])) == d:
             return False
-    if border and _origin(mesh, _previous(star[count - 1])) == d:
+    if border and origin(mesh, previous_edge(star[count - 1])) == d:
         return False
     before_c, _ = _normal(vertices, a, b, c)
     before_d, _ = _normal(vertices, b, a, d)
@@ -302,10 +233,10 @@ def _flip_is_sound(
 def _flip(mesh: HalfEdges, h: int, t: int, a: int, b: int, c: int, d: int) -> None:
     """Make the faces (a, b, c) of half-edge h and (b, a, d) of its twin t into (a, d, c) and (d, b, c)."""
     bc, ca, ad, db = (
-        mesh.twin[_next(h)],
-        mesh.twin[_previous(h)],
-        mesh.twin[_next(t)],
-        mesh.twin[_previous(t)],
+        mesh.twin[next_edge(h)],
+        mesh.twin[previous_edge(h)],
+        mesh.twin[next_edge(t)],
+        mesh.twin[previous_edge(t)],
     )
     f, g = h // 3, t // 3
     mesh.faces[f, 0], mesh.faces[f, 1], mesh.faces[f, 2] = a, d, c
