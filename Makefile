@@ -20,8 +20,11 @@ check: .venv-dev/ready  ## style (ruff) and types (mypy)
 	.venv-dev/bin/ruff format --check .
 	.venv-dev/bin/mypy
 
-bench: .venv-dev/bench-ready  ## accuracy and speed next to MeshLab and libigl
+bench: .venv-dev/bench-ready  ## accuracy, stability and speed next to MeshLab and libigl
 	.venv-dev/bin/python benchmarks/accuracy.py
+	.venv-dev/bin/python benchmarks/reduction.py --slow
+	.venv-dev/bin/python benchmarks/red_blood_cell.py
+	.venv-dev/bin/python benchmarks/uneven_shape.py
 	.venv-dev/bin/python benchmarks/speed.py
 
 clean:  ## remove environments, caches and outputs

@@ -10,17 +10,24 @@ import argparse
 import csv
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
-import pymeshlab
 
 import bezier_filters as bf
 from bezier_filters import surfaces
 from bezier_filters.surfaces import SampledSurface
+from peers import (
+    Estimate,
+    Method,
+    angles,
+    libigl_quadric,
+    meshlab_discrete,
+    meshlab_normals,
+    ours,
+    ouyang_feng,
+    razdan_bae,
+)
 
-Estimate: TypeAlias = tuple[np.ndarray | None, np.ndarray, np.ndarray]
-Method: TypeAlias = Callable[[np.ndarray, np.ndarray], Estimate]
 RESULTS = Path(__file__).parent / "results"
 
 SURFACES: dict[str, Callable[[int], SampledSurface]] = {
@@ -33,46 +40,19 @@ SURFACES: dict[str, Callable[[int], SampledSurface]] = {
 }
 
 
-def ours(**options: object) -> Method:
-    def estimate(vertices: np.ndarray, faces: np.ndarray) -> Estimate:
-        geometry = bf.estimate_vertex_geometry(vertices, faces, **options)
-        return geometry.normals, geometry.mean_curvature, geometry.gaussian_curvature
-
-    return estimate
-
-
-def libigl(radius: int) -> Method:
-    import igl
-
-    def estimate(vertices: np.ndarray, faces: np.ndarray) -> Estimate:
-        _, _, k1, k2, *_ = igl.principal_curvature(vertices, faces, radius)
-        return None, 0.5 * (k1 + k2), k1 * k2
-
-    return estimate
-
-
-def meshlab_discrete(vertices: np.ndarray, faces: np.ndarray) -> Estimate:
-    meshset = pymeshlab.MeshSet()
-    meshset.add_mesh(pymeshlab.Mesh(vertices, faces))
-    fields = []
-    for kind in ("Mean Curvature", "Gaussian Curvature"):
-        meshset.compute_scalar_by_discrete_curvature_per_vertex(curvaturetype=kind)
-        fields.append(meshset.current_mesh().vertex_scalar_array().copy())
-    return meshset.current_mesh().vertex_normal_matrix(), fields[0], fields[1]
-
-
 def methods() -> dict[str, Method]:
-    found: dict[str, Method] = {
+    return {
         "automatic": ours(),
         "2 rings, alpha 0.8": ours(rings=2, alpha=0.8),
         "paper": ours(smoothness="paper"),
+        "Razdan-Bae": razdan_bae("edges"),
+        "OuYang-Feng": ouyang_feng,
+        "MeshLab area weights": meshlab_normals("By Area"),
+        "MeshLab N. Max weights": meshlab_normals("As defined by N. Max"),
         "MeshLab discrete": meshlab_discrete,
+        **libigl_quadric(2),
+        **libigl_quadric(5),
     }
-    try:
-        found |= {"libigl radius 2": libigl(2), "libigl radius 5": libigl(5)}
-    except ImportError:
-        print("libigl is not installed: left out (pip install 'bezier-filters[bench]')")
-    return found
 
 
 def errors(surface: SampledSurface, estimate: Estimate, inner: np.ndarray) -> list[float]:
@@ -82,16 +62,14 @@ def errors(surface: SampledSurface, estimate: Estimate, inner: np.ndarray) -> li
         return float(np.sqrt(np.mean((value - truth)[inner] ** 2) / np.mean(truth[inner] ** 2)))
 
     normals, mean, gaussian = estimate
-    angle = np.nan
+    found = [np.nan, np.nan, np.nan]
     if normals is not None:
-        unit = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-        chord = np.linalg.norm(unit - surface.normals, axis=1)[inner]
-        angle = float(np.degrees(np.sqrt(np.mean(chord**2))))
-    return [
-        angle,
-        relative(np.abs(mean), np.abs(surface.mean_curvature)),
-        relative(gaussian, surface.gaussian_curvature),
-    ]
+        found[0] = float(np.sqrt(np.mean(angles(normals, surface.normals)[inner] ** 2)))
+    if mean is not None:
+        found[1] = relative(np.abs(mean), np.abs(surface.mean_curvature))
+    if gaussian is not None:
+        found[2] = relative(gaussian, surface.gaussian_curvature)
+    return found
 
 
 def main() -> None:
@@ -119,13 +97,13 @@ def main() -> None:
         writer = csv.writer(file)
         writer.writerow(["surface", "noise", "method", "normal_degrees", "mean_curvature", "gaussian_curvature"])
         writer.writerows([*row[:3], *(f"{value:.4g}" for value in row[3:])] for row in rows)
-    print(f"{'noise':>6}  {'method':22}{'normal [deg]':>14}{'H':>12}{'K':>12}")
+    print(f"{'noise':>6}  {'method':26}{'normal [deg]':>14}{'H':>12}{'K':>12}")
     for level in arguments.noise:
         for method in methods():
             table = np.array([row[3:] for row in rows if row[1] == level and row[2] == method])
             means = np.exp(np.log(table).mean(axis=0))
-            angle = "-" if np.isnan(means[0]) else f"{means[0]:.4g}"
-            print(f"{level:6.2f}  {method:22}{angle:>14}{means[1]:12.4g}{means[2]:12.4g}")
+            cells = ["-" if np.isnan(mean) else f"{mean:.4g}" for mean in means]
+            print(f"{level:6.2f}  {method:26}{cells[0]:>14}{cells[1]:>12}{cells[2]:>12}")
 
 
 if __name__ == "__main__":

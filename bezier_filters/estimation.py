@@ -67,9 +67,9 @@ def estimate_vertex_geometry(
     degree : int or "auto"
         With a number for `alpha`, degree of the patch in each parameter: 2, 3 or 4, and "auto"
         is 3. Otherwise total degree of the polynomial: 2 to 6.
-    smoothness : {"third_order", "paper"}
+    smoothness : {"third_order", "paper", "twists"}
         What S penalises: see `smoothness_matrix`. With ``"paper"``, "auto" stands for the paper's
-        settings: 2 rings, alpha 0.8, degree 3.
+        settings: 2 rings, alpha 0.8, degree 3. With ``"twists"``, `alpha` must be a number.
     selected : (n,) bool, optional
         Vertices to estimate; the others get zeros and `FitStatus.SKIPPED`.
     threads : int, optional
@@ -160,7 +160,9 @@ def _check_choices(degree: object, smoothness: object) -> None:
     if degree != "auto" and degree not in CANDIDATE_DEGREES:
         raise InvalidParameterError(f"degree: got {degree!r}, expected one of {CANDIDATE_DEGREES}, or 'auto'")
     if smoothness != "third_order":
-        raise InvalidParameterError(f"smoothness: got {smoothness!r}, expected 'third_order' or 'paper'")
+        raise InvalidParameterError(
+            f"smoothness: got {smoothness!r}, expected 'third_order' or 'paper', or a number for alpha"
+        )
 
 
 def _selected_ids(selected: BoolArray | None, n: int) -> IntArray:

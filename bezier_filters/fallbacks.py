@@ -168,7 +168,7 @@ def kernel_fit(attempt: Attempt) -> KernelFit:
     lower = np.tril_indices(fit.space.dimension)
     moment_exponents, moment_place = fit.space.moments
     if isinstance(fit, PatchFit):
-        fewest, square, penalty = fit.free_coefficients, fit.smoothness != "paper", fit.monomial_penalty[lower]
+        fewest, square, penalty = fit.free_coefficients, fit.square, fit.monomial_penalty[lower]
         prior, smallest_pivot = np.zeros(len(lower[0])), SMALLEST_PIVOT
     else:
         fewest, square, penalty = 6, True, np.zeros(len(lower[0]))

@@ -24,7 +24,7 @@ class PatchFit:
         2 (biquadratic), 3 (bicubic, the paper) or 4.
     alpha : float
         Weight of the points in [alpha A; (1 - alpha) S], in (0, 1]; 1 fits the points alone.
-    smoothness : {"third_order", "paper"}
+    smoothness : {"third_order", "paper", "twists"}
         The rows S: see `smoothness.smoothness_matrix`.
 
     Raises
@@ -66,13 +66,17 @@ class PatchFit:
         rows = 0 if self.alpha == 1.0 else np.linalg.matrix_rank(self.smoothness_rows)
         return int((self.degree + 1) ** 2 - rows)
 
-    def rectangle(self, x: FloatArray, y: FloatArray) -> ParameterRectangle:
-        """Parameter rectangle of points whose own vertex is at (0, 0).
+    @property
+    def square(self) -> bool:
+        """Whether the parameters cover the square around the vertex, not the paper's bounding rectangle.
 
-        The paper's bounding rectangle, or for ``"third_order"``, whose result does not depend
-        on the rectangle's place, the square around the vertex that holds all points.
+        The result of ``"third_order"`` does not depend on the rectangle's place.
         """
-        return ParameterRectangle.bounding(x, y) if self.smoothness == "paper" else ParameterRectangle.centred(x, y)
+        return self.smoothness == "third_order"
+
+    def rectangle(self, x: FloatArray, y: FloatArray) -> ParameterRectangle:
+        """Parameter rectangle of points whose own vertex is at (0, 0); see `square`."""
+        return ParameterRectangle.centred(x, y) if self.square else ParameterRectangle.bounding(x, y)
 
 
 def fit_patch(points: FloatArray, origin: FloatArray, axes: FloatArray, fit: PatchFit | None = None) -> BezierPatch:

@@ -13,7 +13,7 @@ from bezier_filters.arrays import FloatArray
 from bezier_filters.bernstein import centred_monomials
 from bezier_filters.errors import InvalidParameterError
 
-Smoothness = Literal["third_order", "paper"]
+Smoothness = Literal["third_order", "paper", "twists"]
 
 
 def smoothness_matrix(smoothness: Smoothness, degree: int) -> FloatArray:
@@ -21,11 +21,13 @@ def smoothness_matrix(smoothness: Smoothness, degree: int) -> FloatArray:
 
     Parameters
     ----------
-    smoothness : {"third_order", "paper"}
+    smoothness : {"third_order", "paper", "twists"}
         ``"paper"``: the second differences of the four boundary polygons of the control net
         (Li, Barsky, Jin 2009). It penalises quadratics, so curvature is biased at every
         resolution. ``"third_order"``: the patch's monomial coefficients of total degree >= 3;
-        all quadratics are free, so the fit is consistent for every alpha.
+        all quadratics are free, so the fit is consistent for every alpha. ``"twists"``: the mixed
+        second differences of the control net (Farin's shape equations); u^2 and v^2 are free,
+        u v is not, so curvature is biased and depends on the axes.
     degree : int
         2, 3 or 4.
 
@@ -38,6 +40,8 @@ def smoothness_matrix(smoothness: Smoothness, degree: int) -> FloatArray:
         return boundary_second_differences(degree)
     if smoothness == "third_order":
         return third_order_coefficients(degree)
+    if smoothness == "twists":
+        return mixed_second_differences(degree)
     raise InvalidParameterError(f"smoothness: got {smoothness!r}, expected one of {get_args(Smoothness)}")
 
 
@@ -54,6 +58,15 @@ def boundary_second_differences(degree: int) -> FloatArray:
         for k in range(degree - 1):
             rows[side, k, polygon[k : k + 3]] = 1.0, -2.0, 1.0
     return rows.reshape(-1, size * size)
+
+
+def mixed_second_differences(degree: int) -> FloatArray:
+    """Twists b_ij - b_(i+1)j - b_i(j+1) + b_(i+1)(j+1) of the control net, shape (d^2, (d+1)^2).
+
+    They vanish if every mesh of the control net is a parallelogram.
+    """
+    differences = np.diff(np.eye(degree + 1), axis=0)
+    return np.asarray(np.kron(differences, differences), dtype=np.float64)
 
 
 def third_order_coefficients(degree: int) -> FloatArray:

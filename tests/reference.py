@@ -11,11 +11,24 @@ import numpy as np
 PAPER_TRIPLES = ["00 01 02", "01 02 03", "00 10 20", "10 20 30", "30 31 32", "31 32 33", "03 13 23", "13 23 33"]
 
 
+BIQUADRATIC_EDGES = ["00 01 02", "20 21 22", "00 10 20", "02 12 22"]
+BIQUADRATIC_TWISTS = ["00 10 01 11", "01 11 02 12", "10 20 11 21", "11 21 12 22"]
+
+
 def paper_rows():
     rows = np.zeros((8, 16))
     for row, triple in zip(rows, PAPER_TRIPLES, strict=True):
         for name, value in zip(triple.split(), (1, -2, 1), strict=True):
             row[4 * int(name[0]) + int(name[1])] = value
+    return rows
+
+
+def biquadratic_rows(shape):
+    names, stencil = {"edges": (BIQUADRATIC_EDGES, (1, -2, 1)), "twists": (BIQUADRATIC_TWISTS, (1, -1, -1, 1))}[shape]
+    rows = np.zeros((4, 9))
+    for row, points in zip(rows, names, strict=True):
+        for name, value in zip(points.split(), stencil, strict=True):
+            row[3 * int(name[0]) + int(name[1])] = value
     return rows
 
 
@@ -27,8 +40,8 @@ def bernstein(t, order=0, degree=3):
     return np.stack([comb(degree, i) * t**i * (1 - t) ** (degree - i) for i in range(degree + 1)], axis=1)
 
 
-def design(u, v, du=0, dv=0):
-    return np.einsum("ki,kj->kij", bernstein(u, du), bernstein(v, dv)).reshape(len(u), 16)
+def design(u, v, du=0, dv=0, degree=3):
+    return np.einsum("ki,kj->kij", bernstein(u, du, degree), bernstein(v, dv, degree)).reshape(len(u), -1)
 
 
 def one_ring(faces, vertex):
@@ -56,6 +69,11 @@ def farthest_axis(edges, neighbourhood, normal):
 
 def paper_fit(vertices, faces, vertex, alpha=0.8):
     """Normal, H and K (MeshLab's sign) at one vertex, its 2-ring fitted as the paper says."""
+    return tensor_fit(vertices, faces, vertex, alpha, 3, paper_rows())
+
+
+def tensor_fit(vertices, faces, vertex, alpha, degree, rows):
+    """The same for a patch of any degree with the rows S given."""
     touching = faces[(faces == vertex).any(axis=1)]
     a, b, c = vertices[touching].transpose(1, 0, 2)
     face_normals = np.cross(b - a, c - a)
@@ -70,13 +88,13 @@ def paper_fit(vertices, faces, vertex, alpha=0.8):
     local = (vertices[members] - vertices[vertex]) @ np.array([x_axis, y_axis, normal]).T
     low, high = local[:, :2].min(axis=0), local[:, :2].max(axis=0)
     u, v = ((local[:, :2] - low) / (high - low)).T
-    system = np.vstack([alpha * design(u, v), (1 - alpha) * paper_rows()])
-    target = np.vstack([alpha * local, np.zeros((8, 3))])
+    system = np.vstack([alpha * design(u, v, degree=degree), (1 - alpha) * rows])
+    target = np.vstack([alpha * local, np.zeros((len(rows), 3))])
     net, _, rank, _ = np.linalg.lstsq(system, target, rcond=None)
-    assert rank == 16
+    assert rank == (degree + 1) ** 2
 
     def derivative(du, dv):
-        return (design(u[:1], v[:1], du, dv) @ net)[0]
+        return (design(u[:1], v[:1], du, dv, degree) @ net)[0]
 
     bu, bv, buu, buv, bvv = (derivative(*o) for o in [(1, 0), (0, 1), (2, 0), (1, 1), (0, 2)])
     n = np.cross(bu, bv)

@@ -23,6 +23,7 @@ learning model_tree
 fallbacks
 adaptive_fit
 estimation
+baselines
 meshset
 mesh_attributes mesh_colors mesh_files
 vertex_filter

@@ -31,13 +31,14 @@ CASES = {
     "sphere": Case(surfaces.sphere, 8, 2, 0),
     "ellipsoid": Case(surfaces.ellipsoid, 8, 2, 0),
     "bumpy_star": Case(surfaces.bumpy_star, 10, 2, 0),
+    "red_blood_cell": Case(surfaces.red_blood_cell, 12, 2, 0),
     "torus": Case(surfaces.torus, 16, 0, 0),
     "cylinder": Case(surfaces.cylinder, 24, 0, 2),
     "monkey_saddle": Case(surfaces.monkey_saddle, 20, 1, 1),
     "waves": Case(surfaces.waves, 28, 1, 1),
     "punched_patch": Case(surfaces.punched_patch, 28, -2, 4),
 }
-CLOSED = ["sphere", "ellipsoid", "bumpy_star", "torus"]
+CLOSED = ["sphere", "ellipsoid", "bumpy_star", "red_blood_cell", "torus"]
 
 each_surface = pytest.mark.parametrize("name", CASES)
 each_jitter = pytest.mark.parametrize("jitter", [0.0, IRREGULAR])
@@ -293,6 +294,21 @@ def ellipsoid_position(point: FloatArray) -> Position:
     return lambda u, v: moved(u, v) * (1, 0.7, 0.5)
 
 
+def cell_thickness(square: FloatArray) -> FloatArray:
+    return 0.2072 + 2.0026 * square - 1.1228 * square**2
+
+
+def cell_position(point: FloatArray) -> Position:
+    x, y, z = point.T
+    moved = moved_direction(np.stack([x, y, 2 * z / cell_thickness(x**2 + y**2)], axis=1))
+
+    def position(u: FloatArray, v: FloatArray) -> FloatArray:
+        x, y, z = moved(u, v).T
+        return np.stack([x, y, 0.5 * z * cell_thickness(x**2 + y**2)], axis=1)
+
+    return position
+
+
 def torus_position(point: FloatArray) -> Position:
     x, y, z = point.T
     around, tube = np.arctan2(y, x), np.arctan2(z, np.hypot(x, y) - 1)
@@ -325,6 +341,7 @@ PARAMETRISATIONS = {
     "sphere": moved_direction,
     "ellipsoid": ellipsoid_position,
     "bumpy_star": star_position,
+    "red_blood_cell": cell_position,
     "torus": torus_position,
     "cylinder": cylinder_position,
     "monkey_saddle": graph_position(lambda x, y: 0.3 * (x**3 - 3 * x * y**2)),
@@ -429,6 +446,8 @@ VOLUMES = {
     "sphere": 4 / 3 * np.pi,
     "ellipsoid": 4 / 3 * np.pi * 1.0 * 0.7 * 0.5,
     "bumpy_star": star_volume(),
+    # pi times the integral of sqrt(1 - t) (0.2072 + 2.0026 t - 1.1228 t^2) over [0, 1]
+    "red_blood_cell": np.pi * (0.2072 * 2 / 3 + 2.0026 * 4 / 15 - 1.1228 * 16 / 105),
     "torus": 2 * np.pi**2 * 1.0 * 0.4**2,
 }
 
@@ -527,6 +546,7 @@ def test_block_has_exactly_sharp_edges(jitter: float) -> None:
         (lambda: surfaces.ellipsoid(semi_axes=(1, 2, -3)), "semi_axes is -3"),
         (lambda: surfaces.bumpy_star(amplitude=0.4), "less than 1/3"),
         (lambda: surfaces.bumpy_star(frequencies=(1, 2, np.inf)), "three finite numbers"),
+        (lambda: surfaces.red_blood_cell_at(np.eye(3), np.arange(3)[None]), "off by up to 0.99, expected"),
         (lambda: surfaces.torus(minor_radius=1.0), "less than major_radius"),
         (lambda: surfaces.torus(resolution=5), "at least 6"),
         (lambda: surfaces.cylinder(length=-1), "length is -1"),
