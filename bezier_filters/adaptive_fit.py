@@ -10,6 +10,7 @@ from bezier_filters.fallbacks import fit_with_fallbacks, planned_chain
 from bezier_filters.fit_kernel import KernelMesh
 from bezier_filters.model_tree import Leaf, grow, leaf_numbers, leaves
 from bezier_filters.parallel import Progress
+from bezier_filters.plans import Choices
 from bezier_filters.ring_analysis import RingAnalysis
 from bezier_filters.vertex_geometry import FitChoice, FitPart, VertexGeometry
 
@@ -19,7 +20,7 @@ def fit_adaptively(
     ids: IntArray,
     root: Leaf,
     analyses: Sequence[RingAnalysis],
-    degrees: Sequence[int],
+    choices: Choices,
     geometry: VertexGeometry,
     *,
     threads: int = 1,
@@ -39,8 +40,8 @@ def fit_adaptively(
         Model and plans of the whole.
     analyses : sequence of RingAnalysis
         What `root` was learned from.
-    degrees : sequence of int
-        Degrees allowed.
+    choices : Choices
+        What is allowed.
     geometry : VertexGeometry
         Receives the results.
     threads : int
@@ -58,7 +59,7 @@ def fit_adaptively(
         mesh, fitted, list(planned_chain(root.plans, root.chosen)), geometry, threads=threads, progress=progress
     )
     choice = FitChoice(root.chosen.rings, root.chosen.degree, None, root.surface.sigma)
-    tree = grow(root, analyses, _features(geometry), degrees)
+    tree = grow(root, analyses, _features(geometry), choices)
     if isinstance(tree, Leaf):
         return choice
     numbers = leaf_numbers(tree, _features(geometry)[ids])

@@ -16,11 +16,11 @@ from bezier_filters.fallbacks import fallback_chain, fit_with_fallbacks
 from bezier_filters.fit_kernel import KernelMesh, fit_vertices, kernel_mesh
 from bezier_filters.fitting import PatchFit
 from bezier_filters.frames import tangent_planes
-from bezier_filters.learning import CANDIDATE_RINGS, analyse_rings
+from bezier_filters.learning import analyse_rings
 from bezier_filters.mesh import triangle_mesh
 from bezier_filters.model_tree import leaf_of
 from bezier_filters.parallel import Progress, thread_count
-from bezier_filters.plans import CANDIDATE_DEGREES
+from bezier_filters.plans import CANDIDATE_DEGREES, Choices
 from bezier_filters.smoothness import Smoothness
 from bezier_filters.status import FitStatus
 from bezier_filters.vertex_geometry import FitChoice, VertexGeometry
@@ -135,14 +135,13 @@ def _fit(
     """Choose how to fit what the user left open, and do it."""
     root, sigma = None, None
     if fixed is None or rings == "auto":
-        candidates = CANDIDATE_RINGS if rings == "auto" else (rings,)
-        degrees = CANDIDATE_DEGREES if degree == "auto" else (degree,)
-        analyses = analyse_rings(arrays, adjacency, rings=candidates, threads=threads)
-        root = leaf_of(analyses, degrees)
+        choices = Choices(None if rings == "auto" else rings, CANDIDATE_DEGREES if degree == "auto" else (int(degree),))
+        analyses = analyse_rings(arrays, adjacency, wanted=choices.rings, threads=threads)
+        root = leaf_of(analyses, choices)
     if root is not None:
         sigma = root.surface.sigma
         if fixed is None:
-            return fit_adaptively(arrays, ids, root, analyses, degrees, geometry, threads=threads, progress=progress)
+            return fit_adaptively(arrays, ids, root, analyses, choices, geometry, threads=threads, progress=progress)
     if rings == "auto":
         rings = 2 if root is None else root.chosen.rings
     fit = fixed or PatchFit()

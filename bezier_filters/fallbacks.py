@@ -166,12 +166,15 @@ def kernel_fit(attempt: Attempt) -> KernelFit:
     """What the kernel needs to know of one attempt."""
     fit = attempt.fit
     lower = np.tril_indices(fit.space.dimension)
+    weight_scale, weight_power = 0.0, 0
     moment_exponents, moment_place = fit.space.moments
     if isinstance(fit, PatchFit):
         fewest, square, penalty = fit.free_coefficients, fit.square, fit.monomial_penalty[lower]
         prior, smallest_pivot = np.zeros(len(lower[0])), SMALLEST_PIVOT
     else:
         fewest, square, penalty = 6, True, np.zeros(len(lower[0]))
+        if np.isfinite(fit.weight_radius):
+            weight_scale, weight_power = 1.0 / fit.weight_radius**2, fit.degree + 1
         prior, smallest_pivot = fit.prior[lower], SMALLEST_PRIOR_PIVOT
     entries = np.flatnonzero(prior)
     degrees = fit.space.total_degrees[lower[0]][entries]
@@ -193,6 +196,8 @@ def kernel_fit(attempt: Attempt) -> KernelFit:
         smallest_pivot=smallest_pivot,
         noise=attempt.noise,
         derivative_places=fit.space.places([(1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]),
+        weight_scale=weight_scale,
+        weight_power=weight_power,
     )
 
 

@@ -69,6 +69,8 @@ class KernelFit(NamedTuple):
     smallest_pivot: float
     noise: float  # standard deviation of the heights; 0 for no standard errors
     derivative_places: IntArray  # of the coefficients of x, y, x^2, x y, y^2
+    weight_scale: float  # points weigh 1 / (1 + (scale distance^2)^power); 0 for equal weights
+    weight_power: int
 
 
 class Workspace(NamedTuple):
@@ -76,7 +78,8 @@ class Workspace(NamedTuple):
 
     points: FloatArray  # (3, capacity): x, y, z
     parameters: FloatArray  # (2, capacity): s, t
-    powers_s: FloatArray  # (highest power + 1, capacity)
+    weights: FloatArray  # (capacity,)
+    powers_s: FloatArray  # (highest power + 1, capacity), times the weights
     powers_t: FloatArray
     lifted_t: FloatArray  # powers of t times z
     residual: FloatArray  # (capacity,)
@@ -158,6 +161,7 @@ def _workspace(fit: KernelFit, capacity: int) -> Workspace:
     return Workspace(
         np.empty((3, capacity)),
         np.empty((2, capacity)),
+        np.ones(capacity),
         np.empty((fit.highest_power + 1, capacity)),
         np.empty((fit.highest_power + 1, capacity)),
         np.empty((fit.highest_power // 2 + 1, capacity)),
@@ -177,6 +181,8 @@ def _solve(fit: KernelFit, count: int, work: Workspace) -> bool:
     """Set up and solve the normal equations; False if they are rank deficient."""
     powers(work.parameters[0], count, fit.highest_power, work.powers_s)
     powers(work.parameters[1], count, fit.highest_power, work.powers_t)
+    if fit.weight_scale > 0.0:
+        _weigh(fit, count, work)
     for k in range(fit.moment_exponents.shape[0]):
         a, b = fit.moment_exponents[k, 0], fit.moment_exponents[k, 1]
         work.moments[k] = dot(work.powers_s[a], work.powers_t[b], count)
@@ -199,6 +205,19 @@ def _solve(fit: KernelFit, count: int, work: Workspace) -> bool:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _weigh(fit: KernelFit, count: int, work: Workspace) -> None:
+    """Set the weights of the points and multiply the powers of s by them."""
+    for p in range(count):
+        x, y = work.points[0, p], work.points[1, p]
+        ratio = fit.weight_scale * (x * x + y * y)
+        work.weights[p] = 1.0 / (1.0 + ratio**fit.weight_power)
+    for k in range(fit.highest_power + 1):
+        row = work.powers_s[k]
+        for p in range(count):
+            row[p] *= work.weights[p]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _residual(fit: KernelFit, count: int, work: Workspace) -> float:
     """Root mean square height of the points over the fitted polynomial."""
     residual = work.residual
@@ -208,7 +227,7 @@ def _residual(fit: KernelFit, count: int, work: Workspace) -> float:
         coefficient = work.coefficients[k]
         s, t = work.powers_s[fit.exponents[k, 0]], work.powers_t[fit.exponents[k, 1]]
         for p in range(count):
-            residual[p] += coefficient * s[p] * t[p]
+            residual[p] += coefficient * s[p] * t[p] / work.weights[p]
     return float(np.sqrt(dot(residual, residual, count) / count))
 
 

@@ -1,20 +1,16 @@
 """Learns a surface from its neighbourhoods: ring after ring, as long as they promise something."""
 
-from collections.abc import Sequence
-
-import numpy as np
-
 from bezier_filters.adjacency import Adjacency
 from bezier_filters.fit_kernel import KernelMesh
 from bezier_filters.neighbourhood_samples import sample_neighbourhoods
-from bezier_filters.plans import ring_plans
+from bezier_filters.plans import all_plans
 from bezier_filters.ring_analysis import RingAnalysis, analyse_ring
 from bezier_filters.surface_model import learn_model
 
-CANDIDATE_RINGS = (2, 3, 4, 5, 6, 8, 10)
+CANDIDATE_RINGS = (1, 2, 3, 4, 5, 6, 8, 10)
 NEAR_RINGS = 5
 """Most meshes need no wider rings than these, of which many neighbourhoods can be afforded."""
-SAMPLES = {2: 600, 3: 600, 4: 500, 5: 400, 6: 300, 8: 240, 10: 180}
+SAMPLES = {1: 600, 2: 600, 3: 600, 4: 500, 5: 400, 6: 300, 8: 240, 10: 180}
 """Neighbourhoods analysed per ring: the wider, the more points each has."""
 MOST_TURNED = 0.02
 """Share of the vertices of a neighbourhood whose normals noise may turn away from its plane."""
@@ -28,33 +24,47 @@ def analyse_rings(
     mesh: KernelMesh,
     adjacency: Adjacency,
     *,
-    rings: Sequence[int] = CANDIDATE_RINGS,
+    wanted: int | None = None,
     threads: int = 1,
     seed: int = 0,
 ) -> list[RingAnalysis]:
-    """Analyse rings of ascending width; none for meshes with too few usable neighbourhoods."""
+    """Analyse rings of ascending width; none for meshes with too few usable neighbourhoods.
+
+    Parameters
+    ----------
+    mesh : KernelMesh
+    adjacency : Adjacency
+        Of the same mesh.
+    wanted : int, optional
+        A ring that is analysed in any case, if it can be.
+    threads : int
+        Number of threads.
+    seed : int
+        Of the sample.
+    """
     analyses: list[RingAnalysis] = []
-    best = np.inf
-    near = min(NEAR_RINGS, max(rings))
+    rings = sorted({*CANDIDATE_RINGS, *(() if wanted is None else (wanted,))})
     sample = sample_neighbourhoods(
-        mesh, adjacency, rings=near, count=max(SAMPLES.values()), most_turned=MOST_TURNED, seed=seed
+        mesh, adjacency, rings=NEAR_RINGS, count=max(SAMPLES.values()), most_turned=MOST_TURNED, seed=seed
     )
+    promising = True
     for k in rings:
+        if not promising and k != wanted:
+            continue
         if k >= sample.sizes.shape[1]:
             sample = sample_neighbourhoods(
-                mesh, adjacency, rings=max(rings), count=SAMPLES[6], most_turned=MOST_TURNED, seed=seed
+                mesh, adjacency, rings=rings[-1], count=SAMPLES[6], most_turned=MOST_TURNED, seed=seed
             )
-        if analyses and sample.usable[:, k].sum() < USABLE_SHARE * sample.clear[:, k].sum():
-            break
+        promising = promising and sample.usable[:, k].sum() >= USABLE_SHARE * sample.clear[:, k].sum()
+        if not promising and k != wanted and analyses:
+            continue
         analysis = analyse_ring(
             sample, k, SAMPLES.get(k, SAMPLES[10]), vertex_count=len(mesh.vertices), threads=threads
         )
         if analysis is None:
             continue
         analyses.append(analysis)
-        surface = learn_model(analyses)
-        error = min(plan.error for plan in ring_plans(surface, surface.by_rings[-1]))
-        if k > NEAR_RINGS and error > HOPELESS * best:
-            break
-        best = min(best, error)
+        if k > NEAR_RINGS:
+            errors = [plan.error for plan in all_plans(learn_model(analyses))]
+            promising = promising and errors[-1] <= HOPELESS * min(errors)
     return analyses

@@ -12,7 +12,7 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.harmonics import harmonic_basis
-from bezier_filters.plans import FitPlan, all_plans, best_plan, plan_for
+from bezier_filters.plans import Choices, FitPlan, all_plans, best_plan, plan_for
 from bezier_filters.ring_analysis import FREE_DEGREE, RingAnalysis
 from bezier_filters.surface_model import SurfaceModel, learn_model
 
@@ -56,17 +56,18 @@ class Split:
     high: "Leaf | Split"
 
 
-def leaf_of(analyses: Sequence[RingAnalysis], degrees: Sequence[int], whole: SurfaceModel | None = None) -> Leaf | None:
+def leaf_of(analyses: Sequence[RingAnalysis], choices: Choices, whole: SurfaceModel | None = None) -> Leaf | None:
     """One model for all; None if the analyses allow no plan."""
     if not analyses:
         return None
     surface = learn_model(analyses, whole)
-    plans = all_plans(surface, degrees)
-    return Leaf(surface, tuple(plans), best_plan(plans)) if plans else None
+    plans = all_plans(surface, choices.degrees)
+    allowed = [plan for plan in plans if choices.rings in (None, plan.rings)]
+    return Leaf(surface, tuple(plans), best_plan(allowed)) if allowed else None
 
 
 def grow(
-    root: Leaf, analyses: Sequence[RingAnalysis], features: FloatArray, degrees: Sequence[int], depth: int = DEEPEST
+    root: Leaf, analyses: Sequence[RingAnalysis], features: FloatArray, choices: Choices, depth: int = DEEPEST
 ) -> Leaf | Split:
     """Split a leaf as long as that is worthwhile.
 
@@ -78,8 +79,8 @@ def grow(
         The neighbourhoods.
     features : (n, F) float64
         Features of all vertices; only those at the centers of neighbourhoods are looked at.
-    degrees : sequence of int
-        Degrees allowed.
+    choices : Choices
+        What is allowed.
     depth : int
         How many times to split at most.
     """
@@ -88,16 +89,16 @@ def grow(
         low = [part.where(features[part.centers, feature] <= threshold) for part in analyses]
         high = [part.where(features[part.centers, feature] > threshold) for part in analyses]
         sides = [[part for part in side if part is not None] for side in (low, high)]
-        leaves_ = [leaf_of(side, degrees, root.surface) for side in sides]
+        leaves_ = [leaf_of(side, choices, root.surface) for side in sides]
         saved = [_saved(root.chosen, leaf) for leaf in leaves_]
         sizes = [max((len(part.centers) for part in side), default=0) for side in sides]
         if sum(s * n for s, n in zip(saved, sizes, strict=True)) > WORTHWHILE * sum(sizes):
             branches = [
-                grow(leaf, side, features, degrees, depth - 1)
+                grow(leaf, side, features, choices, depth - 1)
                 for leaf, side in zip(leaves_, sides, strict=True)
-                if leaf
+                if leaf is not None
             ]
-            return Split(feature, threshold, *branches)
+            return Split(feature, threshold, branches[0], branches[1])
     return root
 
 
@@ -143,9 +144,9 @@ def _log_likelihood(analysis: RingAnalysis, rows: BoolArray) -> float:
     """Of Gaussian terms of degree 3 and more and a Gaussian rest, each with its own variance."""
     free = harmonic_basis().up_to(FREE_DEGREE)
     groups = harmonic_basis().groups[free : analysis.parts.shape[1]]
-    first = groups[0]
-    sums = np.bincount(groups - first, weights=np.square(analysis.parts[rows, free:]).sum(axis=0))
-    counts = np.bincount(groups - first) * rows.sum()
+    groups = groups - groups.min(initial=groups[-1] if len(groups) else 0)
+    sums = np.bincount(groups, weights=np.square(analysis.parts[rows, free:]).sum(axis=0))
+    counts = np.bincount(groups) * rows.sum()
     sums = np.append(sums, analysis.residuals[rows, -1].sum())
     counts = np.append(counts, analysis.freedom[rows, -1].sum())
-    return float(-0.5 * (counts * np.log(np.maximum(sums, 1e-300) / counts)).sum())
+    return float(-0.5 * (counts * np.log(np.maximum(sums, 1e-300) / np.maximum(counts, 1.0))).sum())

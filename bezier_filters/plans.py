@@ -1,7 +1,7 @@
 """Which neighbourhood, degree and weight to fit with: predicted errors of all the choices."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,12 @@ WEAKER_PRIORS = (0.03, 0.001)
 """The prior takes what a degree leaves out for noise; on regular meshes it cancels out, and less is better."""
 STRONGEST_PRIOR = 1e5
 """Times what the points say of a term: leaves nothing of it, and the normal equations well conditioned."""
+WEIGHTED_RINGS = 4
+"""Distance weights are tried up to here: where narrow rings are best because the surface varies fast."""
+LEAST_WEIGHT_RADIUS = 0.3
+"""Of the radius of the neighbourhood, lest a fit have too few points."""
+RIDGE = 1e-14
+"""Of the largest entry of the normal equations: makes singular ones solvable, whose errors are then huge."""
 TRIED = 24
 """Neighbourhoods over which the errors are averaged."""
 GOOD_ENOUGH = 1.05
@@ -36,8 +42,12 @@ class FitPlan:
         Unit of x and y for `term_prior`, a length.
     term_prior : (m,) float64
         sigma^2 over the variance of each term of `harmonic_basis`, 0 for the free degrees.
+    weight_radius : float
+        Distance beyond which points weigh less, a length: at r they weigh 1 / (1 + (r / radius)^(2 degree + 2)), the
+        reciprocal of noise and what the degree leaves out. Infinite for equal weights.
     noise : float
-        Standard deviation of the heights over the fit: noise and what the degree leaves out, a length.
+        Standard deviation of the heights over the fit, near the vertex if weighted: noise and what
+        the degree leaves out, a length.
     normal_error : float
         Predicted standard error of the normal, radians.
     curvature_error : float
@@ -48,6 +58,7 @@ class FitPlan:
     degree: int
     radius: float
     term_prior: FloatArray
+    weight_radius: float
     noise: float
     normal_error: float
     curvature_error: float
@@ -81,18 +92,40 @@ class FitPlan:
         return self.rings**2 * (self.degree + 1.0) * (2.0 * self.degree + 1.0)
 
 
+@dataclass(frozen=True)
+class Choices:
+    """What may be chosen.
+
+    Attributes
+    ----------
+    rings : int or None
+        The one size of neighbourhood that is allowed; None for all.
+    degrees : tuple of int
+        Degrees.
+    """
+
+    rings: int | None = None
+    degrees: tuple[int, ...] = CANDIDATE_DEGREES
+
+
 def all_plans(surface: SurfaceModel, degrees: Sequence[int] = CANDIDATE_DEGREES) -> list[FitPlan]:
     """The best plan of every ring, in ascending order of rings."""
-    of_rings = [ring_plans(surface, ring, degrees) for ring in surface.by_rings]
-    return [best_plan(plans) for plans in of_rings if plans]
+    return [best_plan(plans) for plans in (ring_plans(surface, ring, degrees) for ring in surface.by_rings) if plans]
 
 
 def ring_plans(surface: SurfaceModel, ring: RingModel, degrees: Sequence[int] = CANDIDATE_DEGREES) -> list[FitPlan]:
-    """Plans for one ring: every degree that it determines, and weaker priors for the best."""
-    plans = [_plan(surface, ring, degree, 1.0) for degree in degrees if degree <= ring.analysis.degree]
+    """Plans for one ring: every degree that it determines, weaker priors for the best, and distance weights.
+
+    A single degree is taken as it is: the prior determines what the points do not.
+    """
+    if len(degrees) > 1:
+        degrees = [degree for degree in degrees if degree <= ring.analysis.degree]
+    plans = [_plan(surface, ring, degree) for degree in degrees]
     if plans:
-        degree = best_plan(plans).degree
-        plans += [_plan(surface, ring, degree, strength) for strength in WEAKER_PRIORS]
+        best = best_plan(plans).degree
+        plans += [_plan(surface, ring, best, strength) for strength in WEAKER_PRIORS]
+    if ring.analysis.rings <= WEIGHTED_RINGS:
+        plans += [plan for plan in (_weighted_plan(surface, ring, degree) for degree in degrees) if plan]
     return plans
 
 
@@ -103,47 +136,84 @@ def best_plan(plans: Sequence[FitPlan]) -> FitPlan:
 
 
 def plan_for(plan: FitPlan, surface: SurfaceModel) -> FitPlan | None:
-    """The same fit with the noise and the errors that another model predicts; None if it has no such ring."""
+    """The same fit with the errors that another model predicts; None if that has no such ring."""
     for ring in surface.by_rings:
-        if ring.analysis.rings == plan.rings and ring.analysis.degree >= plan.degree:
-            return _predicted(surface, ring, plan.degree, plan.term_prior)
+        if ring.analysis.rings == plan.rings:
+            return _predicted(surface, ring, plan)
     return None
 
 
-def _plan(surface: SurfaceModel, ring: RingModel, degree: int, strength: float) -> FitPlan:
+def _plan(surface: SurfaceModel, ring: RingModel, degree: int, strength: float = 1.0) -> FitPlan:
     """The optimal prior of one degree over one ring, times a factor."""
-    analysis, basis = ring.analysis, harmonic_basis()
-    m = basis.up_to(degree)
     # What the degree leaves out acts on the fit much like noise.
-    noise = strength * analysis.mean_squares[degree]
-    weakest = noise / (STRONGEST_PRIOR * np.maximum(analysis.energies[:m], 1e-300))
-    prior = np.where(basis.degrees[:m] <= FREE_DEGREE, 0.0, noise / np.maximum(ring.variances[:m], weakest))
-    return _predicted(surface, ring, degree, prior)
+    noise = float(ring.analysis.mean_squares[min(degree, ring.analysis.degree)])
+    plan = FitPlan(
+        ring.analysis.rings,
+        degree,
+        ring.analysis.radius,
+        _term_prior(ring, degree, strength * noise),
+        np.inf,
+        np.sqrt(noise),
+        0.0,
+        0.0,
+    )
+    return _predicted(surface, ring, plan)
 
 
-def _predicted(surface: SurfaceModel, ring: RingModel, degree: int, prior: FloatArray) -> FitPlan:
+def _weighted_plan(surface: SurfaceModel, ring: RingModel, degree: int) -> FitPlan | None:
+    """The optimal prior and distance weights of one degree over one ring; None if the weights are practically equal."""
+    basis, noise = harmonic_basis(), surface.sigma**2
+    # What the degree leaves out, from its variance at the radius downwards like its first term.
+    left_out = ring.variances[basis.degrees > degree].sum()
+    power = 2 * degree + 2
+    # noise = left_out r^power
+    near = LEAST_WEIGHT_RADIUS if left_out <= 0.0 else max(LEAST_WEIGHT_RADIUS, (noise / left_out) ** (1.0 / power))
+    if left_out <= 0.0 or near >= 1.0:
+        return None
+    noise = max(noise, left_out * near**power)
+    prior = _term_prior(ring, degree, noise)
+    radius = ring.analysis.radius
+    plan = FitPlan(ring.analysis.rings, degree, radius, prior, near * radius, float(np.sqrt(noise)), 0.0, 0.0)
+    return _predicted(surface, ring, plan)
+
+
+def _term_prior(ring: RingModel, degree: int, noise: float) -> FloatArray:
+    """Noise / variance of the terms up to a degree; 0 for the free ones."""
+    basis = harmonic_basis()
+    m = basis.up_to(degree)
+    said = np.ones(m)
+    said[: len(ring.analysis.energies)] = ring.analysis.energies[:m]
+    least = np.maximum(noise / (STRONGEST_PRIOR * np.maximum(said, 1e-300)), 1e-300)
+    prior: FloatArray = np.where(basis.degrees[:m] <= FREE_DEGREE, 0.0, noise / np.maximum(ring.variances[:m], least))
+    return prior
+
+
+def _predicted(surface: SurfaceModel, ring: RingModel, plan: FitPlan) -> FitPlan:
     """A fit with the errors that a model predicts.
 
     The estimate is linear in the heights, so its mean squared error is the noise that passes
     through plus, for each random term, what is lost of it or mistaken for slope and curvature.
     """
-    analysis = ring.analysis
-    m = len(prior)
-    triangles = analysis.factors[:TRIED, :m, :m]
-    normal_matrices = triangles.transpose(0, 2, 1) @ triangles
-    normal_matrices[:, np.arange(m), np.arange(m)] += prior
+    analysis, m = ring.analysis, len(plan.term_prior)
     wanted = np.arange(1, 6)  # two slopes, x^2 - y^2, 2 x y and x^2 + y^2
-    solver = np.linalg.solve(normal_matrices, triangles.transpose(0, 2, 1))[:, wanted]
-    transfer = solver @ analysis.factors[:TRIED, :m]
+    if np.isinf(plan.weight_radius) and plan.degree <= analysis.degree:
+        design = analysis.factors[:TRIED]  # an orthogonal transform changes nothing
+    else:
+        design = analysis.designs(TRIED)
+    weighted = design[..., :m]
+    if np.isfinite(plan.weight_radius):
+        ratio = np.square(analysis.points[:TRIED]).sum(axis=2) * (analysis.radius / plan.weight_radius) ** 2
+        weighted = weighted / (1.0 + ratio ** (plan.degree + 1))[..., np.newaxis]
+    normal_matrices = weighted.transpose(0, 2, 1) @ design[..., :m]
+    diagonal = normal_matrices[:, np.arange(m), np.arange(m)]
+    normal_matrices[:, np.arange(m), np.arange(m)] += plan.term_prior + RIDGE * diagonal.max(axis=1, keepdims=True)
+    solver = np.linalg.solve(normal_matrices, weighted.transpose(0, 2, 1))[:, wanted]
+    transfer = solver @ design
     transfer[:, np.arange(5), wanted] -= 1.0
     squares = surface.sigma**2 * np.square(solver).sum(axis=2) + np.square(transfer) @ ring.variances
     mean = squares.mean(axis=0)
-    return FitPlan(
-        rings=analysis.rings,
-        degree=degree,
-        radius=analysis.radius,
-        term_prior=prior,
-        noise=float(np.sqrt(analysis.mean_squares[degree])),
+    return replace(
+        plan,
         normal_error=float(np.sqrt(mean[:2].sum()) / analysis.radius),
         curvature_error=float(np.sqrt(8.0 * mean[2:].sum()) / analysis.radius**2),
     )

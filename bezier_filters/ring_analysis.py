@@ -44,6 +44,10 @@ class RingAnalysis:
         Share of the neighbourhoods that count as independent: on a small mesh wide ones overlap.
     centers : (N,) int32
         Vertices whose neighbourhoods these are.
+    points : (N, n, 2) float64
+        x and y of the points in units of the radius; beyond `sizes`, anything.
+    sizes : (N,) int32
+        Number of points.
     factors : (N, m, M) float64
         Q^T A for the design matrices A of the neighbourhoods, Q being orthonormal for the m
         terms; upper triangular in its first m columns. Rows of terms that the points do not see are 0.
@@ -61,6 +65,8 @@ class RingAnalysis:
     degree: int
     independent: float
     centers: IntArray
+    points: FloatArray
+    sizes: IntArray
     factors: FloatArray
     parts: FloatArray
     residuals: FloatArray
@@ -73,13 +79,26 @@ class RingAnalysis:
         """Only the neighbourhoods that are marked, (N,); None if they are too few."""
         if kept.sum() < FEWEST_SAMPLES:
             return None
-        arrays: dict[str, Any] = {name: getattr(self, name)[kept] for name in ("centers", *Output._fields)}
+        arrays: dict[str, Any] = {
+            name: getattr(self, name)[kept] for name in ("centers", "points", "sizes", *Output._fields)
+        }
         return replace(self, **arrays)
 
     @cached_property
     def mean_squares(self) -> FloatArray:
         """Mean squared residual of fits of each degree without prior, (J + 1,), length^2."""
         result: FloatArray = self.residuals.sum(axis=0) / self.freedom.sum(axis=0)
+        return result
+
+    def designs(self, count: int) -> FloatArray:
+        """Values of the terms at the points of the first neighbourhoods, (count, n, M); 0 beyond `sizes`."""
+        exponents = total_degree_space(HIGHEST_DEGREE).exponents
+        powers_of = [
+            np.stack([axis**k for k in range(HIGHEST_DEGREE + 1)]) for axis in np.moveaxis(self.points[:count], 2, 0)
+        ]
+        monomials = powers_of[0][exponents[:, 0]] * powers_of[1][exponents[:, 1]]
+        present = np.arange(self.points.shape[1]) < self.sizes[:count, np.newaxis]
+        result: FloatArray = np.moveaxis(monomials * present, 0, 2) @ harmonic_basis().monomials
         return result
 
     @cached_property
@@ -101,7 +120,7 @@ def analyse_ring(
     degree = _determined_degree(float(np.percentile(sample.sizes[rows, rings], 20)))
     m = basis.up_to(degree)
     rows = rows[sample.sizes[rows, rings] > m]
-    if len(rows) < FEWEST_SAMPLES or degree <= FREE_DEGREE:
+    if len(rows) < FEWEST_SAMPLES:
         return None
     sizes = sample.sizes[rows, rings]
     points = sample.points[rows, : sizes.max()]
@@ -118,6 +137,8 @@ def analyse_ring(
         # Neighbourhoods that overlap by half still tell nearly as much as separate ones.
         min(1.0, 2.0 * vertex_count / float(sizes.sum())),
         sample.centers[rows],
+        points[..., :2] / radius,
+        sizes,
         np.zeros((len(rows), m, len(basis.degrees))),
         np.zeros((len(rows), m)),
         *(np.zeros(by_degree) for _ in range(2)),

@@ -21,7 +21,7 @@ FEWEST_RINGS_FOR_NOISE = 3
 """Narrower rings leave too few points for a fit of high degree to tell noise from shape."""
 PRIOR_RANGE = 8.0
 """Standard errors over which a variance is as likely, beforehand, as it is to be nothing at all."""
-SURELY = 2.5
+SURELY = 4.0
 """Standard errors by which one estimate of a variance must be above another to be taken instead."""
 CERTAIN = 30.0
 """Standard errors beyond which an estimate is taken as it is."""
