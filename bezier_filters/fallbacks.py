@@ -146,9 +146,14 @@ def _run(
     outcomes = np.empty(len(ids), dtype=np.int32)
     fit = kernel_fit(attempt)
     result = GraphGeometry(
-        geometry.normals, geometry.k_min, geometry.k_max, geometry.direction_min, geometry.direction_max
+        geometry.normals,
+        geometry.k_min,
+        geometry.k_max,
+        geometry.direction_min,
+        geometry.direction_max,
+        geometry.extremality_min,
+        geometry.extremality_max,
     )
-
     errors = StandardErrors(geometry.normal_std, geometry.mean_curvature_std, geometry.gaussian_curvature_std)
 
     def make_task() -> RangeTask:

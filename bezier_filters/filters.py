@@ -150,7 +150,9 @@ def compute_curvature_by_bezier_patch_per_vertex(
     ``bz_mean_curvature``, ``bz_gaussian_curvature``, ``bz_k_min``, ``bz_k_max``, ``bz_curvedness``,
     ``bz_shape_index``, the standard errors ``bz_mean_curvature_std`` and ``bz_gaussian_curvature_std`` (0 where
     alpha is given), the unit principal directions ``bz_direction_min_x``, ``_y``, ``_z`` and
-    ``bz_direction_max_x``, ``_y``, ``_z`` (of arbitrary sign), ``bz_fit_status`` (`FitStatus` codes),
+    ``bz_direction_max_x``, ``_y``, ``_z`` (of arbitrary sign), ``bz_extremality_min`` and
+    ``bz_extremality_max`` (the derivatives of the principal curvatures along their directions,
+    1/length^2, whose signs go with those of the directions), ``bz_fit_status`` (`FitStatus` codes),
     ``bz_rings_used`` and ``bz_residual`` (length) are added or overwritten. Where there is no estimate they
     hold 0. Nothing else in the MeshSet changes: not its normals, selections, colours (unless asked for),
     textures, other attributes or filter script. Running it again overwrites the columns and leaves an

@@ -32,6 +32,8 @@ CURVATURE_ATTRIBUTES = {
     "bz_shape_index",
     "bz_mean_curvature_std",
     "bz_gaussian_curvature_std",
+    "bz_extremality_min",
+    "bz_extremality_max",
     *(f"bz_direction_{end}_{axis}" for end in ("min", "max") for axis in "xyz"),
     *DIAGNOSTICS,
 }
