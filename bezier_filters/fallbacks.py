@@ -101,6 +101,11 @@ def planned_chain(plans: Sequence[FitPlan], chosen: FitPlan) -> Iterator[Attempt
         yield replace(attempt, noise=chosen.noise)
 
 
+def without_faces(attempt: Attempt) -> Attempt:
+    """The attempt for a point cloud, where only the points' normals can tell a fold."""
+    return replace(attempt, most_turned=max(attempt.most_turned, MOST_TURNED))
+
+
 def fit_with_fallbacks(
     mesh: KernelMesh,
     ids: IntArray,
@@ -112,7 +117,7 @@ def fit_with_fallbacks(
 ) -> None:
     """Run the attempts on the vertices `ids` and write what they give into `geometry`.
 
-    A vertex that no attempt fits keeps its mean face normal and zero curvature.
+    A vertex that no attempt fits keeps the normal of its faces or nearest points, and zero curvature.
     """
     has_normal = mesh.normals[ids].any(axis=1)
     geometry.normals[ids] = mesh.normals[ids]

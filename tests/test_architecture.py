@@ -13,8 +13,8 @@ LAYERS = """
 _version arrays errors status bernstein dense parallel compilation atomic color_range
 mesh polynomials smoothness patch differential_geometry jets vertex_geometry surfaces
 adjacency boundary fields
-neighbourhoods frames fitting uncertainty diagnosis ply_columns
-fit_kernel vertex_patch field_files
+neighbourhoods frames fitting uncertainty diagnosis ply_columns orientation
+fit_kernel vertex_patch field_files point_cloud
 neighbourhood_samples
 surface_model
 plans
