@@ -53,7 +53,8 @@ def compute_normal_by_bezier_patch_per_vertex(
 ) -> dict[str, Any]:
     """Set the vertex normals of the current mesh to those of Bezier patches fitted to its vertices.
 
-    The normals have unit length and point to the side from which the faces are counter-clockwise.
+    The normals have unit length and point to the side from which the faces are counter-clockwise, or
+    in a point cloud to that of the previous normals.
     Vertices where nothing could be fitted keep theirs. The custom scalar attributes ``bz_normal_x``,
     ``_y``, ``_z``, ``bz_normal_angle`` (degrees), ``bz_normal_std`` (standard error, radians),
     ``bz_fit_status`` (`FitStatus` codes), ``bz_rings_used`` and
@@ -66,7 +67,8 @@ def compute_normal_by_bezier_patch_per_vertex(
     Parameters
     ----------
     ms : pymeshlab.MeshSet
-        Its current mesh needs faces.
+        Its current mesh may be a point cloud, whose vertex normals tell the outside where they are
+        not zero (see `estimate_vertex_geometry`).
     rings : int or "auto"
         Size of the fitted neighbourhood in edges, at least 1. By default the data choose this and
         the next two, for the smallest predicted error at the noise that they have.
@@ -163,7 +165,8 @@ def compute_curvature_by_bezier_patch_per_vertex(
     Parameters
     ----------
     ms : pymeshlab.MeshSet
-        Its current mesh needs faces.
+        Its current mesh may be a point cloud, whose vertex normals tell the outside where they are
+        not zero (see `estimate_vertex_geometry`).
     rings : int or "auto"
         Size of the fitted neighbourhood in edges, at least 1. By default the data choose this and
         the next two, for the smallest predicted error at the noise that they have.
@@ -257,7 +260,8 @@ def compute_torsion_by_bezier_patch_per_vertex(
     Parameters
     ----------
     ms : pymeshlab.MeshSet
-        Its current mesh needs faces.
+        Its current mesh may be a point cloud, whose vertex normals tell the outside where they are
+        not zero (see `estimate_vertex_geometry`).
     rings : int or "auto"
         Size of the fitted neighbourhood in edges, at least 1. By default the data choose this and
         the next two, for the smallest predicted error at the noise that they have.
