@@ -37,16 +37,17 @@ class Rows:
 
 @dataclass(frozen=True)
 class Adjacency:
-    """Neighbours in a mesh, found once and used by everything else.
+    """Neighbours in a mesh or a point cloud, found once and used by everything else.
 
     Attributes
     ----------
     faces : Rows
         Faces at every vertex, in ascending order. Faces that name a vertex twice are left out.
     vertices : Rows
-        Vertices that share an edge with every vertex, in ascending order.
+        Vertices that share an edge with every vertex, in ascending order; in a point cloud, those
+        that would share one in a triangulation (see `point_cloud`).
     on_boundary : (n,) bool
-        Vertices on an edge of one face only.
+        Vertices on an edge of one face only, or points with a wide gap around them.
     """
 
     faces: Rows

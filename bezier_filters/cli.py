@@ -12,7 +12,7 @@ from bezier_filters._version import __version__
 EPILOG = "Every command explains itself: bezier-filters COMMAND --help"
 app = typer.Typer(
     name="bezier-filters",
-    help="Normals, curvature and torsion of triangle meshes by third-order Bezier patches, for MeshLab.",
+    help="Normals, curvature and torsion of meshes and point clouds by third-order Bezier patches, for MeshLab.",
     epilog=EPILOG,
     no_args_is_help=True,
     add_completion=True,
@@ -21,7 +21,9 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-Source = Annotated[Path, typer.Argument(help="Mesh to read: any format that pymeshlab reads.", metavar="INPUT")]
+Source = Annotated[
+    Path, typer.Argument(help="Mesh or point cloud to read: any format that pymeshlab reads.", metavar="INPUT")
+]
 Target = Annotated[
     Path, typer.Argument(help="Mesh to write. PLY keeps quality, colour and all fields.", metavar="OUTPUT")
 ]
@@ -197,7 +199,7 @@ def render(
 
 @app.command(epilog="Example: bezier-filters info scan.ply")
 def info(source: Source, json: Json = False) -> None:
-    """Say what is in a mesh, and whether it is fit for fitting."""
+    """Say what is in a mesh or point cloud, and whether it is fit for fitting."""
     from bezier_filters.mesh import inspect_mesh, triangle_mesh
     from bezier_filters.mesh_files import load_mesh
     from bezier_filters.meshset import current_mesh, topological_measures

@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from bezier_filters.diagnosis import diagnose
+from bezier_filters.diagnosis import diagnose, is_fit
 from bezier_filters.mesh import MeshReport, TriangleMesh
 from bezier_filters.parallel import Progress as ProgressCallback
 from bezier_filters.status import FitStatus
@@ -77,7 +77,7 @@ def mesh_summary(mesh: TriangleMesh, report: MeshReport, topology: dict[str, Any
         "non_manifold_vertices": topology.get("non_two_manifold_vertices", 0),
         **asdict(report),
         "bounding_box": [low.tolist(), high.tolist()],
-        "fit_for_fitting": mesh.face_count > 0,
+        "fit_for_fitting": is_fit(mesh),
         "findings": diagnose(mesh, report),
     }
 
@@ -92,13 +92,14 @@ def print_mesh_summary(summary: dict[str, Any], source: str) -> None:
 
     table.add_row("vertices, faces", f"{summary['vertices']:,}, {summary['faces']:,}")
     table.add_row("size", " x ".join(f"{b - a:.6g}" for a, b in zip(low, high, strict=True)))
-    table.add_row("mean edge", f"{summary['mean_edge_length']:.6g}")
-    table.add_row("components", number("components"))
-    table.add_row("genus", number("genus"))
-    table.add_row("boundary loops", f"{number('boundary_loops')}, {summary['boundary_edges']:,} edges")
-    table.add_row(
-        "non-manifold", f"{summary['non_manifold_edges']:,} edges, {number('non_manifold_vertices')} vertices"
-    )
+    if summary["faces"]:
+        table.add_row("mean edge", f"{summary['mean_edge_length']:.6g}")
+        table.add_row("components", number("components"))
+        table.add_row("genus", number("genus"))
+        table.add_row("boundary loops", f"{number('boundary_loops')}, {summary['boundary_edges']:,} edges")
+        table.add_row(
+            "non-manifold", f"{summary['non_manifold_edges']:,} edges, {number('non_manifold_vertices')} vertices"
+        )
     out.print(f"[bold]{escape(source)}[/]")
     out.print(table)
     if not summary["findings"]:

@@ -2,6 +2,14 @@
 
 from bezier_filters.mesh import MeshReport, TriangleMesh
 
+FEWEST_POINTS = 6
+"""Points that determine a quadratic."""
+
+
+def is_fit(mesh: TriangleMesh) -> bool:
+    """Whether curvature can be estimated at all: from faces, or from enough points."""
+    return mesh.face_count > 0 or mesh.vertex_count >= FEWEST_POINTS
+
 
 def diagnose(mesh: TriangleMesh, report: MeshReport) -> list[str]:
     """What stands in the way of good estimates, each with its remedy in pymeshlab; empty if nothing does.
@@ -19,8 +27,10 @@ def diagnose(mesh: TriangleMesh, report: MeshReport) -> list[str]:
     >>> diagnose(mesh, inspect_mesh(mesh))
     ['1 unreferenced vertices get no estimate (meshing_remove_unreferenced_vertices removes them)']
     """
+    if not is_fit(mesh):
+        return [f"{mesh.vertex_count:,} vertices without faces: curvature takes {FEWEST_POINTS} or more"]
     if mesh.face_count == 0:
-        return ["there are no faces: nothing can be estimated (generate_surface_reconstruction_* makes a surface)"]
+        return ["there are no faces: a point cloud, whose normals tell the outside if it has any"]
     findings = [
         (
             report.incoherent_edges,

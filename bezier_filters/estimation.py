@@ -9,18 +9,20 @@ from numpy.typing import ArrayLike
 
 from bezier_filters.adaptive_fit import fit_adaptively
 from bezier_filters.adjacency import Adjacency, vertex_adjacency
-from bezier_filters.arrays import BoolArray, IntArray
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.compilation import announce_first_compilation
+from bezier_filters.creases import crease_vertices
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.fallbacks import fallback_chain, fit_with_fallbacks
 from bezier_filters.fit_kernel import KernelMesh, fit_vertices, kernel_mesh
 from bezier_filters.fitting import PatchFit
 from bezier_filters.frames import tangent_planes
 from bezier_filters.learning import analyse_rings
-from bezier_filters.mesh import triangle_mesh
+from bezier_filters.mesh import TriangleMesh, triangle_mesh
 from bezier_filters.model_tree import leaf_of
 from bezier_filters.parallel import Progress, thread_count
 from bezier_filters.plans import CANDIDATE_DEGREES, Choices
+from bezier_filters.point_cloud import point_cloud
 from bezier_filters.smoothness import Smoothness
 from bezier_filters.status import FitStatus
 from bezier_filters.vertex_geometry import FitChoice, VertexGeometry
@@ -30,8 +32,9 @@ Automatic = Literal["auto"]
 
 def estimate_vertex_geometry(
     vertices: ArrayLike,
-    faces: ArrayLike,
+    faces: ArrayLike | None,
     *,
+    normals: ArrayLike | None = None,
     rings: int | Automatic = "auto",
     alpha: float | Automatic = "auto",
     degree: int | Automatic = "auto",
@@ -40,7 +43,7 @@ def estimate_vertex_geometry(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> VertexGeometry:
-    """Normals, curvatures, principal directions and torsion of a mesh at its vertices.
+    """Normals, curvatures, principal directions and torsion of a mesh or a point cloud at its vertices.
 
     A patch is fitted to the k-ring of every vertex, as a height field over the tangent plane, by
     least squares with a smoothness that holds its higher terms back (after Li, Barsky, Jin, "An
@@ -54,12 +57,20 @@ def estimate_vertex_geometry(
     ``rings=2, alpha=0.8, smoothness="paper"`` is the paper's method to the letter, whose curvature
     is biased at every resolution.
 
+    Without faces the vertices are a point cloud: each point's neighbours are found among the nearest
+    points (see `point_cloud`), and all else is as for a mesh. What is outside follows from `normals`,
+    or else from the shape: closed bodies have positive volume, sheets look towards +z or the axis
+    that they face most.
+
     Parameters
     ----------
     vertices : (n, 3) array_like of float
         Coordinates.
-    faces : (m, 3) array_like of int
-        Triangles, counter-clockwise seen from outside.
+    faces : (m, 3) array_like of int, or None
+        Triangles, counter-clockwise seen from outside; none at all for a point cloud.
+    normals : (n, 3) array_like of float, optional
+        For point clouds only: vectors of any length that tell on which side of each point the outside
+        is, zero where that is unknown. Nothing else of them is used.
     rings : int or "auto"
         Size of the neighbourhood in edges, at least 1.
     alpha : float or "auto"
@@ -90,7 +101,7 @@ def estimate_vertex_geometry(
     InvalidMeshError
         If the arrays are not a mesh with finite coordinates.
     InvalidParameterError
-        If a parameter is out of range.
+        If a parameter is out of range, or if there are both faces and normals.
     CancelledError
         If `progress` returned False.
 
@@ -101,8 +112,12 @@ def estimate_vertex_geometry(
     >>> geometry = estimate_vertex_geometry(ball.vertices, ball.faces)
     >>> bool(abs(geometry.mean_curvature - 0.5).max() < 1e-4)
     True
+    >>> of_points_alone = estimate_vertex_geometry(ball.vertices, None)
+    >>> bool(abs(of_points_alone.mean_curvature - 0.5).max() < 1e-4)
+    True
     """
-    mesh = triangle_mesh(vertices, faces)
+    mesh = triangle_mesh(vertices, [] if faces is None else faces)
+    outside = _outside(normals, mesh)
     if smoothness == "paper":
         rings, alpha = (2 if rings == "auto" else rings), (0.8 if alpha == "auto" else alpha)
     _check_rings(rings)
@@ -113,8 +128,14 @@ def estimate_vertex_geometry(
     threads = thread_count(threads)
 
     announce_first_compilation(fit_vertices)
-    adjacency = vertex_adjacency(mesh)
-    arrays = kernel_mesh(mesh, adjacency, tangent_planes(mesh, adjacency, threads=threads))
+    if mesh.face_count:
+        adjacency = vertex_adjacency(mesh)
+        planes = tangent_planes(mesh, adjacency, threads=threads)
+        stops = crease_vertices(mesh, adjacency, threads=threads) if fixed is None else None
+    else:
+        adjacency, planes = point_cloud(mesh, outside, threads=threads)
+        stops = None
+    arrays = kernel_mesh(mesh, adjacency, planes, stops)
     geometry = empty_geometry(mesh.vertex_count)
     choice = _fit(arrays, adjacency, ids, rings, degree, fixed, geometry, threads, progress)
     _clear(geometry, np.setdiff1d(np.arange(mesh.vertex_count), ids))
@@ -150,6 +171,23 @@ def _fit(
     return FitChoice(rings, fit.degree, fit.alpha, sigma)
 
 
+def _outside(normals: ArrayLike | None, mesh: TriangleMesh) -> FloatArray | None:
+    """The given normals of a point cloud, checked."""
+    if normals is None:
+        return None
+    if mesh.face_count:
+        raise InvalidParameterError("normals: got some for a mesh with faces, whose orientation says what is outside")
+    try:
+        vectors = np.asarray(normals, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidParameterError(f"normals: expected real numbers of shape (n, 3); {error}") from None
+    if vectors.shape != mesh.vertices.shape or not np.isfinite(vectors).all():
+        raise InvalidParameterError(
+            f"normals: got shape {vectors.shape}, expected finite numbers of shape {mesh.vertices.shape}"
+        )
+    return vectors
+
+
 def _check_rings(rings: object) -> None:
     if rings != "auto" and (isinstance(rings, bool) or not isinstance(rings, Integral) or rings < 1):
         raise InvalidParameterError(f"rings: got {rings!r}, expected an integer of 1 or more, or 'auto'")
@@ -181,6 +219,8 @@ def empty_geometry(n: int) -> VertexGeometry:
         k_max=np.zeros(n),
         direction_min=np.zeros((n, 3)),
         direction_max=np.zeros((n, 3)),
+        extremality_min=np.zeros(n),
+        extremality_max=np.zeros(n),
         residual=np.zeros(n),
         normal_std=np.zeros(n),
         mean_curvature_std=np.zeros(n),

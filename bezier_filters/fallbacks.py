@@ -47,6 +47,8 @@ class Attempt:
         single face may fold.
     noise : float
         Standard deviation of the heights, a length, for the standard errors; 0 for none.
+    over_creases : bool
+        Whether the neighbourhood may reach across creases.
     """
 
     status: FitStatus
@@ -56,6 +58,7 @@ class Attempt:
     mean_plane: bool = False
     most_turned: float = -1.0
     noise: float = 0.0
+    over_creases: bool = False
 
 
 def fallback_chain(rings: int, fit: PatchFit) -> Iterator[Attempt]:
@@ -99,7 +102,12 @@ def planned_chain(plans: Sequence[FitPlan], chosen: FitPlan) -> Iterator[Attempt
     for more in range(1, MORE_RINGS + 1):
         yield planned(FitStatus.WIDER_RING, ill_posed, chosen.rings + more, chosen)
     for attempt in last_resorts(min(chosen.rings, 2)):
-        yield replace(attempt, noise=chosen.noise)
+        yield replace(attempt, noise=chosen.noise, over_creases=True)
+
+
+def without_faces(attempt: Attempt) -> Attempt:
+    """The attempt for a point cloud, where only the points' normals can tell a fold."""
+    return replace(attempt, most_turned=max(attempt.most_turned, MOST_TURNED))
 
 
 def fit_with_fallbacks(
@@ -113,8 +121,10 @@ def fit_with_fallbacks(
 ) -> None:
     """Run the attempts on the vertices `ids` and write what they give into `geometry`.
 
-    A vertex that no attempt fits keeps its mean face normal and zero curvature.
+    A vertex that no attempt fits keeps the normal of its faces or nearest points, and zero curvature.
     """
+    if not len(mesh.faces):
+        attempts = [without_faces(attempt) for attempt in attempts]
     has_normal = mesh.normals[ids].any(axis=1)
     geometry.normals[ids] = mesh.normals[ids]
     geometry.status[ids] = np.where(has_normal, FitStatus.NORMAL_ONLY, FitStatus.ISOLATED)
@@ -144,12 +154,19 @@ def _run(
 ) -> IntArray:
     """Run the kernel on the vertices `ids`; return their outcomes."""
     n = len(mesh.vertices)
+    if attempt.over_creases:
+        mesh = mesh._replace(stops=np.zeros(n, dtype=np.bool_))
     outcomes = np.empty(len(ids), dtype=np.int32)
     fit = kernel_fit(attempt)
     result = GraphGeometry(
-        geometry.normals, geometry.k_min, geometry.k_max, geometry.direction_min, geometry.direction_max
+        geometry.normals,
+        geometry.k_min,
+        geometry.k_max,
+        geometry.direction_min,
+        geometry.direction_max,
+        geometry.extremality_min,
+        geometry.extremality_max,
     )
-
     errors = StandardErrors(geometry.normal_std, geometry.mean_curvature_std, geometry.gaussian_curvature_std)
 
     def make_task() -> RangeTask:

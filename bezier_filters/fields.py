@@ -82,13 +82,17 @@ def normal_columns(geometry: VertexGeometry) -> dict[str, FloatArray]:
 
 
 def curvature_columns(geometry: VertexGeometry) -> dict[str, FloatArray]:
-    """Mesh columns of the curvature filter: every curvature field and both directions."""
+    """Mesh columns of the curvature filter: every curvature field, both directions and extremalities."""
     scalars = {field.mesh_attribute: field.values(geometry) for field in CURVATURE_FIELDS.values()}
     return (
         scalars
         | {PREFIX + "gaussian_curvature_std": geometry.gaussian_curvature_std}
         | vector_components("direction_min", geometry.direction_min)
         | vector_components("direction_max", geometry.direction_max)
+        | {
+            PREFIX + "extremality_min": geometry.extremality_min,
+            PREFIX + "extremality_max": geometry.extremality_max,
+        }
         | diagnostic_columns(geometry)
     )
 

@@ -53,7 +53,8 @@ def compute_normal_by_bezier_patch_per_vertex(
 ) -> dict[str, Any]:
     """Set the vertex normals of the current mesh to those of Bezier patches fitted to its vertices.
 
-    The normals have unit length and point to the side from which the faces are counter-clockwise.
+    The normals have unit length and point to the side from which the faces are counter-clockwise, or
+    in a point cloud to that of the previous normals.
     Vertices where nothing could be fitted keep theirs. The custom scalar attributes ``bz_normal_x``,
     ``_y``, ``_z``, ``bz_normal_angle`` (degrees), ``bz_normal_std`` (standard error, radians),
     ``bz_fit_status`` (`FitStatus` codes), ``bz_rings_used`` and
@@ -66,7 +67,8 @@ def compute_normal_by_bezier_patch_per_vertex(
     Parameters
     ----------
     ms : pymeshlab.MeshSet
-        Its current mesh needs faces.
+        Its current mesh may be a point cloud, whose vertex normals tell the outside where they are
+        not zero (see `estimate_vertex_geometry`).
     rings : int or "auto"
         Size of the fitted neighbourhood in edges, at least 1. By default the data choose this and
         the next two, for the smallest predicted error at the noise that they have.
@@ -150,7 +152,9 @@ def compute_curvature_by_bezier_patch_per_vertex(
     ``bz_mean_curvature``, ``bz_gaussian_curvature``, ``bz_k_min``, ``bz_k_max``, ``bz_curvedness``,
     ``bz_shape_index``, the standard errors ``bz_mean_curvature_std`` and ``bz_gaussian_curvature_std`` (0 where
     alpha is given), the unit principal directions ``bz_direction_min_x``, ``_y``, ``_z`` and
-    ``bz_direction_max_x``, ``_y``, ``_z`` (of arbitrary sign), ``bz_fit_status`` (`FitStatus` codes),
+    ``bz_direction_max_x``, ``_y``, ``_z`` (of arbitrary sign), ``bz_extremality_min`` and
+    ``bz_extremality_max`` (the derivatives of the principal curvatures along their directions,
+    1/length^2, whose signs go with those of the directions), ``bz_fit_status`` (`FitStatus` codes),
     ``bz_rings_used`` and ``bz_residual`` (length) are added or overwritten. Where there is no estimate they
     hold 0. Nothing else in the MeshSet changes: not its normals, selections, colours (unless asked for),
     textures, other attributes or filter script. Running it again overwrites the columns and leaves an
@@ -161,7 +165,8 @@ def compute_curvature_by_bezier_patch_per_vertex(
     Parameters
     ----------
     ms : pymeshlab.MeshSet
-        Its current mesh needs faces.
+        Its current mesh may be a point cloud, whose vertex normals tell the outside where they are
+        not zero (see `estimate_vertex_geometry`).
     rings : int or "auto"
         Size of the fitted neighbourhood in edges, at least 1. By default the data choose this and
         the next two, for the smallest predicted error at the noise that they have.
@@ -255,7 +260,8 @@ def compute_torsion_by_bezier_patch_per_vertex(
     Parameters
     ----------
     ms : pymeshlab.MeshSet
-        Its current mesh needs faces.
+        Its current mesh may be a point cloud, whose vertex normals tell the outside where they are
+        not zero (see `estimate_vertex_geometry`).
     rings : int or "auto"
         Size of the fitted neighbourhood in edges, at least 1. By default the data choose this and
         the next two, for the smallest predicted error at the noise that they have.

@@ -11,10 +11,16 @@ import numpy as np
 from numba import njit
 
 from bezier_filters.adjacency import Adjacency
-from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.dense import cholesky_solve, dot, powers
 from bezier_filters.frames import TangentPlanes, farthest_direction, folds, mean_normal, turned_share
-from bezier_filters.jets import GraphGeometry, polynomial_derivatives, write_graph_geometry
+from bezier_filters.jets import (
+    GraphGeometry,
+    polynomial_derivatives,
+    rescale_jet,
+    write_extremalities,
+    write_graph_geometry,
+)
 from bezier_filters.mesh import TriangleMesh
 from bezier_filters.neighbourhoods import collect_ring
 from bezier_filters.uncertainty import StandardErrors, write_standard_errors
@@ -34,9 +40,12 @@ class KernelMesh(NamedTuple):
     ring_indices: IntArray
     normals: FloatArray
     safe_cosine: FloatArray
+    stops: BoolArray  # where neighbourhoods end: see `collect_ring`
 
 
-def kernel_mesh(mesh: TriangleMesh, adjacency: Adjacency, planes: TangentPlanes) -> KernelMesh:
+def kernel_mesh(
+    mesh: TriangleMesh, adjacency: Adjacency, planes: TangentPlanes, stops: BoolArray | None = None
+) -> KernelMesh:
     """Collect the arrays for the kernel."""
     return KernelMesh(
         mesh.vertices,
@@ -47,6 +56,7 @@ def kernel_mesh(mesh: TriangleMesh, adjacency: Adjacency, planes: TangentPlanes)
         adjacency.vertices.indices,
         planes.normals,
         planes.safe_cosine,
+        np.zeros(mesh.vertex_count, dtype=np.bool_) if stops is None else stops,
     )
 
 
@@ -88,7 +98,7 @@ class Workspace(NamedTuple):
     coefficients: FloatArray
     frame: FloatArray  # (9,): x, y and z axes
     box: FloatArray  # (4,): middle and reciprocal half width of the parameter rectangle along x, then y
-    jet: FloatArray  # (3, 3)
+    jet: FloatArray  # (4, 4)
     sensitivities: FloatArray  # (4, order)
 
 
@@ -114,7 +124,7 @@ def fit_vertices(
     work = _workspace(fit, 64)
     for row in range(start, stop):
         i = ids[row]
-        count, inner = collect_ring(mesh.ring_ptr, mesh.ring_indices, i, fit.rings, visited, members)
+        count, inner = collect_ring(mesh.ring_ptr, mesh.ring_indices, mesh.stops, i, fit.rings, visited, members)
         if count > work.points.shape[1]:
             work = _workspace(fit, 2 * count)
         outcomes[row] = _frame(mesh, fit, members, count, inner, work.frame)
@@ -123,18 +133,14 @@ def fit_vertices(
         if not _project(mesh.vertices, members, count, fit.square, work) or not _solve(fit, count, work):
             outcomes[row] = ILL_POSED
             continue
-        polynomial_derivatives(
-            work.coefficients, fit.exponents, -work.box[0] * work.box[1], -work.box[2] * work.box[3], work.jet
-        )
+        # Point 0 is the vertex itself.
+        polynomial_derivatives(work.coefficients, fit.exponents, work.powers_s[:, 0], work.powers_t[:, 0], work.jet)
         jet, sx, sy = work.jet, work.box[1], work.box[3]
-        zx, zy, zxx, zxy, zyy = (
-            jet[1, 0] * sx,
-            jet[0, 1] * sy,
-            jet[2, 0] * sx * sx,
-            jet[1, 1] * sx * sy,
-            jet[0, 2] * sy * sy,
-        )
+        rescale_jet(jet, sx, sy)
+        zx, zy, zxx, zxy, zyy = jet[1, 0], jet[0, 1], jet[2, 0], jet[1, 1], jet[0, 2]
         write_graph_geometry(zx, zy, zxx, zxy, zyy, work.frame, i, result)
+        if fit.highest_power >= 2 * 3:  # a lower degree says nothing of third derivatives
+            write_extremalities(jet, work.frame, i, result)
         if fit.noise > 0.0:
             write_standard_errors(
                 work.matrix,
@@ -171,7 +177,7 @@ def _workspace(fit: KernelFit, capacity: int) -> Workspace:
         np.empty(order),
         np.empty(9),
         np.empty(4),
-        np.empty((3, 3)),
+        np.empty((4, 4)),
         np.empty((4, order)),
     )
 

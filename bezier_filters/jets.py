@@ -16,11 +16,15 @@ class GraphGeometry(NamedTuple):
     k_max: FloatArray
     direction_min: FloatArray
     direction_max: FloatArray
+    extremality_min: FloatArray
+    extremality_max: FloatArray
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def polynomial_derivatives(coefficients: FloatArray, exponents: IntArray, s: float, t: float, jet: FloatArray) -> None:
-    """Partial derivatives jet[r, q] of a polynomial at (s, t), r times by s and q times by t, r + q <= 2.
+def polynomial_derivatives(
+    coefficients: FloatArray, exponents: IntArray, powers_s: FloatArray, powers_t: FloatArray, jet: FloatArray
+) -> None:
+    """Partial derivatives jet[r, q] of a polynomial, r times by s and q times by t, r + q <= 3.
 
     Parameters
     ----------
@@ -28,21 +32,33 @@ def polynomial_derivatives(coefficients: FloatArray, exponents: IntArray, s: flo
         Coefficients of the monomials s^a t^b.
     exponents : (m, 2) int32
         The pairs (a, b).
-    s, t : float
-        Where the derivatives are wanted.
-    jet : (3, 3) float64
-        Receives them.
+    powers_s, powers_t : float64
+        1, s, s^2, ... and 1, t, t^2, ... for the (s, t) where the derivatives are wanted.
+    jet : (4, 4) float64
+        Receives them; zero beyond third derivatives.
     """
     jet[:] = 0.0
     for k in range(exponents.shape[0]):
         a, b = exponents[k, 0], exponents[k, 1]
         factor_s = coefficients[k]
-        for r in range(min(a, 2) + 1):
+        for r in range(min(a, 3) + 1):
             factor = factor_s
-            for q in range(min(b, 2 - r) + 1):
-                jet[r, q] += factor * s ** (a - r) * t ** (b - q)
+            for q in range(min(b, 3 - r) + 1):
+                jet[r, q] += factor * powers_s[a - r] * powers_t[b - q]
                 factor *= b - q
             factor_s *= a - r
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def rescale_jet(jet: FloatArray, scale_s: float, scale_t: float) -> None:
+    """Turn derivatives by s and t into those by x = s / scale_s and y = t / scale_t, in place."""
+    power_s = 1.0
+    for r in range(4):
+        power = power_s
+        for q in range(4 - r):
+            jet[r, q] *= power
+            power *= scale_t
+        power_s *= scale_s
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -85,3 +101,40 @@ def write_graph_geometry(
         result.normals[i, k] = normal
         result.direction_max[i, k] = d1 * e1 + d2 * e2
         result.direction_min[i, k] = d1 * e2 - d2 * e1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def write_extremalities(jet: FloatArray, frame: FloatArray, i: int, result: GraphGeometry) -> None:
+    """Write the derivatives of the principal curvatures of vertex i along their own directions.
+
+    The derivative of a principal curvature along its unit direction d is the covariant derivative
+    of the second fundamental form, (D_d II)(d, d), because turning d changes II(d, d) only to
+    second order. For a graph, whose Christoffel symbols are z_k z_ij / w^2 with
+    w^2 = 1 + z_x^2 + z_y^2 (do Carmo, "Differential geometry of curves and surfaces", 4-3),
+
+        (D_d II)(d, d) = (z_ddd - 3 z_dd (grad z . grad z_d) / w^2) / w.
+
+    Parameters
+    ----------
+    jet : (4, 4) float64
+        Derivatives of z by x and y at the vertex.
+    frame : (9,) float64
+        The x, y and z axes of the local frame in world coordinates.
+    i : int
+        Row of the result, whose curvatures and directions have been written.
+    """
+    result.extremality_min[i] = _extremality(jet, frame, result.direction_min[i])
+    result.extremality_max[i] = _extremality(jet, frame, result.direction_max[i])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _extremality(jet: FloatArray, frame: FloatArray, direction: FloatArray) -> float:
+    """-(D_d II)(d, d) for one unit tangent, with MeshLab's sign of curvature."""
+    dx = direction[0] * frame[0] + direction[1] * frame[1] + direction[2] * frame[2]
+    dy = direction[0] * frame[3] + direction[1] * frame[4] + direction[2] * frame[5]
+    slope_x = jet[2, 0] * dx + jet[1, 1] * dy
+    slope_y = jet[1, 1] * dx + jet[0, 2] * dy
+    second = slope_x * dx + slope_y * dy
+    third = dx * dx * (jet[3, 0] * dx + 3.0 * jet[2, 1] * dy) + dy * dy * (3.0 * jet[1, 2] * dx + jet[0, 3] * dy)
+    w2 = 1.0 + jet[1, 0] * jet[1, 0] + jet[0, 1] * jet[0, 1]
+    return float(-(third - 3.0 * second * (jet[1, 0] * slope_x + jet[0, 1] * slope_y) / w2) / np.sqrt(w2))

@@ -45,7 +45,7 @@ class CurrentMesh:
     vertices : (n, 3) float64
         Coordinates as stored; the transform matrix is not applied, as in pymeshlab's own filters.
     faces : (m, 3) int32
-        Triangles.
+        Triangles; none in a point cloud.
     vertex_normals : (n, 3) float64
         Vertex normals as stored, of any length.
     vertex_selection, face_selection : (n,) bool, (m,) bool
@@ -96,25 +96,18 @@ def current_mesh(ms: MeshSet) -> Mesh:
 
 
 def read_current_mesh(ms: MeshSet) -> CurrentMesh:
-    """Copy the arrays of the current mesh, which must have faces.
+    """Copy the arrays of the current mesh, which may be a point cloud.
 
     Raises
     ------
     BezierFilterError
-        If there is no current mesh, or it has no vertices or no faces.
+        If there is no current mesh, or it has no vertices.
     """
     mesh = current_mesh(ms)
     if not mesh.is_compact():
         mesh.compact()
     if mesh.vertex_number() == 0:
-        raise BezierFilterError(
-            f"the current mesh {mesh.label()!r} is empty; load or create one with vertices and faces"
-        )
-    if mesh.face_number() == 0:
-        raise BezierFilterError(
-            f"the current mesh {mesh.label()!r} has no faces; make some from its points, "
-            "for example with generate_surface_reconstruction_ball_pivoting"
-        )
+        raise BezierFilterError(f"the current mesh {mesh.label()!r} is empty; load or create one with vertices")
     return CurrentMesh(
         id=mesh.id(),
         vertices=np.array(mesh.vertex_matrix(), dtype=np.float64, order="C"),

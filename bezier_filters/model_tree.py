@@ -58,7 +58,7 @@ class Split:
 
 def leaf_of(analyses: Sequence[RingAnalysis], choices: Choices, whole: SurfaceModel | None = None) -> Leaf | None:
     """One model for all; None if the analyses allow no plan."""
-    if not analyses:
+    if not any(analysis.degree > FREE_DEGREE for analysis in analyses):
         return None
     surface = learn_model(analyses, whole)
     plans = all_plans(surface, choices.degrees)

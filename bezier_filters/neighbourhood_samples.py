@@ -26,7 +26,7 @@ class NeighbourhoodSample:
     sizes : (N, rings + 1) int32
         Number of points within k edges, for each k up to the widest ring.
     clear : (N, rings + 1) bool
-        Whether the k-ring has no boundary inside.
+        Whether the k-ring has no boundary or crease inside.
     usable : (N, rings + 1) bool
         Whether, in addition, the k-ring projects with at most the allowed share of turned vertices.
     """
@@ -100,7 +100,7 @@ def _project_sample(
             sizes[row, k] = count
             nx, ny, nz = mean_normal(mesh.normals, members, count)
             for a in range(inner):
-                open_ring = open_ring or on_boundary[members[a]]
+                open_ring = open_ring or on_boundary[members[a]] or mesh.stops[members[a]]
             clear[row, k] = not open_ring
             if open_ring or count > points.shape[1] or (nx == 0.0 and ny == 0.0 and nz == 0.0):
                 continue
@@ -128,7 +128,7 @@ def _project_sample(
 @njit(cache=True, nogil=True, error_model="numpy")
 def _ring_again(mesh: KernelMesh, i: int, k: int, visited: IntArray, members: IntArray) -> tuple[int, int]:
     """Collect the k-ring of a vertex that may have been collected before."""
-    count, inner = collect_ring(mesh.ring_ptr, mesh.ring_indices, i, k, visited, members)
+    count, inner = collect_ring(mesh.ring_ptr, mesh.ring_indices, mesh.stops, i, k, visited, members)
     for a in range(count):
         visited[members[a]] = -1
     return count, inner

@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 from bezier_filters.adjacency import Adjacency, Rows
-from bezier_filters.arrays import IntArray
+from bezier_filters.arrays import BoolArray, IntArray
 from bezier_filters.errors import InvalidParameterError
 
 
@@ -41,7 +41,7 @@ def k_rings(adjacency: Adjacency, rings: int) -> Rows:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def collect_ring(
-    indptr: IntArray, indices: IntArray, center: int, rings: int, visited: IntArray, members: IntArray
+    indptr: IntArray, indices: IntArray, stops: BoolArray, center: int, rings: int, visited: IntArray, members: IntArray
 ) -> tuple[int, int]:
     """Breadth-first search from one vertex, as far as `rings` edges.
 
@@ -49,6 +49,8 @@ def collect_ring(
     ----------
     indptr, indices : int32
         Neighbour rows of all n vertices.
+    stops : (n,) bool
+        Vertices that the search reaches but does not go on from, unless it starts there.
     center, rings : int
         Where to start, how far to go.
     visited : (n,) int32
@@ -69,6 +71,8 @@ def collect_ring(
         start, inner = inner, count
         for a in range(start, inner):
             j = members[a]
+            if stops[j] and a > 0:
+                continue
             for q in range(indptr[j], indptr[j + 1]):
                 k = indices[q]
                 if visited[k] != center:
@@ -85,12 +89,13 @@ def _k_rings(indptr: IntArray, indices: IntArray, rings: int) -> tuple[IntArray,
     members = np.empty(n, np.int32)
     ptr = np.zeros(n + 1, np.int32)
     visited = np.full(n, -1, np.int32)
+    stops = np.zeros(n, np.bool_)
     for i in range(n):
-        ptr[i + 1] = ptr[i] + collect_ring(indptr, indices, i, rings, visited, members)[0]
+        ptr[i + 1] = ptr[i] + collect_ring(indptr, indices, stops, i, rings, visited, members)[0]
     result = np.empty(ptr[n], np.int32)
     visited[:] = -1
     for i in range(n):
-        collect_ring(indptr, indices, i, rings, visited, members)
+        collect_ring(indptr, indices, stops, i, rings, visited, members)
         for a in range(ptr[i + 1] - ptr[i]):
             result[ptr[i] + a] = members[a]
     return ptr, result

@@ -90,6 +90,14 @@ class RingAnalysis:
         result: FloatArray = self.residuals.sum(axis=0) / self.freedom.sum(axis=0)
         return result
 
+    @cached_property
+    def typical_square(self) -> float:
+        """Squared residual per degree of freedom of the fit of degree J, as the median has it, length^2."""
+        freedom = np.maximum(self.freedom[:, -1], 1.0)
+        # The median of a chi square variable over its mean (Wilson and Hilferty).
+        of_mean = (1.0 - 2.0 / (9.0 * freedom)) ** 3
+        return float(np.median(self.residuals[:, -1] / freedom / of_mean))
+
     def designs(self, count: int) -> FloatArray:
         """Values of the terms at the points of the first neighbourhoods, (count, n, M); 0 beyond `sizes`."""
         exponents = total_degree_space(HIGHEST_DEGREE).exponents

@@ -20,8 +20,8 @@ class FitStatus(IntEnum):
     ONE_RING = 4, "quadratic fit of the 1-ring: wider neighbourhoods fold in every plane"
     LOWER_DEGREE = 5, "quadratic fit: too few or badly placed points for the patch asked for"
     FOLDED = 6, "quadratic fit of a folded neighbourhood: unreliable"
-    NORMAL_ONLY = 7, "mean face normal; no curvature: fewer than six usable points"
-    ISOLATED = 8, "no usable face at this vertex: nothing estimated"
+    NORMAL_ONLY = 7, "normal of the faces or nearest points; no curvature: fewer than six usable points"
+    ISOLATED = 8, "no usable face, or points on a line: nothing estimated"
     SKIPPED = 9, "not selected: nothing estimated"
 
     message: str

@@ -17,7 +17,7 @@ from bezier_filters.arrays import FloatArray
 from bezier_filters.harmonics import harmonic_basis
 from bezier_filters.ring_analysis import FREE_DEGREE, RingAnalysis
 
-FEWEST_RINGS_FOR_NOISE = 3
+FEWEST_RINGS_FOR_NOISE = 2
 """Narrower rings leave too few points for a fit of high degree to tell noise from shape."""
 PRIOR_RANGE = 8.0
 """Standard errors over which a variance is as likely, beforehand, as it is to be nothing at all."""
@@ -74,7 +74,7 @@ def learn_model(analyses: Sequence[RingAnalysis], whole: SurfaceModel | None = N
         Model of the whole surface, with the same rings and possibly wider ones.
     """
     reliable = [analysis for analysis in analyses if analysis.rings >= FEWEST_RINGS_FOR_NOISE] or analyses
-    noise = min(float(analysis.mean_squares[-1]) for analysis in reliable)
+    noise = min(analysis.typical_square for analysis in reliable)
     basis = harmonic_basis()
     free = basis.degrees <= FREE_DEGREE
     of_whole = {} if whole is None else {model.analysis.rings: model.variances for model in whole.by_rings}

@@ -180,6 +180,7 @@ def _estimate(mesh: CurrentMesh, mask: BoolArray, fit: FitOptions) -> VertexGeom
         return estimate_vertex_geometry(
             mesh.vertices,
             mesh.faces,
+            normals=None if len(mesh.faces) else _finite(mesh.vertex_normals),
             rings=fit.rings,
             alpha=fit.alpha,
             degree=fit.degree,
@@ -190,6 +191,11 @@ def _estimate(mesh: CurrentMesh, mask: BoolArray, fit: FitOptions) -> VertexGeom
         )
     except (InvalidMeshError, InvalidParameterError) as error:
         raise BezierFilterError(str(error)) from error
+
+
+def _finite(vectors: FloatArray) -> FloatArray:
+    """Vectors with zeros for those that are not finite."""
+    return np.where(np.isfinite(vectors).all(axis=1, keepdims=True), vectors, 0.0)
 
 
 def _check_unchanged(ms: MeshSet, mesh: CurrentMesh) -> None:

@@ -1,4 +1,4 @@
-"""The result of the fit at every vertex: normals, curvatures, principal directions, torsion."""
+"""The result of the fit at every vertex: normals, curvatures and their derivatives, directions, torsion."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -73,6 +73,12 @@ class VertexGeometry:
         Unit tangent directions of `k_min` and `k_max`, with
         ``direction_min = normals x direction_max``. Their signs are arbitrary, and at umbilics
         (``k_min == k_max``) so is the pair: compare lines, not vectors.
+    extremality_min, extremality_max : (n,) float64
+        Derivatives of the principal curvatures along their own directions, ``D_direction_min k_min``
+        and ``D_direction_max k_max``, 1/length^2: crest lines run where they vanish. Each changes
+        its sign with its direction. At umbilics they are as arbitrary as the directions, but
+        finite; where the patch has a degree below 3 they are 0. A smoothness (alpha < 1, or
+        learned) holds them back, like all of the patch's third derivatives.
     residual : (n,) float64
         Root mean square height of the fitted points over the patch, in units of length.
     normal_std : (n,) float64
@@ -93,6 +99,8 @@ class VertexGeometry:
     k_max: FloatArray
     direction_min: FloatArray
     direction_max: FloatArray
+    extremality_min: FloatArray
+    extremality_max: FloatArray
     residual: FloatArray
     normal_std: FloatArray
     mean_curvature_std: FloatArray

@@ -62,7 +62,8 @@ def vertex_patch(
     members = np.empty(mesh.vertex_count, dtype=np.int32)
     rows = adjacency.vertices
     visited = np.full(mesh.vertex_count, -1, dtype=np.int32)
-    count, _ = collect_ring(rows.indptr, rows.indices, vertex, rings, visited, members)
+    stops = np.zeros(mesh.vertex_count, dtype=np.bool_)
+    count, _ = collect_ring(rows.indptr, rows.indices, stops, vertex, rings, visited, members)
     valence = len(rows.row(vertex))
     x_axis = np.array(farthest_direction(mesh.vertices, members, valence, count, *normal))
     if not (normal.any() and x_axis.any()):

@@ -13,8 +13,9 @@ LAYERS = """
 _version arrays errors status bernstein dense parallel compilation atomic color_range
 mesh polynomials smoothness patch differential_geometry jets vertex_geometry surfaces
 adjacency boundary fields harmonics
-neighbourhoods frames fitting uncertainty diagnosis ply_columns
-fit_kernel vertex_patch field_files
+neighbourhoods frames fitting uncertainty diagnosis ply_columns orientation
+creases
+fit_kernel vertex_patch field_files point_cloud
 neighbourhood_samples
 ring_analysis
 surface_model

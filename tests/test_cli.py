@@ -143,6 +143,35 @@ def test_info_says_what_stands_in_the_way(tmp_path):
     points = tmp_path / "points.xyz"
     points.write_text("0 0 0 0 0 1\n1 0 0 0 0 1\n")
     assert "Not fit for fitting" in run("info", points).stdout
+    points.write_text("".join(f"{x} {y} {x * y} 0 0 1\n" for x in range(9) for y in range(9)))
+    text = run("info", points).stdout
+    assert "Fit for fitting, but note" in text
+    assert "a point cloud" in text
+    assert "genus" not in text
+
+
+def test_point_clouds(tmp_path):
+    """From a file with points alone to one with curvature and colour, and a picture of it."""
+    star = load(SAMPLES / "bumpy_star.ply")
+    vertices = star.current_mesh().vertex_matrix()
+    cloud, curved, picture = (tmp_path / name for name in ("cloud.ply", "curved.ply", "curved.png"))
+    points = pymeshlab.MeshSet()
+    points.add_mesh(pymeshlab.Mesh(vertices))
+    points.save_current_mesh(str(cloud))
+    report = json.loads(run("curvature", cloud, curved, "--json").stdout)
+    assert report["status"] == {"OK": len(vertices)}
+    result = load(curved)
+    saved = result.current_mesh()
+    assert saved.is_point_cloud()
+    assert np.array_equal(saved.vertex_scalar_array(), read_fields(curved)["bz_mean_curvature"])
+    assert np.ptp(saved.vertex_color_matrix(), axis=0)[:3].min() > 0.5
+    of_mesh = tmp_path / "mesh.ply"
+    run("curvature", SAMPLES / "bumpy_star.ply", of_mesh)
+    expected = read_fields(of_mesh)["bz_mean_curvature"]
+    np.testing.assert_allclose(saved.vertex_scalar_array(), expected, atol=0.02 * np.abs(expected).max())
+    result = run("render", curved, picture, "--size", 200)
+    assert result.returncode == 0, result.stderr
+    assert picture.stat().st_size > 10_000
 
 
 def test_render_draws_several_fields(tmp_path):

@@ -4,6 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import pymeshlab_sample
+from graph_fits import fit_over_plane_z
 from hypothesis import given
 from hypothesis import strategies as st
 from plyfile import PlyData
@@ -21,10 +22,6 @@ from bezier_filters import (
     vertex_adjacency,
     vertex_patch,
 )
-from bezier_filters.estimation import empty_geometry
-from bezier_filters.fallbacks import Attempt, fit_with_fallbacks
-from bezier_filters.fit_kernel import FITTED, kernel_mesh
-from bezier_filters.frames import TangentPlanes
 from bezier_filters.surfaces import (
     block_with_sharp_edges,
     sphere,
@@ -69,19 +66,6 @@ def test_kernel_agrees_with_the_patch_of_one_vertex(smoothness, degree):
         u, v = patch.parameters(surface.vertices[vertex : vertex + 1])
         normal = np.cross(patch.evaluate(u, v, (1, 0))[0], patch.evaluate(u, v, (0, 1))[0])
         np.testing.assert_allclose(geometry.normals[vertex], normal / np.linalg.norm(normal), atol=1e-9)
-
-
-def fit_over_plane_z(x, y, z, fit, rings, ids=None):
-    """Fit the patches of a mesh over the plane z = 0, whatever its face normals are."""
-    mesh = triangle_mesh(np.column_stack([x, y, z]), Delaunay(np.column_stack([x, y])).simplices)
-    adjacency = vertex_adjacency(mesh)
-    normals = np.tile([0.0, 0.0, 1.0], (len(x), 1))
-    arrays = kernel_mesh(mesh, adjacency, TangentPlanes(normals, np.full(len(x), 2.0)))
-    geometry = empty_geometry(len(x))
-    attempt = Attempt(FitStatus.OK, frozenset({FITTED}), rings, fit, most_turned=1.0)
-    ids = np.arange(len(x), dtype=np.int32) if ids is None else ids
-    fit_with_fallbacks(arrays, ids, [attempt], geometry)
-    return geometry
 
 
 def graph_truth(p, q, r, s, t):

@@ -20,6 +20,7 @@ from bezier_filters.filters import (
 from bezier_filters.meshset import BezierFilterError
 from bezier_filters.registration import FILTERS, register
 from bezier_filters.status import FitStatus
+from bezier_filters.surfaces import torus
 
 SAMPLES = Path(pymeshlab.__file__).parent / "tests" / "sample_meshes"
 DIAGNOSTICS = {"bz_fit_status", "bz_rings_used", "bz_residual"}
@@ -32,9 +33,15 @@ CURVATURE_ATTRIBUTES = {
     "bz_shape_index",
     "bz_mean_curvature_std",
     "bz_gaussian_curvature_std",
+    "bz_extremality_min",
+    "bz_extremality_max",
     *(f"bz_direction_{end}_{axis}" for end in ("min", "max") for axis in "xyz"),
     *DIAGNOSTICS,
 }
+
+
+def point_cloud_mesh(surface, normals):
+    return pymeshlab.Mesh(vertex_matrix=surface.vertices, v_normals_matrix=normals)
 
 
 def load(name):
@@ -140,18 +147,20 @@ class TestWhatChanges:
     def test_running_often_does_not_leak(self):
         ms = pymeshlab.MeshSet()
         ms.create_sphere(subdiv=5)  # 10,242 vertices: a leak of every column would be 30 MB
-        for _ in range(4):
-            for function in FILTERS:
-                function(ms, threads=1)
+
+        def run_all(times):
+            for k in range(times):
+                for function in FILTERS:
+                    function(ms, threads=1, alpha=("auto", 0.5, 0.9)[k % 3])
+
+        run_all(6)
         names = set(attributes(ms))
         with open("/proc/self/statm") as file:
             before = int(file.read().split()[1]) * 4096
-        for k in range(10):
-            for function in FILTERS:
-                function(ms, threads=1, alpha=0.5 + 0.4 * (k % 2))
+        run_all(9)
         with open("/proc/self/statm") as file:
             assert int(file.read().split()[1]) * 4096 - before < 8e6
-        assert set(attributes(ms)) == names | {"outlierScore"}
+        assert set(attributes(ms)) == names
 
 
 class TestValues:
@@ -427,6 +436,57 @@ class TestFailure:
         left = changed(before, mesh_state(ms)) - {"0: outlierScore"}
         assert all(key.startswith("0: bz_") for key in left)  # new columns cannot be removed
         assert not (left and runs)
+
+
+class TestPointClouds:
+    @pytest.fixture
+    def surface(self):
+        return torus(resolution=24, jitter=0.3)
+
+    def cloud(self, surface, normals=None):
+        ms = pymeshlab.MeshSet()
+        ms.add_mesh(pymeshlab.Mesh(surface.vertices) if normals is None else point_cloud_mesh(surface, normals))
+        return ms
+
+    @pytest.mark.parametrize("function", FILTERS)
+    def test_every_filter_fits_and_colours_points(self, surface, function):
+        ms = self.cloud(surface)
+        before = mesh_state(ms)
+        result = function(ms, color=True)
+        assert result["status"] == {"OK": len(surface.vertices)}
+        written = {f"0: {name}" for name in result["attributes"]}
+        sets_normals = function is compute_normal_by_bezier_patch_per_vertex  # their angle to none before is 0
+        own = "0: vertex_normal_matrix" if sets_normals else "0: vertex_scalar_array"
+        assert changed(before, mesh_state(ms)) == written | {own, "0: vertex_color_matrix"}
+
+    def test_values_are_those_of_the_points(self, surface):
+        ms = self.cloud(surface)
+        compute_curvature_by_bezier_patch_per_vertex(ms, quality="gaussian")
+        expected = estimate_vertex_geometry(surface.vertices, None).gaussian_curvature
+        np.testing.assert_array_equal(ms.current_mesh().vertex_scalar_array(), expected)
+
+    @pytest.mark.parametrize("sign", [1, -1])
+    def test_normals_of_the_cloud_tell_the_outside(self, surface, sign):
+        ms = self.cloud(surface, 2.0 * sign * surface.normals)
+        compute_normal_by_bezier_patch_per_vertex(ms)
+        normals = ms.current_mesh().vertex_normal_matrix()
+        np.testing.assert_allclose(np.einsum("ij,ij->i", normals, surface.normals), sign, atol=1e-3)
+
+    def test_normals_that_are_not_finite_tell_nothing(self, surface):
+        unknown = np.zeros_like(surface.vertices)
+        unknown[::2] = np.nan
+        ms = self.cloud(surface, unknown)
+        compute_normal_by_bezier_patch_per_vertex(ms)
+        outward = np.einsum("ij,ij->i", ms.current_mesh().vertex_normal_matrix(), surface.normals)
+        assert outward.min() > 0.9
+
+    def test_selected_points_alone(self, surface):
+        ms = self.cloud(surface)
+        ms.compute_selection_by_condition_per_vertex(condselect="x > 0")
+        result = compute_curvature_by_bezier_patch_per_vertex(ms, onselected=True)
+        selected = surface.vertices[:, 0] > 0
+        assert result["status"] == {"OK": selected.sum(), "SKIPPED": (~selected).sum()}
+        assert not ms.current_mesh().vertex_scalar_array()[~selected].any()
 
 
 class TestProgress:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_surfaces import integrated_gaussian_curvature
+from surface_cases import integrated_gaussian_curvature
 
 from bezier_filters.surfaces import bumpy_star, sphere, torus, waves
 from limit_surface import limit_surface

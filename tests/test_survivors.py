@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_surfaces import area_vectors, assert_valid_mesh, border_edges, directed_edges, volume
+from surface_cases import area_vectors, assert_valid_mesh, border_edges, directed_edges, volume
 
 from bezier_filters.surfaces import bumpy_star, height_field, punched_patch, sphere, torus
 from survivors import keep_survivors
