@@ -22,6 +22,8 @@ SMALLEST_PRIOR_PIVOT = 1e-10
 """The same for fits with a prior, which decides what the points leave open."""
 MORE_RINGS = 3
 """How many rings an ill-posed neighbourhood may grow."""
+ENOUGH_POINTS = 0.75
+"""Of the usual number: at a boundary or a crease, where a neighbourhood has fewer, it takes more rings."""
 QUADRATIC = PatchFit(degree=2, alpha=0.1)
 """Practically a plain quadratic: six coefficients that six well-placed points determine."""
 
@@ -49,6 +51,8 @@ class Attempt:
         Standard deviation of the heights, a length, for the standard errors; 0 for none.
     over_creases : bool
         Whether the neighbourhood may reach across creases.
+    fewest_points : int
+        Fewer points count as ill posed.
     """
 
     status: FitStatus
@@ -59,6 +63,7 @@ class Attempt:
     most_turned: float = -1.0
     noise: float = 0.0
     over_creases: bool = False
+    fewest_points: int = 0
 
 
 def fallback_chain(rings: int, fit: PatchFit) -> Iterator[Attempt]:
@@ -93,14 +98,17 @@ def planned_chain(plans: Sequence[FitPlan], chosen: FitPlan) -> Iterator[Attempt
     """
     ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED})
 
-    def planned(status: FitStatus, after: frozenset[int], rings: int, plan: FitPlan) -> Attempt:
-        return Attempt(status, after, rings, plan, mean_plane=True, most_turned=MOST_TURNED, noise=plan.noise)
+    def planned(status: FitStatus, after: frozenset[int], rings: int, plan: FitPlan, fewest: int = 0) -> Attempt:
+        return Attempt(
+            status, after, rings, plan, mean_plane=True, most_turned=MOST_TURNED, noise=plan.noise, fewest_points=fewest
+        )
 
-    yield planned(FitStatus.OK, frozenset({FITTED}), chosen.rings, chosen)
+    fewest = int(ENOUGH_POINTS * chosen.points)
+    yield planned(FitStatus.OK, frozenset({FITTED}), chosen.rings, chosen, fewest)
     for plan in sorted((plan for plan in plans if plan.rings < chosen.rings), key=lambda plan: -plan.rings):
         yield planned(FitStatus.NARROWER_RING, folded, plan.rings, plan)
     for more in range(1, MORE_RINGS + 1):
-        yield planned(FitStatus.WIDER_RING, ill_posed, chosen.rings + more, chosen)
+        yield planned(FitStatus.WIDER_RING, ill_posed, chosen.rings + more, chosen, fewest if more < MORE_RINGS else 0)
     for attempt in last_resorts(min(chosen.rings, 2)):
         yield replace(attempt, noise=chosen.noise, over_creases=True)
 
@@ -189,7 +197,7 @@ def kernel_fit(attempt: Attempt) -> KernelFit:
         fewest, square, penalty = fit.free_coefficients, fit.square, fit.monomial_penalty[lower]
         prior, smallest_pivot = np.zeros(len(lower[0])), SMALLEST_PIVOT
     else:
-        fewest, square, penalty = 6, True, np.zeros(len(lower[0]))
+        fewest, square, penalty = max(6, attempt.fewest_points), True, np.zeros(len(lower[0]))
         if np.isfinite(fit.weight_radius):
             weight_scale, weight_power = 1.0 / fit.weight_radius**2, fit.degree + 1
         prior, smallest_pivot = fit.prior[lower], SMALLEST_PRIOR_PIVOT

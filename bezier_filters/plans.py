@@ -38,6 +38,8 @@ class FitPlan:
         Size of the neighbourhood.
     degree : int
         Total degree of the polynomial.
+    points : float
+        Number of points that a neighbourhood has on average.
     radius : float
         Unit of x and y for `term_prior`, a length.
     term_prior : (m,) float64
@@ -56,6 +58,7 @@ class FitPlan:
 
     rings: int
     degree: int
+    points: float
     radius: float
     term_prior: FloatArray
     weight_radius: float
@@ -150,6 +153,7 @@ def _plan(surface: SurfaceModel, ring: RingModel, degree: int, strength: float =
     plan = FitPlan(
         ring.analysis.rings,
         degree,
+        float(ring.analysis.sizes.mean()),
         ring.analysis.radius,
         _term_prior(ring, degree, strength * noise),
         np.inf,
@@ -173,7 +177,8 @@ def _weighted_plan(surface: SurfaceModel, ring: RingModel, degree: int) -> FitPl
     noise = max(noise, left_out * near**power)
     prior = _term_prior(ring, degree, noise)
     radius = ring.analysis.radius
-    plan = FitPlan(ring.analysis.rings, degree, radius, prior, near * radius, float(np.sqrt(noise)), 0.0, 0.0)
+    points = float(ring.analysis.sizes.mean())
+    plan = FitPlan(ring.analysis.rings, degree, points, radius, prior, near * radius, float(np.sqrt(noise)), 0.0, 0.0)
     return _predicted(surface, ring, plan)
 
 

@@ -10,11 +10,11 @@ class FitStatus(IntEnum):
     the quantities that could not be estimated hold the fill value 0.
 
     >>> FitStatus.WIDER_RING.message
-    'fitted on more rings than asked for: too few or badly placed points'
+    'fitted on more rings than most: too few or badly placed points, as at a boundary'
     """
 
     OK = 0, "fitted as asked"
-    WIDER_RING = 1, "fitted on more rings than asked for: too few or badly placed points"
+    WIDER_RING = 1, "fitted on more rings than most: too few or badly placed points, as at a boundary"
     NARROWER_RING = 2, "fitted on fewer rings than chosen: the wider ones fold in the projection"
     OTHER_PLANE = 3, "fitted over another plane: the projection along the vertex normal folds"
     ONE_RING = 4, "quadratic fit of the 1-ring: wider neighbourhoods fold in every plane"
