@@ -201,22 +201,28 @@ def _predicted(surface: SurfaceModel, ring: RingModel, plan: FitPlan) -> FitPlan
     """
     analysis, m = ring.analysis, len(plan.term_prior)
     wanted = np.arange(1, 6)  # two slopes, x^2 - y^2, 2 x y and x^2 + y^2
-    if np.isinf(plan.weight_radius) and plan.degree <= analysis.degree:
+    rest: float | FloatArray = ring.unmodelled
+    if analysis.rings > WEIGHTED_RINGS and plan.degree <= analysis.degree:
         design = analysis.factors[:TRIED]  # an orthogonal transform changes nothing
+        weighted = design[..., :m]
     else:
         design = analysis.designs(TRIED)
-    weighted = design[..., :m]
-    if np.isfinite(plan.weight_radius):
-        ratio = np.square(analysis.points[:TRIED]).sum(axis=2) * (analysis.radius / plan.weight_radius) ** 2
-        weighted = weighted / (1.0 + ratio ** (plan.degree + 1))[..., np.newaxis]
+        weighted = design[..., :m]
+        squares = np.square(analysis.points[:TRIED]).sum(axis=2)
+        if np.isfinite(plan.weight_radius):
+            ratio = squares * (analysis.radius / plan.weight_radius) ** 2
+            weighted = weighted / (1.0 + ratio ** (plan.degree + 1))[..., np.newaxis]
+        # What no term follows grows outwards like the first of those that are left out.
+        profile = squares ** (analysis.degree + 1) * (np.arange(squares.shape[1]) < analysis.sizes[:TRIED, np.newaxis])
+        rest = rest * (profile / profile.sum(axis=1, keepdims=True) * analysis.sizes[:TRIED, np.newaxis])[:, np.newaxis]
     normal_matrices = weighted.transpose(0, 2, 1) @ design[..., :m]
     diagonal = normal_matrices[:, np.arange(m), np.arange(m)]
     normal_matrices[:, np.arange(m), np.arange(m)] += plan.term_prior + RIDGE * diagonal.max(axis=1, keepdims=True)
     solver = np.linalg.solve(normal_matrices, weighted.transpose(0, 2, 1))[:, wanted]
     transfer = solver @ design
     transfer[:, np.arange(5), wanted] -= 1.0
-    squares = surface.sigma**2 * np.square(solver).sum(axis=2) + np.square(transfer) @ ring.variances
-    mean = squares.mean(axis=0)
+    passed = (np.square(solver) * (surface.sigma**2 + rest)).sum(axis=2)
+    mean = (passed + np.square(transfer) @ ring.variances).mean(axis=0)
     return replace(
         plan,
         normal_error=float(np.sqrt(mean[:2].sum()) / analysis.radius),

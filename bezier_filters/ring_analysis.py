@@ -53,6 +53,8 @@ class RingAnalysis:
         terms; upper triangular in its first m columns. Rows of terms that the points do not see are 0.
     parts : (N, m) float64
         Q^T z: what the heights hold of each term, a length.
+    unexplained : (N, M) float64
+        Squared length of what no term up to J explains of each term; 0 for those up to J.
     residuals, freedom : (N, J + 1) float64
         Squared residual of the fit of each degree, length^2, and its degrees of freedom.
     term_squares, term_weights, term_counts : (N, J + 1, G) float64
@@ -69,6 +71,7 @@ class RingAnalysis:
     sizes: IntArray
     factors: FloatArray
     parts: FloatArray
+    unexplained: FloatArray
     residuals: FloatArray
     freedom: FloatArray
     term_squares: FloatArray
@@ -149,6 +152,7 @@ def analyse_ring(
         sizes,
         np.zeros((len(rows), m, len(basis.degrees))),
         np.zeros((len(rows), m)),
+        np.zeros((len(rows), len(basis.degrees))),
         *(np.zeros(by_degree) for _ in range(2)),
         *(np.zeros(by_group) for _ in range(3)),
     )
@@ -177,6 +181,7 @@ class Output(NamedTuple):
 
     factors: FloatArray
     parts: FloatArray
+    unexplained: FloatArray
     residuals: FloatArray
     freedom: FloatArray
     term_squares: FloatArray
@@ -221,13 +226,15 @@ def _analyse(
             for t in range(terms):
                 if to_terms[t, k] != 0.0:
                     _add_multiple(columns[t], to_terms[t, k], monomial, n)
-        _orthogonalise(columns, heights, n, output.factors[row], output.parts[row])
+        _orthogonalise(columns, heights, n, output.factors[row], output.parts[row], output.unexplained[row])
         _sum_residuals(dot(heights, heights, n), n, degrees, row, output)
         _sum_coefficients(degrees, groups, inverse, row, output)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _orthogonalise(columns: FloatArray, heights: FloatArray, n: int, factors: FloatArray, parts: FloatArray) -> None:
+def _orthogonalise(
+    columns: FloatArray, heights: FloatArray, n: int, factors: FloatArray, parts: FloatArray, unexplained: FloatArray
+) -> None:
     """Modified Gram-Schmidt; the heights become what no term explains."""
     m, terms = factors.shape
     for t in range(m):
@@ -246,6 +253,11 @@ def _orthogonalise(columns: FloatArray, heights: FloatArray, n: int, factors: Fl
             factors[t, s] = dot(columns[t], columns[s], n)
         parts[t] = dot(columns[t], heights, n)
         _add_multiple(heights, -parts[t], columns[t], n)
+    for s in range(m, terms):
+        unexplained[s] = dot(columns[s], columns[s], n)
+        for t in range(m):
+            unexplained[s] -= factors[t, s] ** 2
+        unexplained[s] = max(unexplained[s], 0.0)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

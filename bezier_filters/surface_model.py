@@ -36,10 +36,13 @@ class RingModel:
     analysis : RingAnalysis
     variances : (M,) float64
         Of the terms, for coordinates in units of the radius, length^2; 0 for the free degrees.
+    unmodelled : float
+        Mean square of the heights that is neither noise nor any of the terms, length^2.
     """
 
     analysis: RingAnalysis
     variances: FloatArray
+    unmodelled: float
 
 
 @dataclass(frozen=True)
@@ -88,7 +91,8 @@ def learn_model(analyses: Sequence[RingAnalysis], whole: SurfaceModel | None = N
         if analysis.rings in of_whole:
             values, errors = _with_hint(values, errors, of_whole[analysis.rings], np.zeros(len(values)))
         believed = np.where(free | np.isinf(errors), 0.0, expected_variance(values, errors))
-        models.append(RingModel(analysis, believed))
+        modelled = float((analysis.unexplained @ believed).sum() / analysis.freedom[:, -1].sum())
+        models.append(RingModel(analysis, believed, max(float(analysis.mean_squares[-1]) - noise - modelled, 0.0)))
         wider_errors = errors
     return SurfaceModel(float(np.sqrt(noise)), tuple(reversed(models)))
 

@@ -453,7 +453,8 @@ class TestPointClouds:
         ms = self.cloud(surface)
         before = mesh_state(ms)
         result = function(ms, color=True)
-        assert result["status"] == {"OK": len(surface.vertices)}
+        assert set(result["status"]) <= {"OK", "WIDER_RING"}
+        assert sum(result["status"].values()) == len(surface.vertices)
         written = {f"0: {name}" for name in result["attributes"]}
         sets_normals = function is compute_normal_by_bezier_patch_per_vertex  # their angle to none before is 0
         own = "0: vertex_normal_matrix" if sets_normals else "0: vertex_scalar_array"
@@ -485,7 +486,8 @@ class TestPointClouds:
         ms.compute_selection_by_condition_per_vertex(condselect="x > 0")
         result = compute_curvature_by_bezier_patch_per_vertex(ms, onselected=True)
         selected = surface.vertices[:, 0] > 0
-        assert result["status"] == {"OK": selected.sum(), "SKIPPED": (~selected).sum()}
+        assert result["status"].pop("SKIPPED") == (~selected).sum()
+        assert sum(result["status"].values()) == selected.sum()
         assert not ms.current_mesh().vertex_scalar_array()[~selected].any()
 
 

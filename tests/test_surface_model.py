@@ -120,7 +120,7 @@ def test_scale_does_not_change_the_choice(scale):
 def test_a_plane_is_flat_and_a_quadratic_is_exact():
     plane = height_field(lambda x, y: [0 * x + 0.3 * y, 0, 0.3, 0, 0, 0], resolution=20, jitter=0.2)
     geometry = estimate_vertex_geometry(plane.vertices, plane.faces)
-    assert (geometry.status == FitStatus.OK).all()
+    assert set(geometry.status_counts()) == {"OK", "WIDER_RING"}  # the latter at the rim
     assert np.abs(geometry.k_max).max() < 1e-9
     np.testing.assert_allclose(geometry.normals, plane.normals, atol=1e-12)
 
