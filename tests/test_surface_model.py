@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bezier_filters import FitStatus, estimate_vertex_geometry
+from bezier_filters import estimate_vertex_geometry
 from bezier_filters.harmonics import harmonic_basis
 from bezier_filters.polynomials import total_degree_space
 from bezier_filters.surfaces import bumpy_star, ellipsoid, height_field, monkey_saddle, sphere, torus, waves
