@@ -53,8 +53,10 @@ def fit_adaptively(
     -------
     FitChoice
     """
-    sampled = np.unique(np.concatenate([analysis.centers for analysis in analyses]))
-    fitted = np.union1d(ids, sampled).astype(np.int32)
+    is_fitted = np.zeros(len(mesh.vertices), dtype=np.bool_)
+    for rows in (ids, *(analysis.centers for analysis in analyses)):
+        is_fitted[rows] = True
+    fitted = np.flatnonzero(is_fitted).astype(np.int32)
     fit_with_fallbacks(
         mesh, fitted, list(planned_chain(root.plans, root.chosen)), geometry, threads=threads, progress=progress
     )

@@ -138,7 +138,10 @@ def estimate_vertex_geometry(
     arrays = kernel_mesh(mesh, adjacency, planes, stops)
     geometry = empty_geometry(mesh.vertex_count)
     choice = _fit(arrays, adjacency, ids, rings, degree, fixed, geometry, threads, progress)
-    _clear(geometry, np.setdiff1d(np.arange(mesh.vertex_count), ids))
+    if len(ids) < mesh.vertex_count:
+        others = np.ones(mesh.vertex_count, dtype=np.bool_)
+        others[ids] = False
+        _clear(geometry, others)
     return replace(geometry, fit=choice)
 
 
@@ -231,9 +234,9 @@ def empty_geometry(n: int) -> VertexGeometry:
     )
 
 
-def _clear(geometry: VertexGeometry, ids: IntArray) -> None:
+def _clear(geometry: VertexGeometry, rows: BoolArray) -> None:
     """Forget what is known of some vertices."""
     for part in fields(geometry):
         values = getattr(geometry, part.name)
         if isinstance(values, np.ndarray):
-            values[ids] = FitStatus.SKIPPED if part.name == "status" else 0
+            values[rows] = FitStatus.SKIPPED if part.name == "status" else 0

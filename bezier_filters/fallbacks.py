@@ -47,8 +47,9 @@ class Attempt:
     most_turned : float
         Share of the vertices whose normals may turn away from the plane; if negative, not even a
         single face may fold.
-    noise : float
-        Standard deviation of the heights, a length, for the standard errors; 0 for none.
+    noise : tuple of float
+        Standard deviation of the heights, a length, for the standard errors of the normal and of
+        the curvatures; 0 for none.
     over_creases : bool
         Whether the neighbourhood may reach across creases.
     fewest_points : int
@@ -61,7 +62,7 @@ class Attempt:
     fit: PatchFit | FitPlan
     mean_plane: bool = False
     most_turned: float = -1.0
-    noise: float = 0.0
+    noise: tuple[float, float] = (0.0, 0.0)
     over_creases: bool = False
     fewest_points: int = 0
 
@@ -100,7 +101,14 @@ def planned_chain(plans: Sequence[FitPlan], chosen: FitPlan) -> Iterator[Attempt
 
     def planned(status: FitStatus, after: frozenset[int], rings: int, plan: FitPlan, fewest: int = 0) -> Attempt:
         return Attempt(
-            status, after, rings, plan, mean_plane=True, most_turned=MOST_TURNED, noise=plan.noise, fewest_points=fewest
+            status,
+            after,
+            rings,
+            plan,
+            mean_plane=True,
+            most_turned=MOST_TURNED,
+            noise=(plan.normal_noise, plan.curvature_noise),
+            fewest_points=fewest,
         )
 
     fewest = int(ENOUGH_POINTS * chosen.points)
@@ -110,7 +118,7 @@ def planned_chain(plans: Sequence[FitPlan], chosen: FitPlan) -> Iterator[Attempt
     for more in range(1, MORE_RINGS + 1):
         yield planned(FitStatus.WIDER_RING, ill_posed, chosen.rings + more, chosen, fewest if more < MORE_RINGS else 0)
     for attempt in last_resorts(min(chosen.rings, 2)):
-        yield replace(attempt, noise=chosen.noise, over_creases=True)
+        yield replace(attempt, noise=(chosen.normal_noise, chosen.curvature_noise), over_creases=True)
 
 
 def without_faces(attempt: Attempt) -> Attempt:
@@ -219,7 +227,8 @@ def kernel_fit(attempt: Attempt) -> KernelFit:
         prior_place=places,
         prior_degree=np.sort(degrees).astype(np.int32),
         smallest_pivot=smallest_pivot,
-        noise=attempt.noise,
+        normal_noise=attempt.noise[0],
+        curvature_noise=attempt.noise[1],
         derivative_places=fit.space.places([(1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]),
         weight_scale=weight_scale,
         weight_power=weight_power,

@@ -77,7 +77,8 @@ class KernelFit(NamedTuple):
     prior_place: IntArray  # where they belong in the packed matrix,
     prior_degree: IntArray  # and their degree, ascending
     smallest_pivot: float
-    noise: float  # standard deviation of the heights; 0 for no standard errors
+    normal_noise: float  # standard deviation of the heights; 0 for no standard errors
+    curvature_noise: float
     derivative_places: IntArray  # of the coefficients of x, y, x^2, x y, y^2
     weight_scale: float  # points weigh 1 / (1 + (scale distance^2)^power); 0 for equal weights
     weight_power: int
@@ -141,12 +142,13 @@ def fit_vertices(
         write_graph_geometry(zx, zy, zxx, zxy, zyy, work.frame, i, result)
         if fit.highest_power >= 2 * 3:  # a lower degree says nothing of third derivatives
             write_extremalities(jet, work.frame, i, result)
-        if fit.noise > 0.0:
+        if fit.normal_noise > 0.0:
             write_standard_errors(
                 work.matrix,
                 fit.exponents.shape[0],
                 fit.derivative_places,
-                fit.noise,
+                fit.normal_noise,
+                fit.curvature_noise,
                 sx,
                 zx,
                 zy,

@@ -8,7 +8,7 @@ import numpy as np
 from bezier_filters.arrays import FloatArray
 from bezier_filters.harmonics import harmonic_basis
 from bezier_filters.polynomials import PolynomialSpace, total_degree_space
-from bezier_filters.ring_analysis import FREE_DEGREE
+from bezier_filters.ring_analysis import FIRST, FREE_DEGREE
 from bezier_filters.surface_model import RingModel, SurfaceModel
 
 CANDIDATE_DEGREES = (2, 3, 4, 5, 6)
@@ -22,8 +22,6 @@ LEAST_WEIGHT_RADIUS = 0.3
 """Of the radius of the neighbourhood, lest a fit have too few points."""
 RIDGE = 1e-14
 """Of the largest entry of the normal equations: makes singular ones solvable, whose errors are then huge."""
-TRIED = 24
-"""Neighbourhoods over which the errors are averaged."""
 GOOD_ENOUGH = 1.05
 """Of the choices whose predicted error is within this factor of the smallest, the fastest is taken."""
 
@@ -47,13 +45,13 @@ class FitPlan:
     weight_radius : float
         Distance beyond which points weigh less, a length: at r they weigh 1 / (1 + (r / radius)^(2 degree + 2)), the
         reciprocal of noise and what the degree leaves out. Infinite for equal weights.
-    noise : float
-        Standard deviation of the heights over the fit, near the vertex if weighted: noise and what
-        the degree leaves out, a length.
     normal_error : float
         Predicted standard error of the normal, radians.
     curvature_error : float
         Predicted standard error of the second derivatives, 1/length.
+    normal_noise, curvature_noise : float
+        Standard deviation of the heights with which the covariance of the coefficients gives these
+        errors, cautiously, on average, a length.
     """
 
     rings: int
@@ -62,9 +60,10 @@ class FitPlan:
     radius: float
     term_prior: FloatArray
     weight_radius: float
-    noise: float
     normal_error: float
     curvature_error: float
+    normal_noise: float = 0.0
+    curvature_noise: float = 0.0
 
     @property
     def space(self) -> PolynomialSpace:
@@ -113,7 +112,12 @@ class Choices:
 
 def all_plans(surface: SurfaceModel, degrees: Sequence[int] = CANDIDATE_DEGREES) -> list[FitPlan]:
     """The best plan of every ring, in ascending order of rings."""
-    return [best_plan(plans) for plans in (ring_plans(surface, ring, degrees) for ring in surface.by_rings) if plans]
+    plans = []
+    for ring in surface.by_rings:
+        of_ring = ring_plans(surface, ring, degrees)
+        if of_ring:
+            plans.append(_calibrated(surface, ring, best_plan(of_ring)))
+    return plans
 
 
 def ring_plans(surface: SurfaceModel, ring: RingModel, degrees: Sequence[int] = CANDIDATE_DEGREES) -> list[FitPlan]:
@@ -157,7 +161,6 @@ def _plan(surface: SurfaceModel, ring: RingModel, degree: int, strength: float =
         ring.analysis.radius,
         _term_prior(ring, degree, strength * noise),
         np.inf,
-        np.sqrt(noise),
         0.0,
         0.0,
     )
@@ -178,7 +181,7 @@ def _weighted_plan(surface: SurfaceModel, ring: RingModel, degree: int) -> FitPl
     prior = _term_prior(ring, degree, noise)
     radius = ring.analysis.radius
     points = float(ring.analysis.sizes.mean())
-    plan = FitPlan(ring.analysis.rings, degree, points, radius, prior, near * radius, float(np.sqrt(noise)), 0.0, 0.0)
+    plan = FitPlan(ring.analysis.rings, degree, points, radius, prior, near * radius, 0.0, 0.0)
     return _predicted(surface, ring, plan)
 
 
@@ -199,32 +202,80 @@ def _predicted(surface: SurfaceModel, ring: RingModel, plan: FitPlan) -> FitPlan
     The estimate is linear in the heights, so its mean squared error is the noise that passes
     through plus, for each random term, what is lost of it or mistaken for slope and curvature.
     """
-    analysis, m = ring.analysis, len(plan.term_prior)
-    wanted = np.arange(1, 6)  # two slopes, x^2 - y^2, 2 x y and x^2 + y^2
-    rest: float | FloatArray = ring.unmodelled
-    if analysis.rings > WEIGHTED_RINGS and plan.degree <= analysis.degree:
-        design = analysis.factors[:TRIED]  # an orthogonal transform changes nothing
-        weighted = design[..., :m]
-    else:
-        design = analysis.designs(TRIED)
-        weighted = design[..., :m]
-        squares = np.square(analysis.points[:TRIED]).sum(axis=2)
-        if np.isfinite(plan.weight_radius):
-            ratio = squares * (analysis.radius / plan.weight_radius) ** 2
-            weighted = weighted / (1.0 + ratio ** (plan.degree + 1))[..., np.newaxis]
-        # What no term follows grows outwards like the first of those that are left out.
-        profile = squares ** (analysis.degree + 1) * (np.arange(squares.shape[1]) < analysis.sizes[:TRIED, np.newaxis])
-        rest = rest * (profile / profile.sum(axis=1, keepdims=True) * analysis.sizes[:TRIED, np.newaxis])[:, np.newaxis]
-    normal_matrices = weighted.transpose(0, 2, 1) @ design[..., :m]
-    diagonal = normal_matrices[:, np.arange(m), np.arange(m)]
-    normal_matrices[:, np.arange(m), np.arange(m)] += plan.term_prior + RIDGE * diagonal.max(axis=1, keepdims=True)
-    solver = np.linalg.solve(normal_matrices, weighted.transpose(0, 2, 1))[:, wanted]
-    transfer = solver @ design
-    transfer[:, np.arange(5), wanted] -= 1.0
-    passed = (np.square(solver) * (surface.sigma**2 + rest)).sum(axis=2)
-    mean = (passed + np.square(transfer) @ ring.variances).mean(axis=0)
+    slopes, curvatures = _squared_errors(surface, ring, _Equations.of(ring, plan), ring.variances)
     return replace(
         plan,
-        normal_error=float(np.sqrt(mean[:2].sum()) / analysis.radius),
-        curvature_error=float(np.sqrt(8.0 * mean[2:].sum()) / analysis.radius**2),
+        normal_error=float(np.sqrt(slopes) / ring.analysis.radius),
+        curvature_error=float(np.sqrt(8.0 * curvatures) / ring.analysis.radius**2),
     )
+
+
+def _calibrated(surface: SurfaceModel, ring: RingModel, plan: FitPlan) -> FitPlan:
+    """The plan with the noise that makes its standard errors those that are predicted cautiously."""
+    equations = _Equations.of(ring, plan)
+    expected = _squared_errors(surface, ring, equations, ring.cautious)
+    covariance = np.linalg.inv(equations.normal_matrices)[:, _WANTED, _WANTED].mean(axis=0)
+    claimed = covariance[:2].sum(), covariance[2:].sum()
+    normal, curvature = (float(np.sqrt(e / c)) for e, c in zip(expected, claimed, strict=True))
+    return replace(plan, normal_noise=normal, curvature_noise=curvature)
+
+
+_WANTED = np.arange(1, 6)
+"""Places of the two slopes, x^2 - y^2, 2 x y and x^2 + y^2 among the terms."""
+
+
+@dataclass(frozen=True)
+class _Equations:
+    """Normal equations of a plan over the first neighbourhoods of a ring, T of them.
+
+    Attributes
+    ----------
+    normal_matrices : (T, m, m) float64
+    weighted : (T, n, m) float64
+        Terms of the fit times the weights of the points.
+    design : (T, n, M) float64
+        All terms.
+    rest : float or (T, 1, n) float64
+        Mean square of what is neither noise nor a term, at each point, length^2.
+    """
+
+    normal_matrices: FloatArray
+    weighted: FloatArray
+    design: FloatArray
+    rest: float | FloatArray
+
+    @classmethod
+    def of(cls, ring: RingModel, plan: FitPlan) -> "_Equations":
+        """Set them up."""
+        analysis, m = ring.analysis, len(plan.term_prior)
+        rest: float | FloatArray = ring.unmodelled
+        if analysis.rings > WEIGHTED_RINGS and plan.degree <= analysis.degree:
+            design = analysis.factors[:FIRST]  # an orthogonal transform changes nothing
+            weighted = design[..., :m]
+        else:
+            design = analysis.first_designs
+            weighted = design[..., :m]
+            sizes = analysis.sizes[:FIRST, np.newaxis]
+            squares = np.square(analysis.points[:FIRST]).sum(axis=2) * (np.arange(design.shape[1]) < sizes)
+            if np.isfinite(plan.weight_radius):
+                ratio = squares * (analysis.radius / plan.weight_radius) ** 2
+                weighted = weighted / (1.0 + ratio ** (plan.degree + 1))[..., np.newaxis]
+            # What no term follows grows outwards like the first of those that are left out.
+            profile = squares ** (analysis.degree + 1)
+            rest = rest * (profile * sizes / profile.sum(axis=1, keepdims=True))[:, np.newaxis]
+        normal_matrices = weighted.transpose(0, 2, 1) @ design[..., :m]
+        diagonal = normal_matrices[:, np.arange(m), np.arange(m)]
+        normal_matrices[:, np.arange(m), np.arange(m)] += plan.term_prior + RIDGE * diagonal.max(axis=1, keepdims=True)
+        return cls(normal_matrices, weighted, design, rest)
+
+
+def _squared_errors(
+    surface: SurfaceModel, ring: RingModel, equations: _Equations, variances: FloatArray
+) -> tuple[float, float]:
+    """Mean squared errors of the slopes and of the second-degree coefficients, in units of the radius, length^2."""
+    solver = np.linalg.solve(equations.normal_matrices, equations.weighted.transpose(0, 2, 1))[:, _WANTED]
+    transfer = solver @ equations.design
+    transfer[:, np.arange(5), _WANTED] -= 1.0
+    passed = (np.square(solver) * (surface.sigma**2 + equations.rest)).sum(axis=2)
+    mean = (passed + np.square(transfer) @ variances).mean(axis=0)
+    return float(mean[:2].sum()), float(mean[2:].sum())

@@ -18,6 +18,10 @@ FREE_DEGREE = 2
 """Height, slope and curvature are what we are after: no prior touches them."""
 FEWEST_SAMPLES = 12
 FEWEST_POINTS_PER_COEFFICIENT = 1.2
+FIRST = 24
+"""Neighbourhoods by which plans are compared."""
+CANCELLED = 0.3
+"""A column that keeps less than this of its length has lost digits."""
 UNSEEN = 1e-7
 """A term whose column keeps less than this of its length is not seen by the points."""
 CHUNK = 16
@@ -101,8 +105,10 @@ class RingAnalysis:
         of_mean = (1.0 - 2.0 / (9.0 * freedom)) ** 3
         return float(np.median(self.residuals[:, -1] / freedom / of_mean))
 
-    def designs(self, count: int) -> FloatArray:
-        """Values of the terms at the points of the first neighbourhoods, (count, n, M); 0 beyond `sizes`."""
+    @cached_property
+    def first_designs(self) -> FloatArray:
+        """Values of the terms at the points of the first neighbourhoods, (`FIRST`, n, M); 0 beyond `sizes`."""
+        count = FIRST
         exponents = total_degree_space(HIGHEST_DEGREE).exponents
         powers_of = [
             np.stack([axis**k for k in range(HIGHEST_DEGREE + 1)]) for axis in np.moveaxis(self.points[:count], 2, 0)
@@ -239,11 +245,15 @@ def _orthogonalise(
     m, terms = factors.shape
     for t in range(m):
         before = dot(columns[t], columns[t], n)
-        for _ in range(2):  # the second pass removes what rounding left
+        length = np.sqrt(before)
+        for _ in range(2):
             for s in range(t):
                 if factors[s, s] > 0.0:
                     _add_multiple(columns[t], -dot(columns[s], columns[t], n), columns[s], n)
-        length = np.sqrt(dot(columns[t], columns[t], n))
+            reduced = np.sqrt(dot(columns[t], columns[t], n))
+            small, length = reduced < CANCELLED * length, reduced
+            if not small:  # or else a second pass removes what rounding left
+                break
         if length <= UNSEEN * np.sqrt(before):
             continue
         factors[t, t] = length

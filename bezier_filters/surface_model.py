@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from bezier_filters.arrays import FloatArray
-from bezier_filters.harmonics import harmonic_basis
+from bezier_filters.harmonics import HIGHEST_DEGREE, harmonic_basis
 from bezier_filters.ring_analysis import FREE_DEGREE, RingAnalysis
 
 FEWEST_RINGS_FOR_NOISE = 2
@@ -23,6 +23,8 @@ PRIOR_RANGE = 8.0
 """Standard errors over which a variance is as likely, beforehand, as it is to be nothing at all."""
 SURELY = 4.0
 """Standard errors by which one estimate of a variance must be above another to be taken instead."""
+CAUTIOUS_RANGE = 4.0
+"""The same for standard errors, which had better be too large than too small."""
 CERTAIN = 30.0
 """Standard errors beyond which an estimate is taken as it is."""
 
@@ -36,12 +38,15 @@ class RingModel:
     analysis : RingAnalysis
     variances : (M,) float64
         Of the terms, for coordinates in units of the radius, length^2; 0 for the free degrees.
+    cautious : (M,) float64
+        The same if every term is taken to be there: what may be, for standard errors.
     unmodelled : float
         Mean square of the heights that is neither noise nor any of the terms, length^2.
     """
 
     analysis: RingAnalysis
     variances: FloatArray
+    cautious: FloatArray
     unmodelled: float
 
 
@@ -90,23 +95,48 @@ def learn_model(analyses: Sequence[RingAnalysis], whole: SurfaceModel | None = N
             values, errors = _with_hint(values, errors, scale * models[-1].variances, scale * wider_errors)
         if analysis.rings in of_whole:
             values, errors = _with_hint(values, errors, of_whole[analysis.rings], np.zeros(len(values)))
-        believed = np.where(free | np.isinf(errors), 0.0, expected_variance(values, errors))
+        believed, cautious = (
+            _falling_off(
+                np.where(free | np.isinf(errors), 0.0, expected_variance(values, errors, odds)), values, errors
+            )
+            for odds in (PRIOR_RANGE, CAUTIOUS_RANGE)
+        )
         modelled = float((analysis.unexplained @ believed).sum() / analysis.freedom[:, -1].sum())
-        models.append(RingModel(analysis, believed, max(float(analysis.mean_squares[-1]) - noise - modelled, 0.0)))
+        unmodelled = max(float(analysis.mean_squares[-1]) - noise - modelled, 0.0)
+        models.append(RingModel(analysis, believed, cautious, unmodelled))
         wider_errors = errors
     return SurfaceModel(float(np.sqrt(noise)), tuple(reversed(models)))
 
 
-def expected_variance(surplus: FloatArray, by_chance: FloatArray) -> FloatArray:
+def _falling_off(believed: FloatArray, values: FloatArray, errors: FloatArray) -> FloatArray:
+    """Variances that fall off with the degree, unless the data are sure of more.
+
+    Over a neighbourhood that polynomials follow, a term is not larger than those one degree lower,
+    or than a quarter of those two degrees lower, as on a sphere of the neighbourhood's own radius.
+    """
+    degrees = harmonic_basis().degrees
+    result = believed.copy()
+    largest = {FREE_DEGREE - 1: 0.0, FREE_DEGREE: float(values[degrees == FREE_DEGREE].max())}
+    for degree in range(FREE_DEGREE + 1, HIGHEST_DEGREE + 1):
+        most = max(largest[degree - 1], largest[degree - 2] / 16.0)
+        unsure = (degrees == degree) & (values < SURELY * errors)
+        result[unsure] = np.minimum(result[unsure], most)
+        largest[degree] = float(result[degrees == degree].max())
+    return result
+
+
+def expected_variance(surplus: FloatArray, by_chance: FloatArray, prior_range: float = PRIOR_RANGE) -> FloatArray:
     """Mean of a variance v >= 0 whose estimate is normal about it, given the estimate.
 
-    Beforehand v is nothing at all or anything up to `PRIOR_RANGE` standard errors, both being
+    Beforehand v is nothing at all or anything up to `prior_range` standard errors, both being
     equally likely: what rises clearly above chance is believed, and what does not, hardly.
 
     Parameters
     ----------
     surplus, by_chance : (k,) float64
         Estimates of v and their standard errors.
+    prior_range : float
+        0 if v cannot be nothing.
 
     Examples
     --------
@@ -119,7 +149,7 @@ def expected_variance(surplus: FloatArray, by_chance: FloatArray) -> FloatArray:
     log_density, log_share = -0.5 * x * x - 0.5 * np.log(2.0 * np.pi), log_ndtr(x)
     ratio = np.exp(log_density - log_share)
     with np.errstate(invalid="ignore"):  # unknown ones, whose standard error is infinite
-        believed: FloatArray = by_chance * (x + ratio) / (1.0 + PRIOR_RANGE * ratio)
+        believed: FloatArray = by_chance * (x + ratio) / (1.0 + prior_range * ratio)
     return np.where(certain, np.maximum(surplus, 0.0), believed)
 
 

@@ -27,7 +27,8 @@ def write_standard_errors(
     factor: FloatArray,
     order: int,
     places: IntArray,
-    noise: float,
+    normal_noise: float,
+    curvature_noise: float,
     scale: float,
     p: float,
     q: float,
@@ -47,8 +48,8 @@ def write_standard_errors(
     order : int
     places : (5,) int32
         Where the coefficients of x, y, x^2, x y and y^2 are; the vertex is the origin.
-    noise : float
-        Standard deviation of the heights, a length.
+    normal_noise, curvature_noise : float
+        Standard deviation of the heights, a length, as far as it concerns the normal, or the curvatures.
     scale : float
         Parameters per length.
     p, q, r, s, t : float
@@ -84,6 +85,6 @@ def write_standard_errors(
     pp, pq, qq = dot(work[0], work[0], order), dot(work[0], work[1], order), dot(work[1], work[1], order)
     # |dn|^2 = ((1 + q^2) dp^2 - 2 p q dp dq + (1 + p^2) dq^2) / w^4
     turned = ((1.0 + q * q) * pp - 2.0 * p * q * pq + (1.0 + p * p) * qq) / (w2 * w2)
-    result.normal[i] = noise * np.sqrt(turned)
-    result.mean_curvature[i] = noise * np.sqrt(dot(work[2], work[2], order))
-    result.gaussian_curvature[i] = noise * np.sqrt(dot(work[3], work[3], order))
+    result.normal[i] = normal_noise * np.sqrt(turned)
+    result.mean_curvature[i] = curvature_noise * np.sqrt(dot(work[2], work[2], order))
+    result.gaussian_curvature[i] = curvature_noise * np.sqrt(dot(work[3], work[3], order))
