@@ -45,12 +45,13 @@ def variances_by_degree(first, ratio):
 
 
 def draw(count, size, variances, sigma, *, radius=1.0, seed=0):
-    """Points evenly spread over discs, heights from the terms with the given variances, and noise."""
+    """Points spread over discs like those of a mesh, heights from the terms with the given variances, and noise."""
     rng = np.random.default_rng(seed)
-    r, phi = np.sqrt(rng.uniform(0, 1, (count, size))), rng.uniform(0, 2 * np.pi, (count, size))
+    r = np.sqrt(np.arange(size) / (size - 1.0))
+    phi = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(size) + rng.uniform(0, 2 * np.pi, (count, 1))  # a sunflower's
     xy = np.stack([r * np.cos(phi), r * np.sin(phi)], axis=2)
-    xy[:, 0] = 0.0
-    xy[:, 1] /= np.linalg.norm(xy[:, 1], axis=1, keepdims=True)  # so that all have the same radius
+    xy[:, 1:-1] += rng.normal(0.0, 0.3 / np.sqrt(size), (count, size - 2, 2))
+    xy /= np.maximum(np.linalg.norm(xy, axis=2, keepdims=True), 1.0)
     coefficients = rng.standard_normal((count, len(variances))) * np.sqrt(variances)
     z = np.einsum("npk,nk->np", terms_at(xy), coefficients) + sigma * rng.standard_normal((count, size))
     return Drawn(np.concatenate([radius * xy, z[..., np.newaxis]], axis=2), coefficients, radius)
