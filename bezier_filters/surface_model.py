@@ -2,9 +2,8 @@
 
 Over a neighbourhood the height is a polynomial plus noise of standard deviation sigma. Terms of
 total degree 3 and more count as random, with one variance per degree and angular frequency (see
-`harmonics`); height, slope and curvature are free. The variances follow from an analysis of
-variance: after orthogonalisation term by term, what the heights hold of a term is noise plus that
-term and later ones.
+`harmonics`); height, slope and curvature are free. The variances follow from the coefficients of
+fits of every degree, over a sample: a coefficient is that term, a share of later ones and noise.
 """
 
 from collections.abc import Sequence
@@ -96,8 +95,8 @@ def learn_model(analyses: Sequence[RingAnalysis], whole: SurfaceModel | None = N
 def expected_variance(surplus: FloatArray, by_chance: FloatArray) -> FloatArray:
     """Mean of a variance v >= 0 whose estimate is normal about it, given the estimate.
 
-    Beforehand v is nothing at all or anything up to `PRIOR_RANGE` standard errors, both being
-    equally likely: what rises clearly above chance is believed, and what does not, hardly.
+    Beforehand v is nothing at all or anything, the range of `PRIOR_RANGE` standard errors being as
+    likely as nothing: what rises clearly above chance is believed, and what does not, hardly.
 
     Parameters
     ----------
