@@ -58,7 +58,12 @@ def fit_adaptively(
         is_fitted[rows] = True
     fitted = np.flatnonzero(is_fitted).astype(np.int32)
     fit_with_fallbacks(
-        mesh, fitted, list(planned_chain(root.plans, root.chosen)), geometry, threads=threads, progress=progress
+        mesh,
+        fitted,
+        list(planned_chain(root.plans, root.chosen)),
+        geometry,
+        threads=threads,
+        progress=_of_wanted(progress, len(ids)),
     )
     choice = FitChoice(root.chosen.rings, root.chosen.degree, None, root.surface.sigma)
     tree = grow(root, analyses, _features(geometry), choices)
@@ -84,6 +89,11 @@ def _features(geometry: VertexGeometry) -> FloatArray:
     """Curvedness and residual of the first fit, (n, 2): what the parts are told apart by."""
     features: FloatArray = np.column_stack([geometry.curvedness, geometry.residual])
     return features
+
+
+def _of_wanted(progress: Progress | None, total: int) -> Progress | None:
+    """Progress of the vertices that are wanted, while others are fitted, too."""
+    return None if progress is None else lambda done, _: progress(min(done, total), total)
 
 
 def _at_the_end(progress: Progress | None, total: int) -> Progress | None:

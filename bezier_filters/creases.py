@@ -1,7 +1,7 @@
 """Sharp edges, which neighbourhoods must not reach across.
 
-A crease is an edge whose faces meet at an angle that neither the curvature nor the noise of the mesh
-explains: much larger than usual on this mesh.
+A crease is an edge whose faces meet at an angle that neither the curvature nor the noise of its
+surroundings explains: much larger than at most edges there.
 """
 
 import numpy as np
@@ -15,9 +15,10 @@ from bezier_filters.parallel import RangeTask, run_in_chunks
 
 SHARPEST_SMOOTH = 45.0
 """Degrees up to which no edge is a crease."""
-TIMES_USUAL = 8.0
-"""A crease is this many times as sharp as the median edge."""
-SAMPLED_VERTICES = 4000
+TIMES_USUAL = 10.0
+"""A crease is this many times as sharp as the median edge around it."""
+MOST_EDGES = 256
+"""Around a vertex, of those that the median is taken over."""
 
 
 def crease_vertices(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> BoolArray:
@@ -48,25 +49,24 @@ def crease_vertices(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 
     """
     n = mesh.vertex_count
     counts = np.zeros(n, dtype=np.int32)
-    usual = usual_angle(mesh, adjacency)
-    cosine = np.cos(np.radians(min(max(SHARPEST_SMOOTH, TIMES_USUAL * usual), 180.0)))
+    rows = adjacency.vertices
 
     def make_task() -> RangeTask:
         return lambda start, stop: _count_creases(
-            mesh.vertices, mesh.faces, adjacency.faces.indptr, adjacency.faces.indices, cosine, start, stop, counts
+            mesh.vertices,
+            mesh.faces,
+            adjacency.faces.indptr,
+            adjacency.faces.indices,
+            rows.indptr,
+            rows.indices,
+            start,
+            stop,
+            counts,
         )
 
     run_in_chunks(make_task, n, threads=threads)
     result: BoolArray = counts >= 2
     return result
-
-
-def usual_angle(mesh: TriangleMesh, adjacency: Adjacency, *, seed: int = 0) -> float:
-    """Median angle between the faces of an edge, in degrees, from a sample; 0 without any."""
-    ids = np.random.default_rng(seed).permutation(mesh.vertex_count)[:SAMPLED_VERTICES].astype(np.int32)
-    cosines = np.empty(int(adjacency.faces.lengths[ids].sum()))
-    count = _edge_cosines(mesh.vertices, mesh.faces, adjacency.faces.indptr, adjacency.faces.indices, ids, cosines)
-    return float(np.degrees(np.arccos(np.clip(np.median(cosines[:count]), -1.0, 1.0)))) if count else 0.0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -96,34 +96,41 @@ def _count_creases(
     faces: IntArray,
     face_ptr: IntArray,
     face_indices: IntArray,
-    cosine: float,
+    ring_ptr: IntArray,
+    ring_indices: IntArray,
     start: int,
     stop: int,
     counts: IntArray,
 ) -> None:
-    """Number of creases at vertices start .. stop-1."""
+    """Number of creases at vertices start .. stop-1; 0 where there is one only."""
+    angles = np.empty(MOST_EDGES)
+    around = np.empty(MOST_EDGES)
+    sharp = np.radians(SHARPEST_SMOOTH)
     for i in range(start, stop):
-        for q in range(face_ptr[i], face_ptr[i + 1]):
-            other = _other_face(faces, face_ptr, face_indices, i, face_indices[q])
-            if other >= 0 and _cosine(vertices, faces, face_indices[q], other) < cosine:
-                counts[i] += 1
+        own = _edge_angles(vertices, faces, face_ptr, face_indices, i, angles, 0)
+        if (angles[:own] > sharp).sum() < 2:
+            continue
+        count = _edge_angles(vertices, faces, face_ptr, face_indices, i, around, 0)
+        for q in range(ring_ptr[i], ring_ptr[i + 1]):
+            count = _edge_angles(vertices, faces, face_ptr, face_indices, ring_indices[q], around, count)
+        limit = max(sharp, TIMES_USUAL * np.median(around[:count]))
+        counts[i] = (angles[:own] > limit).sum()
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _edge_cosines(
+def _edge_angles(
     vertices: FloatArray,
     faces: IntArray,
     face_ptr: IntArray,
     face_indices: IntArray,
-    ids: IntArray,
-    cosines: FloatArray,
+    i: int,
+    angles: FloatArray,
+    count: int,
 ) -> int:
-    """Cosines at the edges of some vertices; return how many there are."""
-    count = 0
-    for i in ids:
-        for q in range(face_ptr[i], face_ptr[i + 1]):
-            other = _other_face(faces, face_ptr, face_indices, i, face_indices[q])
-            if other >= 0:
-                cosines[count] = _cosine(vertices, faces, face_indices[q], other)
-                count += 1
+    """Append the angles between the faces at the edges of vertex i, as far as there is room; return the new count."""
+    for q in range(face_ptr[i], face_ptr[i + 1]):
+        other = _other_face(faces, face_ptr, face_indices, i, face_indices[q])
+        if other >= 0 and count < angles.shape[0]:
+            angles[count] = np.arccos(min(max(_cosine(vertices, faces, face_indices[q], other), -1.0), 1.0))
+            count += 1
     return count

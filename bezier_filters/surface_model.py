@@ -2,9 +2,8 @@
 
 Over a neighbourhood the height is a polynomial plus noise of standard deviation sigma. Terms of
 total degree 3 and more count as random, with one variance per degree and angular frequency (see
-`harmonics`); height, slope and curvature are free. The variances follow from an analysis of
-variance: after orthogonalisation term by term, what the heights hold of a term is noise plus that
-term and later ones.
+`harmonics`); height, slope and curvature are free. The variances follow from the coefficients of
+fits of every degree, over a sample: a coefficient is that term, a share of later ones and noise.
 """
 
 from collections.abc import Sequence
@@ -116,7 +115,8 @@ def _falling_off(believed: FloatArray, values: FloatArray, errors: FloatArray) -
     """
     degrees = harmonic_basis().degrees
     result = believed.copy()
-    largest = {FREE_DEGREE - 1: 0.0, FREE_DEGREE: float(values[degrees == FREE_DEGREE].max())}
+    curved = degrees == FREE_DEGREE
+    largest = {FREE_DEGREE - 1: 0.0, FREE_DEGREE: float((values + SURELY * errors)[curved].max())}
     for degree in range(FREE_DEGREE + 1, HIGHEST_DEGREE + 1):
         most = max(largest[degree - 1], largest[degree - 2] / 16.0)
         unsure = (degrees == degree) & (values < SURELY * errors)
@@ -128,8 +128,8 @@ def _falling_off(believed: FloatArray, values: FloatArray, errors: FloatArray) -
 def expected_variance(surplus: FloatArray, by_chance: FloatArray, prior_range: float = PRIOR_RANGE) -> FloatArray:
     """Mean of a variance v >= 0 whose estimate is normal about it, given the estimate.
 
-    Beforehand v is nothing at all or anything up to `prior_range` standard errors, both being
-    equally likely: what rises clearly above chance is believed, and what does not, hardly.
+    Beforehand v is nothing at all or anything, the range of `prior_range` standard errors being as
+    likely as nothing: what rises clearly above chance is believed, and what does not, hardly.
 
     Parameters
     ----------

@@ -1,0 +1,125 @@
+"""Parts of a surface get models of their own where noise or shape differ, and only there."""
+
+import numpy as np
+import pytest
+from random_neighbourhoods import as_sample, draw, variances_by_degree
+
+from bezier_filters import estimate_vertex_geometry
+from bezier_filters.harmonics import harmonic_basis
+from bezier_filters.model_tree import FEWEST_ON_A_SIDE, Leaf, Split, grow, leaf_numbers, leaf_of, leaves
+from bezier_filters.plans import Choices, FitPlan
+from bezier_filters.ring_analysis import analyse_ring
+from bezier_filters.surface_model import SurfaceModel
+from bezier_filters.surfaces import ellipsoid, sphere, torus
+
+CALM, ROUGH = variances_by_degree(1e-4, 0.1), variances_by_degree(1.0, 0.3)
+
+
+def mean_edge_length(surface):
+    corners = surface.vertices[surface.faces]
+    return np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean()
+
+
+def with_noise(surface, levels, seed):
+    heights = levels * mean_edge_length(surface) * np.random.default_rng(seed).standard_normal(len(surface.vertices))
+    return surface.vertices + heights[:, np.newaxis] * surface.normals
+
+
+def grown(halves, features):
+    """The tree over one ring, half of whose neighbourhoods are drawn from either model."""
+    points = np.concatenate([drawn.points for drawn in halves])
+    analysis = analyse_ring(as_sample(points), 3, len(points), vertex_count=10**6)
+    root = leaf_of([analysis], Choices())
+    return root, grow(root, [analysis], features, Choices())
+
+
+def two_kinds(variances, sigmas):
+    return [draw(150, 37, v, s, seed=k) for k, (v, s) in enumerate(zip(variances, sigmas, strict=True))]
+
+
+IS_SECOND = (np.arange(300) >= 150).astype(float)
+NOISE = np.random.default_rng(0).standard_normal(300)
+
+
+def test_parts_with_different_noise_are_told_apart_and_their_noise_is_found():
+    halves = two_kinds((CALM, CALM), (0.01, 0.1))
+    _, tree = grown(halves, np.column_stack([NOISE, IS_SECOND]))
+    assert tree.feature == 1
+    assert 0.0 <= tree.threshold < 1.0
+    sigmas = [leaf.surface.sigma for leaf in leaves(tree)]
+    np.testing.assert_allclose(sigmas[0], 0.01, rtol=0.15)
+    np.testing.assert_allclose(sigmas[-1], 0.1, rtol=0.15)
+
+
+def test_parts_with_different_shape_are_told_apart():
+    halves = two_kinds((CALM, ROUGH), (0.01, 0.01))
+    _, tree = grown(halves, np.column_stack([IS_SECOND, NOISE]))
+    assert tree.feature == 0
+    cubic = harmonic_basis().degrees == 3
+    low, high = leaves(tree)[0], leaves(tree)[-1]
+    assert low.surface.by_rings[0].variances[cubic].max() < 1e-3
+    np.testing.assert_allclose(high.surface.by_rings[0].variances[cubic], 1.0, rtol=0.5)
+    assert low.chosen.error < high.chosen.error
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_nothing_is_split_by_features_that_say_nothing(seed):
+    features = np.random.default_rng(seed).standard_normal((300, 2))
+    root, tree = grown(two_kinds((CALM, CALM), (0.01, 0.01)), features)
+    assert tree is root
+
+
+def test_no_side_gets_fewer_neighbourhoods_than_a_model_needs():
+    few = (np.arange(300) >= 300 - FEWEST_ON_A_SIDE + 5).astype(float)
+    halves = [draw(265, 37, CALM, 0.01, seed=1), draw(35, 37, CALM, 1.0, seed=2)]
+    root, tree = grown(halves, few[:, np.newaxis])
+    assert tree is root
+
+
+def test_leaves_are_numbered_from_left_to_right():
+    plan = FitPlan(1, 2, 7.0, 1.0, np.zeros(6), np.inf, 0.0, 0.0)
+    a, b, c = (Leaf(SurfaceModel(sigma, ()), (plan,), plan) for sigma in (1.0, 2.0, 3.0))
+    tree = Split(1, 5.0, a, Split(0, 2.0, b, c))
+    assert leaves(tree) == [a, b, c]
+    features = np.array([[9.0, 5.0], [2.0, 6.0], [2.1, 6.0], [0.0, -1.0]])
+    assert leaf_numbers(tree, features).tolist() == [0, 1, 2, 0]
+    assert leaf_numbers(a, features).tolist() == [0, 0, 0, 0]
+
+
+@pytest.mark.parametrize(
+    "make", [lambda: torus(resolution=40, jitter=0.3), lambda: ellipsoid(resolution=20, jitter=0.3)]
+)
+def test_a_surface_with_two_kinds_of_noise_is_fitted_in_parts(make):
+    surface = make()
+    noisy = surface.vertices[:, 0] > 0
+    vertices = with_noise(surface, np.where(noisy, 0.05, 0.005), 1)
+    geometry = estimate_vertex_geometry(vertices, surface.faces)
+    parts = geometry.fit.parts
+    sigmas = np.array([part.noise_sigma for part in parts]) / mean_edge_length(surface)
+    assert sigmas.min() == pytest.approx(0.005, rel=0.15)
+    assert sigmas.max() == pytest.approx(0.05, rel=0.15)
+    assert sum(part.vertices for part in parts) == len(vertices)
+
+
+def test_a_surface_that_is_the_same_everywhere_is_mostly_fitted_in_one_piece():
+    count = 0
+    for surface in (sphere(resolution=16, jitter=0.3), torus(resolution=32, jitter=0.3)):
+        for seed in range(4):
+            geometry = estimate_vertex_geometry(with_noise(surface, 0.05, seed), surface.faces)
+            count += bool(geometry.fit.parts)
+    assert count <= 3
+
+
+def test_the_parts_do_not_depend_on_what_is_selected():
+    surface = torus(resolution=32, jitter=0.3)
+    vertices = with_noise(surface, np.where(surface.vertices[:, 0] > 0, 0.05, 0.005), 1)
+    whole = estimate_vertex_geometry(vertices, surface.faces, threads=1)
+    selected = surface.vertices[:, 1] > 0.3
+    part = estimate_vertex_geometry(vertices, surface.faces, selected=selected, threads=2)
+    assert whole.fit.parts
+    kinds = [(p.rings, p.degree, p.noise_sigma) for p in whole.fit.parts]
+    assert [(p.rings, p.degree, p.noise_sigma) for p in part.fit.parts] == kinds
+    assert sum(p.vertices for p in part.fit.parts) == selected.sum()
+    for name in ("k_min", "k_max", "normals", "mean_curvature_std", "rings_used", "status"):
+        np.testing.assert_array_equal(getattr(part, name)[selected], getattr(whole, name)[selected])
+    assert not part.k_max[~selected].any()

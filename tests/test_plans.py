@@ -1,0 +1,131 @@
+"""Predicted errors, against the errors of the kernel on surfaces drawn from the model."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from random_neighbourhoods import as_sample, draw, fit_stars, variances_by_degree
+
+from bezier_filters import FitStatus, estimate_vertex_geometry
+from bezier_filters.plans import GOOD_ENOUGH, WEIGHTED_RINGS, FitPlan, all_plans, best_plan, plan_for, ring_plans
+from bezier_filters.ring_analysis import analyse_ring
+from bezier_filters.surface_model import RingModel, SurfaceModel
+from bezier_filters.surfaces import height_field, sphere
+
+RADIUS = 1.0
+SIZE, COUNT = 37, 500  # points of a 3-ring
+SMALL = 1e-5  # heights, so that normals and curvatures are linear in them
+
+CALM = SMALL**2 * variances_by_degree(0.03, 0.1), SMALL
+BETWEEN = SMALL**2 * variances_by_degree(0.3, 0.2), 0.3 * SMALL
+ROUGH = SMALL**2 * variances_by_degree(1.0, 0.5), 0.01 * SMALL
+
+
+def surface_model(points, variances, sigma, rings=3):
+    """The model with the true variances."""
+    analysis = analyse_ring(as_sample(points, rings), rings, len(points), vertex_count=10**6)
+    return SurfaceModel(sigma, (RingModel(analysis, variances, variances, 0.0),))
+
+
+def errors_of_the_kernel(plan, drawn):
+    """Root mean square errors of slope and of the second derivatives, both as norms."""
+    gradients, hessians = fit_stars(drawn, replace(plan, rings=1))
+    x, y, c, s, r = drawn.coefficients[:, 1:6].T  # slopes; x^2 - y^2, 2 x y and x^2 + y^2
+    slope = np.column_stack([x, y]) / drawn.radius
+    second = 2.0 * np.array([[r + c, s], [s, r - c]]).transpose(2, 0, 1) / drawn.radius**2
+    return (
+        np.sqrt(np.mean(np.sum((gradients - slope) ** 2, axis=1))),
+        np.sqrt(np.mean(np.sum((hessians - second) ** 2, axis=(1, 2)))),
+    )
+
+
+@pytest.mark.parametrize("radius", [1.0, 0.1])
+@pytest.mark.parametrize(("variances", "sigma"), [CALM, BETWEEN, ROUGH], ids=["calm", "between", "rough"])
+def test_predicted_errors_are_those_of_the_kernel(variances, sigma, radius):
+    """For every degree, prior and weight that would be tried."""
+    drawn = draw(COUNT, SIZE, variances, sigma, radius=radius, seed=4)
+    model = surface_model(drawn.points, variances, sigma)
+    plans = ring_plans(model, model.by_rings[0])
+    for plan in plans:
+        normal, curvature = errors_of_the_kernel(plan, drawn)
+        assert plan.normal_error == pytest.approx(normal, rel=0.15)
+        assert plan.curvature_error == pytest.approx(curvature, rel=0.15)
+    assert {plan.degree for plan in plans} == {2, 3, 4, 5, 6}
+    errors = [plan.error for plan in plans]
+    if sigma < SMALL:  # otherwise all plans are alike
+        assert max(errors) > 1.3 * min(errors), "the plans differ by more than the tolerance"
+
+
+def test_weights_are_tried_where_a_degree_leaves_much_out_and_help_there():
+    drawn = draw(200, SIZE, *ROUGH)
+    plans = ring_plans(model := surface_model(drawn.points, *ROUGH), model.by_rings[0])
+    weighted = [plan for plan in plans if np.isfinite(plan.weight_radius)]
+    assert {plan.degree for plan in weighted} == {2, 3, 4, 5, 6}
+    equal = {plan.degree: plan.error for plan in reversed(plans) if np.isinf(plan.weight_radius)}
+    assert all(plan.error < equal[plan.degree] for plan in weighted)
+    calm = surface_model(draw(200, SIZE, *CALM).points, *CALM)
+    assert not any(np.isfinite(plan.weight_radius) and plan.degree > 2 for plan in ring_plans(calm, calm.by_rings[0]))
+    wide = surface_model(drawn.points, *ROUGH, rings=WEIGHTED_RINGS + 1)
+    assert all(np.isinf(plan.weight_radius) for plan in ring_plans(wide, wide.by_rings[0]))
+
+
+def test_the_learned_prior_is_better_than_any_other_factor_of_it():
+    """With degree 6, which leaves little out."""
+    variances, sigma = BETWEEN
+    drawn = draw(100, SIZE, variances, sigma)
+    model = surface_model(drawn.points, variances, sigma)
+    best = next(plan for plan in ring_plans(model, model.by_rings[0]) if plan.degree == 6)
+    for factor in (0.1, 10.0):
+        other = plan_for(replace(best, term_prior=factor * best.term_prior), model)
+        assert other.normal_error > best.normal_error
+        assert other.curvature_error > best.curvature_error
+
+
+def test_errors_scale_with_the_noise_and_what_it_is_asked_about():
+    variances, sigma = CALM
+    drawn = draw(50, SIZE, variances, sigma)
+    model = surface_model(drawn.points, variances, sigma)
+    plan = all_plans(model)[0]
+    twice = SurfaceModel(2.0 * sigma, (replace(model.by_rings[0], variances=4.0 * variances),))
+    assert plan_for(plan, twice).normal_error == pytest.approx(2.0 * plan.normal_error)
+    assert plan_for(plan, twice).curvature_error == pytest.approx(2.0 * plan.curvature_error)
+    assert plan_for(replace(plan, rings=7), twice) is None
+
+
+def plan_with(rings, degree, error):
+    return FitPlan(rings, degree, 1.0, 1.0, np.zeros(0), np.inf, error, error)
+
+
+def test_of_nearly_equal_plans_the_fastest_is_taken():
+    accurate = plan_with(6, 6, 1.0)
+    assert best_plan([accurate, plan_with(2, 2, 1.01 * GOOD_ENOUGH)]) is accurate
+    fast = plan_with(3, 4, 0.99 * GOOD_ENOUGH)
+    assert best_plan([accurate, fast, plan_with(5, 4, 1.01), plan_with(2, 2, 1.01 * GOOD_ENOUGH)]) is fast
+
+
+def test_a_single_degree_is_taken_even_where_the_points_do_not_determine_it():
+    drawn = draw(50, 9, *CALM)
+    model = surface_model(drawn.points, *CALM)
+    assert {plan.degree for plan in ring_plans(model, model.by_rings[0], [6])} == {6}
+    assert {plan.degree for plan in ring_plans(model, model.by_rings[0])} == {2}
+
+
+def test_a_vertex_far_away_gives_no_warning_and_finite_results():
+    """It makes the neighbourhoods around it singular."""
+    ball = sphere(resolution=12)
+    vertices = ball.vertices.copy()
+    vertices[0] *= 100.0
+    geometry = estimate_vertex_geometry(vertices, ball.faces)
+    for name in ("k_min", "k_max", "normals", "residual", "mean_curvature_std", "normal_std"):
+        assert np.isfinite(getattr(geometry, name)).all()
+    far = ball.normals @ ball.normals[0] < 0.0
+    assert np.abs(geometry.mean_curvature[far] - 1.0).max() < 0.05
+
+
+def test_a_flat_lattice_without_any_noise_is_flat():
+    plane = height_field(lambda x, y: [0.0 * x] * 6, resolution=24)
+    geometry = estimate_vertex_geometry(plane.vertices, plane.faces)
+    assert geometry.noise_sigma == 0.0
+    assert set(geometry.status) <= {FitStatus.OK, FitStatus.WIDER_RING}  # the latter at its rim
+    assert np.abs(geometry.k_max).max() == 0.0
+    assert np.isfinite(geometry.mean_curvature_std).all()

@@ -1,0 +1,136 @@
+"""The orthogonalised neighbourhoods, against the dense algebra of numpy."""
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from random_neighbourhoods import as_sample, draw, terms_at, variances_by_degree
+
+from bezier_filters.harmonics import harmonic_basis
+from bezier_filters.ring_analysis import FEWEST_SAMPLES, analyse_ring
+
+BASIS = harmonic_basis()
+ROUGH = variances_by_degree(1.0, 0.5)
+
+
+def analysed(points, threads=1):
+    return analyse_ring(as_sample(points), 3, len(points), vertex_count=10**6, threads=threads)
+
+
+def free_values(basis_values, heights, degree, seen):
+    """Least squares in the seen terms up to a degree: coefficients, (A^T A)^-1 and squared residual."""
+    terms = np.flatnonzero(seen & (BASIS.degrees <= degree))
+    design = basis_values[:, terms]
+    coefficients = np.linalg.lstsq(design, heights, rcond=None)[0]
+    upper = np.linalg.inv(np.linalg.qr(design, mode="r"))
+    return terms, coefficients, (upper**2).sum(axis=1), np.sum((design @ coefficients - heights) ** 2)
+
+
+def assert_fits_of_every_degree(analysis, row, points, seen):
+    values, heights = terms_at(points[:, :2] / analysis.radius), points[:, 2]
+    for degree in range(analysis.degree + 1):
+        terms, coefficients, variances, residual = free_values(values, heights, degree, seen)
+        assert analysis.residuals[row, degree] == pytest.approx(residual, rel=1e-6, abs=1e-12)
+        assert analysis.freedom[row, degree] == len(points) - len(terms)
+        groups = BASIS.groups[terms]
+        for got, summands in (
+            (analysis.term_squares, coefficients**2 / variances),
+            (analysis.term_weights, 1.0 / variances),
+            (analysis.term_counts, np.ones(len(terms))),
+        ):
+            expected = np.bincount(groups, summands, minlength=got.shape[2])
+            np.testing.assert_allclose(got[row, degree], expected, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize(("size", "degree"), [(9, 2), (25, 4), (60, 8)])
+def test_factors_and_parts_are_those_of_a_qr_factorisation(size, degree):
+    points = draw(FEWEST_SAMPLES, size, ROUGH, 0.1, radius=0.3).points
+    analysis = analysed(points)
+    assert analysis.degree == degree
+    assert analysis.radius == pytest.approx(0.3)
+    m = BASIS.up_to(degree)
+    for row in range(FEWEST_SAMPLES):
+        design = terms_at(points[row, :, :2] / analysis.radius)
+        q, _ = np.linalg.qr(design[:, :m])
+        q *= np.sign(np.einsum("pk,pk->k", q, design[:, :m]))  # the diagonal of the factor is positive
+        np.testing.assert_allclose(analysis.factors[row], q.T @ design, atol=1e-10)
+        np.testing.assert_allclose(analysis.parts[row], q.T @ points[row, :, 2], atol=1e-10)
+
+
+@pytest.mark.parametrize("size", [9, 25, 60])
+def test_residuals_and_coefficients_are_those_of_least_squares_fits_of_every_degree(size):
+    points = draw(FEWEST_SAMPLES, size, ROUGH, 0.1, radius=20.0).points
+    analysis = analysed(points)
+    for row in range(FEWEST_SAMPLES):
+        assert_fits_of_every_degree(analysis, row, points[row], np.ones(len(BASIS.degrees), dtype=bool))
+
+
+def test_terms_that_the_points_do_not_see_count_for_nothing():
+    """Heights over two straight lines: of each degree only two combinations of terms are seen."""
+    points = draw(FEWEST_SAMPLES, 60, ROUGH, 0.1).points
+    along = np.linalg.norm(points[..., :2], axis=2) * np.where(np.arange(60) % 4 < 2, 1.0, -1.0)
+    lines = np.array([[1.0, 0.0], [0.6, 0.8]])[np.arange(60) % 2]
+    points[..., :2] = along[..., np.newaxis] * lines
+    analysis = analysed(points)
+    m = BASIS.up_to(analysis.degree)
+    for row in range(FEWEST_SAMPLES):
+        diagonal = np.diag(analysis.factors[row][:, :m])
+        seen = np.zeros(len(BASIS.degrees), dtype=bool)
+        seen[:m] = diagonal > 0.0
+        assert np.bincount(BASIS.degrees[seen]).tolist() == [1] + [2] * analysis.degree
+        assert not analysis.factors[row][~seen[:m]].any()
+        assert not analysis.parts[row][~seen[:m]].any()
+        assert_fits_of_every_degree(analysis, row, points[row], seen)
+
+
+@pytest.mark.parametrize("size", [9, 25, 60])
+def test_the_typical_square_is_an_unbiased_estimate_of_the_variance_of_the_noise(size):
+    count, sigma = 400, 3.0
+    flat = variances_by_degree(0.0, 1.0)
+    squares = [analysed(draw(count, size, flat, sigma, seed=seed).points).typical_square for seed in range(10)]
+    freedom = size - BASIS.up_to({9: 2, 25: 4, 60: 8}[size])
+    # The median has pi / 2 times the variance of the mean.
+    error = sigma**2 * np.sqrt(np.pi / 2 * 2.0 / (freedom * count * len(squares)))
+    assert abs(np.mean(squares) - sigma**2) < 3.0 * error
+
+
+def test_rough_places_do_not_count_as_noise():
+    drawn = draw(100, 60, variances_by_degree(0.0, 1.0), 1.0)
+    calm = analysed(drawn.points).typical_square
+    drawn.points[:20, :, 2] *= 1000.0
+    rough = analysed(drawn.points)
+    assert rough.typical_square < 1.5 * calm
+    assert rough.mean_squares[-1] > 1e5 * calm
+
+
+def test_designs_and_energies_are_those_of_the_points():
+    points = draw(20, 30, ROUGH, 0.1, radius=5.0).points
+    analysis = analysed(points)
+    values = terms_at(points[..., :2] / 5.0)
+    np.testing.assert_allclose(analysis.first_designs[:7], values[:7], atol=1e-12)
+    m = BASIS.up_to(analysis.degree)
+    diagonals = [np.abs(np.diag(np.linalg.qr(design[:, :m], mode="r"))) for design in values]
+    np.testing.assert_allclose(analysis.energies, np.mean(np.square(diagonals), axis=0), rtol=1e-9)
+
+
+def test_threads_change_nothing():
+    points = draw(100, 40, ROUGH, 0.1).points
+    one, two = analysed(points), analysed(points, threads=2)
+    for field in fields(one):
+        np.testing.assert_array_equal(getattr(one, field.name), getattr(two, field.name))
+
+
+def test_a_part_keeps_the_rows_that_are_marked_unless_they_are_too_few():
+    analysis = analysed(draw(40, 25, ROUGH, 0.1).points)
+    kept = np.arange(40) % 2 == 0
+    part = analysis.where(kept)
+    np.testing.assert_array_equal(part.centers, np.arange(0, 40, 2))
+    np.testing.assert_array_equal(part.parts, analysis.parts[kept])
+    assert part.typical_square != analysis.typical_square
+    assert analysis.where(np.arange(40) < FEWEST_SAMPLES - 1) is None
+
+
+def test_too_few_neighbourhoods_or_points_give_none():
+    assert analysed(draw(FEWEST_SAMPLES - 1, 25, ROUGH, 0.1).points) is None
+    assert analysed(draw(FEWEST_SAMPLES, 6, ROUGH, 0.1).points) is None
+    assert analysed(np.zeros((FEWEST_SAMPLES, 25, 3))) is None
