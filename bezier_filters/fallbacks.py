@@ -37,7 +37,7 @@ class Attempt:
     after : frozenset of int
         Outcomes of the kernel.
     rings : int
-        Size of the neighbourhood.
+        Size of the neighbourhood in edges, unless there is a radius.
     fit : PatchFit or FitPlan
         The patch to fit.
     mean_plane : bool
@@ -49,6 +49,8 @@ class Attempt:
         Standard deviation of the heights, a length, for the standard errors; 0 for none.
     over_creases : bool
         Whether the neighbourhood may reach across creases.
+    radius : float or None
+        Of the ball that is the neighbourhood, a length.
     """
 
     status: FitStatus
@@ -59,20 +61,22 @@ class Attempt:
     most_turned: float = -1.0
     noise: float = 0.0
     over_creases: bool = False
+    radius: float | None = None
 
 
-def fallback_chain(rings: int, fit: PatchFit) -> Iterator[Attempt]:
+def fallback_chain(rings: int, fit: PatchFit, radius: float | None = None) -> Iterator[Attempt]:
     """The fit asked for, then the paper's fallbacks made sound.
 
     Too few or badly placed points take a wider ring; a folded projection takes another plane,
     then the 1-ring. What is left is fitted by a quadratic, because the paper's system is
-    singular on 1-rings of six neighbours or fewer.
+    singular on 1-rings of six neighbours or fewer. If there is a radius, its ball is tried before
+    the rings.
     """
     ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED})
-    yield Attempt(FitStatus.OK, frozenset({FITTED}), rings, fit)
+    yield Attempt(FitStatus.OK, frozenset({FITTED}), rings, fit, radius=radius)
     for more in range(1, MORE_RINGS + 1):
         yield Attempt(FitStatus.WIDER_RING, ill_posed, rings + more, fit)
-    yield Attempt(FitStatus.OTHER_PLANE, folded, rings, fit, mean_plane=True)
+    yield Attempt(FitStatus.OTHER_PLANE, folded, rings, fit, mean_plane=True, radius=radius)
     yield from last_resorts(rings)
 
 
@@ -85,22 +89,24 @@ def last_resorts(rings: int) -> Iterator[Attempt]:
     yield Attempt(FitStatus.FOLDED, ill_posed | folded, max(rings, 2), QUADRATIC, mean_plane=True, most_turned=1.0)
 
 
-def planned_chain(plans: Sequence[FitPlan], chosen: FitPlan) -> Iterator[Attempt]:
+def planned_chain(plans: Sequence[FitPlan], chosen: FitPlan, radius: float | None = None) -> Iterator[Attempt]:
     """The chosen plan and its fallbacks: narrower rings where it folds, wider ones where it is ill posed.
 
     A prior makes nearly every neighbourhood well posed, and noise folds a few faces of a wide one;
-    so these fits take the mean plane and mind only folds of the surface.
+    so these fits take the mean plane and mind only folds of the surface. If there is a radius, the
+    chosen plan is that of its ball; wider rings than a ball have few points, which must all count.
     """
     ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED})
 
     def planned(status: FitStatus, after: frozenset[int], rings: int, plan: FitPlan) -> Attempt:
         return Attempt(status, after, rings, plan, mean_plane=True, most_turned=MOST_TURNED, noise=plan.noise)
 
-    yield planned(FitStatus.OK, frozenset({FITTED}), chosen.rings, chosen)
+    yield replace(planned(FitStatus.OK, frozenset({FITTED}), chosen.rings, chosen), radius=radius)
     for plan in sorted((plan for plan in plans if plan.rings < chosen.rings), key=lambda plan: -plan.rings):
         yield planned(FitStatus.NARROWER_RING, folded, plan.rings, plan)
+    fewest, wider = (chosen.rings, chosen) if radius is None else (1, replace(chosen, weight_radius=np.inf))
     for more in range(1, MORE_RINGS + 1):
-        yield planned(FitStatus.WIDER_RING, ill_posed, chosen.rings + more, chosen)
+        yield planned(FitStatus.WIDER_RING, ill_posed, fewest + more, wider)
     for attempt in last_resorts(min(chosen.rings, 2)):
         yield replace(attempt, noise=chosen.noise, over_creases=True)
 
@@ -140,7 +146,6 @@ def fit_with_fallbacks(
         tried = len(ids)
         fitted = ids[rows[outcome[rows] == FITTED]]
         geometry.status[fitted] = attempt.status
-        geometry.rings_used[fitted] = attempt.rings
         unsettled = unsettled[outcome[unsettled] != FITTED]
 
 
@@ -172,7 +177,18 @@ def _run(
     def make_task() -> RangeTask:
         visited, members = np.full(n, -1, dtype=np.int32), np.empty(n, dtype=np.int32)
         return lambda start, stop: fit_vertices(
-            mesh, fit, ids, start, stop, visited, members, result, errors, geometry.residual, outcomes
+            mesh,
+            fit,
+            ids,
+            start,
+            stop,
+            visited,
+            members,
+            result,
+            errors,
+            geometry.residual,
+            geometry.rings_used,
+            outcomes,
         )
 
     run_in_chunks(make_task, len(ids), threads=threads, progress=progress)
@@ -198,6 +214,7 @@ def kernel_fit(attempt: Attempt) -> KernelFit:
     places: IntArray = entries[np.argsort(degrees, kind="stable")].astype(np.int32)
     return KernelFit(
         rings=attempt.rings,
+        radius=attempt.radius or 0.0,
         fewest_points=fewest,
         square=square,
         mean_plane=attempt.mean_plane,

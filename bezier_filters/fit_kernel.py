@@ -22,7 +22,7 @@ from bezier_filters.jets import (
     write_graph_geometry,
 )
 from bezier_filters.mesh import TriangleMesh
-from bezier_filters.neighbourhoods import collect_ring
+from bezier_filters.neighbourhoods import collect_ball, collect_ring
 from bezier_filters.uncertainty import StandardErrors, write_standard_errors
 
 FITTED, NO_FRAME, FOLDED, ILL_POSED = 0, 1, 2, 3
@@ -64,6 +64,7 @@ class KernelFit(NamedTuple):
     """How to fit: `fallbacks.Attempt` in arrays."""
 
     rings: int
+    radius: float  # of a ball that takes the place of the rings; 0 for none
     fewest_points: int
     square: bool
     mean_plane: bool
@@ -114,6 +115,7 @@ def fit_vertices(
     result: GraphGeometry,
     errors: StandardErrors,
     residuals: FloatArray,
+    rings_used: IntArray,
     outcomes: IntArray,
 ) -> None:
     """Fit the vertices ids[start:stop]; write their geometry and outcomes[start:stop].
@@ -124,10 +126,16 @@ def fit_vertices(
     work = _workspace(fit, 64)
     for row in range(start, stop):
         i = ids[row]
-        count, inner = collect_ring(mesh.ring_ptr, mesh.ring_indices, mesh.stops, i, fit.rings, visited, members)
+        if fit.radius > 0.0:
+            count, inner, neighbours, rings = collect_ball(
+                mesh.vertices, mesh.ring_ptr, mesh.ring_indices, mesh.stops, i, fit.radius, visited, members
+            )
+        else:
+            count, inner = collect_ring(mesh.ring_ptr, mesh.ring_indices, mesh.stops, i, fit.rings, visited, members)
+            neighbours, rings = mesh.ring_ptr[i + 1] - mesh.ring_ptr[i], fit.rings
         if count > work.points.shape[1]:
             work = _workspace(fit, 2 * count)
-        outcomes[row] = _frame(mesh, fit, members, count, inner, work.frame)
+        outcomes[row] = _frame(mesh, fit, members, count, inner, neighbours, work.frame)
         if outcomes[row] != FITTED:
             continue
         if not _project(mesh.vertices, members, count, fit.square, work) or not _solve(fit, count, work):
@@ -158,6 +166,7 @@ def fit_vertices(
                 errors,
             )
         residuals[i] = _residual(fit, count, work)
+        rings_used[i] = rings
 
 
 @njit(cache=True, nogil=True)
@@ -238,7 +247,9 @@ def _residual(fit: KernelFit, count: int, work: Workspace) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _frame(mesh: KernelMesh, fit: KernelFit, members: IntArray, count: int, inner: int, frame: FloatArray) -> int:
+def _frame(
+    mesh: KernelMesh, fit: KernelFit, members: IntArray, count: int, inner: int, neighbours: int, frame: FloatArray
+) -> int:
     """Write the x, y and z axes of the frame into frame (9,); return the outcome so far."""
     i = members[0]
     nx, ny, nz = mesh.normals[i, 0], mesh.normals[i, 1], mesh.normals[i, 2]
@@ -266,8 +277,7 @@ def _frame(mesh: KernelMesh, fit: KernelFit, members: IntArray, count: int, inne
         )
     if folded:
         return FOLDED
-    valence = mesh.ring_ptr[i + 1] - mesh.ring_ptr[i]
-    xx, xy, xz = farthest_direction(mesh.vertices, members, valence, count, nx, ny, nz)
+    xx, xy, xz = farthest_direction(mesh.vertices, members, neighbours, count, nx, ny, nz)
     if xx == 0.0 and xy == 0.0 and xz == 0.0:
         return ILL_POSED
     frame[0], frame[1], frame[2] = xx, xy, xz
