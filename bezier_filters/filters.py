@@ -19,7 +19,7 @@ from bezier_filters.fields import (
     normal_columns,
     torsion_columns,
 )
-from bezier_filters.meshset import MeshSet
+from bezier_filters.meshset import Length, MeshSet
 from bezier_filters.parallel import Progress
 from bezier_filters.smoothness import Smoothness
 from bezier_filters.status import FitStatus
@@ -40,6 +40,7 @@ def compute_normal_by_bezier_patch_per_vertex(
     ms: MeshSet,
     *,
     rings: int | Automatic = "auto",
+    radius: Length | None = None,
     alpha: float | Automatic = "auto",
     degree: int | Automatic = "auto",
     smoothness: Smoothness = "third_order",
@@ -72,6 +73,9 @@ def compute_normal_by_bezier_patch_per_vertex(
     rings : int or "auto"
         Size of the fitted neighbourhood in edges, at least 1. By default the data choose this and
         the next two, for the smallest predicted error at the noise that they have.
+    radius : pymeshlab.PercentageValue, pymeshlab.PureValue or float, optional
+        Size of the neighbourhood as a length, or as a percentage of the diagonal of the bounding box,
+        instead of `rings`: one scale for all vertices, whatever the density of the mesh.
     alpha : float or "auto"
         Weight of the points against the smoothness of the patch, in (0, 1].
     degree : int or "auto"
@@ -98,11 +102,11 @@ def compute_normal_by_bezier_patch_per_vertex(
     Returns
     -------
     dict
-        ``status`` (number of vertices per status name), ``fit`` (the ``rings``, ``degree`` and ``alpha`` that were
-        used, and the ``noise_sigma`` that was found, a length), ``attributes`` (names written), ``quality``
-        and ``unit``, ``statistics`` (min, median, max and mean of the quality over the vertices with an
-        estimate), ``seconds`` (read, fit, write, color) and, if coloured, ``color_range`` and
-        ``colormap``. It can be written as JSON.
+        ``status`` (number of vertices per status name), ``fit`` (the ``rings`` or ``radius``, ``degree`` and
+        ``alpha`` that were used, and the ``noise_sigma`` that was found, a length), ``attributes`` (names
+        written), ``quality`` and ``unit``, ``statistics`` (min, median, max and mean of the quality over
+        the vertices with an estimate), ``seconds`` (read, fit, write, color) and, if coloured,
+        ``color_range`` and ``colormap``. It can be written as JSON.
 
     Raises
     ------
@@ -125,7 +129,7 @@ def compute_normal_by_bezier_patch_per_vertex(
     return run_filter(
         ms,
         VertexFilter(_normal_columns, FitStatus.NORMAL_ONLY, sets_normals=True),
-        FitOptions(rings, alpha, degree, smoothness, threads, progress),
+        FitOptions(rings, radius, alpha, degree, smoothness, threads, progress),
         Output(choose_field(quality, NORMAL_FIELDS), onselected, color, colormap, percentile),
     )
 
@@ -134,6 +138,7 @@ def compute_curvature_by_bezier_patch_per_vertex(
     ms: MeshSet,
     *,
     rings: int | Automatic = "auto",
+    radius: Length | None = None,
     alpha: float | Automatic = "auto",
     degree: int | Automatic = "auto",
     smoothness: Smoothness = "third_order",
@@ -170,6 +175,9 @@ def compute_curvature_by_bezier_patch_per_vertex(
     rings : int or "auto"
         Size of the fitted neighbourhood in edges, at least 1. By default the data choose this and
         the next two, for the smallest predicted error at the noise that they have.
+    radius : pymeshlab.PercentageValue, pymeshlab.PureValue or float, optional
+        Size of the neighbourhood as a length, or as a percentage of the diagonal of the bounding box,
+        instead of `rings`: one scale for all vertices, whatever the density of the mesh.
     alpha : float or "auto"
         Weight of the points against the smoothness of the patch, in (0, 1].
     degree : int or "auto"
@@ -197,11 +205,11 @@ def compute_curvature_by_bezier_patch_per_vertex(
     Returns
     -------
     dict
-        ``status`` (number of vertices per status name), ``fit`` (the ``rings``, ``degree`` and ``alpha`` that were
-        used, and the ``noise_sigma`` that was found, a length), ``attributes`` (names written), ``quality``
-        and ``unit``, ``statistics`` (min, median, max and mean of the quality over the vertices with an
-        estimate), ``seconds`` (read, fit, write, color) and, if coloured, ``color_range`` and
-        ``colormap``. It can be written as JSON.
+        ``status`` (number of vertices per status name), ``fit`` (the ``rings`` or ``radius``, ``degree`` and
+        ``alpha`` that were used, and the ``noise_sigma`` that was found, a length), ``attributes`` (names
+        written), ``quality`` and ``unit``, ``statistics`` (min, median, max and mean of the quality over
+        the vertices with an estimate), ``seconds`` (read, fit, write, color) and, if coloured,
+        ``color_range`` and ``colormap``. It can be written as JSON.
 
     Raises
     ------
@@ -224,7 +232,7 @@ def compute_curvature_by_bezier_patch_per_vertex(
     return run_filter(
         ms,
         VertexFilter(_curvature_columns, FitStatus.FOLDED),
-        FitOptions(rings, alpha, degree, smoothness, threads, progress),
+        FitOptions(rings, radius, alpha, degree, smoothness, threads, progress),
         Output(choose_field(quality, CURVATURE_FIELDS), onselected, color, colormap, percentile),
     )
 
@@ -233,6 +241,7 @@ def compute_torsion_by_bezier_patch_per_vertex(
     ms: MeshSet,
     *,
     rings: int | Automatic = "auto",
+    radius: Length | None = None,
     alpha: float | Automatic = "auto",
     degree: int | Automatic = "auto",
     smoothness: Smoothness = "third_order",
@@ -265,6 +274,9 @@ def compute_torsion_by_bezier_patch_per_vertex(
     rings : int or "auto"
         Size of the fitted neighbourhood in edges, at least 1. By default the data choose this and
         the next two, for the smallest predicted error at the noise that they have.
+    radius : pymeshlab.PercentageValue, pymeshlab.PureValue or float, optional
+        Size of the neighbourhood as a length, or as a percentage of the diagonal of the bounding box,
+        instead of `rings`: one scale for all vertices, whatever the density of the mesh.
     alpha : float or "auto"
         Weight of the points against the smoothness of the patch, in (0, 1].
     degree : int or "auto"
@@ -289,11 +301,11 @@ def compute_torsion_by_bezier_patch_per_vertex(
     Returns
     -------
     dict
-        ``status`` (number of vertices per status name), ``fit`` (the ``rings``, ``degree`` and ``alpha`` that were
-        used, and the ``noise_sigma`` that was found, a length), ``attributes`` (names written), ``quality``
-        and ``unit``, ``statistics`` (min, median, max and mean of the quality over the vertices with an
-        estimate), ``seconds`` (read, fit, write, color) and, if coloured, ``color_range`` and
-        ``colormap``. It can be written as JSON.
+        ``status`` (number of vertices per status name), ``fit`` (the ``rings`` or ``radius``, ``degree`` and
+        ``alpha`` that were used, and the ``noise_sigma`` that was found, a length), ``attributes`` (names
+        written), ``quality`` and ``unit``, ``statistics`` (min, median, max and mean of the quality over
+        the vertices with an estimate), ``seconds`` (read, fit, write, color) and, if coloured,
+        ``color_range`` and ``colormap``. It can be written as JSON.
 
     Raises
     ------
@@ -314,7 +326,7 @@ def compute_torsion_by_bezier_patch_per_vertex(
     return run_filter(
         ms,
         VertexFilter(_torsion_columns, FitStatus.FOLDED),
-        FitOptions(rings, alpha, degree, smoothness, threads, progress),
+        FitOptions(rings, radius, alpha, degree, smoothness, threads, progress),
         Output(TORSION_FIELD, onselected, color, colormap, percentile),
     )
 
