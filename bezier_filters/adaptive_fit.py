@@ -23,6 +23,7 @@ def fit_adaptively(
     choices: Choices,
     geometry: VertexGeometry,
     *,
+    robust: bool = False,
     threads: int = 1,
     progress: Progress | None = None,
 ) -> FitChoice:
@@ -44,6 +45,8 @@ def fit_adaptively(
         What is allowed.
     geometry : VertexGeometry
         Receives the results.
+    robust : bool
+        Whether points far off a fit lose their weight.
     threads : int
         Number of threads.
     progress : callable, optional
@@ -56,7 +59,13 @@ def fit_adaptively(
     sampled = np.unique(np.concatenate([analysis.centers for analysis in analyses]))
     fitted = np.union1d(ids, sampled).astype(np.int32)
     fit_with_fallbacks(
-        mesh, fitted, list(planned_chain(root.plans, root.chosen)), geometry, threads=threads, progress=progress
+        mesh,
+        fitted,
+        list(planned_chain(root.plans, root.chosen)),
+        geometry,
+        robust=robust,
+        threads=threads,
+        progress=progress,
     )
     choice = FitChoice(root.chosen.rings, root.chosen.degree, None, root.surface.sigma)
     tree = grow(root, analyses, _features(geometry), choices)
@@ -71,6 +80,7 @@ def fit_adaptively(
             part,
             list(planned_chain(leaf.plans, leaf.chosen)),
             geometry,
+            robust=robust,
             threads=threads,
             progress=_at_the_end(progress, len(ids)),
         )

@@ -28,6 +28,7 @@ def fit_in_balls(
     degrees: tuple[int, ...],
     geometry: VertexGeometry,
     *,
+    robust: bool = False,
     threads: int = 1,
     progress: Progress | None = None,
 ) -> FitChoice:
@@ -48,6 +49,8 @@ def fit_in_balls(
         Degrees that may be chosen.
     geometry : VertexGeometry
         Receives the results.
+    robust : bool
+        Whether points far off a fit lose their weight.
     threads : int
         Number of threads.
     progress : callable, optional
@@ -61,7 +64,7 @@ def fit_in_balls(
     else:
         attempts = planned_chain(leaf.plans, leaf.chosen, radius)
         choice = FitChoice(0, leaf.chosen.degree, None, leaf.surface.sigma, radius=radius)
-    fit_with_fallbacks(mesh, ids, list(attempts), geometry, threads=threads, progress=progress)
+    fit_with_fallbacks(mesh, ids, list(attempts), geometry, robust=robust, threads=threads, progress=progress)
     return choice
 
 

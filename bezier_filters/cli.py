@@ -72,6 +72,7 @@ Radius = Annotated[
 Alpha = Annotated[Any, _number_option(float, "Weight of the points against smoothness, in (0, 1].")]
 Degree = Annotated[Any, _number_option(int, "Degree of the patch, 2 to 4, or 2 to 6 if alpha is auto.")]
 SmoothnessName = Annotated[str, typer.Option(help="third_order (consistent) or paper (the method to the letter).")]
+Robust = Annotated[bool, typer.Option("--robust/--no-robust", help="Take weight from points far off their patch.")]
 Color = Annotated[bool, typer.Option("--color/--no-color", help="Colour the vertices by the quality.")]
 ColorMapName = Annotated[str, typer.Option(help="Colour map of pymeshlab: Turbo, RGB, Viridis, French RGB, ...")]
 Percentile = Annotated[float, typer.Option(help="Percentage of values clipped at each end of the colours.")]
@@ -107,6 +108,7 @@ def normals(
     alpha: Alpha = "auto",
     degree: Degree = "auto",
     smoothness: SmoothnessName = "third_order",
+    robust: Robust = False,
     color: Color = True,
     colormap: ColorMapName = "Turbo",
     percentile: Percentile = 2.0,
@@ -123,7 +125,7 @@ def normals(
         compute_normal_by_bezier_patch_per_vertex,
         source,
         target,
-        fit | colors | {"quality": quality, "threads": threads},
+        fit | colors | {"quality": quality, "robust": robust, "threads": threads},
         label=NORMAL_FIELDS[quality].label if quality in NORMAL_FIELDS else quality,
         quiet=quiet,
         json=json,
@@ -142,6 +144,7 @@ def curvature(
     alpha: Alpha = "auto",
     degree: Degree = "auto",
     smoothness: SmoothnessName = "third_order",
+    robust: Robust = False,
     color: Color = True,
     colormap: ColorMapName = "Turbo",
     percentile: Percentile = 2.0,
@@ -159,7 +162,7 @@ def curvature(
         compute_curvature_by_bezier_patch_per_vertex,
         source,
         target,
-        fit | colors | {"quality": quality, "threads": threads},
+        fit | colors | {"quality": quality, "robust": robust, "threads": threads},
         label=CURVATURE_FIELDS[quality].label if quality in CURVATURE_FIELDS else quality,
         quiet=quiet,
         json=json,
@@ -175,6 +178,7 @@ def torsion(
     alpha: Alpha = "auto",
     degree: Degree = "auto",
     smoothness: SmoothnessName = "third_order",
+    robust: Robust = False,
     color: Color = True,
     colormap: ColorMapName = "Turbo",
     percentile: Percentile = 2.0,
@@ -192,7 +196,7 @@ def torsion(
         compute_torsion_by_bezier_patch_per_vertex,
         source,
         target,
-        fit | colors | {"threads": threads},
+        fit | colors | {"robust": robust, "threads": threads},
         label=TORSION_FIELD.label,
         quiet=quiet,
         json=json,

@@ -25,6 +25,9 @@ MORE_RINGS = 3
 QUADRATIC = PatchFit(degree=2, alpha=0.1)
 """Practically a plain quadratic: six coefficients that six well-placed points determine."""
 
+ROBUST_ROUNDS = 10
+"""Most rounds of reweighting; nearly all neighbourhoods settle after two or three."""
+
 
 @dataclass(frozen=True)
 class Attempt:
@@ -122,12 +125,14 @@ def fit_with_fallbacks(
     attempts: Sequence[Attempt],
     geometry: VertexGeometry,
     *,
+    robust: bool = False,
     threads: int = 1,
     progress: Progress | None = None,
 ) -> None:
     """Run the attempts on the vertices `ids` and write what they give into `geometry`.
 
     A vertex that no attempt fits keeps the normal of its faces or nearest points, and zero curvature.
+    If robust, points far off a fit lose their weight, except in the last resorts, which have too few to tell.
     """
     if not len(mesh.faces):
         attempts = [without_faces(attempt) for attempt in attempts]
@@ -142,7 +147,7 @@ def fit_with_fallbacks(
         if not len(rows):
             continue
         report = _overall_progress(progress, tried, len(ids))
-        outcome[rows] = _run(attempt, mesh, ids[rows], geometry, threads, report)
+        outcome[rows] = _run(attempt, mesh, ids[rows], geometry, robust, threads, report)
         tried = len(ids)
         fitted = ids[rows[outcome[rows] == FITTED]]
         geometry.status[fitted] = attempt.status
@@ -154,6 +159,7 @@ def _run(
     mesh: KernelMesh,
     ids: IntArray,
     geometry: VertexGeometry,
+    robust: bool,
     threads: int,
     progress: Progress | None,
 ) -> IntArray:
@@ -162,7 +168,7 @@ def _run(
     if attempt.over_creases:
         mesh = mesh._replace(stops=np.zeros(n, dtype=np.bool_))
     outcomes = np.empty(len(ids), dtype=np.int32)
-    fit = kernel_fit(attempt)
+    fit = kernel_fit(attempt, robust=robust)
     result = GraphGeometry(
         geometry.normals,
         geometry.k_min,
@@ -195,7 +201,7 @@ def _run(
     return outcomes
 
 
-def kernel_fit(attempt: Attempt) -> KernelFit:
+def kernel_fit(attempt: Attempt, *, robust: bool = False) -> KernelFit:
     """What the kernel needs to know of one attempt."""
     fit = attempt.fit
     lower = np.tril_indices(fit.space.dimension)
@@ -232,6 +238,7 @@ def kernel_fit(attempt: Attempt) -> KernelFit:
         derivative_places=fit.space.places([(1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]),
         weight_scale=weight_scale,
         weight_power=weight_power,
+        rounds=ROBUST_ROUNDS if robust and fit is not QUADRATIC else 0,
     )
 
 

@@ -44,6 +44,7 @@ def compute_normal_by_bezier_patch_per_vertex(
     alpha: float | Automatic = "auto",
     degree: int | Automatic = "auto",
     smoothness: Smoothness = "third_order",
+    robust: bool = False,
     quality: str | None = "angle",
     onselected: bool = False,
     color: bool = False,
@@ -82,6 +83,8 @@ def compute_normal_by_bezier_patch_per_vertex(
         Degree of the patch in each parameter, 2 to 4, or with ``alpha="auto"`` its total degree, 2 to 6.
     smoothness : {"third_order", "paper"}
         ``"paper"`` is the method of Li, Barsky, Jin (2009) to the letter; see `estimate_vertex_geometry`.
+    robust : bool
+        Whether points far off their patch lose their weight, for scans with outliers.
     quality : {"angle", "x", "y", "z"} or None
         What the vertex quality becomes: the angle in degrees, 0 to 180, between the new and the
         previous vertex normal, or a component of the new one. None leaves the quality alone.
@@ -129,7 +132,7 @@ def compute_normal_by_bezier_patch_per_vertex(
     return run_filter(
         ms,
         VertexFilter(_normal_columns, FitStatus.NORMAL_ONLY, sets_normals=True),
-        FitOptions(rings, radius, alpha, degree, smoothness, threads, progress),
+        FitOptions(rings, radius, alpha, degree, smoothness, robust, threads, progress),
         Output(choose_field(quality, NORMAL_FIELDS), onselected, color, colormap, percentile),
     )
 
@@ -142,6 +145,7 @@ def compute_curvature_by_bezier_patch_per_vertex(
     alpha: float | Automatic = "auto",
     degree: int | Automatic = "auto",
     smoothness: Smoothness = "third_order",
+    robust: bool = False,
     quality: str | None = "mean",
     onselected: bool = False,
     color: bool = False,
@@ -185,6 +189,8 @@ def compute_curvature_by_bezier_patch_per_vertex(
     smoothness : {"third_order", "paper"}
         ``"paper"`` is the method of Li, Barsky, Jin (2009) to the letter, whose curvature is biased; see
         `estimate_vertex_geometry`.
+    robust : bool
+        Whether points far off their patch lose their weight, for scans with outliers.
     quality : {"mean", "gaussian", "min", "max", "curvedness", "shape_index", "std"} or None
         What the vertex quality becomes; "std" is the standard error of the mean curvature. None
         leaves the quality alone.
@@ -232,7 +238,7 @@ def compute_curvature_by_bezier_patch_per_vertex(
     return run_filter(
         ms,
         VertexFilter(_curvature_columns, FitStatus.FOLDED),
-        FitOptions(rings, radius, alpha, degree, smoothness, threads, progress),
+        FitOptions(rings, radius, alpha, degree, smoothness, robust, threads, progress),
         Output(choose_field(quality, CURVATURE_FIELDS), onselected, color, colormap, percentile),
     )
 
@@ -245,6 +251,7 @@ def compute_torsion_by_bezier_patch_per_vertex(
     alpha: float | Automatic = "auto",
     degree: int | Automatic = "auto",
     smoothness: Smoothness = "third_order",
+    robust: bool = False,
     onselected: bool = False,
     color: bool = False,
     colormap: str = "Turbo",
@@ -284,6 +291,8 @@ def compute_torsion_by_bezier_patch_per_vertex(
     smoothness : {"third_order", "paper"}
         ``"paper"`` is the method of Li, Barsky, Jin (2009) to the letter, whose curvature is biased; see
         `estimate_vertex_geometry`.
+    robust : bool
+        Whether points far off their patch lose their weight, for scans with outliers.
     onselected : bool
         Only selected vertices get new quality and columns; if there are none, the vertices of the
         selected faces. The others keep theirs, or get 0 where a column or the quality is new.
@@ -326,7 +335,7 @@ def compute_torsion_by_bezier_patch_per_vertex(
     return run_filter(
         ms,
         VertexFilter(_torsion_columns, FitStatus.FOLDED),
-        FitOptions(rings, radius, alpha, degree, smoothness, threads, progress),
+        FitOptions(rings, radius, alpha, degree, smoothness, robust, threads, progress),
         Output(TORSION_FIELD, onselected, color, colormap, percentile),
     )
 

@@ -74,6 +74,7 @@ class FitOptions:
     alpha: float | Automatic
     degree: int | Automatic
     smoothness: Smoothness
+    robust: bool
     threads: int | None
     progress: Progress | None
 
@@ -189,6 +190,7 @@ def _estimate(mesh: CurrentMesh, mask: BoolArray, fit: FitOptions) -> VertexGeom
             alpha=fit.alpha,
             degree=fit.degree,
             smoothness=fit.smoothness,
+            robust=fit.robust,
             selected=None if mask.all() else mask,
             threads=fit.threads,
             progress=fit.progress,

@@ -118,6 +118,15 @@ def test_numbers_may_be_auto_and_nothing_else(tmp_path):
     assert json.loads(result.stdout)["fit"]["rings"] == 3
 
 
+def test_robust_fits(tmp_path):
+    target = tmp_path / "t.ply"
+    residuals = []
+    for option in ("--robust", "--no-robust"):
+        assert run("torsion", SAMPLES / "waves.ply", target, "--rings", 3, option).returncode == 0
+        residuals.append(read_fields(target)["bz_residual"])
+    assert not np.array_equal(*residuals)
+
+
 def test_a_radius_is_a_length_or_a_percentage_of_the_diagonal(tmp_path):
     diagonal = load(SAMPLES / "torus.ply").current_mesh().bounding_box().diagonal()
     target = tmp_path / "t.ply"

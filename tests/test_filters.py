@@ -236,6 +236,17 @@ class TestValues:
         assert np.array_equal(ms.current_mesh().vertex_matrix(), before)
 
 
+@pytest.mark.parametrize("function", FILTERS)
+def test_robust_fits_are_those_of_the_estimate(function):
+    ms = sphere()
+    mesh = ms.current_mesh()
+    expected = estimate_vertex_geometry(mesh.vertex_matrix(), mesh.face_matrix(), rings=3, alpha=0.8, robust=True)
+    function(ms, rings=3, alpha=0.8, robust=True)
+    assert np.array_equal(array(ms, "bz_residual"), expected.residual)
+    function(ms, rings=3, alpha=0.8)
+    assert not np.array_equal(array(ms, "bz_residual"), expected.residual)
+
+
 class TestRadius:
     @pytest.mark.parametrize("function", FILTERS)
     def test_a_percentage_is_one_of_the_diagonal_of_the_bounding_box(self, function):
