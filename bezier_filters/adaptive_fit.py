@@ -23,6 +23,7 @@ def fit_adaptively(
     choices: Choices,
     geometry: VertexGeometry,
     *,
+    robust: bool = False,
     threads: int = 1,
     progress: Progress | None = None,
 ) -> FitChoice:
@@ -44,6 +45,8 @@ def fit_adaptively(
         What is allowed.
     geometry : VertexGeometry
         Receives the results.
+    robust : bool
+        Whether points far off a fit lose their weight.
     threads : int
         Number of threads.
     progress : callable, optional
@@ -62,6 +65,7 @@ def fit_adaptively(
         fitted,
         list(planned_chain(root.plans, root.chosen)),
         geometry,
+        robust=robust,
         threads=threads,
         progress=_of_wanted(progress, len(ids)),
     )
@@ -78,6 +82,7 @@ def fit_adaptively(
             part,
             list(planned_chain(leaf.plans, leaf.chosen)),
             geometry,
+            robust=robust,
             threads=threads,
             progress=_at_the_end(progress, len(ids)),
         )

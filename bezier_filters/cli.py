@@ -45,10 +45,34 @@ def _number_option(kind: type, text: str) -> Any:
     return typer.Option(help=text, parser=_auto_or(kind), metavar="NUMBER|auto")
 
 
+def _length(text: str) -> Any:
+    """Parse an option that is a length, or a percentage of the diagonal of the bounding box."""
+    try:
+        if not text.endswith("%"):
+            return float(text)
+        percentage = float(text.removesuffix("%"))
+    except ValueError:
+        percentage = -1.0
+    if not 0.0 < percentage <= 100.0:
+        raise typer.BadParameter(f"got {text!r}, expected a length such as 0.5, or a percentage such as 2%")
+    from bezier_filters.meshset import PercentageValue
+
+    return PercentageValue(percentage)
+
+
 Rings = Annotated[Any, _number_option(int, "Size of the fitted neighbourhood in edges; auto lets the data choose.")]
+Radius = Annotated[
+    Any,
+    typer.Option(
+        help="Size of the neighbourhood as a length, instead of rings; with % of the diagonal of the bounding box.",
+        parser=_length,
+        metavar="LENGTH|PERCENT%",
+    ),
+]
 Alpha = Annotated[Any, _number_option(float, "Weight of the points against smoothness, in (0, 1].")]
 Degree = Annotated[Any, _number_option(int, "Degree of the patch, 2 to 4, or 2 to 6 if alpha is auto.")]
 SmoothnessName = Annotated[str, typer.Option(help="third_order (consistent) or paper (the method to the letter).")]
+Robust = Annotated[bool, typer.Option("--robust/--no-robust", help="Take weight from points far off their patch.")]
 Color = Annotated[bool, typer.Option("--color/--no-color", help="Colour the vertices by the quality.")]
 ColorMapName = Annotated[str, typer.Option(help="Colour map of pymeshlab: Turbo, RGB, Viridis, French RGB, ...")]
 Percentile = Annotated[float, typer.Option(help="Percentage of values clipped at each end of the colours.")]
@@ -80,9 +104,11 @@ def normals(
         str, typer.Option(help="Quality to set: angle (to the old normal, degrees), x, y or z.")
     ] = "angle",
     rings: Rings = "auto",
+    radius: Radius = None,
     alpha: Alpha = "auto",
     degree: Degree = "auto",
     smoothness: SmoothnessName = "third_order",
+    robust: Robust = False,
     color: Color = True,
     colormap: ColorMapName = "Turbo",
     percentile: Percentile = 2.0,
@@ -93,12 +119,13 @@ def normals(
     """Set the vertex normals to those of the fitted patches."""
     from bezier_filters.filters import NORMAL_FIELDS, compute_normal_by_bezier_patch_per_vertex
 
-    options = {"quality": quality, "rings": rings, "alpha": alpha, "degree": degree, "smoothness": smoothness}
+    fit = {"rings": rings, "radius": radius, "alpha": alpha, "degree": degree, "smoothness": smoothness}
+    colors = {"color": color, "colormap": colormap, "percentile": percentile}
     _filter_file(
         compute_normal_by_bezier_patch_per_vertex,
         source,
         target,
-        options | {"color": color, "colormap": colormap, "percentile": percentile, "threads": threads},
+        fit | colors | {"quality": quality, "robust": robust, "threads": threads},
         label=NORMAL_FIELDS[quality].label if quality in NORMAL_FIELDS else quality,
         quiet=quiet,
         json=json,
@@ -113,9 +140,11 @@ def curvature(
         str, typer.Option(help="Quality to set: mean, gaussian, min, max, curvedness, shape_index or std.")
     ] = "mean",
     rings: Rings = "auto",
+    radius: Radius = None,
     alpha: Alpha = "auto",
     degree: Degree = "auto",
     smoothness: SmoothnessName = "third_order",
+    robust: Robust = False,
     color: Color = True,
     colormap: ColorMapName = "Turbo",
     percentile: Percentile = 2.0,
@@ -127,12 +156,13 @@ def curvature(
     from bezier_filters.fields import CURVATURE_FIELDS
     from bezier_filters.filters import compute_curvature_by_bezier_patch_per_vertex
 
-    options = {"quality": quality, "rings": rings, "alpha": alpha, "degree": degree, "smoothness": smoothness}
+    fit = {"rings": rings, "radius": radius, "alpha": alpha, "degree": degree, "smoothness": smoothness}
+    colors = {"color": color, "colormap": colormap, "percentile": percentile}
     _filter_file(
         compute_curvature_by_bezier_patch_per_vertex,
         source,
         target,
-        options | {"color": color, "colormap": colormap, "percentile": percentile, "threads": threads},
+        fit | colors | {"quality": quality, "robust": robust, "threads": threads},
         label=CURVATURE_FIELDS[quality].label if quality in CURVATURE_FIELDS else quality,
         quiet=quiet,
         json=json,
@@ -144,9 +174,11 @@ def torsion(
     source: Source,
     target: Target,
     rings: Rings = "auto",
+    radius: Radius = None,
     alpha: Alpha = "auto",
     degree: Degree = "auto",
     smoothness: SmoothnessName = "third_order",
+    robust: Robust = False,
     color: Color = True,
     colormap: ColorMapName = "Turbo",
     percentile: Percentile = 2.0,
@@ -158,12 +190,13 @@ def torsion(
     from bezier_filters.fields import TORSION_FIELD
     from bezier_filters.filters import compute_torsion_by_bezier_patch_per_vertex
 
-    options = {"rings": rings, "alpha": alpha, "degree": degree, "smoothness": smoothness}
+    fit = {"rings": rings, "radius": radius, "alpha": alpha, "degree": degree, "smoothness": smoothness}
+    colors = {"color": color, "colormap": colormap, "percentile": percentile}
     _filter_file(
         compute_torsion_by_bezier_patch_per_vertex,
         source,
         target,
-        options | {"color": color, "colormap": colormap, "percentile": percentile, "threads": threads},
+        fit | colors | {"robust": robust, "threads": threads},
         label=TORSION_FIELD.label,
         quiet=quiet,
         json=json,

@@ -47,7 +47,8 @@ def print_status(report: dict[str, Any], source: str) -> None:
     fit = report["fit"]
     weight = "weights learned from the mesh" if fit["alpha"] is None else f"alpha {fit['alpha']:g}"
     noise = "" if fit["noise_sigma"] is None else f"; noise {fit['noise_sigma']:.3g} (standard deviation, length)"
-    out.print(f"  fitted on {fit['rings']} rings, degree {fit['degree']}, {weight}{noise}")
+    where = f"on {fit['rings']} rings" if fit["radius"] is None else f"within a radius of {fit['radius']:.4g} (length)"
+    out.print(f"  fitted {where}, degree {fit['degree']}, {weight}{noise}")
     for name, count in report["status"].items():
         out.print(f"  {count:>9,}  {FitStatus[name].message} ({name})")
 

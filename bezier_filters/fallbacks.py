@@ -27,6 +27,9 @@ ENOUGH_POINTS = 0.75
 QUADRATIC = PatchFit(degree=2, alpha=0.1)
 """Practically a plain quadratic: six coefficients that six well-placed points determine."""
 
+ROBUST_ROUNDS = 10
+"""Most rounds of reweighting; nearly all neighbourhoods settle after two or three."""
+
 
 @dataclass(frozen=True)
 class Attempt:
@@ -39,7 +42,7 @@ class Attempt:
     after : frozenset of int
         Outcomes of the kernel.
     rings : int
-        Size of the neighbourhood.
+        Size of the neighbourhood in edges, unless there is a radius.
     fit : PatchFit or FitPlan
         The patch to fit.
     mean_plane : bool
@@ -54,6 +57,8 @@ class Attempt:
         Whether the neighbourhood may reach across creases.
     fewest_points : int
         Fewer points count as ill posed.
+    radius : float or None
+        Of the ball that is the neighbourhood, a length.
     """
 
     status: FitStatus
@@ -65,20 +70,22 @@ class Attempt:
     noise: tuple[float, float] = (0.0, 0.0)
     over_creases: bool = False
     fewest_points: int = 0
+    radius: float | None = None
 
 
-def fallback_chain(rings: int, fit: PatchFit) -> Iterator[Attempt]:
+def fallback_chain(rings: int, fit: PatchFit, radius: float | None = None) -> Iterator[Attempt]:
     """The fit asked for, then the paper's fallbacks made sound.
 
     Too few or badly placed points take a wider ring; a folded projection takes another plane,
     then the 1-ring. What is left is fitted by a quadratic, because the paper's system is
-    singular on 1-rings of six neighbours or fewer.
+    singular on 1-rings of six neighbours or fewer. If there is a radius, its ball is tried before
+    the rings.
     """
     ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED})
-    yield Attempt(FitStatus.OK, frozenset({FITTED}), rings, fit)
+    yield Attempt(FitStatus.OK, frozenset({FITTED}), rings, fit, radius=radius)
     for more in range(1, MORE_RINGS + 1):
         yield Attempt(FitStatus.WIDER_RING, ill_posed, rings + more, fit)
-    yield Attempt(FitStatus.OTHER_PLANE, folded, rings, fit, mean_plane=True)
+    yield Attempt(FitStatus.OTHER_PLANE, folded, rings, fit, mean_plane=True, radius=radius)
     yield from last_resorts(rings)
 
 
@@ -91,11 +98,12 @@ def last_resorts(rings: int) -> Iterator[Attempt]:
     yield Attempt(FitStatus.FOLDED, ill_posed | folded, max(rings, 2), QUADRATIC, mean_plane=True, most_turned=1.0)
 
 
-def planned_chain(plans: Sequence[FitPlan], chosen: FitPlan) -> Iterator[Attempt]:
+def planned_chain(plans: Sequence[FitPlan], chosen: FitPlan, radius: float | None = None) -> Iterator[Attempt]:
     """The chosen plan and its fallbacks: narrower rings where it folds, wider ones where it is ill posed.
 
     A prior makes nearly every neighbourhood well posed, and noise folds a few faces of a wide one;
-    so these fits take the mean plane and mind only folds of the surface.
+    so these fits take the mean plane and mind only folds of the surface. If there is a radius, the
+    chosen plan is that of its ball; wider rings than a ball have few points, which must all count.
     """
     ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED})
 
@@ -111,12 +119,13 @@ def planned_chain(plans: Sequence[FitPlan], chosen: FitPlan) -> Iterator[Attempt
             fewest_points=fewest,
         )
 
-    fewest = int(ENOUGH_POINTS * chosen.points)
-    yield planned(FitStatus.OK, frozenset({FITTED}), chosen.rings, chosen, fewest)
+    fewest = int(ENOUGH_POINTS * chosen.points) if radius is None else 0
+    yield replace(planned(FitStatus.OK, frozenset({FITTED}), chosen.rings, chosen, fewest), radius=radius)
     for plan in sorted((plan for plan in plans if plan.rings < chosen.rings), key=lambda plan: -plan.rings):
         yield planned(FitStatus.NARROWER_RING, folded, plan.rings, plan)
+    narrowest, wider = (chosen.rings, chosen) if radius is None else (1, replace(chosen, weight_radius=np.inf))
     for more in range(1, MORE_RINGS + 1):
-        yield planned(FitStatus.WIDER_RING, ill_posed, chosen.rings + more, chosen, fewest if more < MORE_RINGS else 0)
+        yield planned(FitStatus.WIDER_RING, ill_posed, narrowest + more, wider, fewest if more < MORE_RINGS else 0)
     for attempt in last_resorts(min(chosen.rings, 2)):
         yield replace(attempt, noise=(chosen.normal_noise, chosen.curvature_noise), over_creases=True)
 
@@ -132,12 +141,14 @@ def fit_with_fallbacks(
     attempts: Sequence[Attempt],
     geometry: VertexGeometry,
     *,
+    robust: bool = False,
     threads: int = 1,
     progress: Progress | None = None,
 ) -> None:
     """Run the attempts on the vertices `ids` and write what they give into `geometry`.
 
     A vertex that no attempt fits keeps the normal of its faces or nearest points, and zero curvature.
+    If robust, points far off a fit lose their weight, except in the last resorts, which have too few to tell.
     """
     if not len(mesh.faces):
         attempts = [without_faces(attempt) for attempt in attempts]
@@ -152,11 +163,10 @@ def fit_with_fallbacks(
         if not len(rows):
             continue
         report = _overall_progress(progress, tried, len(ids))
-        outcome[rows] = _run(attempt, mesh, ids[rows], geometry, threads, report)
+        outcome[rows] = _run(attempt, mesh, ids[rows], geometry, robust, threads, report)
         tried = len(ids)
         fitted = ids[rows[outcome[rows] == FITTED]]
         geometry.status[fitted] = attempt.status
-        geometry.rings_used[fitted] = attempt.rings
         unsettled = unsettled[outcome[unsettled] != FITTED]
 
 
@@ -165,6 +175,7 @@ def _run(
     mesh: KernelMesh,
     ids: IntArray,
     geometry: VertexGeometry,
+    robust: bool,
     threads: int,
     progress: Progress | None,
 ) -> IntArray:
@@ -173,7 +184,7 @@ def _run(
     if attempt.over_creases:
         mesh = mesh._replace(stops=np.zeros(n, dtype=np.bool_))
     outcomes = np.empty(len(ids), dtype=np.int32)
-    fit = kernel_fit(attempt)
+    fit = kernel_fit(attempt, robust=robust)
     result = GraphGeometry(
         geometry.normals,
         geometry.k_min,
@@ -188,14 +199,25 @@ def _run(
     def make_task() -> RangeTask:
         visited, members = np.full(n, -1, dtype=np.int32), np.empty(n, dtype=np.int32)
         return lambda start, stop: fit_vertices(
-            mesh, fit, ids, start, stop, visited, members, result, errors, geometry.residual, outcomes
+            mesh,
+            fit,
+            ids,
+            start,
+            stop,
+            visited,
+            members,
+            result,
+            errors,
+            geometry.residual,
+            geometry.rings_used,
+            outcomes,
         )
 
     run_in_chunks(make_task, len(ids), threads=threads, progress=progress)
     return outcomes
 
 
-def kernel_fit(attempt: Attempt) -> KernelFit:
+def kernel_fit(attempt: Attempt, *, robust: bool = False) -> KernelFit:
     """What the kernel needs to know of one attempt."""
     fit = attempt.fit
     lower = np.tril_indices(fit.space.dimension)
@@ -214,6 +236,7 @@ def kernel_fit(attempt: Attempt) -> KernelFit:
     places: IntArray = entries[np.argsort(degrees, kind="stable")].astype(np.int32)
     return KernelFit(
         rings=attempt.rings,
+        radius=attempt.radius or 0.0,
         fewest_points=fewest,
         square=square,
         mean_plane=attempt.mean_plane,
@@ -232,6 +255,7 @@ def kernel_fit(attempt: Attempt) -> KernelFit:
         derivative_places=fit.space.places([(1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]),
         weight_scale=weight_scale,
         weight_power=weight_power,
+        rounds=ROBUST_ROUNDS if robust and fit is not QUADRATIC else 0,
     )
 
 

@@ -19,7 +19,7 @@ from bezier_filters.fields import (
     normal_columns,
     torsion_columns,
 )
-from bezier_filters.meshset import MeshSet
+from bezier_filters.meshset import Length, MeshSet
 from bezier_filters.parallel import Progress
 from bezier_filters.smoothness import Smoothness
 from bezier_filters.status import FitStatus
@@ -40,9 +40,11 @@ def compute_normal_by_bezier_patch_per_vertex(
     ms: MeshSet,
     *,
     rings: int | Automatic = "auto",
+    radius: Length | None = None,
     alpha: float | Automatic = "auto",
     degree: int | Automatic = "auto",
     smoothness: Smoothness = "third_order",
+    robust: bool = False,
     quality: str | None = "angle",
     onselected: bool = False,
     color: bool = False,
@@ -72,12 +74,17 @@ def compute_normal_by_bezier_patch_per_vertex(
     rings : int or "auto"
         Size of the fitted neighbourhood in edges, at least 1. By default the data choose this and
         the next two, for the smallest predicted error at the noise that they have.
+    radius : pymeshlab.PercentageValue, pymeshlab.PureValue or float, optional
+        Size of the neighbourhood as a length, or as a percentage of the diagonal of the bounding box,
+        instead of `rings`: one scale for all vertices, whatever the density of the mesh.
     alpha : float or "auto"
         Weight of the points against the smoothness of the patch, in (0, 1].
     degree : int or "auto"
         Degree of the patch in each parameter, 2 to 4, or with ``alpha="auto"`` its total degree, 2 to 6.
     smoothness : {"third_order", "paper"}
         ``"paper"`` is the method of Li, Barsky, Jin (2009) to the letter; see `estimate_vertex_geometry`.
+    robust : bool
+        Whether points far off their patch lose their weight, for scans with outliers.
     quality : {"angle", "x", "y", "z"} or None
         What the vertex quality becomes: the angle in degrees, 0 to 180, between the new and the
         previous vertex normal, or a component of the new one. None leaves the quality alone.
@@ -98,11 +105,11 @@ def compute_normal_by_bezier_patch_per_vertex(
     Returns
     -------
     dict
-        ``status`` (number of vertices per status name), ``fit`` (the ``rings``, ``degree`` and ``alpha`` that were
-        used, and the ``noise_sigma`` that was found, a length), ``attributes`` (names written), ``quality``
-        and ``unit``, ``statistics`` (min, median, max and mean of the quality over the vertices with an
-        estimate), ``seconds`` (read, fit, write, color) and, if coloured, ``color_range`` and
-        ``colormap``. It can be written as JSON.
+        ``status`` (number of vertices per status name), ``fit`` (the ``rings`` or ``radius``, ``degree`` and
+        ``alpha`` that were used, and the ``noise_sigma`` that was found, a length), ``attributes`` (names
+        written), ``quality`` and ``unit``, ``statistics`` (min, median, max and mean of the quality over
+        the vertices with an estimate), ``seconds`` (read, fit, write, color) and, if coloured,
+        ``color_range`` and ``colormap``. It can be written as JSON.
 
     Raises
     ------
@@ -125,7 +132,7 @@ def compute_normal_by_bezier_patch_per_vertex(
     return run_filter(
         ms,
         VertexFilter(_normal_columns, FitStatus.NORMAL_ONLY, sets_normals=True),
-        FitOptions(rings, alpha, degree, smoothness, threads, progress),
+        FitOptions(rings, radius, alpha, degree, smoothness, robust, threads, progress),
         Output(choose_field(quality, NORMAL_FIELDS), onselected, color, colormap, percentile),
     )
 
@@ -134,9 +141,11 @@ def compute_curvature_by_bezier_patch_per_vertex(
     ms: MeshSet,
     *,
     rings: int | Automatic = "auto",
+    radius: Length | None = None,
     alpha: float | Automatic = "auto",
     degree: int | Automatic = "auto",
     smoothness: Smoothness = "third_order",
+    robust: bool = False,
     quality: str | None = "mean",
     onselected: bool = False,
     color: bool = False,
@@ -170,6 +179,9 @@ def compute_curvature_by_bezier_patch_per_vertex(
     rings : int or "auto"
         Size of the fitted neighbourhood in edges, at least 1. By default the data choose this and
         the next two, for the smallest predicted error at the noise that they have.
+    radius : pymeshlab.PercentageValue, pymeshlab.PureValue or float, optional
+        Size of the neighbourhood as a length, or as a percentage of the diagonal of the bounding box,
+        instead of `rings`: one scale for all vertices, whatever the density of the mesh.
     alpha : float or "auto"
         Weight of the points against the smoothness of the patch, in (0, 1].
     degree : int or "auto"
@@ -177,6 +189,8 @@ def compute_curvature_by_bezier_patch_per_vertex(
     smoothness : {"third_order", "paper"}
         ``"paper"`` is the method of Li, Barsky, Jin (2009) to the letter, whose curvature is biased; see
         `estimate_vertex_geometry`.
+    robust : bool
+        Whether points far off their patch lose their weight, for scans with outliers.
     quality : {"mean", "gaussian", "min", "max", "curvedness", "shape_index", "std"} or None
         What the vertex quality becomes; "std" is the standard error of the mean curvature. None
         leaves the quality alone.
@@ -197,11 +211,11 @@ def compute_curvature_by_bezier_patch_per_vertex(
     Returns
     -------
     dict
-        ``status`` (number of vertices per status name), ``fit`` (the ``rings``, ``degree`` and ``alpha`` that were
-        used, and the ``noise_sigma`` that was found, a length), ``attributes`` (names written), ``quality``
-        and ``unit``, ``statistics`` (min, median, max and mean of the quality over the vertices with an
-        estimate), ``seconds`` (read, fit, write, color) and, if coloured, ``color_range`` and
-        ``colormap``. It can be written as JSON.
+        ``status`` (number of vertices per status name), ``fit`` (the ``rings`` or ``radius``, ``degree`` and
+        ``alpha`` that were used, and the ``noise_sigma`` that was found, a length), ``attributes`` (names
+        written), ``quality`` and ``unit``, ``statistics`` (min, median, max and mean of the quality over
+        the vertices with an estimate), ``seconds`` (read, fit, write, color) and, if coloured,
+        ``color_range`` and ``colormap``. It can be written as JSON.
 
     Raises
     ------
@@ -224,7 +238,7 @@ def compute_curvature_by_bezier_patch_per_vertex(
     return run_filter(
         ms,
         VertexFilter(_curvature_columns, FitStatus.FOLDED),
-        FitOptions(rings, alpha, degree, smoothness, threads, progress),
+        FitOptions(rings, radius, alpha, degree, smoothness, robust, threads, progress),
         Output(choose_field(quality, CURVATURE_FIELDS), onselected, color, colormap, percentile),
     )
 
@@ -233,9 +247,11 @@ def compute_torsion_by_bezier_patch_per_vertex(
     ms: MeshSet,
     *,
     rings: int | Automatic = "auto",
+    radius: Length | None = None,
     alpha: float | Automatic = "auto",
     degree: int | Automatic = "auto",
     smoothness: Smoothness = "third_order",
+    robust: bool = False,
     onselected: bool = False,
     color: bool = False,
     colormap: str = "Turbo",
@@ -265,6 +281,9 @@ def compute_torsion_by_bezier_patch_per_vertex(
     rings : int or "auto"
         Size of the fitted neighbourhood in edges, at least 1. By default the data choose this and
         the next two, for the smallest predicted error at the noise that they have.
+    radius : pymeshlab.PercentageValue, pymeshlab.PureValue or float, optional
+        Size of the neighbourhood as a length, or as a percentage of the diagonal of the bounding box,
+        instead of `rings`: one scale for all vertices, whatever the density of the mesh.
     alpha : float or "auto"
         Weight of the points against the smoothness of the patch, in (0, 1].
     degree : int or "auto"
@@ -272,6 +291,8 @@ def compute_torsion_by_bezier_patch_per_vertex(
     smoothness : {"third_order", "paper"}
         ``"paper"`` is the method of Li, Barsky, Jin (2009) to the letter, whose curvature is biased; see
         `estimate_vertex_geometry`.
+    robust : bool
+        Whether points far off their patch lose their weight, for scans with outliers.
     onselected : bool
         Only selected vertices get new quality and columns; if there are none, the vertices of the
         selected faces. The others keep theirs, or get 0 where a column or the quality is new.
@@ -289,11 +310,11 @@ def compute_torsion_by_bezier_patch_per_vertex(
     Returns
     -------
     dict
-        ``status`` (number of vertices per status name), ``fit`` (the ``rings``, ``degree`` and ``alpha`` that were
-        used, and the ``noise_sigma`` that was found, a length), ``attributes`` (names written), ``quality``
-        and ``unit``, ``statistics`` (min, median, max and mean of the quality over the vertices with an
-        estimate), ``seconds`` (read, fit, write, color) and, if coloured, ``color_range`` and
-        ``colormap``. It can be written as JSON.
+        ``status`` (number of vertices per status name), ``fit`` (the ``rings`` or ``radius``, ``degree`` and
+        ``alpha`` that were used, and the ``noise_sigma`` that was found, a length), ``attributes`` (names
+        written), ``quality`` and ``unit``, ``statistics`` (min, median, max and mean of the quality over
+        the vertices with an estimate), ``seconds`` (read, fit, write, color) and, if coloured,
+        ``color_range`` and ``colormap``. It can be written as JSON.
 
     Raises
     ------
@@ -314,7 +335,7 @@ def compute_torsion_by_bezier_patch_per_vertex(
     return run_filter(
         ms,
         VertexFilter(_torsion_columns, FitStatus.FOLDED),
-        FitOptions(rings, alpha, degree, smoothness, threads, progress),
+        FitOptions(rings, radius, alpha, degree, smoothness, robust, threads, progress),
         Output(TORSION_FIELD, onselected, color, colormap, percentile),
     )
 

@@ -22,11 +22,17 @@ from bezier_filters.jets import (
     write_graph_geometry,
 )
 from bezier_filters.mesh import TriangleMesh
-from bezier_filters.neighbourhoods import collect_ring
+from bezier_filters.neighbourhoods import collect_ball, collect_ring
 from bezier_filters.uncertainty import StandardErrors, write_standard_errors
 
 FITTED, NO_FRAME, FOLDED, ILL_POSED = 0, 1, 2, 3
 """Outcomes of one attempt at one vertex."""
+BIWEIGHT = 4.685
+"""Scales beyond which a residual has no weight: 95 % efficient for normal residuals."""
+SETTLED = 0.95
+"""Reweighting goes on while the median residual falls below this share of the one before."""
+NORMAL_MEDIAN = 1.4826
+"""Standard deviation of normal residuals over their median size."""
 
 
 class KernelMesh(NamedTuple):
@@ -64,6 +70,7 @@ class KernelFit(NamedTuple):
     """How to fit: `fallbacks.Attempt` in arrays."""
 
     rings: int
+    radius: float  # of a ball that takes the place of the rings; 0 for none
     fewest_points: int
     square: bool
     mean_plane: bool
@@ -82,6 +89,7 @@ class KernelFit(NamedTuple):
     derivative_places: IntArray  # of the coefficients of x, y, x^2, x y, y^2
     weight_scale: float  # points weigh 1 / (1 + (scale distance^2)^power); 0 for equal weights
     weight_power: int
+    rounds: int  # of reweighting by residuals; 0 for none
 
 
 class Workspace(NamedTuple):
@@ -89,8 +97,10 @@ class Workspace(NamedTuple):
 
     points: FloatArray  # (3, capacity): x, y, z
     parameters: FloatArray  # (2, capacity): s, t
-    weights: FloatArray  # (capacity,)
-    powers_s: FloatArray  # (highest power + 1, capacity), times the weights
+    distance_weights: FloatArray  # (capacity,)
+    weights: FloatArray  # (capacity,): those times the weights of the residuals
+    powers_s: FloatArray  # (highest power + 1, capacity)
+    weighted_s: FloatArray  # powers of s times the weights
     powers_t: FloatArray
     lifted_t: FloatArray  # powers of t times z
     residual: FloatArray  # (capacity,)
@@ -115,6 +125,7 @@ def fit_vertices(
     result: GraphGeometry,
     errors: StandardErrors,
     residuals: FloatArray,
+    rings_used: IntArray,
     outcomes: IntArray,
 ) -> None:
     """Fit the vertices ids[start:stop]; write their geometry and outcomes[start:stop].
@@ -125,13 +136,19 @@ def fit_vertices(
     work = _workspace(fit, 64)
     for row in range(start, stop):
         i = ids[row]
-        count, inner = collect_ring(mesh.ring_ptr, mesh.ring_indices, mesh.stops, i, fit.rings, visited, members)
+        if fit.radius > 0.0:
+            count, inner, neighbours, rings = collect_ball(
+                mesh.vertices, mesh.ring_ptr, mesh.ring_indices, mesh.stops, i, fit.radius, visited, members
+            )
+        else:
+            count, inner = collect_ring(mesh.ring_ptr, mesh.ring_indices, mesh.stops, i, fit.rings, visited, members)
+            neighbours, rings = mesh.ring_ptr[i + 1] - mesh.ring_ptr[i], fit.rings
         if count > work.points.shape[1]:
             work = _workspace(fit, 2 * count)
-        outcomes[row] = _frame(mesh, fit, members, count, inner, work.frame)
+        outcomes[row] = _frame(mesh, fit, members, count, inner, neighbours, work.frame)
         if outcomes[row] != FITTED:
             continue
-        if not _project(mesh.vertices, members, count, fit.square, work) or not _solve(fit, count, work):
+        if not _project(mesh.vertices, members, count, fit.square, work) or not _fit_heights(fit, count, work):
             outcomes[row] = ILL_POSED
             continue
         # Point 0 is the vertex itself.
@@ -160,6 +177,7 @@ def fit_vertices(
                 errors,
             )
         residuals[i] = _residual(fit, count, work)
+        rings_used[i] = rings
 
 
 @njit(cache=True, nogil=True)
@@ -170,6 +188,8 @@ def _workspace(fit: KernelFit, capacity: int) -> Workspace:
         np.empty((3, capacity)),
         np.empty((2, capacity)),
         np.ones(capacity),
+        np.ones(capacity),
+        np.empty((fit.highest_power + 1, capacity)),
         np.empty((fit.highest_power + 1, capacity)),
         np.empty((fit.highest_power + 1, capacity)),
         np.empty((fit.highest_power // 2 + 1, capacity)),
@@ -185,15 +205,44 @@ def _workspace(fit: KernelFit, capacity: int) -> Workspace:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _solve(fit: KernelFit, count: int, work: Workspace) -> bool:
-    """Set up and solve the normal equations; False if they are rank deficient."""
+def _fit_heights(fit: KernelFit, count: int, work: Workspace) -> bool:
+    """Find the coefficients; False if the normal equations are rank deficient.
+
+    With rounds, by iteratively reweighted least squares.
+    """
     powers(work.parameters[0], count, fit.highest_power, work.powers_s)
     powers(work.parameters[1], count, fit.highest_power, work.powers_t)
     if fit.weight_scale > 0.0:
-        _weigh(fit, count, work)
+        _weigh_distances(fit, count, work)
+    work.weights[:count] = work.distance_weights[:count]
+    if not _solve(fit, count, work):
+        return False
+    before = np.inf
+    for _ in range(fit.rounds):
+        _residual(fit, count, work)
+        typical = float(np.median(np.abs(work.residual[:count])))
+        if not 0.0 < typical < SETTLED * before:
+            break
+        before = typical
+        _weigh_residuals(BIWEIGHT * NORMAL_MEDIAN * typical, count, work)
+        if not _solve(fit, count, work):
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _solve(fit: KernelFit, count: int, work: Workspace) -> bool:
+    """Set up and solve the normal equations for the weights; False if they are rank deficient."""
+    left = work.powers_s
+    if fit.weight_scale > 0.0 or fit.rounds > 0:
+        left = work.weighted_s
+        for k in range(fit.highest_power + 1):
+            row, weighted = work.powers_s[k], work.weighted_s[k]
+            for p in range(count):
+                weighted[p] = row[p] * work.weights[p]
     for k in range(fit.moment_exponents.shape[0]):
         a, b = fit.moment_exponents[k, 0], fit.moment_exponents[k, 1]
-        work.moments[k] = dot(work.powers_s[a], work.powers_t[b], count)
+        work.moments[k] = dot(left[a], work.powers_t[b], count)
     for k in range(fit.moment_place.shape[0]):
         work.matrix[k] = work.moments[fit.moment_place[k]] + fit.penalty[k]
     order = fit.exponents.shape[0]
@@ -208,21 +257,25 @@ def _solve(fit: KernelFit, count: int, work: Workspace) -> bool:
             work.lifted_t[b, p] = work.powers_t[b, p] * work.points[2, p]
     for k in range(order):
         a, b = fit.exponents[k, 0], fit.exponents[k, 1]
-        work.coefficients[k] = dot(work.powers_s[a], work.lifted_t[b], count)
+        work.coefficients[k] = dot(left[a], work.lifted_t[b], count)
     return cholesky_solve(work.matrix, work.coefficients, order, fit.smallest_pivot)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _weigh(fit: KernelFit, count: int, work: Workspace) -> None:
-    """Set the weights of the points and multiply the powers of s by them."""
+def _weigh_distances(fit: KernelFit, count: int, work: Workspace) -> None:
+    """Set the weights of the points by their distances."""
     for p in range(count):
         x, y = work.points[0, p], work.points[1, p]
         ratio = fit.weight_scale * (x * x + y * y)
-        work.weights[p] = 1.0 / (1.0 + ratio**fit.weight_power)
-    for k in range(fit.highest_power + 1):
-        row = work.powers_s[k]
-        for p in range(count):
-            row[p] *= work.weights[p]
+        work.distance_weights[p] = 1.0 / (1.0 + ratio**fit.weight_power)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _weigh_residuals(reach: float, count: int, work: Workspace) -> None:
+    """Multiply the weights of the distances by Tukey's biweight of the residuals, 0 beyond the reach."""
+    for p in range(count):
+        rest = max(0.0, 1.0 - (work.residual[p] / reach) ** 2)
+        work.weights[p] = work.distance_weights[p] * rest * rest
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
@@ -235,12 +288,14 @@ def _residual(fit: KernelFit, count: int, work: Workspace) -> float:
         coefficient = work.coefficients[k]
         s, t = work.powers_s[fit.exponents[k, 0]], work.powers_t[fit.exponents[k, 1]]
         for p in range(count):
-            residual[p] += coefficient * s[p] * t[p] / work.weights[p]
+            residual[p] += coefficient * s[p] * t[p]
     return float(np.sqrt(dot(residual, residual, count) / count))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _frame(mesh: KernelMesh, fit: KernelFit, members: IntArray, count: int, inner: int, frame: FloatArray) -> int:
+def _frame(
+    mesh: KernelMesh, fit: KernelFit, members: IntArray, count: int, inner: int, neighbours: int, frame: FloatArray
+) -> int:
     """Write the x, y and z axes of the frame into frame (9,); return the outcome so far."""
     i = members[0]
     nx, ny, nz = mesh.normals[i, 0], mesh.normals[i, 1], mesh.normals[i, 2]
@@ -268,8 +323,7 @@ def _frame(mesh: KernelMesh, fit: KernelFit, members: IntArray, count: int, inne
         )
     if folded:
         return FOLDED
-    valence = mesh.ring_ptr[i + 1] - mesh.ring_ptr[i]
-    xx, xy, xz = farthest_direction(mesh.vertices, members, valence, count, nx, ny, nz)
+    xx, xy, xz = farthest_direction(mesh.vertices, members, neighbours, count, nx, ny, nz)
     if xx == 0.0 and xy == 0.0 and xz == 0.0:
         return ILL_POSED
     frame[0], frame[1], frame[2] = xx, xy, xz

@@ -23,6 +23,8 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 MeshSet: TypeAlias = pymeshlab.MeshSet
 Mesh: TypeAlias = pymeshlab.Mesh
 PyMeshLabException = pymeshlab.PyMeshLabException
+PercentageValue: TypeAlias = pymeshlab.PercentageValue
+Length: TypeAlias = pymeshlab.PercentageValue | pymeshlab.PureValue | float
 
 _stderr_lock = threading.Lock()
 
@@ -116,6 +118,26 @@ def read_current_mesh(ms: MeshSet) -> CurrentMesh:
         vertex_selection=np.array(mesh.vertex_selection_array(), dtype=np.bool_),
         face_selection=np.array(mesh.face_selection_array(), dtype=np.bool_),
     )
+
+
+def absolute_length(length: Length, vertices: FloatArray) -> float:
+    """A length that may be a percentage of the diagonal of the bounding box, as in pymeshlab.
+
+    Parameters
+    ----------
+    length : pymeshlab.PercentageValue, pymeshlab.PureValue or float
+        The length; anything else is returned as it is.
+    vertices : (n, 3) float64
+        Coordinates that the box encloses, at least one.
+
+    Examples
+    --------
+    >>> absolute_length(PercentageValue(10), np.array([[0.0, 0.0, 0.0], [2.0, 3.0, 6.0]]))
+    0.7000000000000001
+    """
+    if isinstance(length, pymeshlab.PercentageValue):
+        return float(length.value() / 100.0 * np.linalg.norm(np.ptp(vertices, axis=0)))
+    return length.value() if isinstance(length, pymeshlab.PureValue) else length
 
 
 def shipped_bunny() -> Path:

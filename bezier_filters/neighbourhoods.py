@@ -1,10 +1,10 @@
-"""k-ring neighbourhoods: all vertices within k edges of a vertex."""
+"""Neighbourhoods of a vertex: k-rings, the vertices within k edges, and balls, those within a distance."""
 
 import numpy as np
 from numba import njit
 
 from bezier_filters.adjacency import Adjacency, Rows
-from bezier_filters.arrays import BoolArray, IntArray
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
 
 
@@ -80,6 +80,64 @@ def collect_ring(
                     members[count] = k
                     count += 1
     return count, inner
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def collect_ball(
+    vertices: FloatArray,
+    indptr: IntArray,
+    indices: IntArray,
+    stops: BoolArray,
+    center: int,
+    radius: float,
+    visited: IntArray,
+    members: IntArray,
+) -> tuple[int, int, int, int]:
+    """Breadth-first search from one vertex that does not leave the ball of a radius around it.
+
+    Another sheet of the surface, or its other side, may lie within the radius, too: what the
+    search cannot reach inside the ball does not belong to the neighbourhood.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64
+        Coordinates.
+    indptr, indices, stops, center, visited, members
+        As in `collect_ring`.
+    radius : float
+        A length.
+
+    Returns
+    -------
+    count, inner, neighbours, rings : int
+        How many vertices were written, how many of them lie within ``rings - 1`` edges and, after
+        the center, within one, and the number of rings that the search went through.
+    """
+    members[0] = center
+    visited[center] = center
+    count, inner, neighbours, rings = 1, 0, 0, 0
+    x, y, z = vertices[center]
+    while True:
+        start, stop = inner, count
+        for a in range(start, stop):
+            j = members[a]
+            if stops[j] and a > 0:
+                continue
+            for q in range(indptr[j], indptr[j + 1]):
+                k = indices[q]
+                if visited[k] == center:
+                    continue
+                visited[k] = center
+                dx, dy, dz = vertices[k, 0] - x, vertices[k, 1] - y, vertices[k, 2] - z
+                if dx * dx + dy * dy + dz * dz <= radius * radius:
+                    members[count] = k
+                    count += 1
+        if count == stop:
+            return count, inner, neighbours, rings
+        inner = stop
+        rings += 1
+        if rings == 1:
+            neighbours = count - 1
 
 
 @njit(cache=True, nogil=True)

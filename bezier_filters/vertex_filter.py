@@ -27,7 +27,9 @@ from bezier_filters.mesh_colors import check_limits, color_by_quality, find_colo
 from bezier_filters.meshset import (
     BezierFilterError,
     CurrentMesh,
+    Length,
     MeshSet,
+    absolute_length,
     current_mesh,
     preserved_filter_script,
     read_current_mesh,
@@ -68,9 +70,11 @@ class FitOptions:
     """Arguments for `estimate_vertex_geometry`."""
 
     rings: int | Automatic
+    radius: Length | None
     alpha: float | Automatic
     degree: int | Automatic
     smoothness: Smoothness
+    robust: bool
     threads: int | None
     progress: Progress | None
 
@@ -182,9 +186,11 @@ def _estimate(mesh: CurrentMesh, mask: BoolArray, fit: FitOptions) -> VertexGeom
             mesh.faces,
             normals=None if len(mesh.faces) else _finite(mesh.vertex_normals),
             rings=fit.rings,
+            radius=None if fit.radius is None else absolute_length(fit.radius, mesh.vertices),
             alpha=fit.alpha,
             degree=fit.degree,
             smoothness=fit.smoothness,
+            robust=fit.robust,
             selected=None if mask.all() else mask,
             threads=fit.threads,
             progress=fit.progress,

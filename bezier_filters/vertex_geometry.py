@@ -36,7 +36,7 @@ class FitChoice:
     Attributes
     ----------
     rings : int
-        Size of the neighbourhood in edges; some vertices may have needed another one.
+        Size of the neighbourhood in edges; some vertices may have needed another one. 0 if `radius` says it.
     degree : int
         Degree of the patch, or total degree of the polynomial where `alpha` is None.
     alpha : float or None
@@ -46,6 +46,8 @@ class FitChoice:
     parts : tuple of FitPart
         Where noise or shape vary, the choices for the parts of the surface; the above is then the
         one choice that would be best for all of it.
+    radius : float or None
+        Of the ball that is the neighbourhood of a vertex, a length; None where it has a number of rings.
     """
 
     rings: int
@@ -53,6 +55,7 @@ class FitChoice:
     alpha: float | None
     noise_sigma: float | None
     parts: tuple[FitPart, ...] = ()
+    radius: float | None = None
 
 
 @dataclass(frozen=True)
@@ -87,7 +90,7 @@ class VertexGeometry:
         Standard errors of H, 1/length, and K, 1/length^2. Like `normal_std` they follow from the
         noise and the smoothness that were learned from the mesh, and are 0 where alpha was given.
     rings_used : (n,) int32
-        Number of rings of the neighbourhood that was fitted, 0 where nothing was.
+        Number of rings of the neighbourhood that was fitted, or that its ball goes through; 0 where nothing was.
     status : (n,) int32
         `FitStatus` codes.
     fit : FitChoice

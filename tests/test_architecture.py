@@ -22,7 +22,7 @@ surface_model
 plans
 learning model_tree
 fallbacks
-adaptive_fit
+adaptive_fit ball_fit
 estimation
 baselines
 meshset

@@ -85,6 +85,11 @@ def test_formats_without_quality_are_written_with_a_note(tmp_path):
             "quality: got 'gauss', expected 'mean'",
         ),
         (["curvature", SAMPLES / "waves.ply", "out.ply", "--alpha", "2"], "alpha: got 2.0"),
+        (["curvature", SAMPLES / "waves.ply", "out.ply", "--radius", "nan"], "radius: got nan, expected a positive"),
+        (
+            ["curvature", SAMPLES / "waves.ply", "out.ply", "--radius", "1", "--rings", "3"],
+            "radius: got 1.0 and rings=3; give one of them, not both",
+        ),
         (["curvature", SAMPLES / "waves.ply", "out.ply", "--smoothness", "x"], "smoothness: got 'x'"),
         (["curvature", SAMPLES / "waves.ply", "out.ply", "--colormap", "jet"], "colormap: got 'jet'"),
         (["curvature", SAMPLES / "generate.py", "out.ply"], "cannot read"),
@@ -111,6 +116,34 @@ def test_numbers_may_be_auto_and_nothing_else(tmp_path):
     assert "got 'two', expected a number or auto" in " ".join(result.stderr.replace("│", "").split())
     result = run("torsion", SAMPLES / "waves.ply", tmp_path / "w.ply", "--rings", 3, "--alpha", "auto", "--json")
     assert json.loads(result.stdout)["fit"]["rings"] == 3
+
+
+def test_robust_fits(tmp_path):
+    target = tmp_path / "t.ply"
+    residuals = []
+    for option in ("--robust", "--no-robust"):
+        assert run("torsion", SAMPLES / "waves.ply", target, "--rings", 3, option).returncode == 0
+        residuals.append(read_fields(target)["bz_residual"])
+    assert not np.array_equal(*residuals)
+
+
+def test_a_radius_is_a_length_or_a_percentage_of_the_diagonal(tmp_path):
+    diagonal = load(SAMPLES / "torus.ply").current_mesh().bounding_box().diagonal()
+    target = tmp_path / "t.ply"
+    absolute = json.loads(run("curvature", SAMPLES / "torus.ply", target, "--radius", 0.1 * diagonal, "--json").stdout)
+    assert absolute["fit"]["radius"] == pytest.approx(0.1 * diagonal)
+    expected = read_fields(target)["quality"]
+    result = run("curvature", SAMPLES / "torus.ply", target, "--radius", "10%")
+    assert f"fitted within a radius of {0.1 * diagonal:.4g} (length), degree" in result.stdout
+    np.testing.assert_allclose(read_fields(target)["quality"], expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("radius", ["wide", "150%", "0%", "-1%", "nan%", "%"])
+def test_a_radius_that_is_neither_is_refused(radius, tmp_path):
+    result = run("torsion", SAMPLES / "waves.ply", tmp_path / "w.ply", f"--radius={radius}")
+    assert result.returncode == 2
+    text = " ".join(result.stderr.replace("│", "").split())
+    assert f"got '{radius}', expected a length such as 0.5, or a percentage such as 2%" in text
 
 
 def test_wrong_usage_ends_with_status_2():

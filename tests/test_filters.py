@@ -236,6 +236,55 @@ class TestValues:
         assert np.array_equal(ms.current_mesh().vertex_matrix(), before)
 
 
+@pytest.mark.parametrize("function", FILTERS)
+def test_robust_fits_are_those_of_the_estimate(function):
+    ms = sphere()
+    mesh = ms.current_mesh()
+    expected = estimate_vertex_geometry(mesh.vertex_matrix(), mesh.face_matrix(), rings=3, alpha=0.8, robust=True)
+    function(ms, rings=3, alpha=0.8, robust=True)
+    assert np.array_equal(array(ms, "bz_residual"), expected.residual)
+    function(ms, rings=3, alpha=0.8)
+    assert not np.array_equal(array(ms, "bz_residual"), expected.residual)
+
+
+class TestRadius:
+    @pytest.mark.parametrize("function", FILTERS)
+    def test_a_percentage_is_one_of_the_diagonal_of_the_bounding_box(self, function):
+        results = []
+        for radius in (pymeshlab.PercentageValue(20), pymeshlab.PureValue(0.2 * 4 * 3**0.5), 0.2 * 4 * 3**0.5):
+            ms = sphere(radius=2.0)  # of diagonal 4 sqrt(3)
+            result = function(ms, radius=radius)
+            assert result["fit"]["radius"] == pytest.approx(0.2 * 4 * 3**0.5)
+            assert result["fit"]["rings"] == 0
+            assert json.loads(json.dumps(result)) == result
+            results.append(ms.current_mesh().vertex_scalar_array())
+            assert (array(ms, "bz_rings_used") >= 4).all()
+        np.testing.assert_allclose(results[0], results[1], atol=1e-9)
+        np.testing.assert_array_equal(results[1], results[2])
+
+    def test_the_diagonal_is_that_of_pymeshlab(self, textured):
+        mesh = textured.current_mesh()
+        expected = 0.05 * mesh.bounding_box().diagonal()
+        result = compute_normal_by_bezier_patch_per_vertex(textured, radius=pymeshlab.PercentageValue(5))
+        assert result["fit"]["radius"] == pytest.approx(expected)
+
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            ({"radius": pymeshlab.PercentageValue(0)}, r"radius: got 0\.0, expected a positive length"),
+            ({"radius": pymeshlab.PureValue(-2)}, r"radius: got -2\.0, expected a positive length"),
+            ({"radius": "2%"}, r"radius: got '2%', expected a positive length"),
+            ({"radius": 0.5, "rings": 3}, r"radius: got 0\.5 and rings=3; give one of them, not both"),
+        ],
+    )
+    def test_what_is_refused(self, options, message):
+        ms = sphere()
+        before = mesh_state(ms)
+        with pytest.raises(BezierFilterError, match=message):
+            compute_curvature_by_bezier_patch_per_vertex(ms, **options)
+        assert not changed(before, mesh_state(ms))
+
+
 class TestReport:
     def test_report(self, textured):
         result = compute_curvature_by_bezier_patch_per_vertex(textured, color=True, percentile=5.0)
