@@ -27,7 +27,7 @@ ENOUGH_POINTS = 0.75
 QUADRATIC = PatchFit(degree=2, alpha=0.1)
 """Practically a plain quadratic: six coefficients that six well-placed points determine."""
 
-ROBUST_ROUNDS = 10
+ROBUST_ROUNDS = 5
 """Most rounds of reweighting; nearly all neighbourhoods settle after two or three."""
 
 
