@@ -1,7 +1,7 @@
 """Errors on a shape of uneven curvature whose truth is known: the bunny as a Loop subdivision surface.
 
 The bunny is remeshed on some of its vertices and subdivided; normals and curvatures of the limit are
-exact. Ears and toes beside smooth flanks are what one choice for the whole mesh finds hardest.
+exact. Ears and toes beside smooth flanks are what a choice for all of them finds hardest.
 Noise is Gaussian, along the normal, in mean edges. Errors: normals, mean angle in degrees; H and K,
 sum of the differences over sum of the truth, both by absolute value. Prints tables and writes
 uneven_shape.csv.

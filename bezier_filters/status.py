@@ -15,7 +15,7 @@ class FitStatus(IntEnum):
 
     OK = 0, "fitted as asked"
     WIDER_RING = 1, "fitted on more rings than most: too few or badly placed points, as at a boundary"
-    NARROWER_RING = 2, "fitted on fewer rings than chosen: the wider ones fold in the projection"
+    NARROWER_RING = 2, "fitted on fewer rings than most: the wider ones fold in the projection"
     OTHER_PLANE = 3, "fitted over another plane: the projection along the vertex normal folds"
     ONE_RING = 4, "quadratic fit of the 1-ring: wider neighbourhoods fold in every plane"
     LOWER_DEGREE = 5, "quadratic fit: too few or badly placed points for the patch asked for"
