@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.arrays import IntArray
 from bezier_filters.fallbacks import fit_with_fallbacks, planned_chain
 from bezier_filters.fit_kernel import KernelMesh
 from bezier_filters.model_tree import Leaf, grow, leaf_numbers, leaves
@@ -70,10 +70,12 @@ def fit_adaptively(
         progress=_of_wanted(progress, len(ids)),
     )
     choice = FitChoice(root.chosen.rings, root.chosen.degree, None, root.surface.sigma)
-    tree = grow(root, analyses, _features(geometry), choices)
+    # What the parts are told apart by, from the first fit: curvedness and residual.
+    features = np.column_stack([geometry.curvedness, geometry.residual])
+    tree = grow(root, analyses, features, choices)
     if isinstance(tree, Leaf):
         return choice
-    numbers = leaf_numbers(tree, _features(geometry)[ids])
+    numbers = leaf_numbers(tree, features[ids])
     parts = []
     for number, leaf in enumerate(leaves(tree)):
         part = ids[numbers == number]
@@ -88,12 +90,6 @@ def fit_adaptively(
         )
         parts.append(FitPart(len(part), leaf.chosen.rings, leaf.chosen.degree, leaf.surface.sigma))
     return replace(choice, parts=tuple(parts))
-
-
-def _features(geometry: VertexGeometry) -> FloatArray:
-    """Curvedness and residual of the first fit, (n, 2): what the parts are told apart by."""
-    features: FloatArray = np.column_stack([geometry.curvedness, geometry.residual])
-    return features
 
 
 def _of_wanted(progress: Progress | None, total: int) -> Progress | None:

@@ -144,7 +144,7 @@ def _log_likelihood(analysis: RingAnalysis, rows: BoolArray) -> float:
     """Of Gaussian terms of degree 3 and more and a Gaussian rest, each with its own variance."""
     free = harmonic_basis().up_to(FREE_DEGREE)
     groups = harmonic_basis().groups[free : analysis.parts.shape[1]]
-    groups = groups - groups.min(initial=groups[-1] if len(groups) else 0)
+    groups = groups - harmonic_basis().groups[free]
     sums = np.bincount(groups, weights=np.square(analysis.parts[rows, free:]).sum(axis=0))
     counts = np.bincount(groups) * rows.sum()
     sums = np.append(sums, analysis.residuals[rows, -1].sum())

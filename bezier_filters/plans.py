@@ -24,6 +24,8 @@ RIDGE = 1e-14
 """Of the largest entry of the normal equations: makes singular ones solvable, whose errors are then huge."""
 GOOD_ENOUGH = 1.05
 """Of the choices whose predicted error is within this factor of the smallest, the fastest is taken."""
+_WANTED = np.arange(1, 6)
+"""Places of the two slopes, x^2 - y^2, 2 x y and x^2 + y^2 among the terms."""
 
 
 @dataclass(frozen=True)
@@ -218,10 +220,6 @@ def _calibrated(surface: SurfaceModel, ring: RingModel, plan: FitPlan) -> FitPla
     claimed = covariance[:2].sum(), covariance[2:].sum()
     normal, curvature = (float(np.sqrt(e / c)) for e, c in zip(expected, claimed, strict=True))
     return replace(plan, normal_noise=normal, curvature_noise=curvature)
-
-
-_WANTED = np.arange(1, 6)
-"""Places of the two slopes, x^2 - y^2, 2 x y and x^2 + y^2 among the terms."""
 
 
 @dataclass(frozen=True)

@@ -20,10 +20,10 @@ FEWEST_RINGS_FOR_NOISE = 2
 """Narrower rings leave too few points for a fit of high degree to tell noise from shape."""
 PRIOR_RANGE = 8.0
 """Standard errors over which a variance is as likely, beforehand, as it is to be nothing at all."""
-SURELY = 4.0
-"""Standard errors by which one estimate of a variance must be above another to be taken instead."""
 CAUTIOUS_RANGE = 4.0
 """The same for standard errors, which had better be too large than too small."""
+SURELY = 4.0
+"""Standard errors by which one estimate of a variance must be above another to be taken instead."""
 CERTAIN = 30.0
 """Standard errors beyond which an estimate is taken as it is."""
 
@@ -38,7 +38,7 @@ class RingModel:
     variances : (M,) float64
         Of the terms, for coordinates in units of the radius, length^2; 0 for the free degrees.
     cautious : (M,) float64
-        The same if every term is taken to be there: what may be, for standard errors.
+        The same with less doubt that a term is there at all: what may be, for standard errors.
     unmodelled : float
         Mean square of the heights that is neither noise nor any of the terms, length^2.
     """

@@ -1,7 +1,6 @@
-import inspect
+"""The filters on a MeshSet: what they write, what they leave alone, and what they refuse."""
+
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +17,8 @@ from bezier_filters.filters import (
     compute_torsion_by_bezier_patch_per_vertex,
 )
 from bezier_filters.meshset import BezierFilterError
-from bezier_filters.registration import FILTERS, register
+from bezier_filters.registration import FILTERS
 from bezier_filters.status import FitStatus
-from bezier_filters.surfaces import torus
 
 SAMPLES = Path(pymeshlab.__file__).parent / "tests" / "sample_meshes"
 DIAGNOSTICS = {"bz_fit_status", "bz_rings_used", "bz_residual"}
@@ -38,10 +36,6 @@ CURVATURE_ATTRIBUTES = {
     *(f"bz_direction_{end}_{axis}" for end in ("min", "max") for axis in "xyz"),
     *DIAGNOSTICS,
 }
-
-
-def point_cloud_mesh(surface, normals):
-    return pymeshlab.Mesh(vertex_matrix=surface.vertices, v_normals_matrix=normals)
 
 
 def load(name):
@@ -487,59 +481,6 @@ class TestFailure:
         assert not (left and runs)
 
 
-class TestPointClouds:
-    @pytest.fixture
-    def surface(self):
-        return torus(resolution=24, jitter=0.3)
-
-    def cloud(self, surface, normals=None):
-        ms = pymeshlab.MeshSet()
-        ms.add_mesh(pymeshlab.Mesh(surface.vertices) if normals is None else point_cloud_mesh(surface, normals))
-        return ms
-
-    @pytest.mark.parametrize("function", FILTERS)
-    def test_every_filter_fits_and_colours_points(self, surface, function):
-        ms = self.cloud(surface)
-        before = mesh_state(ms)
-        result = function(ms, color=True)
-        assert set(result["status"]) <= {"OK", "WIDER_RING"}
-        assert sum(result["status"].values()) == len(surface.vertices)
-        written = {f"0: {name}" for name in result["attributes"]}
-        sets_normals = function is compute_normal_by_bezier_patch_per_vertex  # their angle to none before is 0
-        own = "0: vertex_normal_matrix" if sets_normals else "0: vertex_scalar_array"
-        assert changed(before, mesh_state(ms)) == written | {own, "0: vertex_color_matrix"}
-
-    def test_values_are_those_of_the_points(self, surface):
-        ms = self.cloud(surface)
-        compute_curvature_by_bezier_patch_per_vertex(ms, quality="gaussian")
-        expected = estimate_vertex_geometry(surface.vertices, None).gaussian_curvature
-        np.testing.assert_array_equal(ms.current_mesh().vertex_scalar_array(), expected)
-
-    @pytest.mark.parametrize("sign", [1, -1])
-    def test_normals_of_the_cloud_tell_the_outside(self, surface, sign):
-        ms = self.cloud(surface, 2.0 * sign * surface.normals)
-        compute_normal_by_bezier_patch_per_vertex(ms)
-        normals = ms.current_mesh().vertex_normal_matrix()
-        np.testing.assert_allclose(np.einsum("ij,ij->i", normals, surface.normals), sign, atol=1e-3)
-
-    def test_normals_that_are_not_finite_tell_nothing(self, surface):
-        unknown = np.zeros_like(surface.vertices)
-        unknown[::2] = np.nan
-        ms = self.cloud(surface, unknown)
-        compute_normal_by_bezier_patch_per_vertex(ms)
-        outward = np.einsum("ij,ij->i", ms.current_mesh().vertex_normal_matrix(), surface.normals)
-        assert outward.min() > 0.9
-
-    def test_selected_points_alone(self, surface):
-        ms = self.cloud(surface)
-        ms.compute_selection_by_condition_per_vertex(condselect="x > 0")
-        result = compute_curvature_by_bezier_patch_per_vertex(ms, onselected=True)
-        selected = surface.vertices[:, 0] > 0
-        assert result["status"].pop("SKIPPED") == (~selected).sum()
-        assert sum(result["status"].values()) == selected.sum()
-        assert not ms.current_mesh().vertex_scalar_array()[~selected].any()
-
-
 class TestProgress:
     def test_progress_reaches_the_total(self, textured):
         calls = []
@@ -560,41 +501,3 @@ def test_sample_meshes(name, function):
     assert np.isfinite(mesh.vertex_scalar_array()).all()
     for attribute in result["attributes"]:
         assert np.isfinite(array(ms, attribute)).all()
-
-
-class TestRegistration:
-    @pytest.fixture(autouse=True)
-    def registered(self):
-        register()
-        yield
-        for function in FILTERS:
-            delattr(pymeshlab.MeshSet, function.__name__)
-
-    def test_methods_have_signature_and_docstring(self):
-        for function in FILTERS:
-            method = getattr(pymeshlab.MeshSet(), function.__name__)
-            assert "alpha" in inspect.signature(method).parameters
-            assert "ms" not in inspect.signature(method).parameters
-            assert method.__doc__ == function.__doc__
-
-    def test_methods_work(self):
-        ms = sphere()
-        assert ms.compute_curvature_by_bezier_patch_per_vertex(quality="max")["quality"] == "max"
-
-    def test_registering_twice_changes_nothing(self):
-        before = {function.__name__: getattr(pymeshlab.MeshSet, function.__name__) for function in FILTERS}
-        register()
-        assert before == {name: getattr(pymeshlab.MeshSet, name) for name in before}
-
-    def test_a_foreign_attribute_is_not_overwritten(self, monkeypatch):
-        name = FILTERS[1].__name__
-        monkeypatch.setattr(pymeshlab.MeshSet, name, print)
-        with pytest.raises(BezierFilterError, match=name):
-            register()
-        assert getattr(pymeshlab.MeshSet, name) is print
-
-
-def test_importing_registers_nothing():
-    code = "import pymeshlab, bezier_filters.registration; print(hasattr(pymeshlab.MeshSet, {!r}))"
-    command = [sys.executable, "-c", code.format(FILTERS[0].__name__)]
-    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "False\n"
