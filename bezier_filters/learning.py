@@ -10,7 +10,7 @@ from bezier_filters.surface_model import learn_model
 CANDIDATE_RINGS = (1, 2, 3, 4, 5, 6, 8, 10)
 NEAR_RINGS = 5
 """Most meshes need no wider rings than these, of which many neighbourhoods can be afforded."""
-SAMPLES = {1: 600, 2: 600, 3: 600, 4: 500, 5: 400, 6: 300, 8: 240, 10: 180}
+SAMPLES = {1: 400, 2: 400, 3: 400, 4: 300, 5: 240, 6: 200, 8: 160, 10: 120}
 """Neighbourhoods analysed per ring: the wider, the more points each has."""
 MOST_TURNED = 0.02
 """Share of the vertices of a neighbourhood whose normals noise may turn away from its plane."""

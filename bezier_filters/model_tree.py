@@ -24,7 +24,7 @@ WORTHWHILE = 0.1
 """Mean logarithm of the predicted error that a split must save."""
 DEEPEST = 3
 """Splits above each leaf."""
-MOST_TRIED = 2
+MOST_TRIED = 1
 """Likeliest splits whose models are learned."""
 
 

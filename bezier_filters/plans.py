@@ -1,6 +1,6 @@
 """Which neighbourhood, degree and weight to fit with: predicted errors of all the choices."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +24,8 @@ RIDGE = 1e-14
 """Of the largest entry of the normal equations: makes singular ones solvable, whose errors are then huge."""
 GOOD_ENOUGH = 1.05
 """Of the choices whose predicted error is within this factor of the smallest, the fastest is taken."""
+MUCH_WORSE = 1.3
+"""Once a lower degree has raised the predicted error by this factor, no lower one is tried."""
 _WANTED = np.arange(1, 6)
 """Places of the two slopes, x^2 - y^2, 2 x y and x^2 + y^2 among the terms."""
 
@@ -129,12 +131,24 @@ def ring_plans(surface: SurfaceModel, ring: RingModel, degrees: Sequence[int] = 
     """
     if len(degrees) > 1:
         degrees = [degree for degree in degrees if degree <= ring.analysis.degree]
-    plans = [_plan(surface, ring, degree) for degree in degrees]
+    plans = _from_the_highest(degrees, lambda degree: _plan(surface, ring, degree))
     if plans:
         best = best_plan(plans).degree
         plans += [_plan(surface, ring, best, strength) for strength in WEAKER_PRIORS]
     if ring.analysis.rings <= WEIGHTED_RINGS:
-        plans += [plan for plan in (_weighted_plan(surface, ring, degree) for degree in degrees) if plan]
+        plans += _from_the_highest(degrees, lambda degree: _weighted_plan(surface, ring, degree))
+    return plans
+
+
+def _from_the_highest(degrees: Sequence[int], plan_of: Callable[[int], FitPlan | None]) -> list[FitPlan]:
+    """Plans of ever lower degree, as long as they are not much worse."""
+    plans: list[FitPlan] = []
+    for degree in sorted(degrees, reverse=True):
+        plan = plan_of(degree)
+        if plan is not None:
+            plans.append(plan)
+            if plan.error > MUCH_WORSE * min(other.error for other in plans):
+                break
     return plans
 
 
@@ -271,7 +285,9 @@ def _squared_errors(
     surface: SurfaceModel, ring: RingModel, equations: _Equations, variances: FloatArray
 ) -> tuple[float, float]:
     """Mean squared errors of the slopes and of the second-degree coefficients, in units of the radius, length^2."""
-    solver = np.linalg.solve(equations.normal_matrices, equations.weighted.transpose(0, 2, 1))[:, _WANTED]
+    wanted = np.eye(equations.normal_matrices.shape[1])[:, _WANTED]  # the matrices are symmetric
+    inverse_rows = np.linalg.solve(equations.normal_matrices, wanted).transpose(0, 2, 1)
+    solver = inverse_rows @ equations.weighted.transpose(0, 2, 1)
     transfer = solver @ equations.design
     transfer[:, np.arange(5), _WANTED] -= 1.0
     passed = (np.square(solver) * (surface.sigma**2 + equations.rest)).sum(axis=2)

@@ -18,7 +18,7 @@ FREE_DEGREE = 2
 """Height, slope and curvature are what we are after: no prior touches them."""
 FEWEST_SAMPLES = 12
 FEWEST_POINTS_PER_COEFFICIENT = 1.2
-FIRST = 24
+FIRST = 16
 """Neighbourhoods by which plans are compared."""
 CANCELLED = 0.3
 """A column that keeps less than this of its length has lost digits."""

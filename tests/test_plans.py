@@ -7,6 +7,7 @@ import pytest
 from random_neighbourhoods import as_sample, draw, fit_stars, variances_by_degree
 
 from bezier_filters import FitStatus, estimate_vertex_geometry
+from bezier_filters import plans as plans_module
 from bezier_filters.plans import GOOD_ENOUGH, WEIGHTED_RINGS, FitPlan, all_plans, best_plan, plan_for, ring_plans
 from bezier_filters.ring_analysis import analyse_ring
 from bezier_filters.surface_model import RingModel, SurfaceModel
@@ -41,8 +42,9 @@ def errors_of_the_kernel(plan, drawn):
 
 @pytest.mark.parametrize("radius", [1.0, 0.1])
 @pytest.mark.parametrize(("variances", "sigma"), [CALM, BETWEEN, ROUGH], ids=["calm", "between", "rough"])
-def test_predicted_errors_are_those_of_the_kernel(variances, sigma, radius):
-    """For every degree, prior and weight that would be tried."""
+def test_predicted_errors_are_those_of_the_kernel(variances, sigma, radius, monkeypatch):
+    """For every degree, prior and weight that could be tried."""
+    monkeypatch.setattr(plans_module, "MUCH_WORSE", np.inf)
     drawn = draw(COUNT, SIZE, variances, sigma, radius=radius, seed=4)
     model = surface_model(drawn.points, variances, sigma)
     plans = ring_plans(model, model.by_rings[0])
@@ -56,7 +58,8 @@ def test_predicted_errors_are_those_of_the_kernel(variances, sigma, radius):
         assert max(errors) > 1.3 * min(errors), "the plans differ by more than the tolerance"
 
 
-def test_weights_are_tried_where_a_degree_leaves_much_out_and_help_there():
+def test_weights_are_tried_where_a_degree_leaves_much_out_and_help_there(monkeypatch):
+    monkeypatch.setattr(plans_module, "MUCH_WORSE", np.inf)
     drawn = draw(200, SIZE, *ROUGH)
     plans = ring_plans(model := surface_model(drawn.points, *ROUGH), model.by_rings[0])
     weighted = [plan for plan in plans if np.isfinite(plan.weight_radius)]
@@ -67,6 +70,16 @@ def test_weights_are_tried_where_a_degree_leaves_much_out_and_help_there():
     assert not any(np.isfinite(plan.weight_radius) and plan.degree > 2 for plan in ring_plans(calm, calm.by_rings[0]))
     wide = surface_model(drawn.points, *ROUGH, rings=WEIGHTED_RINGS + 1)
     assert all(np.isinf(plan.weight_radius) for plan in ring_plans(wide, wide.by_rings[0]))
+
+
+@pytest.mark.parametrize(("variances", "sigma"), [CALM, BETWEEN, ROUGH], ids=["calm", "between", "rough"])
+def test_degrees_that_are_not_tried_would_not_be_chosen(variances, sigma, monkeypatch):
+    model = surface_model(draw(200, SIZE, variances, sigma).points, variances, sigma)
+    found = best_plan(tried := ring_plans(model, model.by_rings[0]))
+    monkeypatch.setattr(plans_module, "MUCH_WORSE", np.inf)
+    every = ring_plans(model, model.by_rings[0])
+    assert found.error == pytest.approx(best_plan(every).error, rel=GOOD_ENOUGH - 1.0)
+    assert (len(tried) < len(every)) == (variances is ROUGH[0]), "only there low degrees are much worse"
 
 
 def test_the_learned_prior_is_better_than_any_other_factor_of_it():
