@@ -4,7 +4,7 @@ MESH ?=
 OUT ?= out
 SOURCES := pyproject.toml
 
-.PHONY: help demo test check bench clean
+.PHONY: help demo test test-slow check bench clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
@@ -14,6 +14,9 @@ demo: .venv/ready  ## curvature, torsion and normals of the bunny (or MESH=file)
 
 test: .venv-dev/ready  ## run the test suite
 	.venv-dev/bin/python -m pytest
+
+test-slow: .venv-dev/ready  ## run the tests that take long
+	.venv-dev/bin/python -m pytest -m slow
 
 check: .venv-dev/ready  ## style (ruff) and types (mypy)
 	.venv-dev/bin/ruff check .

@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import bezier_filters
 
 CODE = """
@@ -26,6 +28,7 @@ def run(folder):
     )
 
 
+@pytest.mark.slow
 def test_first_compilation_is_announced_and_cached(tmp_path):
     source = Path(bezier_filters.__file__).parent
     shutil.copytree(source, tmp_path / "bezier_filters", ignore=shutil.ignore_patterns("__pycache__"))

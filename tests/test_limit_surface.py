@@ -16,7 +16,7 @@ def coarse(make):
     return surface.vertices[kept], faces
 
 
-@pytest.mark.parametrize("make", [bumpy_star, torus])
+@pytest.mark.parametrize("make", [pytest.param(bumpy_star, marks=pytest.mark.slow), torus])
 def test_truth_does_not_change_with_another_subdivision(make):
     """The vertices of the coarser mesh are vertices of the finer one, at the same points of the limit."""
     vertices, faces = coarse(make)
