@@ -7,7 +7,7 @@ import numpy as np
 
 from bezier_filters.arrays import IntArray
 from bezier_filters.fallbacks import fit_with_fallbacks, planned_chain
-from bezier_filters.fit_kernel import KernelMesh
+from bezier_filters.kernel_input import KernelMesh
 from bezier_filters.model_tree import Leaf, grow, leaf_numbers, leaves
 from bezier_filters.parallel import Progress
 from bezier_filters.plans import Choices

@@ -5,8 +5,8 @@ import numpy as np
 from bezier_filters.adjacency import Adjacency
 from bezier_filters.arrays import IntArray
 from bezier_filters.fallbacks import fallback_chain, fit_with_fallbacks, planned_chain
-from bezier_filters.fit_kernel import KernelMesh
 from bezier_filters.fitting import PatchFit
+from bezier_filters.kernel_input import KernelMesh
 from bezier_filters.learning import CANDIDATE_RINGS, MOST_TURNED, analyse_rings
 from bezier_filters.model_tree import Leaf, leaf_of
 from bezier_filters.neighbourhood_samples import sample_neighbourhoods

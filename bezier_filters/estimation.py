@@ -15,9 +15,10 @@ from bezier_filters.compilation import announce_first_compilation
 from bezier_filters.creases import crease_vertices
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.fallbacks import fallback_chain, fit_with_fallbacks
-from bezier_filters.fit_kernel import KernelMesh, fit_vertices, kernel_mesh
 from bezier_filters.fitting import PatchFit
 from bezier_filters.frames import tangent_planes
+from bezier_filters.kernel_input import KernelMesh, kernel_mesh
+from bezier_filters.lane_kernel import fit_in_lanes
 from bezier_filters.learning import analyse_rings
 from bezier_filters.mesh import TriangleMesh, triangle_mesh
 from bezier_filters.model_tree import leaf_of
@@ -140,7 +141,7 @@ def estimate_vertex_geometry(
     ids = _selected_ids(selected, mesh.vertex_count)
     threads = thread_count(threads)
 
-    announce_first_compilation(fit_vertices)
+    announce_first_compilation(fit_in_lanes)
     if mesh.face_count:
         adjacency = vertex_adjacency(mesh)
         planes = tangent_planes(mesh, adjacency, threads=threads)

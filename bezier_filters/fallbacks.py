@@ -4,14 +4,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numba import config
 
 from bezier_filters.arrays import IntArray
-from bezier_filters.fit_kernel import FITTED, FOLDED, ILL_POSED, KernelFit, KernelMesh, fit_vertices
 from bezier_filters.fitting import PatchFit
 from bezier_filters.jets import GraphGeometry
+from bezier_filters.kernel_input import FITTED, FOLDED, ILL_POSED, KernelFit, KernelMesh
+from bezier_filters.lane_kernel import fit_in_lanes
 from bezier_filters.learning import MOST_TURNED
 from bezier_filters.parallel import Progress, RangeTask, run_in_chunks
 from bezier_filters.plans import FitPlan
+from bezier_filters.polynomials import elimination_order, lexicographic_places, row_starts
+from bezier_filters.scalar_kernel import fit_vertices
 from bezier_filters.status import FitStatus
 from bezier_filters.uncertainty import StandardErrors
 from bezier_filters.vertex_geometry import VertexGeometry
@@ -196,9 +200,13 @@ def _run(
     )
     errors = StandardErrors(geometry.normal_std, geometry.mean_curvature_std, geometry.gaussian_curvature_std)
 
+    # Lanes are compiled code only; reweighting by residuals takes each vertex its own number of rounds.
+    compiled = not config.DISABLE_JIT  # type: ignore[attr-defined]
+    kernel = fit_in_lanes if compiled and not fit.rounds else fit_vertices
+
     def make_task() -> RangeTask:
         visited, members = np.full(n, -1, dtype=np.int32), np.empty(n, dtype=np.int32)
-        return lambda start, stop: fit_vertices(
+        return lambda start, stop: kernel(
             mesh,
             fit,
             ids,
@@ -220,19 +228,23 @@ def _run(
 def kernel_fit(attempt: Attempt, *, robust: bool = False) -> KernelFit:
     """What the kernel needs to know of one attempt."""
     fit = attempt.fit
-    lower = np.tril_indices(fit.space.dimension)
+    space = fit.space
+    order: IntArray = np.arange(space.dimension, dtype=np.int32)
+    if attempt.noise[0] > 0.0:
+        space, order = elimination_order(space)
+    lower = np.tril_indices(space.dimension)
     weight_scale, weight_power = 0.0, 0
-    moment_exponents, moment_place = fit.space.moments
+    moment_exponents, moment_place = space.moments
     if isinstance(fit, PatchFit):
-        fewest, square, penalty = fit.free_coefficients, fit.square, fit.monomial_penalty[lower]
+        fewest, square, penalty = fit.free_coefficients, fit.square, fit.monomial_penalty[np.ix_(order, order)][lower]
         prior, smallest_pivot = np.zeros(len(lower[0])), SMALLEST_PIVOT
     else:
         fewest, square, penalty = max(6, attempt.fewest_points), True, np.zeros(len(lower[0]))
         if np.isfinite(fit.weight_radius):
             weight_scale, weight_power = 1.0 / fit.weight_radius**2, fit.degree + 1
-        prior, smallest_pivot = fit.prior[lower], SMALLEST_PRIOR_PIVOT
+        prior, smallest_pivot = fit.prior[np.ix_(order, order)][lower], SMALLEST_PRIOR_PIVOT
     entries = np.flatnonzero(prior)
-    degrees = fit.space.total_degrees[lower[0]][entries]
+    degrees = space.total_degrees[lower[0]][entries]
     places: IntArray = entries[np.argsort(degrees, kind="stable")].astype(np.int32)
     return KernelFit(
         rings=attempt.rings,
@@ -242,8 +254,12 @@ def kernel_fit(attempt: Attempt, *, robust: bool = False) -> KernelFit:
         mean_plane=attempt.mean_plane,
         most_turned=attempt.most_turned,
         highest_power=2 * fit.degree,
-        exponents=fit.space.exponents,
+        any_axis=isinstance(fit, FitPlan),
+        exponents=space.exponents,
+        starts=row_starts(space.exponents),
+        lexicographic=lexicographic_places(space.exponents),
         moment_exponents=moment_exponents,
+        moment_starts=row_starts(moment_exponents),
         moment_place=moment_place,
         penalty=penalty,
         prior=prior[places],
@@ -252,7 +268,6 @@ def kernel_fit(attempt: Attempt, *, robust: bool = False) -> KernelFit:
         smallest_pivot=smallest_pivot,
         normal_noise=attempt.noise[0],
         curvature_noise=attempt.noise[1],
-        derivative_places=fit.space.places([(1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]),
         weight_scale=weight_scale,
         weight_power=weight_power,
         rounds=ROBUST_ROUNDS if robust and fit is not QUADRATIC else 0,

@@ -183,12 +183,19 @@ def farthest_direction(
     x, y, z : float
         Zero if every neighbour projects onto the center.
     """
-    farthest = 0.0
+    farthest, second = 0.0, 0.0
+    bx, by, bz = 0.0, 0.0, 0.0
     for a in range(1, neighbours + 1):
         x, y, z = _projected_edge(vertices, members[0], members[a], nx, ny, nz)
-        farthest = max(farthest, x * x + y * y + z * z)
+        square = x * x + y * y + z * z
+        if square > farthest:
+            farthest, second = square, farthest
+            bx, by, bz = x, y, z
+        else:
+            second = max(second, square)
     length = np.sqrt(farthest)
-    bx, by, bz = 0.0, 0.0, 0.0
+    if second <= (1.0 - TIE) * farthest:
+        return (bx / length, by / length, bz / length) if farthest > 0.0 else (0.0, 0.0, 0.0)
     best = (-np.inf, -np.inf)
     tied = 0
     for a in range(1, neighbours + 1):
@@ -206,6 +213,16 @@ def farthest_direction(
                 bx, by, bz = x, y, z
                 best = other
     return bx, by, bz
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def direction_to(vertices: FloatArray, i: int, j: int, nx: float, ny: float, nz: float) -> tuple[float, float, float]:
+    """Unit projection of the edge from vertex i to vertex j, zero if it stands on edge."""
+    x, y, z = _projected_edge(vertices, i, j, nx, ny, nz)
+    length = np.sqrt(x * x + y * y + z * z)
+    if length == 0.0:
+        return 0.0, 0.0, 0.0
+    return x / length, y / length, z / length
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -1,7 +1,7 @@
 """Learns a surface from its neighbourhoods: ring after ring, as long as they promise something."""
 
 from bezier_filters.adjacency import Adjacency
-from bezier_filters.fit_kernel import KernelMesh
+from bezier_filters.kernel_input import KernelMesh
 from bezier_filters.neighbourhood_samples import sample_neighbourhoods
 from bezier_filters.plans import all_plans
 from bezier_filters.ring_analysis import RingAnalysis, analyse_ring

@@ -7,8 +7,8 @@ from numba import njit
 
 from bezier_filters.adjacency import Adjacency
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.fit_kernel import KernelMesh
 from bezier_filters.frames import farthest_direction, mean_normal, turned_share
+from bezier_filters.kernel_input import KernelMesh
 from bezier_filters.neighbourhoods import collect_ring
 
 

@@ -64,6 +64,23 @@ def total_degree_space(degree: int) -> PolynomialSpace:
     return PolynomialSpace(np.array(pairs, dtype=np.int32))
 
 
+def elimination_order(space: PolynomialSpace) -> tuple[PolynomialSpace, IntArray]:
+    """The same polynomials with the monomials x, y, x^2, x y and y^2 last, and where each monomial was."""
+    last = space.places([(1, 0), (0, 1), (2, 0), (1, 1), (0, 2)])
+    order = np.concatenate([np.setdiff1d(np.arange(space.dimension), last)[::-1], last]).astype(np.int32)
+    return PolynomialSpace(space.exponents[order]), order
+
+
+def row_starts(exponents: IntArray) -> IntArray:
+    """Where s^a t^0 is among all monomials s^a t^b in lexicographic order, for each a, and how many there are."""
+    return np.concatenate([[0], np.cumsum(np.bincount(exponents[:, 0]))]).astype(np.int32)
+
+
+def lexicographic_places(exponents: IntArray) -> IntArray:
+    """Where each monomial is in lexicographic order."""
+    return (row_starts(exponents)[exponents[:, 0]] + exponents[:, 1]).astype(np.int32)
+
+
 def monomials_from_bernstein(degree: int) -> FloatArray:
     """Matrix from the control heights of a patch to the coefficients of its `tensor_space`."""
     along_one = centred_monomials(degree)

@@ -6,8 +6,8 @@ from scipy.spatial import Delaunay
 from bezier_filters import FitStatus, triangle_mesh, vertex_adjacency
 from bezier_filters.estimation import empty_geometry
 from bezier_filters.fallbacks import Attempt, fit_with_fallbacks
-from bezier_filters.fit_kernel import FITTED, kernel_mesh
 from bezier_filters.frames import TangentPlanes
+from bezier_filters.kernel_input import FITTED, kernel_mesh
 
 
 def fit_over_plane_z(x, y, z, fit, rings, ids=None):

@@ -13,9 +13,10 @@ LAYERS = """
 _version arrays errors status bernstein dense parallel compilation atomic color_range
 mesh polynomials smoothness patch differential_geometry jets vertex_geometry surfaces
 adjacency boundary fields harmonics
-neighbourhoods frames fitting uncertainty diagnosis ply_columns orientation
-creases
-fit_kernel vertex_patch field_files point_cloud
+neighbourhoods frames fitting uncertainty diagnosis ply_columns orientation lanes
+creases kernel_input lane_algebra
+local_frames vertex_patch field_files point_cloud
+scalar_kernel lane_kernel
 neighbourhood_samples
 ring_analysis
 surface_model

@@ -13,10 +13,10 @@ import bezier_filters
 CODE = """
 from bezier_filters import estimate_vertex_geometry
 from bezier_filters.surfaces import sphere
-from bezier_filters.fit_kernel import fit_vertices
+from bezier_filters.lane_kernel import fit_in_lanes
 ball = sphere(resolution=3)
 estimate_vertex_geometry(ball.vertices, ball.faces)
-print(sum(fit_vertices.stats.cache_hits.values()), sum(fit_vertices.stats.cache_misses.values()))
+print(sum(fit_in_lanes.stats.cache_hits.values()), sum(fit_in_lanes.stats.cache_misses.values()))
 """
 
 

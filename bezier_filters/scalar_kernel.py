@@ -1,8 +1,7 @@
-"""The hot loop: fit a patch to the neighbourhood of each vertex and read its geometry off.
+"""The definition of a fit, one vertex at a time: the reference for `lane_kernel`, and the kernel of robust fits.
 
 Since the patch is a height field, one right-hand side is solved; since products of monomials are
 monomials, the normal matrix needs the moments of the points, not all pairs of basis functions.
-Every moment is a dot product over the points, which is where the time goes.
 """
 
 from typing import NamedTuple
@@ -10,10 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from bezier_filters.adjacency import Adjacency
-from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.dense import cholesky_solve, dot, powers
-from bezier_filters.frames import TangentPlanes, farthest_direction, folds, mean_normal, turned_share
 from bezier_filters.jets import (
     GraphGeometry,
     polynomial_derivatives,
@@ -21,75 +18,17 @@ from bezier_filters.jets import (
     write_extremalities,
     write_graph_geometry,
 )
-from bezier_filters.mesh import TriangleMesh
+from bezier_filters.kernel_input import FITTED, ILL_POSED, KernelFit, KernelMesh
+from bezier_filters.local_frames import write_frame
 from bezier_filters.neighbourhoods import collect_ball, collect_ring
-from bezier_filters.uncertainty import StandardErrors, write_standard_errors
+from bezier_filters.uncertainty import SEEN, StandardErrors, last_corner, write_standard_errors
 
-FITTED, NO_FRAME, FOLDED, ILL_POSED = 0, 1, 2, 3
-"""Outcomes of one attempt at one vertex."""
 BIWEIGHT = 4.685
 """Scales beyond which a residual has no weight: 95 % efficient for normal residuals."""
 SETTLED = 0.95
 """Reweighting goes on while the median residual falls below this share of the one before."""
 NORMAL_MEDIAN = 1.4826
 """Standard deviation of normal residuals over their median size."""
-
-
-class KernelMesh(NamedTuple):
-    """The arrays of a mesh that the kernel reads."""
-
-    vertices: FloatArray
-    faces: IntArray
-    face_ptr: IntArray
-    face_indices: IntArray
-    ring_ptr: IntArray
-    ring_indices: IntArray
-    normals: FloatArray
-    safe_cosine: FloatArray
-    stops: BoolArray  # where neighbourhoods end: see `collect_ring`
-
-
-def kernel_mesh(
-    mesh: TriangleMesh, adjacency: Adjacency, planes: TangentPlanes, stops: BoolArray | None = None
-) -> KernelMesh:
-    """Collect the arrays for the kernel."""
-    return KernelMesh(
-        mesh.vertices,
-        mesh.faces,
-        adjacency.faces.indptr,
-        adjacency.faces.indices,
-        adjacency.vertices.indptr,
-        adjacency.vertices.indices,
-        planes.normals,
-        planes.safe_cosine,
-        np.zeros(mesh.vertex_count, dtype=np.bool_) if stops is None else stops,
-    )
-
-
-class KernelFit(NamedTuple):
-    """How to fit: `fallbacks.Attempt` in arrays."""
-
-    rings: int
-    radius: float  # of a ball that takes the place of the rings; 0 for none
-    fewest_points: int
-    square: bool
-    mean_plane: bool
-    most_turned: float  # share of vertices that may turn away; if negative, no face may fold
-    highest_power: int
-    exponents: IntArray
-    moment_exponents: IntArray
-    moment_place: IntArray
-    penalty: FloatArray
-    prior: FloatArray  # non-zero entries of the prior, per length,
-    prior_place: IntArray  # where they belong in the packed matrix,
-    prior_degree: IntArray  # and their degree, ascending
-    smallest_pivot: float
-    normal_noise: float  # standard deviation of the heights; 0 for no standard errors
-    curvature_noise: float
-    derivative_places: IntArray  # of the coefficients of x, y, x^2, x y, y^2
-    weight_scale: float  # points weigh 1 / (1 + (scale distance^2)^power); 0 for equal weights
-    weight_power: int
-    rounds: int  # of reweighting by residuals; 0 for none
 
 
 class Workspace(NamedTuple):
@@ -110,7 +49,8 @@ class Workspace(NamedTuple):
     frame: FloatArray  # (9,): x, y and z axes
     box: FloatArray  # (4,): middle and reciprocal half width of the parameter rectangle along x, then y
     jet: FloatArray  # (4, 4)
-    sensitivities: FloatArray  # (4, order)
+    corner: FloatArray  # of the Cholesky factor, see `last_corner`
+    sensitivities: FloatArray  # (4, SEEN)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -145,7 +85,7 @@ def fit_vertices(
             neighbours, rings = mesh.ring_ptr[i + 1] - mesh.ring_ptr[i], fit.rings
         if count > work.points.shape[1]:
             work = _workspace(fit, 2 * count)
-        outcomes[row] = _frame(mesh, fit, members, count, inner, neighbours, work.frame)
+        outcomes[row] = write_frame(mesh, fit, members, count, inner, neighbours, work.frame)
         if outcomes[row] != FITTED:
             continue
         if not _project(mesh.vertices, members, count, fit.square, work) or not _fit_heights(fit, count, work):
@@ -160,22 +100,9 @@ def fit_vertices(
         if fit.highest_power >= 2 * 3:  # a lower degree says nothing of third derivatives
             write_extremalities(jet, work.frame, i, result)
         if fit.normal_noise > 0.0:
-            write_standard_errors(
-                work.matrix,
-                fit.exponents.shape[0],
-                fit.derivative_places,
-                fit.normal_noise,
-                fit.curvature_noise,
-                sx,
-                zx,
-                zy,
-                zxx,
-                zxy,
-                zyy,
-                work.sensitivities,
-                i,
-                errors,
-            )
+            last_corner(work.matrix, fit.exponents.shape[0], work.corner)
+            noise = fit.normal_noise, fit.curvature_noise
+            write_standard_errors(work.corner, noise, sx, (zx, zy, zxx, zxy, zyy), work.sensitivities, i, errors)
         residuals[i] = _residual(fit, count, work)
         rings_used[i] = rings
 
@@ -200,7 +127,8 @@ def _workspace(fit: KernelFit, capacity: int) -> Workspace:
         np.empty(9),
         np.empty(4),
         np.empty((4, 4)),
-        np.empty((4, order)),
+        np.empty(SEEN * (SEEN + 1) // 2),
+        np.empty((4, SEEN)),
     )
 
 
@@ -290,46 +218,6 @@ def _residual(fit: KernelFit, count: int, work: Workspace) -> float:
         for p in range(count):
             residual[p] += coefficient * s[p] * t[p]
     return float(np.sqrt(dot(residual, residual, count) / count))
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _frame(
-    mesh: KernelMesh, fit: KernelFit, members: IntArray, count: int, inner: int, neighbours: int, frame: FloatArray
-) -> int:
-    """Write the x, y and z axes of the frame into frame (9,); return the outcome so far."""
-    i = members[0]
-    nx, ny, nz = mesh.normals[i, 0], mesh.normals[i, 1], mesh.normals[i, 2]
-    if fit.mean_plane:
-        nx, ny, nz = mean_normal(mesh.normals, members, count)
-    if nx == 0.0 and ny == 0.0 and nz == 0.0:
-        return NO_FRAME
-    if count < fit.fewest_points:
-        return ILL_POSED
-    if fit.most_turned >= 0.0:
-        folded = turned_share(mesh.normals, members, inner, nx, ny, nz) > fit.most_turned
-    else:
-        folded = folds(
-            mesh.vertices,
-            mesh.faces,
-            mesh.face_ptr,
-            mesh.face_indices,
-            mesh.normals,
-            mesh.safe_cosine,
-            members,
-            inner,
-            nx,
-            ny,
-            nz,
-        )
-    if folded:
-        return FOLDED
-    xx, xy, xz = farthest_direction(mesh.vertices, members, neighbours, count, nx, ny, nz)
-    if xx == 0.0 and xy == 0.0 and xz == 0.0:
-        return ILL_POSED
-    frame[0], frame[1], frame[2] = xx, xy, xz
-    frame[3], frame[4], frame[5] = ny * xz - nz * xy, nz * xx - nx * xz, nx * xy - ny * xx
-    frame[6], frame[7], frame[8] = nx, ny, nz
-    return FITTED
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -1,0 +1,192 @@
+"""Dense algebra for eight neighbourhoods at a time: powers, moments, normal equations, derivatives.
+
+Arrays are flat arrays of lanes (see `lanes`); a table with rows of `stride` lanes has entry (k, p)
+at k stride + p. Four sums go side by side wherever possible: one alone waits for its own last result.
+"""
+
+import numpy as np
+from numba import njit
+
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.lanes import load, multiply_add, spread, square_root, store, where_greater
+
+GROUP = 4
+"""Sums side by side. Tables have this many rows, or points, more than are asked for."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def raise_powers(table: FloatArray, stride: int, count: int, highest: int) -> None:
+    """Rows k = 1 .. highest of a table become row 0 times powers of what was row 1."""
+    for p in range(count):
+        base = load(table, stride + p)
+        power = load(table, p)
+        for k in range(1, highest + 1):
+            power = power * base
+            store(table, k * stride + p, power)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def add_moments(
+    left: FloatArray, right: FloatArray, stride: int, count: int, starts: IntArray, sums: FloatArray
+) -> None:
+    """Add the products of row a of one table and row b of another, summed over points, for many (a, b).
+
+    Parameters
+    ----------
+    left, right : lanes
+        Tables; the right one has `GROUP` - 1 more rows than are asked for, of any content.
+    stride, count : int
+        Lanes per row, and how many of them are summed.
+    starts : (A + 1,) int32
+        Row a of the left one goes with rows 0 .. starts[a + 1] - starts[a] - 1 of the right one.
+    sums : lanes
+        The sum for (a, b) is added to entry starts[a] + b; there are `GROUP` - 1 more.
+    """
+    for a in range(starts.shape[0] - 1):
+        stop, row = starts[a + 1], a * stride
+        for k in range(starts[a], stop, GROUP):
+            other = (k - starts[a]) * stride
+            s0, s1, s2, s3 = load(sums, k), load(sums, k + 1), load(sums, k + 2), load(sums, k + 3)
+            for p in range(count):
+                factor = load(left, row + p)
+                s0 = multiply_add(factor, load(right, other + p), s0)
+                s1 = multiply_add(factor, load(right, other + stride + p), s1)
+                s2 = multiply_add(factor, load(right, other + 2 * stride + p), s2)
+                s3 = multiply_add(factor, load(right, other + 3 * stride + p), s3)
+            store(sums, k, s0)
+            if k + 1 < stop:
+                store(sums, k + 1, s1)
+            if k + 2 < stop:
+                store(sums, k + 2, s2)
+            if k + 3 < stop:
+                store(sums, k + 3, s3)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def solve_lanes(matrix: FloatArray, order: int, smallest_pivot: float, solution: FloatArray, sound: FloatArray) -> None:
+    """Solve eight symmetric positive definite systems.
+
+    Parameters
+    ----------
+    matrix : lanes
+        Lower triangle of the symmetric matrix, row by row, and the right-hand side as a last row.
+        It becomes the Cholesky factor with reciprocal diagonal. There are `GROUP` more rows, of any content.
+    order : int
+        Of the matrix.
+    smallest_pivot : float
+        A pivot below this fraction of its diagonal entry means a rank-deficient system.
+    solution : lanes
+        Receives the solutions.
+    sound : lanes
+        Receives one entry: 1 for systems of full rank, else 0, and the solution means nothing.
+    """
+    zero, one = spread(0.0), spread(1.0)
+    full_rank = one
+    for j in range(order):
+        diagonal = j * (j + 1) // 2
+        before = load(matrix, diagonal + j)
+        scale = one
+        # Row order is the right-hand side, which a column treats like any other row.
+        for i in range(j, order + 1, GROUP):
+            r0 = i * (i + 1) // 2
+            r1, r2, r3 = r0 + i + 1, r0 + 2 * i + 3, r0 + 3 * i + 6
+            s0, s1, s2, s3 = zero, zero, zero, zero
+            for k in range(j):
+                factor = load(matrix, diagonal + k)
+                s0 = multiply_add(factor, load(matrix, r0 + k), s0)
+                s1 = multiply_add(factor, load(matrix, r1 + k), s1)
+                s2 = multiply_add(factor, load(matrix, r2 + k), s2)
+                s3 = multiply_add(factor, load(matrix, r3 + k), s3)
+            s0 = load(matrix, r0 + j) - s0
+            if i == j:
+                full_rank = where_greater(s0, spread(smallest_pivot) * before, full_rank, zero)
+                scale = one / square_root(s0)
+                store(matrix, diagonal + j, scale)
+            else:
+                store(matrix, r0 + j, s0 * scale)
+            if i + 1 <= order:
+                store(matrix, r1 + j, (load(matrix, r1 + j) - s1) * scale)
+            if i + 2 <= order:
+                store(matrix, r2 + j, (load(matrix, r2 + j) - s2) * scale)
+            if i + 3 <= order:
+                store(matrix, r3 + j, (load(matrix, r3 + j) - s3) * scale)
+    last = order * (order + 1) // 2
+    for i in range(order - 1, -1, -1):
+        rest = load(matrix, last + i)
+        for k in range(i + 1, order):
+            rest = rest - load(matrix, k * (k + 1) // 2 + i) * load(solution, k)
+        store(solution, i, rest * load(matrix, i * (i + 1) // 2 + i))
+    store(sound, 0, full_rank)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def add_squared_residuals(
+    coefficients: FloatArray, starts: IntArray, points: FloatArray, stride: int, count: int, total: FloatArray
+) -> None:
+    """Add the squared differences between a polynomial and heights, by Horner's scheme.
+
+    Parameters
+    ----------
+    coefficients : lanes
+        That of s^a t^b is entry starts[a] + b.
+    starts : (A + 1,) int32
+    points : lanes
+        A table with rows s, t, height and presence, 1 or 0 for what is no point at all.
+    stride, count : int
+        Lanes per row, and how many points there are; up to `GROUP` - 1 more are looked at.
+    total : lanes
+        One entry.
+    """
+    zero = spread(0.0)
+    total0, total1, total2, total3 = load(total, 0), zero, zero, zero
+    for p in range(0, count, GROUP):
+        s0, s1, s2, s3 = load(points, p), load(points, p + 1), load(points, p + 2), load(points, p + 3)
+        q = stride + p
+        t0, t1, t2, t3 = load(points, q), load(points, q + 1), load(points, q + 2), load(points, q + 3)
+        v0, v1, v2, v3 = zero, zero, zero, zero
+        for a in range(starts.shape[0] - 2, -1, -1):
+            h0, h1, h2, h3 = zero, zero, zero, zero
+            for k in range(starts[a + 1] - 1, starts[a] - 1, -1):
+                c = load(coefficients, k)
+                h0 = multiply_add(h0, t0, c)
+                h1 = multiply_add(h1, t1, c)
+                h2 = multiply_add(h2, t2, c)
+                h3 = multiply_add(h3, t3, c)
+            v0 = multiply_add(v0, s0, h0)
+            v1 = multiply_add(v1, s1, h1)
+            v2 = multiply_add(v2, s2, h2)
+            v3 = multiply_add(v3, s3, h3)
+        z, here = q + stride, q + 2 * stride
+        v0 = (v0 - load(points, z)) * load(points, here)
+        v1 = (v1 - load(points, z + 1)) * load(points, here + 1)
+        v2 = (v2 - load(points, z + 2)) * load(points, here + 2)
+        v3 = (v3 - load(points, z + 3)) * load(points, here + 3)
+        total0 = multiply_add(v0, v0, total0)
+        total1 = multiply_add(v1, v1, total1)
+        total2 = multiply_add(v2, v2, total2)
+        total3 = multiply_add(v3, v3, total3)
+    store(total, 0, (total0 + total1) + (total2 + total3))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def differentiate(
+    coefficients: FloatArray, exponents: IntArray, powers_s: FloatArray, powers_t: FloatArray, jets: FloatArray
+) -> None:
+    """Partial derivatives, entry 4 r + q of `jets`: r times by s and q times by t, r + q <= 3.
+
+    `powers_s` and `powers_t` are lanes of 1, s, s^2, ... and 1, t, t^2, ..., where they are wanted.
+    """
+    for k in range(16):
+        store(jets, k, spread(0.0))
+    for k in range(exponents.shape[0]):
+        a, b = exponents[k, 0], exponents[k, 1]
+        coefficient = load(coefficients, k)
+        factor_s = 1.0
+        for r in range(min(a, 3) + 1):
+            along_s = coefficient * load(powers_s, a - r)
+            factor = factor_s
+            for q in range(min(b, 3 - r) + 1):
+                term = spread(factor) * load(powers_t, b - q)
+                store(jets, 4 * r + q, multiply_add(along_s, term, load(jets, 4 * r + q)))
+                factor *= np.float64(b - q)
+            factor_s *= np.float64(a - r)

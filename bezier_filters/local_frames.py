@@ -1,0 +1,54 @@
+"""The frame over which a neighbourhood is a height field, if it is one."""
+
+from numba import njit
+
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.frames import direction_to, farthest_direction, folds, mean_normal, turned_share
+from bezier_filters.kernel_input import FITTED, FOLDED, ILL_POSED, NO_FRAME, KernelFit, KernelMesh
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def write_frame(
+    mesh: KernelMesh, fit: KernelFit, members: IntArray, count: int, inner: int, neighbours: int, frame: FloatArray
+) -> int:
+    """Write the x, y and z axes of the local frame of members[0] into frame (9,); return the outcome so far.
+
+    `inner` of the `count` members must not fold; `neighbours` of them, after the first, share an edge with it.
+    """
+    i = members[0]
+    nx, ny, nz = mesh.normals[i, 0], mesh.normals[i, 1], mesh.normals[i, 2]
+    if fit.mean_plane:
+        nx, ny, nz = mean_normal(mesh.normals, members, count)
+    if nx == 0.0 and ny == 0.0 and nz == 0.0:
+        return NO_FRAME
+    if count < fit.fewest_points:
+        return ILL_POSED
+    if fit.most_turned >= 0.0:
+        folded = turned_share(mesh.normals, members, inner, nx, ny, nz) > fit.most_turned
+    else:
+        folded = folds(
+            mesh.vertices,
+            mesh.faces,
+            mesh.face_ptr,
+            mesh.face_indices,
+            mesh.normals,
+            mesh.safe_cosine,
+            members,
+            inner,
+            nx,
+            ny,
+            nz,
+        )
+    if folded:
+        return FOLDED
+    xx, xy, xz = 0.0, 0.0, 0.0
+    if fit.any_axis and neighbours > 0:
+        xx, xy, xz = direction_to(mesh.vertices, i, members[1], nx, ny, nz)
+    if xx == 0.0 and xy == 0.0 and xz == 0.0:
+        xx, xy, xz = farthest_direction(mesh.vertices, members, neighbours, count, nx, ny, nz)
+    if xx == 0.0 and xy == 0.0 and xz == 0.0:
+        return ILL_POSED
+    frame[0], frame[1], frame[2] = xx, xy, xz
+    frame[3], frame[4], frame[5] = ny * xz - nz * xy, nz * xx - nx * xz, nx * xy - ny * xx
+    frame[6], frame[7], frame[8] = nx, ny, nz
+    return FITTED

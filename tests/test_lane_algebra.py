@@ -1,0 +1,137 @@
+"""Algebra in lanes, against numpy on each of the eight systems."""
+
+import numpy as np
+import pytest
+from numba import config
+
+from bezier_filters.lane_algebra import (
+    GROUP,
+    add_moments,
+    add_squared_residuals,
+    differentiate,
+    raise_powers,
+    solve_lanes,
+)
+from bezier_filters.lanes import LANES, aligned
+from bezier_filters.polynomials import lexicographic_places, row_starts, tensor_space, total_degree_space
+
+pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="lanes are compiled code only")
+
+RANDOM = np.random.default_rng(0)
+SPACES = [total_degree_space(2), tensor_space(3), total_degree_space(6)]
+COUNTS = [1, 6, 19, 32]
+
+
+def lanes_of(array):
+    """A flat array of lanes; the eight systems come last in `array`."""
+    flat = aligned(array.size // LANES)
+    flat[:] = array.reshape(-1)
+    return flat
+
+
+def table(rows, stride):
+    return RANDOM.standard_normal((rows, stride, LANES))
+
+
+def test_arrays_start_on_a_cache_line():
+    for count in range(1, 9):
+        array = aligned(count)
+        assert array.shape == (LANES * count,)
+        assert array.ctypes.data % 64 == 0
+        assert not array.any()
+
+
+def test_powers():
+    values = table(5, 32)
+    flat = lanes_of(values)
+    raise_powers(flat, 32, 7, 4)
+    result = flat.reshape(values.shape)
+    for k in range(1, 5):
+        np.testing.assert_allclose(result[k, :7], values[0, :7] * values[1, :7] ** k, rtol=1e-14)
+    np.testing.assert_array_equal(result[:, 7:], values[:, 7:])
+
+
+@pytest.mark.parametrize("count", COUNTS)
+@pytest.mark.parametrize("space", SPACES, ids=lambda space: str(space.dimension))
+def test_moments_are_added(space, count):
+    starts = row_starts(space.exponents)
+    rows = len(starts) - 1
+    left, right = table(rows, 32), table(rows + GROUP, 32)
+    before = RANDOM.standard_normal((space.dimension + GROUP, LANES))
+    sums = lanes_of(before)
+    add_moments(lanes_of(left), lanes_of(right), 32, count, starts, sums)
+    result = sums.reshape(before.shape)
+    for (a, b), k in zip(space.exponents, lexicographic_places(space.exponents), strict=True):
+        expected = before[k] + (left[a, :count] * right[b, :count]).sum(axis=0)
+        np.testing.assert_allclose(result[k], expected, atol=1e-12)
+    np.testing.assert_array_equal(result[space.dimension :], before[space.dimension :])
+
+
+@pytest.mark.parametrize("order", [1, 2, 5, 16, 28])
+def test_solutions_and_factors(order):
+    factors = RANDOM.standard_normal((LANES, order + 3, order))
+    matrices = factors.transpose(0, 2, 1) @ factors
+    sides = RANDOM.standard_normal((LANES, order))
+    padded = np.zeros((LANES, order + 1 + GROUP, order + 1 + GROUP))
+    padded[:, :order, :order], padded[:, order, :order] = matrices, sides
+    lower = np.tril_indices(order + 1 + GROUP)
+    flat, solution, sound = lanes_of(padded[:, lower[0], lower[1]].T), aligned(order), aligned(1)
+    solve_lanes(flat, order, 1e-13, solution, sound)
+    assert sound.tolist() == [1.0] * LANES
+    for lane in range(LANES):
+        expected = np.linalg.solve(matrices[lane], sides[lane])
+        np.testing.assert_allclose(solution[lane::LANES], expected, rtol=1e-7, atol=1e-9)
+        inner = np.tril_indices(order)
+        factor = np.zeros((order, order))
+        factor[inner] = flat[lane::LANES][: len(inner[0])]
+        np.fill_diagonal(factor, 1.0 / np.diag(factor))
+        np.testing.assert_allclose(factor @ factor.T, matrices[lane], atol=1e-10)
+
+
+def test_a_rank_deficient_system_does_not_disturb_the_others():
+    matrices = np.tile(np.eye(3), (LANES, 1, 1))
+    matrices[2] = 1.0
+    matrices[5] = np.nan
+    padded = np.zeros((LANES, 4 + GROUP, 4 + GROUP))
+    padded[:, :3, :3], padded[:, 3, :3] = matrices, [1.0, 2.0, 3.0]
+    lower = np.tril_indices(4 + GROUP)
+    solution, sound = aligned(3), aligned(1)
+    solve_lanes(lanes_of(padded[:, lower[0], lower[1]].T), 3, 1e-6, solution, sound)
+    assert sound.tolist() == [1.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0, 1.0]
+    for lane in np.flatnonzero(sound):
+        assert solution[lane::LANES].tolist() == [1.0, 2.0, 3.0]
+
+
+@pytest.mark.parametrize("count", COUNTS)
+@pytest.mark.parametrize("space", SPACES, ids=lambda space: str(space.dimension))
+def test_residuals_of_points_that_are_there(space, count):
+    stride = 40
+    points = table(4, stride)
+    points[3] = RANDOM.integers(0, 2, (stride, LANES))
+    points[:, count : count + GROUP] = 0.0
+    coefficients = RANDOM.standard_normal((space.dimension, LANES))
+    total = lanes_of(np.full((1, LANES), 0.5))
+    add_squared_residuals(lanes_of(coefficients), row_starts(space.exponents), lanes_of(points), stride, count, total)
+    a, b = space.exponents.T
+    terms = points[0, :count, None] ** a[:, None] * points[1, :count, None] ** b[:, None]
+    values = (terms * coefficients[lexicographic_places(space.exponents)]).sum(axis=1)
+    expected = 0.5 + (points[3, :count] * (values - points[2, :count]) ** 2).sum(axis=0)
+    np.testing.assert_allclose(total, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("space", SPACES, ids=lambda space: str(space.dimension))
+def test_derivatives(space):
+    coefficients = RANDOM.standard_normal((space.dimension, LANES))
+    s, t = RANDOM.standard_normal((2, LANES))
+    jets = aligned(16)
+    powers = [lanes_of(x ** np.arange(13)[:, None]) for x in (s, t)]
+    differentiate(lanes_of(coefficients), space.exponents, *powers, jets)
+    side = space.exponents.max() + 1
+    for lane in range(LANES):
+        grid = np.zeros((side, side))
+        grid[tuple(space.exponents.T)] = coefficients[:, lane]
+        for r in range(4):
+            for q in range(4 - r):
+                derivative = np.polynomial.polynomial.polyder(np.polynomial.polynomial.polyder(grid, r), q, axis=1)
+                expected = np.polynomial.polynomial.polyval2d(s[lane], t[lane], derivative)
+                np.testing.assert_allclose(jets[LANES * (4 * r + q) + lane], expected, rtol=1e-10, atol=1e-10)
