@@ -5,12 +5,12 @@ by the m (m + 1) / 2 entries of its lower triangle, row by row.
 """
 
 import numpy as np
-from numba import njit
 
 from bezier_filters.arrays import FloatArray
+from bezier_filters.lean import lean_njit
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@lean_njit(fastmath={"contract", "reassoc"})
 def dot(a: FloatArray, b: FloatArray, count: int) -> float:
     """Sum of a[k] b[k] over the first `count` entries."""
     total = 0.0
@@ -19,7 +19,7 @@ def dot(a: FloatArray, b: FloatArray, count: int) -> float:
     return total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def powers(t: FloatArray, count: int, highest: int, out: FloatArray) -> None:
     """Powers out[k, :count] = t[:count]^k for k up to `highest`."""
     for a in range(count):
@@ -29,7 +29,7 @@ def powers(t: FloatArray, count: int, highest: int, out: FloatArray) -> None:
             out[k + 1, a] = out[k, a] * t[a]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@lean_njit(fastmath={"contract", "reassoc"})
 def cholesky_solve(matrix: FloatArray, rhs: FloatArray, order: int, smallest_pivot: float) -> bool:
     """Solve in place; matrix becomes its Cholesky factor with reciprocal diagonal, rhs the solution.
 

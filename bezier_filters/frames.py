@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from math import radians, sin
 
 import numpy as np
-from numba import njit
 
 from bezier_filters.adjacency import Adjacency
 from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.lean import lean_njit
 from bezier_filters.mesh import TriangleMesh
 from bezier_filters.parallel import RangeTask, run_in_chunks
 
@@ -50,7 +50,7 @@ def tangent_planes(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1
     return TangentPlanes(normals, safe_cosine)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def face_normal(vertices: FloatArray, faces: IntArray, f: int) -> tuple[float, float, float]:
     """Normal of face f, twice its area long."""
     a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
@@ -59,7 +59,7 @@ def face_normal(vertices: FloatArray, faces: IntArray, f: int) -> tuple[float, f
     return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def unit_face_normal(vertices: FloatArray, faces: IntArray, f: int) -> tuple[float, float, float]:
     """Unit normal of face f, zero if its area is zero."""
     x, y, z = face_normal(vertices, faces, f)
@@ -69,7 +69,7 @@ def unit_face_normal(vertices: FloatArray, faces: IntArray, f: int) -> tuple[flo
     return x / length, y / length, z / length
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def _vertex_planes(
     vertices: FloatArray,
     faces: IntArray,
@@ -103,7 +103,7 @@ def _vertex_planes(
             safe_cosine[i] = np.cos(STEEPEST - cone)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def folds(
     vertices: FloatArray,
     faces: IntArray,
@@ -129,7 +129,7 @@ def folds(
     return False
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def turned_share(normals: FloatArray, members: IntArray, count: int, nx: float, ny: float, nz: float) -> float:
     """Share of members[:count] whose own normal turns away from (nx, ny, nz).
 
@@ -144,7 +144,7 @@ def turned_share(normals: FloatArray, members: IntArray, count: int, nx: float, 
     return turned / max(count, 1)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def mean_normal(normals: FloatArray, members: IntArray, count: int) -> tuple[float, float, float]:
     """Normalised mean of the normals of members[:count], zero if they cancel out."""
     x, y, z = 0.0, 0.0, 0.0
@@ -157,7 +157,7 @@ def mean_normal(normals: FloatArray, members: IntArray, count: int) -> tuple[flo
     return x / length, y / length, z / length
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def farthest_direction(
     vertices: FloatArray, members: IntArray, neighbours: int, count: int, nx: float, ny: float, nz: float
 ) -> tuple[float, float, float]:
@@ -215,7 +215,7 @@ def farthest_direction(
     return bx, by, bz
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def direction_to(vertices: FloatArray, i: int, j: int, nx: float, ny: float, nz: float) -> tuple[float, float, float]:
     """Unit projection of the edge from vertex i to vertex j, zero if it stands on edge."""
     x, y, z = _projected_edge(vertices, i, j, nx, ny, nz)
@@ -225,7 +225,7 @@ def direction_to(vertices: FloatArray, i: int, j: int, nx: float, ny: float, nz:
     return x / length, y / length, z / length
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def _projected_edge(
     vertices: FloatArray, i: int, j: int, nx: float, ny: float, nz: float
 ) -> tuple[float, float, float]:
@@ -235,7 +235,7 @@ def _projected_edge(
     return x - height * nx, y - height * ny, z - height * nz
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def _signature(
     vertices: FloatArray,
     members: IntArray,

@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.lean import lean_njit
 
 
 class GraphGeometry(NamedTuple):
@@ -20,7 +20,7 @@ class GraphGeometry(NamedTuple):
     extremality_max: FloatArray
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def polynomial_derivatives(
     coefficients: FloatArray, exponents: IntArray, powers_s: FloatArray, powers_t: FloatArray, jet: FloatArray
 ) -> None:
@@ -49,7 +49,7 @@ def polynomial_derivatives(
             factor_s *= a - r
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def rescale_jet(jet: FloatArray, scale_s: float, scale_t: float) -> None:
     """Turn derivatives by s and t into those by x = s / scale_s and y = t / scale_t, in place."""
     power_s = 1.0
@@ -61,7 +61,7 @@ def rescale_jet(jet: FloatArray, scale_s: float, scale_t: float) -> None:
         power_s *= scale_s
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def write_graph_geometry(
     p: float, q: float, r: float, s: float, t: float, frame: FloatArray, i: int, result: GraphGeometry
 ) -> None:
@@ -103,7 +103,7 @@ def write_graph_geometry(
         result.direction_min[i, k] = d1 * e2 - d2 * e1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def write_extremalities(jet: FloatArray, frame: FloatArray, i: int, result: GraphGeometry) -> None:
     """Write the derivatives of the principal curvatures of vertex i along their own directions.
 
@@ -127,7 +127,7 @@ def write_extremalities(jet: FloatArray, frame: FloatArray, i: int, result: Grap
     result.extremality_max[i] = _extremality(jet, frame, result.direction_max[i])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def _extremality(jet: FloatArray, frame: FloatArray, direction: FloatArray) -> float:
     """-(D_d II)(d, d) for one unit tangent, with MeshLab's sign of curvature."""
     dx = direction[0] * frame[0] + direction[1] * frame[1] + direction[2] * frame[2]

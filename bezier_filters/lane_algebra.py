@@ -5,16 +5,16 @@ at k stride + p. Four sums go side by side wherever possible: one alone waits fo
 """
 
 import numpy as np
-from numba import njit
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.lanes import load, multiply_add, spread, square_root, store, where_greater
+from bezier_filters.lean import lean_njit
 
 GROUP = 4
 """Sums side by side. Tables have this many rows, or points, more than are asked for."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def raise_powers(table: FloatArray, stride: int, count: int, highest: int) -> None:
     """Rows k = 1 .. highest of a table become row 0 times powers of what was row 1."""
     for p in range(count):
@@ -25,7 +25,7 @@ def raise_powers(table: FloatArray, stride: int, count: int, highest: int) -> No
             store(table, k * stride + p, power)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def add_moments(
     left: FloatArray, right: FloatArray, stride: int, count: int, starts: IntArray, sums: FloatArray
 ) -> None:
@@ -62,7 +62,7 @@ def add_moments(
                 store(sums, k + 3, s3)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def solve_lanes(matrix: FloatArray, order: int, smallest_pivot: float, solution: FloatArray, sound: FloatArray) -> None:
     """Solve eight symmetric positive definite systems.
 
@@ -119,7 +119,7 @@ def solve_lanes(matrix: FloatArray, order: int, smallest_pivot: float, solution:
     store(sound, 0, full_rank)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def add_squared_residuals(
     coefficients: FloatArray, starts: IntArray, points: FloatArray, stride: int, count: int, total: FloatArray
 ) -> None:
@@ -168,7 +168,7 @@ def add_squared_residuals(
     store(total, 0, (total0 + total1) + (total2 + total3))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def differentiate(
     coefficients: FloatArray, exponents: IntArray, powers_s: FloatArray, powers_t: FloatArray, jets: FloatArray
 ) -> None:

@@ -22,12 +22,17 @@ from bezier_filters.lane_algebra import (
     solve_lanes,
 )
 from bezier_filters.lanes import LANES, aligned, load, multiply_add, spread, square_root, store, where_greater
+from bezier_filters.lean import lean_njit
 from bezier_filters.local_frames import write_frame
 from bezier_filters.neighbourhoods import collect_ball, collect_ring
 from bezier_filters.uncertainty import SEEN, StandardErrors, last_corner, write_standard_errors
 
 CHUNK = 32
 """Most points whose powers are held at a time: they fit into the nearest cache."""
+ROOM = 2
+"""Times the points of a regular neighbourhood, of 1 + 3 k (k + 1), that there is room for at first,"""
+FEWEST = 128
+"""and how much room there is at least."""
 
 
 class LaneWorkspace(NamedTuple):
@@ -100,68 +105,68 @@ def fit_in_lanes(
 
     The same as `scalar_kernel.fit_vertices`, up to rounding, but without reweighting by residuals.
     """
-    capacity = 64
+    capacity = max(FEWEST, ROOM * 3 * fit.rings * (fit.rings + 1))
     work = _workspace(fit, capacity)
     counts, rings = np.zeros(LANES, np.int32), np.zeros(LANES, np.int32)
     for first in range(start, stop, LANES):
-        lanes = min(LANES, stop - first)
-        most = 0
-        for lane in range(LANES):
-            counts[lane] = 0
-            if lane >= lanes:
-                continue
-            i = ids[first + lane]
-            if fit.radius > 0.0:
-                count, inner, neighbours, rings[lane] = collect_ball(
-                    mesh.vertices, mesh.ring_ptr, mesh.ring_indices, mesh.stops, i, fit.radius, visited, members
-                )
-            else:
-                count, inner = collect_ring(
-                    mesh.ring_ptr, mesh.ring_indices, mesh.stops, i, fit.rings, visited, members
-                )
-                neighbours, rings[lane] = mesh.ring_ptr[i + 1] - mesh.ring_ptr[i], fit.rings
-            outcome = write_frame(mesh, fit, members, count, inner, neighbours, work.one_frame)
-            outcomes[first + lane] = outcome
-            if outcome != FITTED:
-                continue
-            if count + GROUP > capacity:
-                wider = _workspace(fit, 2 * count + GROUP)
-                _copy_lanes(work.points, capacity, wider.points, 2 * count + GROUP, most)
-                wider.frame[:] = work.frame
-                wider.one_frame[:] = work.one_frame
-                capacity, work = 2 * count + GROUP, wider
-            _gather(mesh.vertices, members, count, most, lane, capacity, work)
+        block = ids[first : min(first + LANES, stop)]
+        of_block = outcomes[first : min(first + LANES, stop)]
+        while True:
+            needed = _collect(mesh, fit, block, visited, members, capacity, work, counts, rings, of_block)
+            if needed <= capacity:
+                break
+            visited[:] = -1  # the block is collected once more
+            capacity = 2 * needed
+            work = _workspace(fit, capacity)
+        if counts.max() == 0:
+            continue
+        _project(fit.square, capacity, counts.max(), work)
+        _fit_heights(fit, capacity, counts.max(), work)
+        _write_block(fit, block, work, counts, rings, of_block, result, errors, residuals, rings_used)
+
+
+@lean_njit()
+def _collect(
+    mesh: KernelMesh,
+    fit: KernelFit,
+    block: IntArray,
+    visited: IntArray,
+    members: IntArray,
+    capacity: int,
+    work: LaneWorkspace,
+    counts: IntArray,
+    rings: IntArray,
+    outcomes: IntArray,
+) -> int:
+    """Collect the neighbourhoods of a block and choose their frames; return the capacity that this needs.
+
+    A lane whose vertex has no frame, or that has no vertex, is left without points.
+    """
+    most = 0
+    for lane in range(LANES):
+        counts[lane] = 0
+    for lane in range(block.shape[0]):
+        i = block[lane]
+        if fit.radius > 0.0:
+            count, inner, neighbours, rings[lane] = collect_ball(
+                mesh.vertices, mesh.ring_ptr, mesh.ring_indices, mesh.stops, i, fit.radius, visited, members
+            )
+        else:
+            count, inner = collect_ring(mesh.ring_ptr, mesh.ring_indices, mesh.stops, i, fit.rings, visited, members)
+            neighbours, rings[lane] = mesh.ring_ptr[i + 1] - mesh.ring_ptr[i], fit.rings
+        if count + GROUP > capacity:
+            return count + GROUP
+        outcomes[lane] = write_frame(mesh, fit, members, count, inner, neighbours, work.one_frame)
+        if outcomes[lane] == FITTED:
+            _gather(mesh.vertices, members, count, lane, capacity, work)
             counts[lane] = count
             most = max(most, count)
-        if most == 0:
-            continue
-        _fill_up(counts, most, capacity, work.points)
-        _project(fit.square, capacity, most, work)
-        _fit_heights(fit, capacity, most, work)
-        for lane in range(lanes):
-            if outcomes[first + lane] != FITTED:
-                continue
-            if not work.sound[lane] > 0.0:
-                outcomes[first + lane] = ILL_POSED
-                continue
-            i = ids[first + lane]
-            _write(fit, lane, i, work, result, errors)
-            residuals[i] = np.sqrt(work.total[lane] / counts[lane])
-            rings_used[i] = rings[lane]
+    _fill_up(counts, most, capacity, work.points)
+    return capacity
 
 
-@njit(cache=True, nogil=True)
-def _copy_lanes(old: FloatArray, old_stride: int, new: FloatArray, stride: int, count: int) -> None:
-    """Copy the points that have been gathered to a wider table."""
-    for row in range(4):
-        for p in range(count):
-            store(new, row * stride + p, load(old, row * old_stride + p))
-
-
-@njit(cache=True, nogil=True)
-def _gather(
-    vertices: FloatArray, members: IntArray, count: int, most: int, lane: int, stride: int, work: LaneWorkspace
-) -> None:
+@lean_njit()
+def _gather(vertices: FloatArray, members: IntArray, count: int, lane: int, stride: int, work: LaneWorkspace) -> None:
     """Write the edges from members[0] and the frame of one neighbourhood to its lane."""
     points, i = work.points, members[0]
     x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
@@ -176,7 +181,7 @@ def _gather(
         work.frame[LANES * k + lane] = work.one_frame[k]
 
 
-@njit(cache=True, nogil=True)
+@lean_njit()
 def _fill_up(counts: IntArray, most: int, stride: int, points: FloatArray) -> None:
     """Put what weighs nothing on the vertex itself, up to a full group of points."""
     for lane in range(LANES):
@@ -185,7 +190,7 @@ def _fill_up(counts: IntArray, most: int, stride: int, points: FloatArray) -> No
                 points[LANES * (row * stride + p) + lane] = 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def _project(square: bool, stride: int, count: int, work: LaneWorkspace) -> None:
     """Turn edges into parameters and heights; the parameters of a rectangle without area are not finite."""
     points, frame, box = work.points, work.frame, work.box
@@ -218,7 +223,7 @@ def _project(square: bool, stride: int, count: int, work: LaneWorkspace) -> None
         store(points, stride + p, (load(points, stride + p) - middle_y) * scale_y)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def _fit_heights(fit: KernelFit, stride: int, count: int, work: LaneWorkspace) -> None:
     """Find the coefficients, the residual and the derivatives at the vertex."""
     _sum_moments(fit, stride, count, work)
@@ -247,7 +252,7 @@ def _fit_heights(fit: KernelFit, stride: int, count: int, work: LaneWorkspace) -
         scale_r = scale_r * load(work.box, 1)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def _sum_moments(fit: KernelFit, stride: int, count: int, work: LaneWorkspace) -> None:
     """Sum the products of powers over the points, without and with the height, chunk by chunk."""
     zero, one = spread(0.0), spread(1.0)
@@ -289,7 +294,7 @@ def _weight(fit, a, b, scale):  # type: ignore[no-untyped-def]
     return spread(1.0) / (spread(1.0) + power)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def _set_up(fit: KernelFit, order: int, work: LaneWorkspace) -> None:
     """Set up the normal equations, with the moments of the heights as the last row."""
     for k in range(fit.moment_place.shape[0]):
@@ -306,7 +311,33 @@ def _set_up(fit: KernelFit, order: int, work: LaneWorkspace) -> None:
         store(work.matrix, last + k, load(work.heights, fit.lexicographic[k]))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
+def _write_block(
+    fit: KernelFit,
+    block: IntArray,
+    work: LaneWorkspace,
+    counts: IntArray,
+    rings: IntArray,
+    outcomes: IntArray,
+    result: GraphGeometry,
+    errors: StandardErrors,
+    residuals: FloatArray,
+    rings_used: IntArray,
+) -> None:
+    """Write the geometry of the vertices of a block, and which of them are ill posed."""
+    for lane in range(block.shape[0]):
+        if outcomes[lane] != FITTED:
+            continue
+        if not work.sound[lane] > 0.0:
+            outcomes[lane] = ILL_POSED
+            continue
+        i = block[lane]
+        _write(fit, lane, i, work, result, errors)
+        residuals[i] = np.sqrt(work.total[lane] / counts[lane])
+        rings_used[i] = rings[lane]
+
+
+@lean_njit()
 def _write(
     fit: KernelFit, lane: int, i: int, work: LaneWorkspace, result: GraphGeometry, errors: StandardErrors
 ) -> None:

@@ -1,13 +1,12 @@
 """The frame over which a neighbourhood is a height field, if it is one."""
 
-from numba import njit
-
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.frames import direction_to, farthest_direction, folds, mean_normal, turned_share
 from bezier_filters.kernel_input import FITTED, FOLDED, ILL_POSED, NO_FRAME, KernelFit, KernelMesh
+from bezier_filters.lean import lean_njit
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def write_frame(
     mesh: KernelMesh, fit: KernelFit, members: IntArray, count: int, inner: int, neighbours: int, frame: FloatArray
 ) -> int:

@@ -6,6 +6,7 @@ from numba import njit
 from bezier_filters.adjacency import Adjacency, Rows
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
+from bezier_filters.lean import lean_njit
 
 
 def k_rings(adjacency: Adjacency, rings: int) -> Rows:
@@ -39,7 +40,7 @@ def k_rings(adjacency: Adjacency, rings: int) -> Rows:
     return Rows(indptr, indices)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def collect_ring(
     indptr: IntArray, indices: IntArray, stops: BoolArray, center: int, rings: int, visited: IntArray, members: IntArray
 ) -> tuple[int, int]:
@@ -82,7 +83,7 @@ def collect_ring(
     return count, inner
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def collect_ball(
     vertices: FloatArray,
     indptr: IntArray,

@@ -10,7 +10,7 @@ import bezier_filters
 
 PACKAGE = Path(bezier_filters.__file__).parent
 LAYERS = """
-_version arrays errors status bernstein dense parallel compilation atomic color_range
+_version arrays errors status bernstein dense lean parallel compilation atomic color_range
 mesh polynomials smoothness patch differential_geometry jets vertex_geometry surfaces
 adjacency boundary fields harmonics
 neighbourhoods frames fitting uncertainty diagnosis ply_columns orientation lanes
