@@ -19,9 +19,8 @@ from bezier_filters.fitting import PatchFit
 from bezier_filters.frames import tangent_planes
 from bezier_filters.kernel_input import KernelMesh, kernel_mesh
 from bezier_filters.lane_kernel import fit_in_lanes
-from bezier_filters.learning import analyse_rings
+from bezier_filters.learning import learn_surface
 from bezier_filters.mesh import TriangleMesh, triangle_mesh
-from bezier_filters.model_tree import leaf_of
 from bezier_filters.parallel import Progress, thread_count
 from bezier_filters.plans import CANDIDATE_DEGREES, Choices
 from bezier_filters.point_cloud import point_cloud
@@ -190,8 +189,7 @@ def _fit(
     root, sigma = None, None
     if fixed is None or rings == "auto":
         choices = Choices(None if rings == "auto" else rings, degrees)
-        analyses = analyse_rings(arrays, adjacency, wanted=choices.rings, threads=threads)
-        root = leaf_of(analyses, choices)
+        analyses, root = learn_surface(arrays, adjacency, choices, threads=threads)
     if root is not None:
         sigma = root.surface.sigma
         if fixed is None:

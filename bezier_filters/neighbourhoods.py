@@ -70,17 +70,34 @@ def collect_ring(
     inner = 0
     for _ in range(rings):
         start, inner = inner, count
-        for a in range(start, inner):
-            j = members[a]
-            if stops[j] and a > 0:
-                continue
-            for q in range(indptr[j], indptr[j + 1]):
-                k = indices[q]
-                if visited[k] != center:
-                    visited[k] = center
-                    members[count] = k
-                    count += 1
+        count = next_ring(indptr, indices, stops, center, start, count, visited, members)
     return count, inner
+
+
+@lean_njit()
+def next_ring(
+    indptr: IntArray,
+    indices: IntArray,
+    stops: BoolArray,
+    center: int,
+    start: int,
+    stop: int,
+    visited: IntArray,
+    members: IntArray,
+) -> int:
+    """Take the search of `collect_ring` one edge further, from members[start:stop]; return the new count."""
+    count = stop
+    for a in range(start, stop):
+        j = members[a]
+        if stops[j] and a > 0:
+            continue
+        for q in range(indptr[j], indptr[j + 1]):
+            k = indices[q]
+            if visited[k] != center:
+                visited[k] = center
+                members[count] = k
+                count += 1
+    return count
 
 
 @lean_njit()

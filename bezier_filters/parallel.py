@@ -7,8 +7,10 @@ safe to fork, and each vertex is computed by the same operations whatever the th
 
 import os
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor
 from numbers import Integral
+from queue import SimpleQueue
+from threading import Event
 
 from bezier_filters.errors import CancelledError, InvalidParameterError
 
@@ -79,24 +81,35 @@ def run_in_chunks(
             _report(progress, min(start + chunk, total), total)
         return
 
-    def next_chunk(task: RangeTask) -> tuple[RangeTask, int]:
-        start = next(starts, total)
-        stop = min(start + chunk, total)
-        if start < stop:
-            task(start, stop)
-        return task, stop - start
+    finished: SimpleQueue[int] = SimpleQueue()  # lengths of chunks, and 0 for a thread that ends
+    cancelled = Event()
+
+    def work(task: RangeTask) -> None:
+        try:
+            for start in starts:
+                stop = min(start + chunk, total)
+                task(start, stop)
+                if progress is not None:
+                    finished.put(stop - start)
+                if cancelled.is_set():
+                    break
+        finally:
+            finished.put(0)
 
     with ThreadPoolExecutor(threads) as pool:
-        pending: set[Future[tuple[RangeTask, int]]] = {pool.submit(next_chunk, make_task()) for _ in range(threads)}
-        done = 0
-        while pending:
-            finished, pending = wait(pending, return_when=FIRST_COMPLETED)
-            for future in finished:
-                task, length = future.result()
+        try:
+            futures = [pool.submit(work, make_task()) for _ in range(threads)]
+            done = ended = 0
+            while ended < threads:
+                length = finished.get()
+                done += length
+                ended += length == 0
                 if length:
-                    pending.add(pool.submit(next_chunk, task))
-                    done += length
-            _report(progress, done, total)
+                    _report(progress, done, total)
+        finally:
+            cancelled.set()
+        for future in futures:
+            future.result()
 
 
 def _report(progress: Progress | None, done: int, total: int) -> None:

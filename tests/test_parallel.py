@@ -1,4 +1,5 @@
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -41,10 +42,13 @@ def test_each_thread_gets_a_task_of_its_own():
 @pytest.mark.parametrize("threads", [1, 3])
 def test_cancelling_stops_early(threads):
     done = []
+
+    def task(start, stop):
+        time.sleep(1e-4)  # gives the interpreter lock away, as the kernels do
+        done.append(start)
+
     with pytest.raises(CancelledError):
-        run_in_chunks(
-            lambda: lambda start, stop: done.append(start), 10_000, threads=threads, progress=lambda *_: False, chunk=1
-        )
+        run_in_chunks(lambda: task, 10_000, threads=threads, progress=lambda *_: False, chunk=1)
     assert len(done) < 100
 
 
