@@ -144,7 +144,7 @@ def estimate_vertex_geometry(
     if mesh.face_count:
         adjacency = vertex_adjacency(mesh)
         planes = tangent_planes(mesh, adjacency, threads=threads)
-        stops = crease_vertices(mesh, adjacency, threads=threads) if fixed is None else None
+        stops = crease_vertices(mesh, adjacency, planes, threads=threads) if fixed is None else None
     else:
         adjacency, planes = point_cloud(mesh, outside, threads=threads)
         stops = None
