@@ -9,7 +9,7 @@ from numba import config
 from bezier_filters.arrays import IntArray
 from bezier_filters.fitting import PatchFit
 from bezier_filters.jets import GraphGeometry
-from bezier_filters.kernel_input import FITTED, FOLDED, ILL_POSED, KernelFit, KernelMesh
+from bezier_filters.kernel_input import FITTED, FOLDED, ILL_POSED, OUTCOMES, KernelFit, KernelMesh
 from bezier_filters.lane_kernel import fit_in_lanes
 from bezier_filters.learning import MOST_TURNED
 from bezier_filters.parallel import Progress, RangeTask, run_in_chunks
@@ -156,22 +156,25 @@ def fit_with_fallbacks(
     """
     if not len(mesh.faces):
         attempts = [without_faces(attempt) for attempt in attempts]
-    has_normal = mesh.normals[ids].any(axis=1)
-    geometry.normals[ids] = mesh.normals[ids]
-    geometry.status[ids] = np.where(has_normal, FitStatus.NORMAL_ONLY, FitStatus.ISOLATED)
-    outcome = np.full(len(ids), FITTED, dtype=np.int32)
-    unsettled = np.flatnonzero(has_normal)
+    has_normal = np.einsum("ij,ij->i", mesh.normals, mesh.normals)[ids] > 0.0
+    geometry.status[ids[~has_normal]] = FitStatus.ISOLATED
+    unsettled = ids[has_normal]
+    outcomes = np.full(len(unsettled), FITTED, dtype=np.int32)
     tried = 0
     for attempt in attempts:
-        rows = unsettled[np.isin(outcome[unsettled], list(attempt.after))]
-        if not len(rows):
+        concerned = np.array([outcome in attempt.after for outcome in OUTCOMES])[outcomes]
+        if not concerned.any():
             continue
         report = _overall_progress(progress, tried, len(ids))
-        outcome[rows] = _run(attempt, mesh, ids[rows], geometry, robust, threads, report)
+        outcomes[concerned] = _run(attempt, mesh, unsettled[concerned], geometry, robust, threads, report)
         tried = len(ids)
-        fitted = ids[rows[outcome[rows] == FITTED]]
-        geometry.status[fitted] = attempt.status
-        unsettled = unsettled[outcome[unsettled] != FITTED]
+        fitted = concerned & (outcomes == FITTED)
+        geometry.status[unsettled[fitted]] = attempt.status
+        unsettled, outcomes = unsettled[~fitted], outcomes[~fitted]
+        if not len(unsettled):
+            return
+    geometry.normals[unsettled] = mesh.normals[unsettled]
+    geometry.status[unsettled] = FitStatus.NORMAL_ONLY
 
 
 def _run(

@@ -140,7 +140,7 @@ def _ring_plan(surface: SurfaceModel, ring: RingModel, degrees: Sequence[int]) -
 
 
 def ring_plans(surface: SurfaceModel, ring: RingModel, degrees: Sequence[int] = CANDIDATE_DEGREES) -> list[FitPlan]:
-    """Plans for one ring: every degree that it determines, weaker priors for the best, and distance weights.
+    """Plans for one ring: distance weights and every degree that it determines, and weaker priors for the best.
 
     A single degree is taken as it is: the prior determines what the points do not.
     """
@@ -148,14 +148,13 @@ def ring_plans(surface: SurfaceModel, ring: RingModel, degrees: Sequence[int] = 
         degrees = [degree for degree in degrees if degree <= ring.analysis.degree]
     from_the_highest = sorted(degrees, reverse=True)
     plans: list[FitPlan] = []
+    if ring.analysis.rings <= WEIGHTED_RINGS:
+        _add_until_much_worse(plans, from_the_highest, lambda degree: _weighted_plan(surface, ring, degree))
     _add_until_much_worse(plans, from_the_highest, lambda degree: _plan(surface, ring, degree))
     if plans:
-        best = best_plan(plans).degree
-        plans += [_plan(surface, ring, best, strength) for strength in WEAKER_PRIORS]
-    if ring.analysis.rings <= WEIGHTED_RINGS:
-        weighted: list[FitPlan] = []
-        _add_until_much_worse(weighted, from_the_highest, lambda degree: _weighted_plan(surface, ring, degree))
-        plans += weighted
+        best = best_plan(plans)
+        if np.isinf(best.weight_radius):
+            plans += [_plan(surface, ring, best.degree, strength) for strength in WEAKER_PRIORS]
     return plans
 
 

@@ -19,7 +19,7 @@ from bezier_filters.jets import (
     write_graph_geometry,
 )
 from bezier_filters.kernel_input import FITTED, ILL_POSED, KernelFit, KernelMesh
-from bezier_filters.local_frames import write_frame
+from bezier_filters.local_frames import write_axes, write_plane
 from bezier_filters.neighbourhoods import collect_ball, collect_ring
 from bezier_filters.uncertainty import SEEN, StandardErrors, last_corner, write_standard_errors
 
@@ -85,7 +85,9 @@ def fit_vertices(
             neighbours, rings = mesh.ring_ptr[i + 1] - mesh.ring_ptr[i], fit.rings
         if count > work.points.shape[1]:
             work = _workspace(fit, 2 * count)
-        outcomes[row] = write_frame(mesh, fit, members, count, inner, neighbours, work.frame)
+        outcomes[row] = write_plane(mesh, fit, members, count, inner, work.frame)
+        if outcomes[row] == FITTED:
+            outcomes[row] = write_axes(mesh, fit, members, count, neighbours, work.frame)
         if outcomes[row] != FITTED:
             continue
         if not _project(mesh.vertices, members, count, fit.square, work) or not _fit_heights(fit, count, work):
