@@ -1,12 +1,13 @@
 """Learns a surface from its neighbourhoods: ring after ring, as long as they promise something."""
 
+from dataclasses import replace
+
 from bezier_filters.adjacency import Adjacency
 from bezier_filters.kernel_input import KernelMesh
 from bezier_filters.model_tree import Leaf, best_leaf, leaf_of
 from bezier_filters.neighbourhood_samples import sample_neighbourhoods
-from bezier_filters.plans import Choices, all_plans
-from bezier_filters.ring_analysis import RingAnalysis, analyse_ring
-from bezier_filters.surface_model import learn_model
+from bezier_filters.plans import Choices
+from bezier_filters.ring_analysis import RingAnalysis, analyse_rings
 
 CANDIDATE_RINGS = (1, 2, 3, 4, 5, 6, 8, 10)
 NEAR_RINGS = 5
@@ -17,7 +18,7 @@ MOST_TURNED = 0.02
 """Share of the vertices of a neighbourhood whose normals noise may turn away from its plane."""
 USABLE_SHARE = 0.8
 """A ring that folds at more than the rest of the sampled vertices is too wide."""
-HOPELESS = 4.0
+HOPELESS = 10.0
 """Wider rings are not tried once the predicted error has grown by this factor."""
 
 
@@ -45,30 +46,27 @@ def learn_surface(
     root : Leaf or None
         The model; None if the analyses allow no plan.
     """
-    analyses: list[RingAnalysis] = []
     rings = sorted({*CANDIDATE_RINGS, *(() if choices.rings is None else (choices.rings,))})
-    root, promising, sample = None, True, None
-    for k in rings:
-        if not promising and k != choices.rings:
+    stages = [[k for k in rings if k <= NEAR_RINGS], *([k] for k in rings if k > NEAR_RINGS)]
+    analyses: list[RingAnalysis] = []
+    whole, promising = None, True
+    for stage in stages:
+        if not promising and choices.rings not in stage:
             continue
-        if sample is None or k >= sample.sizes.shape[1]:
-            widest, count = (NEAR_RINGS, max(SAMPLES.values())) if k <= NEAR_RINGS else (k, SAMPLES[6])
-            sample = sample_neighbourhoods(
-                mesh, adjacency, rings=widest, count=count, most_turned=MOST_TURNED, seed=seed, threads=threads
-            )
-        promising = promising and sample.usable[:, k].sum() >= USABLE_SHARE * sample.clear[:, k].sum()
-        if not promising and k != choices.rings and analyses:
-            continue
-        analysis = analyse_ring(
-            sample, k, SAMPLES.get(k, SAMPLES[10]), vertex_count=len(mesh.vertices), threads=threads
+        count = SAMPLES[1] if stage is stages[0] else SAMPLES[6]
+        sample = sample_neighbourhoods(
+            mesh, adjacency, rings=stage[-1], count=count, most_turned=MOST_TURNED, seed=seed, threads=threads
         )
-        if analysis is None:
-            continue
-        analyses.append(analysis)
-        root = None
-        if k >= NEAR_RINGS:
-            surface = learn_model(analyses)
-            plans = all_plans(surface, choices.degrees)
-            root = best_leaf(surface, plans, choices)
-            promising = promising and plans[-1].error <= HOPELESS * min(plan.error for plan in plans)
-    return analyses, root or leaf_of(analyses, choices)
+        most: dict[int, int] = {}
+        for k in stage:
+            promising = promising and sample.usable[:, k].sum() >= USABLE_SHARE * sample.clear[:, k].sum()
+            if promising or k == choices.rings or not (analyses or most):
+                most[k] = SAMPLES.get(k, SAMPLES[10])
+        found = analyse_rings(sample, most, vertex_count=len(mesh.vertices), threads=threads)
+        if found:
+            analyses += found
+            whole = leaf_of(analyses, replace(choices, rings=None))
+        if whole is not None:
+            errors = [plan.error for plan in whole.plans]
+            promising = promising and errors[-1] <= HOPELESS * min(errors)
+    return analyses, None if whole is None else best_leaf(whole.surface, whole.plans, choices)

@@ -104,26 +104,27 @@ def grow(
     if likeliest is None:
         return root
     _, feature, threshold = likeliest
-    low = [part.where(features[part.centers, feature] <= threshold) for part in analyses]
-    high = [part.where(features[part.centers, feature] > threshold) for part in analyses]
-    sides = [[part for part in side if part is not None] for side in (low, high)]
-    leaves_ = [part_of(root, side, choices) for side in sides]
+    halves = (
+        [part.where((features[part.centers, feature] <= threshold) == is_low) for part in analyses]
+        for is_low in (True, False)
+    )
+    sides = [[part for part in half if part is not None] for half in halves]
+    parts = [part_of(root, side, choices) for side in sides]
+    leaves_ = [leaf for leaf in parts if leaf is not None]
+    if len(leaves_) < len(parts):
+        return root
     saved = [_saved(root.chosen, leaf) for leaf in leaves_]
-    sizes = [max((len(part.centers) for part in side), default=0) for side in sides]
+    sizes = [max(len(part.centers) for part in side) for side in sides]
     if sum(s * n for s, n in zip(saved, sizes, strict=True)) <= WORTHWHILE * sum(sizes):
         return root
-    branches = [
-        grow(leaf, side, features, choices, depth - 1)
-        for leaf, side in zip(leaves_, sides, strict=True)
-        if leaf is not None
-    ]
-    return Split(feature, threshold, branches[0], branches[1])
+    low, high = (grow(leaf, side, features, choices, depth - 1) for leaf, side in zip(leaves_, sides, strict=True))
+    return Split(feature, threshold, low, high)
 
 
-def _saved(plan: FitPlan, leaf: Leaf | None) -> float:
-    """Logarithm of what a leaf's own plan takes off the predicted error of another; -inf if there is none."""
-    before = None if leaf is None else plan_for(plan, leaf.surface)
-    return -np.inf if leaf is None or before is None else float(np.log(before.error / leaf.chosen.error))
+def _saved(plan: FitPlan, leaf: Leaf) -> float:
+    """Logarithm of what a leaf's own plan takes off the predicted error of another; -inf if it has no such ring."""
+    before = plan_for(plan, leaf.surface)
+    return -np.inf if before is None else float(np.log(before.error / leaf.chosen.error))
 
 
 def leaves(tree: Leaf | Split) -> list[Leaf]:

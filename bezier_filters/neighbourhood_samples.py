@@ -73,8 +73,7 @@ def sample_neighbourhoods(
     threads : int
         Number of threads.
     """
-    candidates = np.flatnonzero(mesh.normals.any(axis=1))
-    ids = np.random.default_rng(seed).permutation(candidates)[:count].astype(np.int32)
+    ids = _draw(mesh.normals, count, seed)
     points = np.zeros((len(ids), most_points, 3))
     sizes = np.zeros((len(ids), rings + 1), dtype=np.int32)
     clear, usable = np.zeros((2, len(ids), rings + 1), dtype=np.bool_)
@@ -100,6 +99,16 @@ def sample_neighbourhoods(
 
     run_in_chunks(make_task, len(ids), threads=threads, chunk=CHUNK)
     return NeighbourhoodSample(ids, points, sizes, clear, usable)
+
+
+def _draw(normals: FloatArray, count: int, seed: int) -> IntArray:
+    """Up to `count` random vertices that have a normal."""
+    n, generator = len(normals), np.random.default_rng(seed)
+    ids = generator.choice(n, min(n, 2 * count), replace=False)
+    ids = ids[normals[ids].any(axis=1)]
+    if len(ids) < count:  # few have one
+        ids = generator.permutation(np.flatnonzero(normals.any(axis=1)))
+    return ids[:count].astype(np.int32)
 
 
 @lean_njit()

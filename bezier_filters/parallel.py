@@ -9,8 +9,6 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from numbers import Integral
-from queue import SimpleQueue
-from threading import Event
 
 from bezier_filters.errors import CancelledError, InvalidParameterError
 
@@ -61,9 +59,9 @@ def run_in_chunks(
     total : int
         Length of the range.
     threads : int
-        Number of threads; 1 runs in the calling thread.
+        Number of threads, of which the calling one is the first.
     progress : callable, optional
-        Called in the calling thread after every few chunks.
+        Called in the calling thread after each of its chunks.
     chunk : int
         Length of a chunk: long enough to hide the call, short enough to share and to cancel.
 
@@ -73,43 +71,31 @@ def run_in_chunks(
         If `progress` returned False. Chunks under way are finished first.
     """
     starts = iter(range(0, total, chunk))  # next() on an iterator of ints is atomic: the threads share it
-    threads = min(threads, -(-total // chunk))
-    if threads <= 1:
-        task = make_task()
-        for start in starts:
-            task(start, min(start + chunk, total))
-            _report(progress, min(start + chunk, total), total)
-        return
+    threads = max(1, min(threads, -(-total // chunk)))
+    done = [0] * threads
 
-    finished: SimpleQueue[int] = SimpleQueue()  # lengths of chunks, and 0 for a thread that ends
-    cancelled = Event()
-
-    def work(task: RangeTask) -> None:
+    def work(thread: int, task: RangeTask) -> None:
         try:
             for start in starts:
                 stop = min(start + chunk, total)
                 task(start, stop)
-                if progress is not None:
-                    finished.put(stop - start)
-                if cancelled.is_set():
-                    break
-        finally:
-            finished.put(0)
+                done[thread] += stop - start
+                if thread == 0:
+                    _report(progress, sum(done), total)
+        except BaseException:
+            for _ in starts:  # no thread begins another chunk
+                pass
+            raise
 
-    with ThreadPoolExecutor(threads) as pool:
-        try:
-            futures = [pool.submit(work, make_task()) for _ in range(threads)]
-            done = ended = 0
-            while ended < threads:
-                length = finished.get()
-                done += length
-                ended += length == 0
-                if length:
-                    _report(progress, done, total)
-        finally:
-            cancelled.set()
-        for future in futures:
-            future.result()
+    if threads == 1:
+        work(0, make_task())
+        return
+    with ThreadPoolExecutor(threads - 1) as pool:
+        helpers = [pool.submit(work, thread, make_task()) for thread in range(1, threads)]
+        work(0, make_task())
+    for helper in helpers:
+        helper.result()
+    _report(progress, total, total)
 
 
 def _report(progress: Progress | None, done: int, total: int) -> None:

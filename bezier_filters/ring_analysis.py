@@ -1,5 +1,6 @@
 """Sampled neighbourhoods, orthogonalised term by term: the data of an analysis of variance."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -12,7 +13,7 @@ from bezier_filters.harmonics import HIGHEST_DEGREE, harmonic_basis
 from bezier_filters.lanes import LANES
 from bezier_filters.neighbourhood_samples import NeighbourhoodSample
 from bezier_filters.parallel import RangeTask, run_in_chunks
-from bezier_filters.ring_lanes import RingSums, analyse_in_lanes, ring_workspace
+from bezier_filters.ring_lanes import RingSums, RingWorkspace, analyse_in_lanes, ring_workspace
 from bezier_filters.ring_reference import analyse_one_by_one, term_values
 
 FREE_DEGREE = 2
@@ -21,8 +22,11 @@ FEWEST_SAMPLES = 12
 FEWEST_POINTS_PER_COEFFICIENT = 1.2
 FIRST = 8
 """Neighbourhoods by which plans are compared."""
+FACTORED = 64
+"""Neighbourhoods of a sample whose factors are kept: a part of the sample has some of them, as its order is random."""
 CHUNK = 4 * LANES
 """Neighbourhoods per chunk."""
+_ROW_STARTS = np.cumsum(np.arange(len(harmonic_basis().degrees) + 2)).astype(np.int32)
 
 
 @dataclass(frozen=True)
@@ -51,9 +55,10 @@ class RingAnalysis:
         Which rows of the next two arrays belong to these neighbourhoods, if they are part of a sample.
     points : (S, n, 3) float64
         Coordinates of the points, lengths; beyond `sizes`, anything.
-    factors : (S, m, M) float64
-        Q^T A for the design matrices A of the neighbourhoods, Q being orthonormal for the m
-        terms; upper triangular in its first m columns. Rows of terms that the points do not see are 0.
+    factors : (S', m, M) float64
+        Of the first S' of those S neighbourhoods: Q^T A for their design matrices A, Q being
+        orthonormal for the m terms; upper triangular in its first m columns. Rows of terms that the
+        points do not see are 0.
     parts : (N, m) float64
         Q^T z: what the heights hold of each term, a length.
     unexplained : (N, M) float64
@@ -84,7 +89,7 @@ class RingAnalysis:
 
     def where(self, kept: BoolArray) -> "RingAnalysis | None":
         """Only the neighbourhoods that are marked, (N,); None if they are too few."""
-        if kept.sum() < FEWEST_SAMPLES:
+        if kept.sum() < FEWEST_SAMPLES or not (self.rows[kept] < len(self.factors)).any():
             return None
         arrays: dict[str, Any] = {name: getattr(self, name)[kept] for name in _BY_ROW}
         return replace(self, **arrays)
@@ -104,48 +109,54 @@ class RingAnalysis:
         return float(np.median(self.residuals[:, -1] / freedom / of_mean))
 
     @cached_property
+    def first(self) -> IntArray:
+        """The first neighbourhoods, up to `FIRST` of those whose factors are known: T numbers below N."""
+        result: IntArray = np.flatnonzero(self.rows < len(self.factors))[:FIRST].astype(np.int32)
+        return result
+
+    @cached_property
     def first_points(self) -> FloatArray:
-        """Parameters x, y of the first neighbourhoods in units of the radius, (`FIRST`, n, 2); 0 beyond `sizes`."""
-        present = np.arange(self.points.shape[1]) < self.sizes[:FIRST, np.newaxis]
-        result: FloatArray = self.points[self.rows[:FIRST], :, :2] * (present / self.radius)[..., np.newaxis]
+        """Parameters x, y of the first neighbourhoods in units of the radius, (T, n, 2); 0 beyond `sizes`."""
+        present = np.arange(self.points.shape[1]) < self.sizes[self.first, np.newaxis]
+        result: FloatArray = self.points[self.rows[self.first], :, :2] * (present / self.radius)[..., np.newaxis]
         return result
 
     @cached_property
     def first_designs(self) -> FloatArray:
-        """Values of the terms at the points of the first neighbourhoods, (`FIRST`, n, M); 0 beyond `sizes`."""
-        present = np.arange(self.points.shape[1]) < self.sizes[:FIRST, np.newaxis]
+        """Values of the terms at the points of the first neighbourhoods, (T, n, M); 0 beyond `sizes`."""
+        present = np.arange(self.points.shape[1]) < self.sizes[self.first, np.newaxis]
         result: FloatArray = term_values(*np.moveaxis(self.first_points, 2, 0)) * present[..., np.newaxis]
         return result
 
     @cached_property
     def first_grams(self) -> FloatArray:
-        """Inner products of m and all terms over the points of the first neighbourhoods, (`FIRST`, m, M)."""
-        factors = self.factors[self.rows[:FIRST]]
+        """Inner products of m and all terms over the points of the first neighbourhoods, (T, m, M)."""
+        factors = self.factors[self.rows[self.first]]
         result: FloatArray = factors[..., : factors.shape[1]].transpose(0, 2, 1) @ factors
         return result
 
     @cached_property
     def rest_profile(self) -> FloatArray:
-        """Mean square of what no term follows at the first points, over its mean, (`FIRST`, n).
+        """Mean square of what no term follows at the first points, over its mean, (T, n).
 
         It grows outwards like the first of those terms.
         """
         profile = np.square(self.first_points).sum(axis=2) ** (self.degree + 1)
-        result: FloatArray = profile * self.sizes[:FIRST, np.newaxis] / profile.sum(axis=1, keepdims=True)
+        result: FloatArray = profile * self.sizes[self.first, np.newaxis] / profile.sum(axis=1, keepdims=True)
         return result
 
     @cached_property
     def rest_grams(self) -> FloatArray:
-        """Inner products of all terms over the first points with that profile as a weight, (`FIRST`, M, M)."""
+        """Inner products of all terms over the first points with that profile as a weight, (T, M, M)."""
         design = self.first_designs
         result: FloatArray = design.transpose(0, 2, 1) @ (design * self.rest_profile[..., np.newaxis])
         return result
 
     @cached_property
     def energies(self) -> FloatArray:
-        """Mean squared diagonal of the factors, (m,): what the points say of each term."""
+        """Mean squared diagonal of the first factors, (m,): what the points say of each term."""
         terms = np.arange(self.parts.shape[1])
-        result: FloatArray = np.square(self.factors[self.rows[:, np.newaxis], terms, terms]).mean(axis=0)
+        result: FloatArray = np.square(self.factors[self.rows[self.first]][:, terms, terms]).mean(axis=0)
         return result
 
 
@@ -163,10 +174,47 @@ _BY_ROW = (
 )
 
 
-def analyse_ring(
-    sample: NeighbourhoodSample, rings: int, most: int, *, vertex_count: int, threads: int = 1
-) -> RingAnalysis | None:
-    """Analyse up to `most` of the usable k-rings of a sample; None if too few of them are usable."""
+def analyse_rings(
+    sample: NeighbourhoodSample, most: Mapping[int, int], *, vertex_count: int, threads: int = 1
+) -> list[RingAnalysis]:
+    """Analyse up to most[k] of the usable k-rings of a sample, for every k for which enough of them are usable."""
+    prepared = (_prepare(sample, rings, count, vertex_count) for rings, count in most.items())
+    analyses = [analysis for analysis in prepared if analysis is not None]
+    chunks = [
+        (analysis, start, min(start + CHUNK, len(analysis.rows)))
+        for analysis in analyses
+        for start in range(0, len(analysis.rows), CHUNK)
+    ]
+
+    def make_task() -> RangeTask:
+        most_points = max((analysis.points.shape[1] for analysis in analyses), default=0)
+        work = None if config.DISABLE_JIT else ring_workspace(most_points)  # type: ignore[attr-defined]
+
+        def run(start: int, stop: int) -> None:
+            for chunk in chunks[start:stop]:
+                _analyse(*chunk, work)
+
+        return run
+
+    run_in_chunks(make_task, len(chunks), threads=threads, chunk=1)
+    return analyses
+
+
+def _analyse(analysis: RingAnalysis, start: int, stop: int, work: RingWorkspace | None) -> None:
+    """Fill rows start .. stop-1 of an analysis."""
+    sums = RingSums(*(getattr(analysis, name) for name in RingSums._fields))
+    scale = 1.0 / analysis.radius
+    if work is None:
+        analyse_one_by_one(analysis.points, analysis.sizes, scale, start, stop, sums)
+        return
+    basis = harmonic_basis()
+    analyse_in_lanes(
+        analysis.points, analysis.sizes, scale, basis.degrees, basis.groups, _ROW_STARTS, work, start, stop, sums
+    )
+
+
+def _prepare(sample: NeighbourhoodSample, rings: int, most: int, vertex_count: int) -> RingAnalysis | None:
+    """An analysis that is still to be filled; None if too few neighbourhoods are usable."""
     rows = np.flatnonzero(sample.usable[:, rings])[:most]
     if len(rows) < FEWEST_SAMPLES:
         return None
@@ -184,7 +232,7 @@ def analyse_ring(
         return None
     by_degree = (len(rows), degree + 1)
     by_group = (*by_degree, int(basis.groups[m - 1]) + 1)
-    analysis = RingAnalysis(
+    return RingAnalysis(
         rings,
         radius,
         degree,
@@ -194,25 +242,12 @@ def analyse_ring(
         sizes,
         np.arange(len(rows), dtype=np.int32),
         points,
-        np.zeros((len(rows), m, len(basis.degrees))),
+        np.zeros((min(len(rows), FACTORED), m, len(basis.degrees))),
         np.zeros((len(rows), m)),
         np.zeros((len(rows), len(basis.degrees))),
         *(np.zeros(by_degree) for _ in range(2)),
         *(np.zeros(by_group) for _ in range(3)),
     )
-    sums = RingSums(*(getattr(analysis, name) for name in RingSums._fields))
-    row_starts = np.cumsum(np.arange(len(basis.degrees) + 2)).astype(np.int32)
-
-    def make_task() -> RangeTask:
-        if config.DISABLE_JIT:  # type: ignore[attr-defined]
-            return lambda start, stop: analyse_one_by_one(points, sizes, 1.0 / radius, start, stop, sums)
-        work = ring_workspace(len(basis.degrees), points.shape[1])
-        return lambda start, stop: analyse_in_lanes(
-            points, sizes, 1.0 / radius, basis.degrees, basis.groups, row_starts, work, start, stop, sums
-        )
-
-    run_in_chunks(make_task, len(rows), threads=threads, chunk=CHUNK)
-    return analysis
 
 
 def _determined_degree(points: float) -> int:

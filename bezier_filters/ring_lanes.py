@@ -9,6 +9,7 @@ from typing import NamedTuple
 from numba import njit
 
 from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.harmonics import HIGHEST_DEGREE
 from bezier_filters.lane_algebra import GROUP, add_moments, factorise, substitute_back
 from bezier_filters.lanes import LANES, aligned, load, multiply_add, spread, store, where_greater
 from bezier_filters.lean import lean_njit
@@ -47,8 +48,9 @@ class RingWorkspace(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def ring_workspace(terms: int, most: int) -> RingWorkspace:
+def ring_workspace(most: int) -> RingWorkspace:
     """Scratch arrays for neighbourhoods of up to `most` points."""
+    terms = (HIGHEST_DEGREE + 1) * (HIGHEST_DEGREE + 2) // 2
     return RingWorkspace(
         aligned(4 * most),
         aligned((terms + 1 + GROUP) * CHUNK),
@@ -115,6 +117,8 @@ def analyse_in_lanes(
         _square_what_is_left(work, stride, count, m, highest)
         for lane in range(min(LANES, stop - first)):
             _write_row(work, lane, first + lane, sizes[first + lane], degrees, row_starts, sums)
+            if first + lane < sums.factors.shape[0]:
+                _write_factors(work, lane, row_starts, sums.factors[first + lane])
         _write_coefficients(work, degrees, groups, row_starts, first, min(LANES, stop - first), sums)
 
 
@@ -169,19 +173,27 @@ def _square_what_is_left(work: RingWorkspace, stride: int, count: int, m: int, h
 
 
 @lean_njit()
+def _write_factors(work: RingWorkspace, lane: int, row_starts: IntArray, factors: FloatArray) -> None:
+    """Write the factor of one lane."""
+    m, terms = factors.shape
+    for t in range(m):
+        reciprocal = work.gram[LANES * (row_starts[t] + t) + lane]
+        factors[t, t] = 1.0 / reciprocal if reciprocal > 0.0 else 0.0
+        for s in range(t + 1, terms):
+            factors[t, s] = work.gram[LANES * (row_starts[s] + t) + lane]
+
+
+@lean_njit()
 def _write_row(
     work: RingWorkspace, lane: int, row: int, size: int, degrees: IntArray, row_starts: IntArray, sums: RingSums
 ) -> None:
-    """Write factors, parts and residuals of one lane."""
+    """Write parts, residuals and what is unexplained of one lane."""
     terms, m, highest = degrees.shape[0], sums.parts.shape[1], sums.residuals.shape[1] - 1
     residuals, freedom = sums.residuals[row], sums.freedom[row]
     residuals[:] = work.left[lane]
     freedom[:] = size
     for t in range(m):
         reciprocal = work.gram[LANES * (row_starts[t] + t) + lane]
-        sums.factors[row, t, t] = 1.0 / reciprocal if reciprocal > 0.0 else 0.0
-        for s in range(t + 1, terms):
-            sums.factors[row, t, s] = work.gram[LANES * (row_starts[s] + t) + lane]
         part = work.gram[LANES * (row_starts[terms] + t) + lane]
         sums.parts[row, t] = part
         for d in range(highest + 1):
@@ -192,7 +204,7 @@ def _write_row(
     for s in range(m, terms):
         unexplained = work.coefficients[LANES * s + lane]
         for t in range(m):
-            unexplained -= sums.factors[row, t, s] ** 2
+            unexplained -= work.gram[LANES * (row_starts[s] + t) + lane] ** 2
         sums.unexplained[row, s] = max(unexplained, 0.0)
 
 

@@ -29,8 +29,8 @@ def term_values(x: FloatArray, y: FloatArray) -> FloatArray:
 
 def _analyse(columns: FloatArray, heights: FloatArray, row: int, sums: RingSums) -> None:
     basis, m = harmonic_basis(), sums.parts.shape[1]
-    factors, parts, seen = sums.factors[row], sums.parts[row], np.zeros(m, dtype=np.bool_)
-    factors[:], parts[:] = 0.0, 0.0
+    factors, parts, seen = np.zeros((m, len(basis.degrees))), sums.parts[row], np.zeros(m, dtype=np.bool_)
+    parts[:] = 0.0
     orthonormal = np.zeros((len(heights), m))
     for t in range(m):
         column = columns[:, t].copy()
@@ -44,19 +44,19 @@ def _analyse(columns: FloatArray, heights: FloatArray, row: int, sums: RingSums)
             parts[t] = orthonormal[:, t] @ heights
     beyond = columns[:, m:] - orthonormal @ factors[:, m:]
     sums.unexplained[row, :m], sums.unexplained[row, m:] = 0.0, np.square(beyond).sum(axis=0)
+    if row < len(sums.factors):
+        sums.factors[row] = factors
     for degree in range(sums.residuals.shape[1]):
         kept = seen & (basis.degrees[:m] <= degree)
-        _sum_up(degree, kept, orthonormal, heights, row, sums)
+        left = heights - orthonormal[:, kept] @ parts[kept]
+        sums.residuals[row, degree] = left @ left
+        sums.freedom[row, degree] = len(heights) - kept.sum()
+        inverse = np.asarray(np.linalg.inv(factors[np.ix_(kept, np.flatnonzero(kept))]), dtype=np.float64)
+        _sum_up(degree, kept, inverse, row, sums)
 
 
-def _sum_up(
-    degree: int, kept: BoolArray, orthonormal: FloatArray, heights: FloatArray, row: int, sums: RingSums
-) -> None:
-    """The fit of one degree, with the terms that are kept."""
-    left = heights - orthonormal[:, kept] @ sums.parts[row, kept]
-    sums.residuals[row, degree] = left @ left
-    sums.freedom[row, degree] = len(heights) - kept.sum()
-    inverse = np.linalg.inv(sums.factors[row][np.ix_(kept, np.flatnonzero(kept))])
+def _sum_up(degree: int, kept: BoolArray, inverse: FloatArray, row: int, sums: RingSums) -> None:
+    """The coefficients of the fit of one degree, from the inverse factor of the terms that are kept."""
     weights = 1.0 / np.square(inverse).sum(axis=1)
     squares = weights * np.square(inverse @ sums.parts[row, kept])
     groups = harmonic_basis().groups[: len(kept)][kept]
