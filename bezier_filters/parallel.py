@@ -6,9 +6,10 @@ safe to fork, and each vertex is computed by the same operations whatever the th
 """
 
 import os
-from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from numbers import Integral
+from queue import SimpleQueue
 
 from bezier_filters.errors import CancelledError, InvalidParameterError
 
@@ -79,24 +80,38 @@ def run_in_chunks(
             _report(progress, min(start + chunk, total), total)
         return
 
-    def next_chunk(task: RangeTask) -> tuple[RangeTask, int]:
-        start = next(starts, total)
-        stop = min(start + chunk, total)
-        if start < stop:
-            task(start, stop)
-        return task, stop - start
+    finished: SimpleQueue[int] = SimpleQueue()  # lengths of chunks; 0 for a thread
+
+    def work_through(task: RangeTask) -> None:
+        try:
+            for start in starts:
+                stop = min(start + chunk, total)
+                task(start, stop)
+                finished.put(stop - start)
+        finally:
+            _exhaust(starts)  # after an error
+            finished.put(0)
 
     with ThreadPoolExecutor(threads) as pool:
-        pending: set[Future[tuple[RangeTask, int]]] = {pool.submit(next_chunk, make_task()) for _ in range(threads)}
-        done = 0
-        while pending:
-            finished, pending = wait(pending, return_when=FIRST_COMPLETED)
-            for future in finished:
-                task, length = future.result()
+        futures = [pool.submit(work_through, make_task()) for _ in range(threads)]
+        working, done = threads, 0
+        try:
+            while working:
+                length = finished.get()
+                working -= length == 0
+                done += length
                 if length:
-                    pending.add(pool.submit(next_chunk, task))
-                    done += length
-            _report(progress, done, total)
+                    _report(progress, done, total)
+        finally:
+            _exhaust(starts)  # after cancelling
+        for future in futures:
+            future.result()
+
+
+def _exhaust(starts: Iterator[int]) -> None:
+    """Leave nothing to begin with."""
+    for _ in starts:
+        pass
 
 
 def _report(progress: Progress | None, done: int, total: int) -> None:
