@@ -1,5 +1,5 @@
 import threading
-import time
+from time import sleep
 
 import numpy as np
 import pytest
@@ -44,11 +44,26 @@ def test_cancelling_stops_early(threads):
     done = []
 
     def task(start, stop):
-        time.sleep(1e-4)  # gives the interpreter lock away, as the kernels do
         done.append(start)
+        sleep(0.001)  # lets other threads run, as the kernels do
 
     with pytest.raises(CancelledError):
         run_in_chunks(lambda: task, 10_000, threads=threads, progress=lambda *_: False, chunk=1)
+    assert len(done) < 100
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_errors_stop_early(threads):
+    done = []
+
+    def task(start, stop):
+        done.append(start)
+        sleep(0.001)
+        if start == 5:
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        run_in_chunks(lambda: task, 10_000, threads=threads, chunk=1)
     assert len(done) < 100
 
 
