@@ -208,7 +208,7 @@ def _run(
     kernel = fit_in_lanes if compiled and not fit.rounds else fit_vertices
 
     def make_task() -> RangeTask:
-        visited, members = np.full(n, -1, dtype=np.int32), np.empty(n, dtype=np.int32)
+        visited, members = np.full(n, -1, dtype=np.int32), np.empty(n + 1, dtype=np.int32)
         return lambda start, stop: kernel(
             mesh,
             fit,

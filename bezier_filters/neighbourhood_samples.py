@@ -77,10 +77,10 @@ def sample_neighbourhoods(
     points = np.zeros((len(ids), most_points, 3))
     sizes = np.zeros((len(ids), rings + 1), dtype=np.int32)
     clear, usable = np.zeros((2, len(ids), rings + 1), dtype=np.bool_)
-    members_needed = len(mesh.vertices)
+    n = len(mesh.vertices)
 
     def make_task() -> RangeTask:
-        members, visited = np.empty(members_needed, np.int32), np.full(members_needed, -1, np.int32)
+        members, visited = np.empty(n + 1, np.int32), np.full(n, -1, np.int32)
         return lambda start, stop: _project_sample(
             mesh,
             adjacency.on_boundary,

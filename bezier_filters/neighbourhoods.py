@@ -56,8 +56,8 @@ def collect_ring(
         Where to start, how far to go.
     visited : (n,) int32
         Work space, at first filled with -1; holds the last center that met each vertex.
-    members : (n,) int32
-        Receives the vertices, the center first, ordered by distance in edges.
+    members : (n + 1,) int32
+        Receives the vertices, the center first, ordered by distance in edges; what comes after is overwritten.
 
     Returns
     -------
@@ -93,10 +93,10 @@ def next_ring(
             continue
         for q in range(indptr[j], indptr[j + 1]):
             k = indices[q]
-            if visited[k] != center:
-                visited[k] = center
-                members[count] = k
-                count += 1
+            # Without a branch, as nobody can predict it: what was met before is written over.
+            members[count] = k
+            count += visited[k] != center
+            visited[k] = center
     return count
 
 
@@ -162,7 +162,7 @@ def collect_ball(
 def _k_rings(indptr: IntArray, indices: IntArray, rings: int) -> tuple[IntArray, IntArray]:
     """Concatenated rings of all vertices; counts first, so that the result is allocated once."""
     n = indptr.shape[0] - 1
-    members = np.empty(n, np.int32)
+    members = np.empty(n + 1, np.int32)
     ptr = np.zeros(n + 1, np.int32)
     visited = np.full(n, -1, np.int32)
     stops = np.zeros(n, np.bool_)
