@@ -180,7 +180,7 @@ def plan_for(plan: FitPlan, surface: SurfaceModel) -> FitPlan | None:
     """The same fit with the errors that another model predicts; None if that has no such ring."""
     for ring in surface.by_rings:
         if ring.analysis.rings == plan.rings:
-            return _predicted(surface, ring, plan)
+            return _calibrated(surface, ring, _predicted(surface, ring, plan))
     return None
 
 
