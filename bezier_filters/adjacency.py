@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, IntArray
-from bezier_filters.lean import lean_njit
+from bezier_filters.lean import inner_njit, lean_njit
 from bezier_filters.mesh import TriangleMesh
 from bezier_filters.parallel import RangeTask, run_in_chunks
 
@@ -174,7 +174,7 @@ def _neighbours(
         lengths[i] = written - begin
 
 
-@lean_njit()
+@inner_njit()
 def _are_distinct_and_equal(values: IntArray, others: IntArray, count: int) -> bool:
     """Whether two sorted lists are the same, without repetition."""
     result = True
@@ -185,7 +185,7 @@ def _are_distinct_and_equal(values: IntArray, others: IntArray, count: int) -> b
     return result
 
 
-@lean_njit()
+@inner_njit()
 def _sort(values: IntArray, begin: int, end: int) -> None:
     """Sort values[begin:end] in place by Shell's method: fast for a dozen, sound for thousands."""
     gap = 1

@@ -11,7 +11,7 @@ import numpy as np
 from bezier_filters.adjacency import Adjacency
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.frames import STEEPEST, TangentPlanes, unit_face_normal
-from bezier_filters.lean import lean_njit
+from bezier_filters.lean import inner_njit, lean_njit
 from bezier_filters.mesh import TriangleMesh
 from bezier_filters.parallel import RangeTask, run_in_chunks
 
@@ -110,7 +110,7 @@ def _find_creases(
         result[i] = creases >= 2
 
 
-@lean_njit()
+@inner_njit()
 def _edge_angles(
     vertices: FloatArray,
     faces: IntArray,
@@ -130,7 +130,7 @@ def _edge_angles(
     return count
 
 
-@lean_njit()
+@inner_njit()
 def _other_face(faces: IntArray, face_ptr: IntArray, face_indices: IntArray, i: int, f: int) -> int:
     """The face at vertex i behind the edge of face f that leaves i, counter-clockwise; -1 if there is none."""
     tip = faces[f, 1] if faces[f, 0] == i else faces[f, 2] if faces[f, 1] == i else faces[f, 0]
@@ -141,7 +141,7 @@ def _other_face(faces: IntArray, face_ptr: IntArray, face_indices: IntArray, i: 
     return -1
 
 
-@lean_njit()
+@inner_njit()
 def _cosine(vertices: FloatArray, faces: IntArray, f: int, g: int) -> float:
     """Cosine of the angle between two faces; 1 if one of them has no area."""
     a, b, c = unit_face_normal(vertices, faces, f)

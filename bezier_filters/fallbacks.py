@@ -10,12 +10,12 @@ from bezier_filters.arrays import IntArray
 from bezier_filters.fitting import PatchFit
 from bezier_filters.jets import GraphGeometry
 from bezier_filters.kernel_input import FITTED, FOLDED, ILL_POSED, OUTCOMES, KernelFit, KernelMesh
-from bezier_filters.lane_kernel import fit_in_lanes
+from bezier_filters.lane_kernel import lane_task
 from bezier_filters.learning import MOST_TURNED
 from bezier_filters.parallel import Progress, RangeTask, run_in_chunks
 from bezier_filters.plans import FitPlan
 from bezier_filters.polynomials import elimination_order, lexicographic_places, row_starts
-from bezier_filters.scalar_kernel import fit_vertices
+from bezier_filters.scalar_kernel import scalar_task
 from bezier_filters.status import FitStatus
 from bezier_filters.uncertainty import StandardErrors
 from bezier_filters.vertex_geometry import VertexGeometry
@@ -205,24 +205,10 @@ def _run(
 
     # Lanes are compiled code only; reweighting by residuals takes each vertex its own number of rounds.
     compiled = not config.DISABLE_JIT  # type: ignore[attr-defined]
-    kernel = fit_in_lanes if compiled and not fit.rounds else fit_vertices
+    kernel_task = lane_task if compiled and not fit.rounds else scalar_task
 
     def make_task() -> RangeTask:
-        visited, members = np.full(n, -1, dtype=np.int32), np.empty(n + 1, dtype=np.int32)
-        return lambda start, stop: kernel(
-            mesh,
-            fit,
-            ids,
-            start,
-            stop,
-            visited,
-            members,
-            result,
-            errors,
-            geometry.residual,
-            geometry.rings_used,
-            outcomes,
-        )
+        return kernel_task(mesh, fit, ids, result, errors, geometry.residual, geometry.rings_used, outcomes)
 
     run_in_chunks(make_task, len(ids), threads=threads, progress=progress)
     return outcomes

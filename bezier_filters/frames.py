@@ -7,7 +7,7 @@ import numpy as np
 
 from bezier_filters.adjacency import Adjacency
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.lean import lean_njit
+from bezier_filters.lean import inner_njit, lean_njit
 from bezier_filters.mesh import TriangleMesh
 from bezier_filters.parallel import RangeTask, run_in_chunks
 
@@ -226,7 +226,7 @@ def farthest_direction(
     return bx, by, bz
 
 
-@lean_njit()
+@inner_njit()
 def direction_to(vertices: FloatArray, i: int, j: int, nx: float, ny: float, nz: float) -> tuple[float, float, float]:
     """Unit projection of the edge from vertex i to vertex j, zero if it stands on edge."""
     x, y, z = _projected_edge(vertices, i, j, nx, ny, nz)
@@ -236,7 +236,7 @@ def direction_to(vertices: FloatArray, i: int, j: int, nx: float, ny: float, nz:
     return x / length, y / length, z / length
 
 
-@lean_njit()
+@inner_njit()
 def _projected_edge(
     vertices: FloatArray, i: int, j: int, nx: float, ny: float, nz: float
 ) -> tuple[float, float, float]:
@@ -246,7 +246,7 @@ def _projected_edge(
     return x - height * nx, y - height * ny, z - height * nz
 
 
-@lean_njit()
+@inner_njit()
 def _signature(
     vertices: FloatArray,
     members: IntArray,

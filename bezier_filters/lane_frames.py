@@ -7,7 +7,7 @@ import numpy as np
 from bezier_filters.arrays import FloatArray
 from bezier_filters.frames import TIE
 from bezier_filters.lanes import LANES, load, multiply_add, spread, square_root, store, where_greater
-from bezier_filters.lean import lean_njit
+from bezier_filters.lean import inner_njit, lean_njit
 
 
 @lean_njit()
@@ -59,7 +59,7 @@ def point_to_farthest(
     store(frame, 5, nx * xy - ny * xx)
 
 
-@lean_njit()
+@inner_njit()
 def _largest(lanes: FloatArray) -> int:
     """The largest of eight numbers, as an integer."""
     result = 0.0

@@ -5,8 +5,9 @@ and testing for folds. What is arithmetic is done for eight at once, see `lanes`
 fewer points than the others of its block is filled up with points that weigh nothing.
 """
 
+from typing import Any
+
 import numpy as np
-from numba import njit
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.jets import GraphGeometry
@@ -23,9 +24,10 @@ from bezier_filters.lane_frames import point_to_farthest
 from bezier_filters.lane_results import write_block
 from bezier_filters.lane_workspace import CHUNK, LaneWorkspace, lane_workspace
 from bezier_filters.lanes import LANES, load, multiply_add, spread, square_root, store, where_greater
-from bezier_filters.lean import lean_njit
+from bezier_filters.lean import inner_njit, lean_njit
 from bezier_filters.local_frames import write_axes, write_plane
 from bezier_filters.neighbourhoods import collect_ball, collect_ring
+from bezier_filters.parallel import RangeTask
 from bezier_filters.uncertainty import StandardErrors
 
 ROOM = 2
@@ -34,7 +36,38 @@ FEWEST = 128
 """and how much room there is at least."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+def lane_task(
+    mesh: KernelMesh,
+    fit: KernelFit,
+    ids: IntArray,
+    result: GraphGeometry,
+    errors: StandardErrors,
+    residuals: FloatArray,
+    rings_used: IntArray,
+    outcomes: IntArray,
+) -> RangeTask:
+    """Task for one thread: fit the vertices ids[start:stop]; write their geometry and outcomes[start:stop].
+
+    The same as `scalar_kernel.scalar_task`, up to rounding, but without reweighting by residuals.
+    """
+    n = len(mesh.vertices)
+    visited, members = np.full(n, -1, dtype=np.int32), np.empty(n + 1, dtype=np.int32)
+    work = lane_workspace(fit, max(FEWEST, ROOM * 3 * fit.rings * (fit.rings + 1)))
+
+    def run(start: int, stop: int) -> None:
+        nonlocal work
+        while start < stop:
+            start, needed = fit_in_lanes(
+                mesh, fit, ids, start, stop, visited, members, work, result, errors, residuals, rings_used, outcomes
+            )
+            if start < stop:  # there a block needs more room, and is collected once more
+                visited.fill(-1)
+                work = lane_workspace(fit, 2 * needed)
+
+    return run
+
+
+@lean_njit()
 def fit_in_lanes(
     mesh: KernelMesh,
     fit: KernelFit,
@@ -43,29 +76,21 @@ def fit_in_lanes(
     stop: int,
     visited: IntArray,
     members: IntArray,
+    work: LaneWorkspace,
     result: GraphGeometry,
     errors: StandardErrors,
     residuals: FloatArray,
     rings_used: IntArray,
     outcomes: IntArray,
-) -> None:
-    """Fit the vertices ids[start:stop]; write their geometry and outcomes[start:stop].
-
-    The same as `scalar_kernel.fit_vertices`, up to rounding, but without reweighting by residuals.
-    """
-    capacity = max(FEWEST, ROOM * 3 * fit.rings * (fit.rings + 1))
-    work = lane_workspace(fit, capacity)
-    rings = np.zeros(LANES, np.int32)
+) -> tuple[int, int]:
+    """Fit the vertices ids[start:stop] as far as there is room; return how far, and the room that is needed next."""
+    capacity = work.points.shape[0] // (4 * LANES)
     for first in range(start, stop, LANES):
         block = ids[first : min(first + LANES, stop)]
         of_block = outcomes[first : min(first + LANES, stop)]
-        while True:
-            most, needed = _collect(mesh, fit, block, visited, members, capacity, work, rings, of_block)
-            if needed <= capacity:
-                break
-            visited[:] = -1  # the block is collected once more
-            capacity = 2 * needed
-            work = lane_workspace(fit, capacity)
+        most, needed = _collect(mesh, fit, block, visited, members, capacity, work, of_block)
+        if needed > capacity:
+            return first, needed
         if most == 0:
             continue
         _mark_presence(work.counts, most, capacity, work.points)
@@ -73,10 +98,11 @@ def fit_in_lanes(
             point_to_farthest(work.points, capacity, work.counts, work.neighbours, work.total, work.frame)
         _project(fit.square, capacity, most, work)
         _fit_heights(fit, capacity, most, work)
-        write_block(fit, block, work, rings, of_block, result, errors, residuals, rings_used)
+        write_block(fit, block, work, of_block, result, errors, residuals, rings_used)
+    return stop, 0
 
 
-@lean_njit()
+@inner_njit()
 def _collect(
     mesh: KernelMesh,
     fit: KernelFit,
@@ -85,14 +111,13 @@ def _collect(
     members: IntArray,
     capacity: int,
     work: LaneWorkspace,
-    rings: IntArray,
     outcomes: IntArray,
 ) -> tuple[int, int]:
     """Collect the neighbourhoods of a block and choose their planes; return their most points and the capacity needed.
 
     A lane whose vertex has no frame, or that has no vertex, is left without points.
     """
-    most = 0
+    most, rings = 0, work.rings
     store(work.counts, 0, spread(0.0))
     store(work.neighbours, 0, spread(0.0))
     for lane in range(block.shape[0]):
@@ -117,7 +142,7 @@ def _collect(
     return most, capacity
 
 
-@lean_njit()
+@inner_njit()
 def _gather(vertices: FloatArray, members: IntArray, count: int, lane: int, stride: int, work: LaneWorkspace) -> None:
     """Write the edges from members[0] and the frame of one neighbourhood to its lane."""
     points, i = work.points, members[0]
@@ -132,7 +157,7 @@ def _gather(vertices: FloatArray, members: IntArray, count: int, lane: int, stri
         work.frame[LANES * k + lane] = work.one_frame[k]
 
 
-@lean_njit()
+@inner_njit()
 def _mark_presence(counts: FloatArray, most: int, stride: int, points: FloatArray) -> None:
     """Tell points from what weighs nothing and lies on the vertex itself, up to a full group of points."""
     zero, one = spread(0.0), spread(1.0)
@@ -143,7 +168,7 @@ def _mark_presence(counts: FloatArray, most: int, stride: int, points: FloatArra
             store(points, row * stride + p, where_greater(presence, zero, load(points, row * stride + p), zero))
 
 
-@lean_njit()
+@inner_njit()
 def _project(square: bool, stride: int, count: int, work: LaneWorkspace) -> None:
     """Turn edges into parameters and heights; the parameters of a rectangle without area are not finite."""
     points, frame, box = work.points, work.frame, work.box
@@ -176,7 +201,7 @@ def _project(square: bool, stride: int, count: int, work: LaneWorkspace) -> None
         store(points, stride + p, (load(points, stride + p) - middle_y) * scale_y)
 
 
-@lean_njit()
+@inner_njit()
 def _fit_heights(fit: KernelFit, stride: int, count: int, work: LaneWorkspace) -> None:
     """Find the coefficients, the residual and the derivatives at the vertex."""
     _sum_moments(fit, stride, count, work)
@@ -205,7 +230,7 @@ def _fit_heights(fit: KernelFit, stride: int, count: int, work: LaneWorkspace) -
         scale_r = scale_r * load(work.box, 1)
 
 
-@lean_njit()
+@inner_njit()
 def _sum_moments(fit: KernelFit, stride: int, count: int, work: LaneWorkspace) -> None:
     """Sum the products of powers over the points, without and with the height, chunk by chunk."""
     zero, one = spread(0.0), spread(1.0)
@@ -237,8 +262,8 @@ def _sum_moments(fit: KernelFit, stride: int, count: int, work: LaneWorkspace) -
         add_moments(work.left, work.lifted, CHUNK, here, fit.starts, work.heights)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _weight(fit, a, b, scale):  # type: ignore[no-untyped-def]
+@inner_njit(inline="always")
+def _weight(fit: KernelFit, a: Any, b: Any, scale: Any) -> Any:
     """Lanes of the distance weights of points with parameters a, b on squares of `scale` per length."""
     ratio = spread(fit.weight_scale) * (a * a + b * b) / (scale * scale)
     power = ratio
@@ -247,7 +272,7 @@ def _weight(fit, a, b, scale):  # type: ignore[no-untyped-def]
     return spread(1.0) / (spread(1.0) + power)
 
 
-@lean_njit()
+@inner_njit()
 def _set_up(fit: KernelFit, order: int, work: LaneWorkspace) -> None:
     """Set up the normal equations, with the moments of the heights as the last row."""
     for k in range(fit.moment_place.shape[0]):

@@ -7,7 +7,7 @@ from bezier_filters.jets import GraphGeometry
 from bezier_filters.kernel_input import FITTED, ILL_POSED, KernelFit
 from bezier_filters.lane_workspace import LaneWorkspace
 from bezier_filters.lanes import LANES, load, multiply_add, spread, square_root, store, where_greater
-from bezier_filters.lean import lean_njit
+from bezier_filters.lean import inner_njit, lean_njit
 from bezier_filters.uncertainty import StandardErrors, last_corner, write_standard_errors
 
 # Places among the outputs; those of vectors are the first of three.
@@ -15,12 +15,11 @@ NORMAL, ALONG_MIN, ALONG_MAX = 0, 3, 6
 K_MIN, K_MAX, EXTREMALITY_MIN, EXTREMALITY_MAX, RESIDUAL = 9, 10, 11, 12, 13
 
 
-@lean_njit()
+@inner_njit()
 def write_block(
     fit: KernelFit,
     block: IntArray,
     work: LaneWorkspace,
-    rings: IntArray,
     outcomes: IntArray,
     result: GraphGeometry,
     errors: StandardErrors,
@@ -40,12 +39,12 @@ def write_block(
         i = block[lane]
         _write(work.outputs, lane, has_third, i, result)
         residuals[i] = work.outputs[LANES * RESIDUAL + lane]
-        rings_used[i] = rings[lane]
+        rings_used[i] = work.rings[lane]
         if fit.normal_noise > 0.0:
             _write_errors(fit, lane, i, work, errors)
 
 
-@lean_njit()
+@inner_njit()
 def _graph_geometry(jets: FloatArray, frame: FloatArray, has_third: bool, outputs: FloatArray) -> None:
     """Lanes of all outputs but the residual: see `write_graph_geometry` and `write_extremalities`."""
     zero, one, two, half = spread(0.0), spread(1.0), spread(2.0), spread(0.5)
@@ -93,7 +92,7 @@ def _extremality(jets: FloatArray, x: Any, y: Any, per_w: Any) -> Any:
     return (three * second * turning - third) * per_w
 
 
-@lean_njit()
+@inner_njit()
 def _write(outputs: FloatArray, lane: int, has_third: bool, i: int, result: GraphGeometry) -> None:
     """Write the outputs of one lane, but for the residual, to vertex i."""
     for k in range(3):
@@ -107,7 +106,7 @@ def _write(outputs: FloatArray, lane: int, has_third: bool, i: int, result: Grap
         result.extremality_max[i] = outputs[LANES * EXTREMALITY_MAX + lane]
 
 
-@lean_njit()
+@inner_njit()
 def _write_errors(fit: KernelFit, lane: int, i: int, work: LaneWorkspace, errors: StandardErrors) -> None:
     """Write the standard errors of vertex i, which is in one of the lanes."""
     jet = work.jets[lane::LANES]

@@ -3,12 +3,11 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from bezier_filters.arrays import FloatArray
+from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.kernel_input import KernelFit
 from bezier_filters.lane_algebra import GROUP
-from bezier_filters.lanes import aligned
+from bezier_filters.lanes import LANES, aligned
 from bezier_filters.uncertainty import SEEN
 
 CHUNK = 32
@@ -18,9 +17,10 @@ OUTPUTS = 14
 
 
 class LaneWorkspace(NamedTuple):
-    """Scratch arrays for one block; all but the last three are flat arrays of lanes."""
+    """Scratch arrays for one block; those without a shape of their own are flat arrays of lanes."""
 
     counts: FloatArray  # (1): number of points
+    rings: IntArray  # (8,): how many the search went through
     neighbours: FloatArray  # (1): how many of them, after the first, share an edge with it
     points: FloatArray  # table with rows x, y, height, presence; then s, t, height, presence
     frame: FloatArray  # (9): x, y and z axes
@@ -43,12 +43,12 @@ class LaneWorkspace(NamedTuple):
     sensitivities: FloatArray  # (4, SEEN)
 
 
-@njit(cache=True, nogil=True)
 def lane_workspace(fit: KernelFit, capacity: int) -> LaneWorkspace:
     """Scratch arrays for neighbourhoods of up to `capacity` points."""
     order, rows = fit.exponents.shape[0], fit.highest_power + 1
     return LaneWorkspace(
         aligned(1),
+        np.zeros(LANES, np.int32),
         aligned(1),
         aligned(4 * capacity),
         aligned(9),

@@ -3,10 +3,10 @@
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.frames import direction_to, farthest_direction, folds, mean_normal, turned_share
 from bezier_filters.kernel_input import FITTED, FOLDED, ILL_POSED, NO_FRAME, KernelFit, KernelMesh
-from bezier_filters.lean import lean_njit
+from bezier_filters.lean import inner_njit
 
 
-@lean_njit()
+@inner_njit()
 def write_plane(mesh: KernelMesh, fit: KernelFit, members: IntArray, count: int, inner: int, frame: FloatArray) -> int:
     """Write the z axis of the local frame of members[0] into the last third of frame (9,); return the outcome so far.
 
@@ -42,7 +42,7 @@ def write_plane(mesh: KernelMesh, fit: KernelFit, members: IntArray, count: int,
     return FITTED
 
 
-@lean_njit()
+@inner_njit()
 def write_axes(
     mesh: KernelMesh, fit: KernelFit, members: IntArray, count: int, neighbours: int, frame: FloatArray
 ) -> int:

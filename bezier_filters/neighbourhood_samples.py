@@ -8,7 +8,7 @@ from bezier_filters.adjacency import Adjacency
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.frames import farthest_direction, mean_normal, turned_share
 from bezier_filters.kernel_input import KernelMesh
-from bezier_filters.lean import lean_njit
+from bezier_filters.lean import inner_njit, lean_njit
 from bezier_filters.neighbourhoods import next_ring
 from bezier_filters.parallel import RangeTask, run_in_chunks
 
@@ -154,7 +154,7 @@ def _project_sample(
             _project(mesh, members, plane_count, points[row])
 
 
-@lean_njit()
+@inner_njit()
 def _project(mesh: KernelMesh, members: IntArray, count: int, points: FloatArray) -> None:
     """Write the coordinates of members[:count] over the plane of their mean normal."""
     i = members[0]

@@ -6,7 +6,7 @@ from numba import njit
 from bezier_filters.adjacency import Adjacency, Rows
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.lean import lean_njit
+from bezier_filters.lean import inner_njit, lean_njit
 
 
 def k_rings(adjacency: Adjacency, rings: int) -> Rows:
@@ -74,7 +74,7 @@ def collect_ring(
     return count, inner
 
 
-@lean_njit()
+@inner_njit()
 def next_ring(
     indptr: IntArray,
     indices: IntArray,

@@ -6,13 +6,11 @@ fits of every degree leave over and find. `ring_reference` defines the same with
 
 from typing import NamedTuple
 
-from numba import njit
-
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.harmonics import HIGHEST_DEGREE
 from bezier_filters.lane_algebra import GROUP, add_moments, factorise, substitute_back
 from bezier_filters.lanes import LANES, aligned, load, multiply_add, spread, store, where_greater
-from bezier_filters.lean import lean_njit
+from bezier_filters.lean import inner_njit, lean_njit
 
 UNSEEN = 3e-5
 """A term whose column keeps less than this of its length, once what earlier terms explain is gone, is not seen."""
@@ -47,7 +45,6 @@ class RingWorkspace(NamedTuple):
     sums: FloatArray  # (3 G): squares, weights and counts by group, of one degree
 
 
-@njit(cache=True, nogil=True)
 def ring_workspace(most: int) -> RingWorkspace:
     """Scratch arrays for neighbourhoods of up to `most` points."""
     terms = (HIGHEST_DEGREE + 1) * (HIGHEST_DEGREE + 2) // 2
@@ -122,7 +119,7 @@ def analyse_in_lanes(
         _write_coefficients(work, degrees, groups, row_starts, first, min(LANES, stop - first), sums)
 
 
-@lean_njit()
+@inner_njit()
 def _gather(points: FloatArray, row: int, count: int, scale: float, stride: int, lane: int, table: FloatArray) -> None:
     """Write the points of a neighbourhood to its lane, and points that are none behind them."""
     step = LANES * stride
@@ -135,7 +132,7 @@ def _gather(points: FloatArray, row: int, count: int, scale: float, stride: int,
         table[place + 3 * step] = 1.0 if present else 0.0
 
 
-@lean_njit()
+@inner_njit()
 def _write_terms(work: RingWorkspace, stride: int, begin: int, count: int, highest: int) -> None:
     """Write r^j cos(l phi) and r^j sin(l phi) of some points, and their heights after the last term."""
     terms = work.terms
@@ -156,7 +153,7 @@ def _write_terms(work: RingWorkspace, stride: int, begin: int, count: int, highe
         store(terms, last * CHUNK + p, load(work.points, 2 * stride + q))
 
 
-@lean_njit()
+@inner_njit()
 def _square_what_is_left(work: RingWorkspace, stride: int, count: int, m: int, highest: int) -> None:
     """Sum up the squared residuals of the fit of the highest degree, from the points: no digits cancel."""
     total = spread(0.0)
@@ -172,7 +169,7 @@ def _square_what_is_left(work: RingWorkspace, stride: int, count: int, m: int, h
     store(work.left, 0, total)
 
 
-@lean_njit()
+@inner_njit()
 def _write_factors(work: RingWorkspace, lane: int, row_starts: IntArray, factors: FloatArray) -> None:
     """Write the factor of one lane."""
     m, terms = factors.shape
@@ -183,7 +180,7 @@ def _write_factors(work: RingWorkspace, lane: int, row_starts: IntArray, factors
             factors[t, s] = work.gram[LANES * (row_starts[s] + t) + lane]
 
 
-@lean_njit()
+@inner_njit()
 def _write_row(
     work: RingWorkspace, lane: int, row: int, size: int, degrees: IntArray, row_starts: IntArray, sums: RingSums
 ) -> None:
@@ -208,7 +205,7 @@ def _write_row(
         sums.unexplained[row, s] = max(unexplained, 0.0)
 
 
-@lean_njit()
+@inner_njit()
 def _write_coefficients(
     work: RingWorkspace,
     degrees: IntArray,

@@ -7,7 +7,7 @@ import pytest
 from numba import config
 
 from bezier_filters import estimate_vertex_geometry, fallbacks
-from bezier_filters.scalar_kernel import fit_vertices
+from bezier_filters.scalar_kernel import scalar_task
 from bezier_filters.surfaces import block_with_sharp_edges, torus, waves
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="lanes are compiled code only")
@@ -41,7 +41,7 @@ MESHES = {
 @pytest.mark.parametrize("mesh", MESHES)
 def test_lanes_agree_with_the_reference(mesh, options, monkeypatch):
     found = estimate_vertex_geometry(*MESHES[mesh], **options)
-    monkeypatch.setattr(fallbacks, "fit_in_lanes", fit_vertices)
+    monkeypatch.setattr(fallbacks, "lane_task", scalar_task)
     expected = estimate_vertex_geometry(*MESHES[mesh], **options)
     assert found.fit == expected.fit
     np.testing.assert_array_equal(found.status, expected.status)
