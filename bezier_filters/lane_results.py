@@ -5,14 +5,15 @@ from typing import Any
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.jets import GraphGeometry
 from bezier_filters.kernel_input import FITTED, ILL_POSED, KernelFit
+from bezier_filters.lane_errors import standard_errors
 from bezier_filters.lane_workspace import LaneWorkspace
 from bezier_filters.lanes import LANES, load, multiply_add, spread, square_root, store, where_greater
 from bezier_filters.lean import inner_njit, lean_njit
-from bezier_filters.uncertainty import StandardErrors, last_corner, write_standard_errors
+from bezier_filters.uncertainty import StandardErrors
 
 # Places among the outputs; those of vectors are the first of three.
 NORMAL, ALONG_MIN, ALONG_MAX = 0, 3, 6
-K_MIN, K_MAX, EXTREMALITY_MIN, EXTREMALITY_MAX, RESIDUAL = 9, 10, 11, 12, 13
+K_MIN, K_MAX, EXTREMALITY_MIN, EXTREMALITY_MAX, RESIDUAL, STANDARD_ERRORS = 9, 10, 11, 12, 13, 14
 
 
 @inner_njit()
@@ -30,6 +31,17 @@ def write_block(
     has_third = fit.highest_power >= 2 * 3  # a lower degree says nothing of third derivatives
     _graph_geometry(work.jets, work.frame, has_third, work.outputs)
     store(work.outputs, RESIDUAL, square_root(load(work.total, 0) / load(work.counts, 0)))
+    has_errors = fit.normal_noise > 0.0
+    if has_errors:
+        standard_errors(
+            work.matrix,
+            fit.exponents.shape[0],
+            work.jets,
+            load(work.box, 1),
+            fit.normal_noise,
+            fit.curvature_noise,
+            work.outputs[LANES * STANDARD_ERRORS :],
+        )
     for lane in range(block.shape[0]):
         if outcomes[lane] != FITTED:
             continue
@@ -40,8 +52,11 @@ def write_block(
         _write(work.outputs, lane, has_third, i, result)
         residuals[i] = work.outputs[LANES * RESIDUAL + lane]
         rings_used[i] = work.rings[lane]
-        if fit.normal_noise > 0.0:
-            _write_errors(fit, lane, i, work, errors)
+        if has_errors:
+            place = LANES * STANDARD_ERRORS + lane
+            errors.normal[i] = work.outputs[place]
+            errors.mean_curvature[i] = work.outputs[place + LANES]
+            errors.gaussian_curvature[i] = work.outputs[place + 2 * LANES]
 
 
 @inner_njit()
@@ -104,13 +119,3 @@ def _write(outputs: FloatArray, lane: int, has_third: bool, i: int, result: Grap
     if has_third:
         result.extremality_min[i] = outputs[LANES * EXTREMALITY_MIN + lane]
         result.extremality_max[i] = outputs[LANES * EXTREMALITY_MAX + lane]
-
-
-@inner_njit()
-def _write_errors(fit: KernelFit, lane: int, i: int, work: LaneWorkspace, errors: StandardErrors) -> None:
-    """Write the standard errors of vertex i, which is in one of the lanes."""
-    jet = work.jets[lane::LANES]
-    last_corner(work.matrix[lane::LANES], fit.exponents.shape[0], work.corner)
-    noise, scale = (fit.normal_noise, fit.curvature_noise), work.box[LANES + lane]
-    derivatives = (jet[4], jet[1], jet[8], jet[5], jet[2])
-    write_standard_errors(work.corner, noise, scale, derivatives, work.sensitivities, i, errors)

@@ -8,11 +8,10 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.kernel_input import KernelFit
 from bezier_filters.lane_algebra import GROUP
 from bezier_filters.lanes import LANES, aligned
-from bezier_filters.uncertainty import SEEN
 
 CHUNK = 32
 """Most points whose powers are held at a time: they fit into the nearest cache."""
-OUTPUTS = 14
+OUTPUTS = 17
 """Numbers that every fit gives: see `lane_results`."""
 
 
@@ -39,8 +38,6 @@ class LaneWorkspace(NamedTuple):
     jets: FloatArray  # (16)
     outputs: FloatArray  # (OUTPUTS)
     one_frame: FloatArray  # (9,): of one vertex
-    corner: FloatArray  # (SEEN (SEEN + 1) / 2,)
-    sensitivities: FloatArray  # (4, SEEN)
 
 
 def lane_workspace(fit: KernelFit, capacity: int) -> LaneWorkspace:
@@ -67,6 +64,4 @@ def lane_workspace(fit: KernelFit, capacity: int) -> LaneWorkspace:
         aligned(16),
         aligned(OUTPUTS),
         np.empty(9),
-        np.empty(SEEN * (SEEN + 1) // 2),
-        np.empty((4, SEEN)),
     )

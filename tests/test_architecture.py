@@ -15,7 +15,7 @@ mesh polynomials smoothness patch differential_geometry jets vertex_geometry sur
 adjacency boundary fields harmonics
 neighbourhoods frames fitting uncertainty diagnosis ply_columns orientation lanes
 creases kernel_input lane_algebra
-lane_workspace lane_frames lane_results local_frames vertex_patch field_files point_cloud
+lane_workspace lane_errors lane_frames lane_results local_frames vertex_patch field_files point_cloud
 scalar_kernel lane_kernel
 neighbourhood_samples
 ring_lanes
