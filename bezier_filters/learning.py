@@ -12,7 +12,7 @@ from bezier_filters.ring_analysis import RingAnalysis, analyse_rings
 CANDIDATE_RINGS = (1, 2, 3, 4, 5, 6, 8, 10)
 NEAR_RINGS = 5
 """Most meshes need no wider rings than these, of which many neighbourhoods can be afforded."""
-SAMPLES = {1: 400, 2: 400, 3: 400, 4: 300, 5: 240, 6: 200, 8: 160, 10: 120}
+SAMPLES = {1: 300, 2: 400, 3: 400, 4: 240, 5: 180, 6: 200, 8: 160, 10: 120}
 """Neighbourhoods analysed per ring: the wider, the more points each has."""
 MOST_TURNED = 0.02
 """Share of the vertices of a neighbourhood whose normals noise may turn away from its plane."""
@@ -53,7 +53,7 @@ def learn_surface(
     for stage in stages:
         if not promising and choices.rings not in stage:
             continue
-        count = SAMPLES[1] if stage is stages[0] else SAMPLES[6]
+        count = SAMPLES[2] if stage is stages[0] else SAMPLES[6]
         sample = sample_neighbourhoods(
             mesh, adjacency, rings=stage[-1], count=count, most_turned=MOST_TURNED, seed=seed, threads=threads
         )
