@@ -265,6 +265,7 @@ def empty_geometry(n: int) -> VertexGeometry:
         direction_max=np.zeros((n, 3)),
         extremality_min=np.zeros(n),
         extremality_max=np.zeros(n),
+        displacements=np.zeros((n, 3)),
         residual=np.zeros(n),
         normal_std=np.zeros(n),
         mean_curvature_std=np.zeros(n),

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.jets import GraphGeometry, write_extremalities, write_graph_geometry
+from bezier_filters.jets import GraphGeometry, write_displacement, write_extremalities, write_graph_geometry
 from bezier_filters.kernel_input import FITTED, ILL_POSED, KernelFit, KernelMesh
 from bezier_filters.lane_algebra import (
     GROUP,
@@ -350,6 +350,7 @@ def _write(
         frame[k] = work.frame[LANES * k + lane]
     zx, zy, zxx, zxy, zyy = jet[1, 0], jet[0, 1], jet[2, 0], jet[1, 1], jet[0, 2]
     write_graph_geometry(zx, zy, zxx, zxy, zyy, frame, i, result)
+    write_displacement(jet[0, 0], frame, i, result)
     if fit.highest_power >= 2 * 3:  # a lower degree says nothing of third derivatives
         write_extremalities(jet, frame, i, result)
     if fit.normal_noise > 0.0:

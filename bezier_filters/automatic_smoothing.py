@@ -1,0 +1,155 @@
+"""Takes noise off a mesh: as a smooth surface or as one with sharp edges, wherever it is which.
+
+Two ways lead to a result. A low-pass filter, whose Laplacian and strength are chosen by the
+data, is best for smooth surfaces. For edges and corners the normals of a more weakly filtered
+mesh are filtered, many times, by means that do not reach across what noise cannot explain, and the
+vertices follow. In between are fewer rounds. Stein's estimate of the risk tells what is best around each vertex.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bezier_filters.adjacency import Adjacency
+from bezier_filters.arrays import BoolArray, FloatArray
+from bezier_filters.laplacian import Borders
+from bezier_filters.low_pass import LowPass, choose_low_pass
+from bezier_filters.mesh import TriangleMesh
+from bezier_filters.normal_filter import filter_normals, noisy_normals
+from bezier_filters.stein import Estimates, local_shares
+from bezier_filters.vertex_update import move_to_normals
+
+SMALLEST_NOISE = 1e-7
+"""Times the mean edge: below that there is nothing to take off but rounding."""
+FEWEST_SAMPLED = 60_000
+"""Vertices times samples of the noise, that normals are filtered by."""
+PROBE = 0.1
+"""Times sigma: how far vertices are moved to find their leverages."""
+
+
+@dataclass(frozen=True)
+class Treatment:
+    """Rounds of filtering the normals, and what counts as agreement, in standard deviations."""
+
+    rounds: int
+    tolerance: float
+
+
+GENTLE = Treatment(1, 3.0)
+"""After the low-pass filter proper."""
+SHARPENING = (Treatment(2, 2.0), Treatment(5, 1.5), Treatment(16, 1.5))
+"""After a weaker one."""
+
+
+@dataclass(frozen=True)
+class Denoised:
+    """The result.
+
+    Attributes
+    ----------
+    vertices : (n, 3) float64
+        Coordinates.
+    sharpness : (n,) float64
+        0 where the surface was taken for smooth, 1 where edges were kept as sharp as can be.
+    """
+
+    vertices: FloatArray
+    sharpness: FloatArray
+
+
+def denoise(
+    mesh: TriangleMesh, adjacency: Adjacency, sigma: float, unit: float, borders: Borders, *, threads: int = 1
+) -> Denoised:
+    """Take the noise off.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    adjacency : Adjacency
+        Of the same mesh.
+    sigma : float
+        Standard deviation of the noise along the normal, a length.
+    unit : float
+        The mean edge, a length.
+    borders : {"curve", "fixed"}
+        Whether border vertices are smoothed along the border, or stay.
+    threads : int
+        Number of threads.
+    """
+    n = mesh.vertex_count
+    if not sigma > SMALLEST_NOISE * unit:
+        return Denoised(mesh.vertices.copy(), np.zeros(n))
+    center = mesh.vertices.mean(axis=0)
+    mesh = TriangleMesh(mesh.vertices - center, mesh.faces)
+    low_pass = choose_low_pass(mesh, adjacency, sigma, borders, unit, threads=threads)
+    signs = np.random.default_rng(1).choice(np.array([-1.0, 1.0]), n)
+    signals = np.hstack([mesh.vertices, _noise(low_pass.normals, sigma), _probe(low_pass.normals, signs, sigma)])
+    smooth = low_pass.smoothed(signals, threads=threads)
+    weak = low_pass.weakly_smoothed(signals, threads=threads)
+    movable = ~adjacency.on_boundary
+    candidates, probed = [], []
+    for start, treatments in ((smooth, (GENTLE,)), (weak, SHARPENING)):
+        columns = start[:, :3], start[:, 3:-3].reshape(n, -1, 3)
+        candidates += _treated(mesh, adjacency, *columns, treatments, movable, threads)
+        probed += _treated(
+            mesh, adjacency, columns[0] + start[:, -3:], columns[1], treatments, movable, threads
+        )
+    estimates = _estimates(mesh.vertices, candidates, probed, low_pass.normals, signs, PROBE * sigma)
+    sigma = min(sigma, estimates.sigma())
+    shares = local_shares(estimates, sigma, low_pass.surroundings, threads=threads)
+    result = sum(shares[:, k, np.newaxis] * points for k, points in enumerate(candidates))
+    return Denoised(result + center, shares @ np.linspace(0.0, 1.0, len(candidates)))
+
+
+def _noise(normals: FloatArray, sigma: float) -> FloatArray:
+    """Samples of the noise, (n, 3 k)."""
+    n = len(normals)
+    count = int(np.clip(FEWEST_SAMPLED // n, 2, 6))
+    heights = np.random.default_rng(2).normal(scale=sigma, size=(n, count))
+    return (heights[:, :, np.newaxis] * normals[:, np.newaxis]).reshape(n, -1)
+
+
+def _probe(normals: FloatArray, signs: FloatArray, sigma: float) -> FloatArray:
+    """Small steps along the normals, (n, 3)."""
+    result: FloatArray = (PROBE * sigma * signs)[:, np.newaxis] * normals
+    return result
+
+
+def _treated(
+    mesh: TriangleMesh,
+    adjacency: Adjacency,
+    vertices: FloatArray,
+    noise: FloatArray,
+    treatments: tuple[Treatment, ...],
+    movable: BoolArray,
+    threads: int,
+) -> list[FloatArray]:
+    """Vertices after each treatment of the normals of the same start."""
+    start = TriangleMesh(np.ascontiguousarray(vertices), mesh.faces)
+    first = noisy_normals(start, np.ascontiguousarray(noise), threads=threads)
+    corners = adjacency.faces.indptr, adjacency.faces.indices
+    results: list[FloatArray] = []
+    for treatment in treatments:
+        state = first
+        for _ in range(treatment.rounds):
+            state = filter_normals(start, corners, state, treatment.tolerance, threads=threads)
+        results.append(move_to_normals(start, adjacency, state.normals, movable, threads=threads))
+    return results
+
+
+def _estimates(
+    measured: FloatArray,
+    candidates: list[FloatArray],
+    probed: list[FloatArray],
+    normals: FloatArray,
+    signs: FloatArray,
+    step: float,
+) -> Estimates:
+    """Residuals of the candidates, and leverages: how far they followed the probing steps."""
+
+    def heights(vectors: FloatArray) -> FloatArray:
+        return np.einsum("ij,ij->i", vectors, normals).astype(np.float64)
+
+    residuals = np.column_stack([heights(measured - points) for points in candidates])
+    followed = [heights(after - points) for points, after in zip(candidates, probed, strict=True)]
+    return Estimates(residuals, np.column_stack(followed) * (signs / step)[:, np.newaxis])
