@@ -87,12 +87,15 @@ def choose_low_pass(
     first = _estimates(umbrella, mesh.vertices, _normals(mesh, adjacency, threads), STRENGTHS, probes, threads)
     best = int(first.risks(sigma).argmin())
     weak = STRENGTHS[max(best - WEAKER, 0)]
-    smooth = TriangleMesh(filtered_evenly(umbrella, mesh.vertices, weak, threads=threads), mesh.faces)
-    normals = _normals(smooth, adjacency, threads)
+    smooth = filtered_evenly(umbrella, mesh.vertices, weak, threads=threads)
+    normals = _normals(TriangleMesh(smooth, mesh.faces), adjacency, threads)
+    # Without its steps along the surface, which would give the triangles other angles.
+    heights = np.einsum("ij,ij->i", smooth - mesh.vertices, normals)
+    shape = TriangleMesh(mesh.vertices + heights[:, np.newaxis] * normals, mesh.faces)
     strengths = STRENGTHS[: best + STRONGER + 1]
     tried = [(umbrella, _estimates(umbrella, mesh.vertices, normals, strengths, probes, threads))]
     for power in POWERS:
-        laplacian = cotangent_laplacian(smooth, adjacency, borders, power, unit, threads=threads)
+        laplacian = cotangent_laplacian(shape, adjacency, borders, power, unit, threads=threads)
         tried.append((laplacian, _estimates(laplacian, mesh.vertices, normals, strengths, probes, threads)))
     laplacian, estimates = min(tried, key=lambda pair: pair[1].risks(sigma).min())
     best = int(estimates.risks(sigma).argmin())

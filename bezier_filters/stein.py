@@ -17,11 +17,11 @@ from bezier_filters.arrays import FloatArray
 from bezier_filters.laplacian import Laplacian
 from bezier_filters.scale_space import diffused
 
-DIFFUSION = 50.0
-"""Squared edges: a vertex listens to some 360 around it."""
+DIFFUSION = 100.0
+"""Squared edges: a vertex listens to some 700 around it."""
 LOCAL = 0.55
 """Weight of the surroundings, against the mesh as a whole."""
-TEMPERATURE = 0.01
+TEMPERATURE = 0.003
 """Times sigma^2: difference of risks at which the larger one's share is exp(-1) times the other's."""
 NEAR_DIFFUSION = 4.0
 """Squared edges over which leverages, which are known from one or few probes, are averaged beforehand."""
