@@ -35,6 +35,7 @@ class Treatment:
     tolerance: float
 
 
+NONE = Treatment(0, 0.0)
 GENTLE = Treatment(1, 3.0)
 """After the low-pass filter proper."""
 SHARPENING = (Treatment(2, 2.0), Treatment(5, 1.5), Treatment(16, 1.5))
@@ -85,10 +86,11 @@ def denoise(
     signs = np.random.default_rng(1).choice(np.array([-1.0, 1.0]), n)
     signals = np.hstack([mesh.vertices, _noise(low_pass.normals, sigma), _probe(low_pass.normals, signs, sigma)])
     smooth = low_pass.smoothed(signals, threads=threads)
+    less = low_pass.slightly_less_smoothed(signals, threads=threads)
     weak = low_pass.weakly_smoothed(signals, threads=threads)
     movable = ~adjacency.on_boundary
     candidates, probed = [], []
-    for start, treatments in ((smooth, (GENTLE,)), (weak, SHARPENING)):
+    for start, treatments in ((smooth, (NONE,)), (less, (GENTLE,)), (weak, SHARPENING)):
         columns = start[:, :3], start[:, 3:-3].reshape(n, -1, 3)
         candidates += _treated(mesh, adjacency, *columns, treatments, movable, threads)
         probed += _treated(
@@ -133,6 +135,9 @@ def _treated(
         state = first
         for _ in range(treatment.rounds):
             state = filter_normals(start, corners, state, treatment.tolerance, threads=threads)
+        if not treatment.rounds:
+            results.append(start.vertices)
+            continue
         results.append(move_to_normals(start, adjacency, state.normals, movable, threads=threads))
     return results
 

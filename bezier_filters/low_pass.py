@@ -58,6 +58,16 @@ class LowPass:
         """Signals (n, c) after the filter."""
         return filtered(self.laplacian, signals, self.strengths, self.shares, threads=threads)
 
+    def slightly_less_smoothed(self, signals: FloatArray, *, threads: int = 1) -> FloatArray:
+        """Signals (n, c) after it where another filter follows, which takes off some noise, too.
+
+        Half of each share goes to the next weaker filter.
+        """
+        weaker = np.roll(self.shares, -1, axis=1)
+        weaker[:, -1] = 0.0
+        weaker[:, 0] += self.shares[:, 0]
+        return filtered(self.laplacian, signals, self.strengths, 0.5 * (self.shares + weaker), threads=threads)
+
     def weakly_smoothed(self, signals: FloatArray, *, threads: int = 1) -> FloatArray:
         """Signals (n, c) with just enough noise taken off for another filter to know them by."""
         return filtered_evenly(self.umbrella, signals, self.weak_strength, threads=threads)
@@ -102,12 +112,8 @@ def choose_low_pass(
     near = slice(max(best - AROUND, 0), best + AROUND + 1)
     free = umbrella_laplacian(mesh, adjacency, "free", threads=threads)
     shares = local_shares(estimates.only(near), sigma, free, threads=threads)
-    # What follows takes off some noise, too: half of each share goes to the next weaker filter.
-    weaker = np.roll(shares, -1, axis=1)
-    weaker[:, -1] = 0.0
-    weaker[:, 0] += shares[:, 0]
     weak = strengths[max(best - WEAKER, 0)]
-    return LowPass(free, umbrella, laplacian, strengths[near], 0.5 * (shares + weaker), float(weak), normals)
+    return LowPass(free, umbrella, laplacian, strengths[near], shares, float(weak), normals)
 
 
 def filtered_evenly(laplacian: Laplacian, signals: FloatArray, strength: float, *, threads: int = 1) -> FloatArray:
