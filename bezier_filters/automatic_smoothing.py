@@ -11,11 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.adjacency import Adjacency
-from bezier_filters.arrays import BoolArray, FloatArray
+from bezier_filters.arrays import FloatArray
 from bezier_filters.laplacian import Borders
-from bezier_filters.low_pass import LowPass, choose_low_pass
+from bezier_filters.low_pass import choose_low_pass
 from bezier_filters.mesh import TriangleMesh
 from bezier_filters.normal_filter import filter_normals, noisy_normals
+from bezier_filters.parallel import Progress, report
 from bezier_filters.stein import Estimates, local_shares
 from bezier_filters.vertex_update import move_to_normals
 
@@ -36,10 +37,15 @@ class Treatment:
 
 
 NONE = Treatment(0, 0.0)
-GENTLE = Treatment(1, 3.0)
 """After the low-pass filter proper."""
+GENTLE = Treatment(1, 3.0)
+"""After a slightly weaker one."""
 SHARPENING = (Treatment(2, 2.0), Treatment(5, 1.5), Treatment(16, 1.5))
-"""After a weaker one."""
+"""After a much weaker one."""
+SHARPNESS = (0.0, 0.0, 0.33, 0.67, 1.0)
+"""Of the results, as reported."""
+STEPS = 6
+"""Of the progress."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +65,14 @@ class Denoised:
 
 
 def denoise(
-    mesh: TriangleMesh, adjacency: Adjacency, sigma: float, unit: float, borders: Borders, *, threads: int = 1
+    mesh: TriangleMesh,
+    adjacency: Adjacency,
+    sigma: float,
+    unit: float,
+    borders: Borders,
+    *,
+    threads: int = 1,
+    progress: Progress | None = None,
 ) -> Denoised:
     """Take the noise off.
 
@@ -76,31 +89,37 @@ def denoise(
         Whether border vertices are smoothed along the border, or stay.
     threads : int
         Number of threads.
+    progress : callable, optional
+        Called after each of a few steps.
     """
-    n = mesh.vertex_count
     if not sigma > SMALLEST_NOISE * unit:
-        return Denoised(mesh.vertices.copy(), np.zeros(n))
-    center = mesh.vertices.mean(axis=0)
+        return Denoised(mesh.vertices.copy(), np.zeros(mesh.vertex_count))
+    center = mesh.vertices.mean(axis=0)  # far from the origin, digits would be lost
     mesh = TriangleMesh(mesh.vertices - center, mesh.faces)
+    report(progress, 0, STEPS)
     low_pass = choose_low_pass(mesh, adjacency, sigma, borders, unit, threads=threads)
-    signs = np.random.default_rng(1).choice(np.array([-1.0, 1.0]), n)
+    signs = np.random.default_rng(1).choice(np.array([-1.0, 1.0]), mesh.vertex_count)
     signals = np.hstack([mesh.vertices, _noise(low_pass.normals, sigma), _probe(low_pass.normals, signs, sigma)])
-    smooth = low_pass.smoothed(signals, threads=threads)
-    less = low_pass.slightly_less_smoothed(signals, threads=threads)
-    weak = low_pass.weakly_smoothed(signals, threads=threads)
-    movable = ~adjacency.on_boundary
-    candidates, probed = [], []
-    for start, treatments in ((smooth, (NONE,)), (less, (GENTLE,)), (weak, SHARPENING)):
-        columns = start[:, :3], start[:, 3:-3].reshape(n, -1, 3)
-        candidates += _treated(mesh, adjacency, *columns, treatments, movable, threads)
-        probed += _treated(
-            mesh, adjacency, columns[0] + start[:, -3:], columns[1], treatments, movable, threads
+    report(progress, 2, STEPS)
+    candidates: list[FloatArray] = []
+    probed: list[FloatArray] = []
+    for step, (smooth, treatments) in enumerate(
+        (
+            (low_pass.smoothed, (NONE,)),
+            (low_pass.slightly_less_smoothed, (GENTLE,)),
+            (low_pass.weakly_smoothed, SHARPENING),
         )
+    ):
+        start = smooth(signals, threads=threads)
+        points, noise = start[:, :3], start[:, 3:-3].reshape(len(start), -1, 3)
+        candidates += _treated(mesh, adjacency, points, noise, treatments, threads)
+        probed += _treated(mesh, adjacency, points + start[:, -3:], noise, treatments, threads)
+        report(progress, 3 + step, STEPS)
     estimates = _estimates(mesh.vertices, candidates, probed, low_pass.normals, signs, PROBE * sigma)
-    sigma = min(sigma, estimates.sigma())
-    shares = local_shares(estimates, sigma, low_pass.surroundings, threads=threads)
-    result = sum(shares[:, k, np.newaxis] * points for k, points in enumerate(candidates))
-    return Denoised(result + center, shares @ np.linspace(0.0, 1.0, len(candidates)))
+    shares = local_shares(estimates, min(sigma, estimates.sigma()), low_pass.surroundings, threads=threads)
+    result = np.einsum("nk,knc->nc", shares, np.stack(candidates)) + center
+    report(progress, STEPS, STEPS)
+    return Denoised(result, shares @ np.array(SHARPNESS))
 
 
 def _noise(normals: FloatArray, sigma: float) -> FloatArray:
@@ -108,7 +127,8 @@ def _noise(normals: FloatArray, sigma: float) -> FloatArray:
     n = len(normals)
     count = int(np.clip(FEWEST_SAMPLED // n, 2, 6))
     heights = np.random.default_rng(2).normal(scale=sigma, size=(n, count))
-    return (heights[:, :, np.newaxis] * normals[:, np.newaxis]).reshape(n, -1)
+    result: FloatArray = (heights[:, :, np.newaxis] * normals[:, np.newaxis]).reshape(n, -1)
+    return result
 
 
 def _probe(normals: FloatArray, signs: FloatArray, sigma: float) -> FloatArray:
@@ -123,7 +143,6 @@ def _treated(
     vertices: FloatArray,
     noise: FloatArray,
     treatments: tuple[Treatment, ...],
-    movable: BoolArray,
     threads: int,
 ) -> list[FloatArray]:
     """Vertices after each treatment of the normals of the same start."""
@@ -138,7 +157,7 @@ def _treated(
         if not treatment.rounds:
             results.append(start.vertices)
             continue
-        results.append(move_to_normals(start, adjacency, state.normals, movable, threads=threads))
+        results.append(move_to_normals(start, adjacency, state.normals, ~adjacency.on_boundary, threads=threads))
     return results
 
 
@@ -153,7 +172,8 @@ def _estimates(
     """Residuals of the candidates, and leverages: how far they followed the probing steps."""
 
     def heights(vectors: FloatArray) -> FloatArray:
-        return np.einsum("ij,ij->i", vectors, normals).astype(np.float64)
+        result: FloatArray = np.einsum("ij,ij->i", vectors, normals)
+        return result
 
     residuals = np.column_stack([heights(measured - points) for points in candidates])
     followed = [heights(after - points) for points, after in zip(candidates, probed, strict=True)]

@@ -66,7 +66,8 @@ def cotangent_laplacian(
     borders : {"curve", "fixed", "free"}
         What border vertices do.
     power : float
-        0 for one rate for all, which goes by edges; 1 for the Laplace-Beltrami operator, which goes by lengths; or between.
+        0 for one rate for all, which goes by edges; 1 for the Laplace-Beltrami operator, which goes by
+        lengths; or between.
     unit : float
         The mean edge, a length.
     threads : int

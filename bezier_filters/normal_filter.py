@@ -130,8 +130,9 @@ def _write_normals(
         ux, uy, uz = vertices[b, 0] - vertices[a, 0], vertices[b, 1] - vertices[a, 1], vertices[b, 2] - vertices[a, 2]
         vx, vy, vz = vertices[c, 0] - vertices[a, 0], vertices[c, 1] - vertices[a, 1], vertices[c, 2] - vertices[a, 2]
         for k in range(noise.shape[1]):
-            px, py, pz = noise[b, k, 0] - noise[a, k, 0], noise[b, k, 1] - noise[a, k, 1], noise[b, k, 2] - noise[a, k, 2]
-            qx, qy, qz = noise[c, k, 0] - noise[a, k, 0], noise[c, k, 1] - noise[a, k, 1], noise[c, k, 2] - noise[a, k, 2]
+            x0, y0, z0 = noise[a, k, 0], noise[a, k, 1], noise[a, k, 2]
+            px, py, pz = noise[b, k, 0] - x0, noise[b, k, 1] - y0, noise[b, k, 2] - z0
+            qx, qy, qz = noise[c, k, 0] - x0, noise[c, k, 1] - y0, noise[c, k, 2] - z0
             dx = (py * vz - pz * vy + uy * qz - uz * qy) / length
             dy = (pz * vx - px * vz + uz * qx - ux * qz) / length
             dz = (px * vy - py * vx + ux * qy - uy * qx) / length

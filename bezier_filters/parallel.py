@@ -76,7 +76,7 @@ def run_in_chunks(
         task = make_task()
         for start in starts:
             task(start, min(start + chunk, total))
-            _report(progress, min(start + chunk, total), total)
+            report(progress, min(start + chunk, total), total)
         return
 
     def next_chunk(task: RangeTask) -> tuple[RangeTask, int]:
@@ -96,9 +96,10 @@ def run_in_chunks(
                 if length:
                     pending.add(pool.submit(next_chunk, task))
                     done += length
-            _report(progress, done, total)
+            report(progress, done, total)
 
 
-def _report(progress: Progress | None, done: int, total: int) -> None:
+def report(progress: Progress | None, done: int, total: int) -> None:
+    """Tell how far the work has come; raise `CancelledError` if that is answered by False."""
     if progress is not None and progress(done, total) is False:
         raise CancelledError("cancelled by the progress callback; nothing was changed")

@@ -21,7 +21,7 @@ TERMS = 16.0
 """Of a series, times the square root of half the range of the eigenvalues over the end of the pass band."""
 
 Step = Callable[[FloatArray, FloatArray], None]
-"""``step(values, coefficients)``: takes the next Chebyshev polynomial T_k(L) p and its coefficient for each strength."""
+"""``step(values, coefficients)`` takes the next Chebyshev polynomial T_k(L) p and its coefficient for each strength."""
 
 
 def series(strengths: FloatArray, bound: float) -> FloatArray:
