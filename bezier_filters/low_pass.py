@@ -59,14 +59,11 @@ class LowPass:
         return filtered(self.laplacian, signals, self.strengths, self.shares, threads=threads)
 
     def slightly_less_smoothed(self, signals: FloatArray, *, threads: int = 1) -> FloatArray:
-        """Signals (n, c) after it where another filter follows, which takes off some noise, too.
-
-        Half of each share goes to the next weaker filter.
-        """
+        """Signals (n, c) after the next weaker filters, for where another one follows, which takes off some noise, too."""
         weaker = np.roll(self.shares, -1, axis=1)
         weaker[:, -1] = 0.0
         weaker[:, 0] += self.shares[:, 0]
-        return filtered(self.laplacian, signals, self.strengths, 0.5 * (self.shares + weaker), threads=threads)
+        return filtered(self.laplacian, signals, self.strengths, weaker, threads=threads)
 
     def weakly_smoothed(self, signals: FloatArray, *, threads: int = 1) -> FloatArray:
         """Signals (n, c) with just enough noise taken off for another filter to know them by."""
