@@ -15,12 +15,13 @@ from bezier_filters.arrays import FloatArray
 from bezier_filters.laplacian import Borders
 from bezier_filters.low_pass import choose_low_pass
 from bezier_filters.mesh import TriangleMesh
+from bezier_filters.noise_levels import noise_levels
 from bezier_filters.normal_filter import filter_normals, noisy_normals
 from bezier_filters.parallel import Progress, report
 from bezier_filters.stein import Estimates, local_shares
 from bezier_filters.vertex_update import move_to_normals
 
-DETAIL = 0.015
+DETAIL = 0.01
 """Times the mean edge: fine relief of clean scans, in which neighbours differ, too, and which is left alone."""
 SMALLEST_NOISE = 1e-4
 """Times the mean edge: below that there is nothing to take off."""
@@ -94,15 +95,17 @@ def denoise(
     progress : callable, optional
         Called after each of a few steps.
     """
-    sigma = float(np.sqrt(max(sigma**2 - (DETAIL * unit) ** 2, 0.0)))
-    if not sigma > SMALLEST_NOISE * unit:
+    least = (DETAIL + SMALLEST_NOISE) * unit
+    if not sigma > least:
         return Denoised(mesh.vertices.copy(), np.zeros(mesh.vertex_count))
     center = mesh.vertices.mean(axis=0)  # far from the origin, digits would be lost
     mesh = TriangleMesh(mesh.vertices - center, mesh.faces)
+    levels = np.maximum(noise_levels(mesh, adjacency, sigma, unit, threads=threads), least)
+    levels = np.sqrt(levels**2 - (DETAIL * unit) ** 2)
     report(progress, 0, STEPS)
-    low_pass = choose_low_pass(mesh, adjacency, sigma, borders, unit, threads=threads)
+    low_pass = choose_low_pass(mesh, adjacency, levels, borders, unit, threads=threads)
     signs = np.random.default_rng(1).choice(np.array([-1.0, 1.0]), mesh.vertex_count)
-    signals = np.hstack([mesh.vertices, _noise(low_pass.normals, sigma), _probe(low_pass.normals, signs, sigma)])
+    signals = np.hstack([mesh.vertices, _noise(low_pass.normals, levels), _probe(low_pass.normals, signs, levels)])
     report(progress, 2, STEPS)
     candidates: list[FloatArray] = []
     probed: list[FloatArray] = []
@@ -118,25 +121,25 @@ def denoise(
         candidates += _treated(mesh, adjacency, points, noise, treatments, threads)
         probed += _treated(mesh, adjacency, points + start[:, -3:], noise, treatments, threads)
         report(progress, 3 + step, STEPS)
-    estimates = _estimates(mesh.vertices, candidates, probed, low_pass.normals, signs, PROBE * sigma)
-    shares = local_shares(estimates, min(sigma, estimates.sigma()), low_pass.surroundings, threads=threads)
+    estimates = _estimates(mesh.vertices, candidates, probed, low_pass.normals, signs, levels)
+    shares = local_shares(estimates.rescaled(), low_pass.surroundings, threads=threads)
     result = np.einsum("nk,knc->nc", shares, np.stack(candidates)) + center
     report(progress, STEPS, STEPS)
     return Denoised(result, shares @ np.array(SHARPNESS))
 
 
-def _noise(normals: FloatArray, sigma: float) -> FloatArray:
+def _noise(normals: FloatArray, levels: FloatArray) -> FloatArray:
     """Samples of the noise, (n, 3 k)."""
     n = len(normals)
     count = int(np.clip(FEWEST_SAMPLED // n, 2, 6))
-    heights = np.random.default_rng(2).normal(scale=sigma, size=(n, count))
+    heights = np.random.default_rng(2).standard_normal((n, count)) * levels[:, np.newaxis]
     result: FloatArray = (heights[:, :, np.newaxis] * normals[:, np.newaxis]).reshape(n, -1)
     return result
 
 
-def _probe(normals: FloatArray, signs: FloatArray, sigma: float) -> FloatArray:
+def _probe(normals: FloatArray, signs: FloatArray, levels: FloatArray) -> FloatArray:
     """Small steps along the normals, (n, 3)."""
-    result: FloatArray = (PROBE * sigma * signs)[:, np.newaxis] * normals
+    result: FloatArray = (PROBE * levels * signs)[:, np.newaxis] * normals
     return result
 
 
@@ -170,7 +173,7 @@ def _estimates(
     probed: list[FloatArray],
     normals: FloatArray,
     signs: FloatArray,
-    step: float,
+    levels: FloatArray,
 ) -> Estimates:
     """Residuals of the candidates, and leverages: how far they followed the probing steps."""
 
@@ -178,6 +181,6 @@ def _estimates(
         result: FloatArray = np.einsum("ij,ij->i", vectors, normals)
         return result
 
-    residuals = np.column_stack([heights(measured - points) for points in candidates])
+    residuals = np.column_stack([heights(measured - points) / levels for points in candidates])
     followed = [heights(after - points) for points, after in zip(candidates, probed, strict=True)]
-    return Estimates(residuals, np.column_stack(followed) * (signs / step)[:, np.newaxis])
+    return Estimates(residuals, np.column_stack(followed) * (signs / (PROBE * levels))[:, np.newaxis])

@@ -9,7 +9,7 @@ from bezier_filters.arrays import FloatArray
 from bezier_filters.frames import tangent_planes
 from bezier_filters.laplacian import Borders, Laplacian, cotangent_laplacian, umbrella_laplacian
 from bezier_filters.mesh import TriangleMesh
-from bezier_filters.scale_space import STRENGTHS, filtered, run_series, series
+from bezier_filters.scale_space import STRENGTHS, filtered, filtered_evenly, run_series, series
 from bezier_filters.stein import Estimates, local_shares
 
 POWERS = (0.0, 0.5, 1.0)
@@ -59,7 +59,7 @@ class LowPass:
         return filtered(self.laplacian, signals, self.strengths, self.shares, threads=threads)
 
     def slightly_less_smoothed(self, signals: FloatArray, *, threads: int = 1) -> FloatArray:
-        """Signals (n, c) after the next weaker filters, for where another one follows, which takes off some noise, too."""
+        """Signals (n, c) after the next weaker filters, for where another one follows that takes off noise, too."""
         weaker = np.roll(self.shares, -1, axis=1)
         weaker[:, -1] = 0.0
         weaker[:, 0] += self.shares[:, 0]
@@ -71,7 +71,7 @@ class LowPass:
 
 
 def choose_low_pass(
-    mesh: TriangleMesh, adjacency: Adjacency, sigma: float, borders: Borders, unit: float, *, threads: int = 1
+    mesh: TriangleMesh, adjacency: Adjacency, sigma: FloatArray, borders: Borders, unit: float, *, threads: int = 1
 ) -> LowPass:
     """Find the Laplacian and the strengths with the least risk.
 
@@ -80,8 +80,8 @@ def choose_low_pass(
     mesh : TriangleMesh
     adjacency : Adjacency
         Of the same mesh.
-    sigma : float
-        Standard deviation of the noise, a positive length.
+    sigma : (n,) float64
+        Standard deviation of the noise around every vertex, positive lengths.
     borders : {"curve", "fixed"}
         What border vertices do.
     unit : float
@@ -91,8 +91,8 @@ def choose_low_pass(
     """
     umbrella = umbrella_laplacian(mesh, adjacency, borders, threads=threads)
     probes = _probes(mesh.vertex_count)
-    first = _estimates(umbrella, mesh.vertices, _normals(mesh, adjacency, threads), STRENGTHS, probes, threads)
-    best = int(first.risks(sigma).argmin())
+    first = _estimates(umbrella, mesh.vertices, _normals(mesh, adjacency, threads), sigma, STRENGTHS, probes, threads)
+    best = int(first.risks.argmin())
     weak = STRENGTHS[max(best - WEAKER, 0)]
     smooth = filtered_evenly(umbrella, mesh.vertices, weak, threads=threads)
     normals = _normals(TriangleMesh(smooth, mesh.faces), adjacency, threads)
@@ -100,23 +100,17 @@ def choose_low_pass(
     heights = np.einsum("ij,ij->i", smooth - mesh.vertices, normals)
     shape = TriangleMesh(mesh.vertices + heights[:, np.newaxis] * normals, mesh.faces)
     strengths = STRENGTHS[: best + STRONGER + 1]
-    tried = [(umbrella, _estimates(umbrella, mesh.vertices, normals, strengths, probes, threads))]
+    tried = [(umbrella, _estimates(umbrella, mesh.vertices, normals, sigma, strengths, probes, threads))]
     for power in POWERS:
         laplacian = cotangent_laplacian(shape, adjacency, borders, power, unit, threads=threads)
-        tried.append((laplacian, _estimates(laplacian, mesh.vertices, normals, strengths, probes, threads)))
-    laplacian, estimates = min(tried, key=lambda pair: pair[1].risks(sigma).min())
-    best = int(estimates.risks(sigma).argmin())
+        tried.append((laplacian, _estimates(laplacian, mesh.vertices, normals, sigma, strengths, probes, threads)))
+    laplacian, estimates = min(tried, key=lambda pair: pair[1].risks.min())
+    best = int(estimates.risks.argmin())
     near = slice(max(best - AROUND, 0), best + AROUND + 1)
     free = umbrella_laplacian(mesh, adjacency, "free", threads=threads)
-    shares = local_shares(estimates.only(near), sigma, free, threads=threads)
+    shares = local_shares(estimates.only(near), free, threads=threads)
     weak = strengths[max(best - WEAKER, 0)]
     return LowPass(free, umbrella, laplacian, strengths[near], shares, float(weak), normals)
-
-
-def filtered_evenly(laplacian: Laplacian, signals: FloatArray, strength: float, *, threads: int = 1) -> FloatArray:
-    """Signals (n, c) after one filter for all vertices."""
-    everywhere = np.ones((len(signals), 1))
-    return filtered(laplacian, signals, np.array([strength]), everywhere, threads=threads)
 
 
 def _normals(mesh: TriangleMesh, adjacency: Adjacency, threads: int) -> FloatArray:
@@ -133,6 +127,7 @@ def _estimates(
     laplacian: Laplacian,
     points: FloatArray,
     normals: FloatArray,
+    sigma: FloatArray,
     strengths: FloatArray,
     probes: FloatArray,
     threads: int,
@@ -150,4 +145,4 @@ def _estimates(
         leverages[:] += own[:, np.newaxis] * coefficients
 
     run_series(laplacian, np.hstack([points, probes]), series(strengths, laplacian.bound), add, threads=threads)
-    return Estimates(residuals, leverages)
+    return Estimates(residuals / sigma[:, np.newaxis], leverages)

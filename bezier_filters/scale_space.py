@@ -105,6 +105,12 @@ def filtered(
     return result
 
 
+def filtered_evenly(laplacian: Laplacian, signals: FloatArray, strength: float, *, threads: int = 1) -> FloatArray:
+    """Signals (n, c) after one filter for all vertices."""
+    everywhere = np.ones((len(signals), 1))
+    return filtered(laplacian, signals, np.array([strength]), everywhere, threads=threads)
+
+
 def _advance_all(
     laplacian: Laplacian,
     bound: float,

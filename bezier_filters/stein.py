@@ -17,24 +17,26 @@ from bezier_filters.arrays import FloatArray
 from bezier_filters.laplacian import Laplacian
 from bezier_filters.scale_space import diffused
 
-DIFFUSION = 100.0
-"""Squared edges: a vertex listens to some 700 around it."""
-LOCAL = 0.55
-"""Weight of the surroundings, against the mesh as a whole."""
+WIDTH = 100.0
+"""Squared edges over which risks are averaged around a vertex,"""
+VERTICES = 7.26 * WIDTH
+"""so many vertices that is, on a regular mesh: the reciprocal of the sum of their squared weights."""
+DOUBT = 2.0
+"""Times its variance: up to that squared deviation from the mesh as a whole, a local risk is not believed."""
 TEMPERATURE = 0.003
 """Times sigma^2: difference of risks at which the larger one's share is exp(-1) times the other's."""
-NEAR_DIFFUSION = 4.0
+NEAR = 4.0
 """Squared edges over which leverages, which are known from one or few probes, are averaged beforehand."""
 
 
 @dataclass(frozen=True)
 class Estimates:
-    """Several estimates of the same vertices.
+    """Several estimates of the same vertices, in units of the standard deviation of the noise at each.
 
     Attributes
     ----------
     residuals : (n, s) float64
-        Heights of the measured vertices over each estimate, a length.
+        Heights of the measured vertices over each estimate.
     leverages : (n, s) float64
         How much each estimate follows its own vertex: 1 for no smoothing at all, near 0 for much.
     """
@@ -42,47 +44,62 @@ class Estimates:
     residuals: FloatArray
     leverages: FloatArray
 
-    def risks(self, sigma: float) -> FloatArray:
-        """Mean squared error of each estimate, (s,), length^2."""
-        result: FloatArray = _terms(self, sigma).mean(axis=0) - sigma**2
+    @property
+    def risks(self) -> FloatArray:
+        """Mean squared error of each estimate, (s,)."""
+        result: FloatArray = self.terms.mean(axis=0) - 1.0
         return result
 
-    def sigma(self) -> float:
-        """Standard deviation of the noise, as the residuals of the estimate that predicts best show it."""
+    @property
+    def terms(self) -> FloatArray:
+        """What the risks are the means of, (n, s), plus 1."""
+        result: FloatArray = np.square(self.residuals) + 2.0 * self.leverages
+        return result
+
+    def rescaled(self) -> "Estimates":
+        """With less noise, if the estimate that predicts best leaves smaller residuals than the noise would.
+
+        Where a surface has edges, noise is easily overestimated until something keeps them.
+        """
         squares, free = np.square(self.residuals).mean(axis=0), 1.0 - self.leverages.mean(axis=0)
-        known = np.flatnonzero(free > 0.0)
-        if not len(known):
-            return 0.0
-        best = known[np.argmin(squares[known] / free[known] ** 2)]
-        return float(np.sqrt(squares[best] / free[best]))
+        best = np.argmin(squares / np.maximum(free, 1e-3) ** 2)
+        factor = min(float(np.sqrt(squares[best] / max(free[best], 1e-3))), 1.0)
+        return Estimates(self.residuals / max(factor, 1e-3), self.leverages)
 
     def only(self, columns: slice) -> "Estimates":
         """Some of the estimates."""
         return Estimates(self.residuals[:, columns], self.leverages[:, columns])
 
 
-def local_shares(estimates: Estimates, sigma: float, umbrella: Laplacian, *, threads: int = 1) -> FloatArray:
+def local_shares(estimates: Estimates, surroundings: Laplacian, *, threads: int = 1) -> FloatArray:
     """Share of every estimate at every vertex, (n, s), by their risks around it.
+
+    A risk is compared with that of the estimate that is best for the mesh as a whole. Where the local
+    difference deviates from the overall one by no more than noise may make it do, the latter is taken (after James and
+    Stein).
 
     Parameters
     ----------
     estimates : Estimates
-    sigma : float
-        Standard deviation of the noise, a positive length.
-    umbrella : Laplacian
+    surroundings : Laplacian
         Along which to average.
     threads : int
         Number of threads.
     """
-    leverages = diffused(umbrella, estimates.leverages, NEAR_DIFFUSION, threads=threads)
-    terms = _terms(Estimates(estimates.residuals, leverages), sigma)
-    risks = LOCAL * diffused(umbrella, terms, DIFFUSION, threads=threads) + (1.0 - LOCAL) * terms.mean(axis=0)
-    exponents = (risks - risks.min(axis=1, keepdims=True)) / (TEMPERATURE * sigma**2)
-    shares: FloatArray = np.exp(-exponents)
+    leverages = diffused(surroundings, estimates.leverages, NEAR, threads=threads)
+    terms = Estimates(estimates.residuals, leverages).terms
+    best = int(terms.mean(axis=0).argmin())
+    differences = terms - terms[:, [best]]
+    overall = differences.mean(axis=0)
+    local = diffused(surroundings, differences, WIDTH, threads=threads) - overall
+    # A difference of squared residuals has four times the variance of the difference of the estimates.
+    distances = np.square(estimates.residuals - estimates.residuals[:, [best]])
+    variances = np.maximum(4.0 / VERTICES * diffused(surroundings, distances, WIDTH, threads=threads), 0.0)
+    squares = np.square(local)
+    believed = np.divide(
+        np.maximum(squares - DOUBT * variances, 0.0), squares, out=np.zeros_like(squares), where=squares > 0.0
+    )
+    risks = overall + believed * local
+    shares: FloatArray = np.exp(-(risks - risks.min(axis=1, keepdims=True)) / TEMPERATURE)
     shares /= shares.sum(axis=1, keepdims=True)
     return shares
-
-
-def _terms(estimates: Estimates, sigma: float) -> FloatArray:
-    result: FloatArray = np.square(estimates.residuals) + 2.0 * sigma**2 * estimates.leverages
-    return result

@@ -28,7 +28,7 @@ estimation
 baselines
 laplacian volume flips vertex_update normal_filter
 scale_space
-stein
+stein noise_levels
 low_pass
 automatic_smoothing
 smoothing
