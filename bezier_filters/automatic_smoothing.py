@@ -6,6 +6,7 @@ mesh are filtered, many times, by means that do not reach across what noise cann
 vertices follow. In between are fewer rounds. Stein's estimate of the risk tells what is best around each vertex.
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,10 +14,10 @@ import numpy as np
 from bezier_filters.adjacency import Adjacency
 from bezier_filters.arrays import FloatArray
 from bezier_filters.laplacian import Borders
-from bezier_filters.low_pass import choose_low_pass
+from bezier_filters.low_pass import LowPass, choose_low_pass
 from bezier_filters.mesh import TriangleMesh
 from bezier_filters.noise_levels import noise_levels
-from bezier_filters.normal_filter import filter_normals, noisy_normals
+from bezier_filters.normal_filter import NoisyNormals, filter_normals, noisy_normals
 from bezier_filters.parallel import Progress, report
 from bezier_filters.stein import Estimates, local_shares
 from bezier_filters.vertex_update import move_to_normals
@@ -31,22 +32,16 @@ PROBE = 0.1
 """Times sigma: how far vertices are moved to find their leverages."""
 
 
-@dataclass(frozen=True)
-class Treatment:
-    """Rounds of filtering the normals, and what counts as agreement, in standard deviations."""
-
-    rounds: int
-    tolerance: float
-
-
-NONE = Treatment(0, 0.0)
-"""After the low-pass filter proper."""
-GENTLE = Treatment(1, 3.0)
-"""After a slightly weaker one."""
-SHARPENING = (Treatment(2, 2.0), Treatment(5, 1.5), Treatment(16, 1.5))
-"""After a much weaker one."""
+GENTLE_TOLERANCE, SHARP_TOLERANCE = 3.0, 1.5
+"""Of `filter_normals`."""
+SMOOTH_ESTIMATES = 2
+"""Of the low-pass filter proper, and after a slightly weaker one; the others follow a much weaker one."""
+SHARP_ROUNDS = (2, 5, 16)
+"""Numbers of rounds of filtering the normals after which there is an estimate."""
+UNUSED = 0.005
+"""Mean share of an estimate below which the following, sharper ones are not made."""
 SHARPNESS = (0.0, 0.0, 0.33, 0.67, 1.0)
-"""Of the results, as reported."""
+"""Of the estimates, as reported."""
 STEPS = 6
 """Of the progress."""
 
@@ -107,25 +102,19 @@ def denoise(
     signs = np.random.default_rng(1).choice(np.array([-1.0, 1.0]), mesh.vertex_count)
     signals = np.hstack([mesh.vertices, _noise(low_pass.normals, levels), _probe(low_pass.normals, signs, levels)])
     report(progress, 2, STEPS)
-    candidates: list[FloatArray] = []
-    probed: list[FloatArray] = []
-    for step, (smooth, treatments) in enumerate(
-        (
-            (low_pass.smoothed, (NONE,)),
-            (low_pass.slightly_less_smoothed, (GENTLE,)),
-            (low_pass.weakly_smoothed, SHARPENING),
-        )
-    ):
-        start = smooth(signals, threads=threads)
-        points, noise = start[:, :3], start[:, 3:-3].reshape(len(start), -1, 3)
-        candidates += _treated(mesh, adjacency, points, noise, treatments, threads)
-        probed += _treated(mesh, adjacency, points + start[:, -3:], noise, treatments, threads)
-        report(progress, 3 + step, STEPS)
-    estimates = _estimates(mesh.vertices, candidates, probed, low_pass.normals, signs, levels)
-    shares = local_shares(estimates.rescaled(), low_pass.surroundings, threads=threads)
-    result = np.einsum("nk,knc->nc", shares, np.stack(candidates)) + center
+    found: list[tuple[FloatArray, FloatArray]] = []
+    shares = np.ones((mesh.vertex_count, 1))
+    for estimate in _estimates(mesh, adjacency, low_pass, signals, threads):
+        found.append(estimate)
+        report(progress, min(2 + len(found), STEPS - 1), STEPS)
+        if len(found) > SMOOTH_ESTIMATES:
+            errors = _errors(mesh.vertices, found, low_pass.normals, signs, levels)
+            shares = local_shares(errors.rescaled(), low_pass.surroundings, threads=threads)
+            if shares[:, -1].mean() < UNUSED:
+                break
+    result = np.einsum("nk,knc->nc", shares, np.stack([points for points, _ in found])) + center
     report(progress, STEPS, STEPS)
-    return Denoised(result, shares @ np.array(SHARPNESS))
+    return Denoised(result, shares @ np.array(SHARPNESS[: len(found)]))
 
 
 def _noise(normals: FloatArray, levels: FloatArray) -> FloatArray:
@@ -143,44 +132,65 @@ def _probe(normals: FloatArray, signs: FloatArray, levels: FloatArray) -> FloatA
     return result
 
 
-def _treated(
-    mesh: TriangleMesh,
-    adjacency: Adjacency,
-    vertices: FloatArray,
-    noise: FloatArray,
-    treatments: tuple[Treatment, ...],
-    threads: int,
-) -> list[FloatArray]:
-    """Vertices after each treatment of the normals of the same start."""
-    start = TriangleMesh(np.ascontiguousarray(vertices), mesh.faces)
-    first = noisy_normals(start, np.ascontiguousarray(noise), threads=threads)
-    corners = adjacency.faces.indptr, adjacency.faces.indices
-    results: list[FloatArray] = []
-    for treatment in treatments:
-        state = first
-        for _ in range(treatment.rounds):
-            state = filter_normals(start, corners, state, treatment.tolerance, threads=threads)
-        if not treatment.rounds:
-            results.append(start.vertices)
-            continue
-        results.append(move_to_normals(start, adjacency, state.normals, ~adjacency.on_boundary, threads=threads))
-    return results
-
-
 def _estimates(
+    mesh: TriangleMesh, adjacency: Adjacency, low_pass: LowPass, signals: FloatArray, threads: int
+) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Estimates of the surface, ever sharper ones, each for the vertices as measured and for those moved by the probe.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        As measured.
+    adjacency : Adjacency
+        Of the same mesh.
+    low_pass : LowPass
+        What every estimate starts with, more or less of it.
+    signals : (n, 3 + 3 k + 3) float64
+        The vertices, samples of their noise, and steps to probe with.
+    threads : int
+        Number of threads.
+    """
+    smooth = low_pass.smoothed(signals, threads=threads)
+    yield smooth[:, :3], smooth[:, :3] + smooth[:, -3:]
+    gentle = _both_starts(mesh, low_pass.slightly_less_smoothed(signals, threads=threads), threads)
+    gentle = [filter_normals(start, adjacency.faces, 1, GENTLE_TOLERANCE, threads=threads) for start in gentle]
+    yield _both_moved(adjacency, gentle, threads)
+    sharp = _both_starts(mesh, low_pass.weakly_smoothed(signals, threads=threads), threads)
+    done = 0
+    for rounds in SHARP_ROUNDS:
+        more = rounds - done
+        sharp = [filter_normals(start, adjacency.faces, more, SHARP_TOLERANCE, threads=threads) for start in sharp]
+        yield _both_moved(adjacency, sharp, threads)
+        done = rounds
+
+
+def _both_starts(mesh: TriangleMesh, signals: FloatArray, threads: int) -> list[NoisyNormals]:
+    """Normals of the filtered vertices, without and with the probing steps."""
+    noise = np.ascontiguousarray(signals[:, 3:-3]).reshape(len(signals), -1, 3)
+    starts = signals[:, :3].copy(), signals[:, :3] + signals[:, -3:]
+    return [noisy_normals(TriangleMesh(points, mesh.faces), noise, threads=threads) for points in starts]
+
+
+def _both_moved(adjacency: Adjacency, states: list[NoisyNormals], threads: int) -> tuple[FloatArray, FloatArray]:
+    """Vertices that fit the normals; those at borders stay."""
+    movable = ~adjacency.on_boundary
+    one, other = (move_to_normals(s.mesh, adjacency, s.normals, movable, threads=threads) for s in states)
+    return one, other
+
+
+def _errors(
     measured: FloatArray,
-    candidates: list[FloatArray],
-    probed: list[FloatArray],
+    found: Sequence[tuple[FloatArray, FloatArray]],
     normals: FloatArray,
     signs: FloatArray,
     levels: FloatArray,
 ) -> Estimates:
-    """Residuals of the candidates, and leverages: how far they followed the probing steps."""
+    """Residuals of estimates, and leverages: how far they followed the probing steps."""
 
     def heights(vectors: FloatArray) -> FloatArray:
-        result: FloatArray = np.einsum("ij,ij->i", vectors, normals)
+        result: FloatArray = np.einsum("ij,ij->i", vectors, normals) / levels
         return result
 
-    residuals = np.column_stack([heights(measured - points) / levels for points in candidates])
-    followed = [heights(after - points) for points, after in zip(candidates, probed, strict=True)]
-    return Estimates(residuals, np.column_stack(followed) * (signs / (PROBE * levels))[:, np.newaxis])
+    residuals = [heights(measured - points) for points, _ in found]
+    leverages = [heights(probed - points) * signs / PROBE for points, probed in found]
+    return Estimates(np.column_stack(residuals), np.column_stack(leverages))

@@ -14,7 +14,7 @@ from bezier_filters.stein import Estimates, local_shares
 
 POWERS = (0.0, 0.5, 1.0)
 """Of cotangent Laplacians, see `cotangent_laplacian`."""
-AROUND = 3
+AROUND = 6
 """Strengths on both sides of the one that is best for the mesh as a whole that its parts may take."""
 STRONGER = 6
 """Steps of the strength beyond that of the umbrella Laplacian up to which others are tried."""
