@@ -32,7 +32,7 @@ PROBE = 0.1
 """Times sigma: how far vertices are moved to find their leverages."""
 
 
-GENTLE_TOLERANCE, SHARP_TOLERANCE = 3.0, 1.5
+GENTLE_TOLERANCE, SHARP_TOLERANCE = 2.5, 1.5
 """Of `filter_normals`."""
 SMOOTH_ESTIMATES = 2
 """Of the low-pass filter proper, and after a slightly weaker one; the others follow a much weaker one."""

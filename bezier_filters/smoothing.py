@@ -176,6 +176,8 @@ def smooth(
     movable = _movable(selected, mesh.vertex_count)
     threads = thread_count(threads)
     adjacency = vertex_adjacency(mesh)
+    if borders == "fixed":
+        movable = movable & ~adjacency.on_boundary
     announce_first_compilation(fit_in_lanes)
     noise_before = noise if noise is not None else noise_of(mesh, adjacency, threads=threads)
     before = bad_faces(mesh, adjacency, threads=threads)
@@ -184,7 +186,7 @@ def smooth(
         current = TriangleMesh(points, mesh.faces)
         report = _part_of(progress, k, iterations)
         if method == "paper":
-            points = _onto_patches(current, adjacency, rings, alpha, borders, threads, report)
+            points = _onto_patches(current, rings, alpha, threads, report)
         else:
             sigma = noise_before if k == 0 else noise_of(current, adjacency, threads=threads)
             unit = mean_edge(current, adjacency)
@@ -214,21 +216,12 @@ def mean_edge(mesh: TriangleMesh, adjacency: Adjacency) -> float:
     return float(np.linalg.norm(edges, axis=1).mean()) if len(edges) else 0.0
 
 
-def _onto_patches(
-    mesh: TriangleMesh,
-    adjacency: Adjacency,
-    rings: int,
-    alpha: float,
-    borders: SmoothedBorders,
-    threads: int,
-    progress: Progress | None,
-) -> FloatArray:
+def _onto_patches(mesh: TriangleMesh, rings: int, alpha: float, threads: int, progress: Progress | None) -> FloatArray:
     """The paper's smoothing."""
     geometry = estimate_vertex_geometry(
         mesh.vertices, mesh.faces, rings=rings, alpha=alpha, smoothness="paper", threads=threads, progress=progress
     )
-    stays = adjacency.on_boundary & (borders == "fixed")
-    result: FloatArray = np.where(stays[:, np.newaxis], mesh.vertices, mesh.vertices + geometry.displacements)
+    result: FloatArray = mesh.vertices + geometry.displacements
     return result
 
 
