@@ -10,7 +10,7 @@ from bezier_filters.fallbacks import fit_with_fallbacks, planned_chain
 from bezier_filters.kernel_input import KernelMesh
 from bezier_filters.model_tree import Leaf, grow, leaf_numbers, leaves
 from bezier_filters.parallel import Progress
-from bezier_filters.plans import Choices
+from bezier_filters.plans import GOOD_ENOUGH, Choices, FitPlan, plan_for
 from bezier_filters.ring_analysis import RingAnalysis
 from bezier_filters.vertex_geometry import FitChoice, FitPart, VertexGeometry
 
@@ -27,7 +27,7 @@ def fit_adaptively(
     threads: int = 1,
     progress: Progress | None = None,
 ) -> FitChoice:
-    """Fit the vertices `ids` with one plan for all, then those again that belong to a part of their own.
+    """Fit the vertices `ids` with one plan for all, then those again that belong to a part with a better one.
 
     The sampled vertices are fitted, too, so that the parts do not depend on `ids`; what is
     written there means nothing.
@@ -79,17 +79,29 @@ def fit_adaptively(
     parts = []
     for number, leaf in enumerate(leaves(tree)):
         part = ids[numbers == number]
-        fit_with_fallbacks(
-            mesh,
-            part,
-            list(planned_chain(leaf.plans, leaf.chosen)),
-            geometry,
-            robust=robust,
-            threads=threads,
-            progress=_at_the_end(progress, len(ids)),
-        )
-        parts.append(FitPart(len(part), leaf.chosen.rings, leaf.chosen.degree, leaf.surface.sigma))
+        plan, there = leaf.chosen, plan_for(root.chosen, leaf.surface)
+        if there is not None and there.error <= GOOD_ENOUGH * plan.error:
+            plan = there
+            _rescale_errors(geometry, part, root.chosen, plan)
+        else:
+            fit_with_fallbacks(
+                mesh,
+                part,
+                list(planned_chain(leaf.plans, plan)),
+                geometry,
+                robust=robust,
+                threads=threads,
+                progress=_at_the_end(progress, len(ids)),
+            )
+        parts.append(FitPart(len(part), plan.rings, plan.degree, leaf.surface.sigma))
     return replace(choice, parts=tuple(parts))
+
+
+def _rescale_errors(geometry: VertexGeometry, rows: IntArray, before: FitPlan, after: FitPlan) -> None:
+    """Give vertices the standard errors of the same fit under another model."""
+    geometry.normal_std[rows] *= after.normal_noise / before.normal_noise
+    for errors in (geometry.mean_curvature_std, geometry.gaussian_curvature_std):
+        errors[rows] *= after.curvature_noise / before.curvature_noise
 
 
 def _of_wanted(progress: Progress | None, total: int) -> Progress | None:

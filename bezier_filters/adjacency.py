@@ -3,10 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from bezier_filters.arrays import BoolArray, IntArray
+from bezier_filters.lean import inner_njit, lean_njit
 from bezier_filters.mesh import TriangleMesh
+from bezier_filters.parallel import RangeTask, run_in_chunks
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ class Adjacency:
     on_boundary: BoolArray
 
 
-def vertex_adjacency(mesh: TriangleMesh) -> Adjacency:
+def vertex_adjacency(mesh: TriangleMesh, *, threads: int = 1) -> Adjacency:
     """Faces, neighbours and boundary flag of every vertex.
 
     Examples
@@ -65,25 +66,53 @@ def vertex_adjacency(mesh: TriangleMesh) -> Adjacency:
     >>> vertex_adjacency(square).vertices.row(1)
     array([0, 2], dtype=int32)
     """
-    face_ptr, face_indices = _incident_faces(mesh.faces, mesh.vertex_count)
-    ptr, indices, on_boundary = _neighbours(mesh.faces, face_ptr, face_indices)
-    return Adjacency(Rows(face_ptr, face_indices), Rows(ptr, indices.copy()), on_boundary)
+    n = mesh.vertex_count
+    face_ptr, fill = np.zeros(n + 1, dtype=np.int32), np.empty(n, dtype=np.int32)
+    _count_faces(mesh.faces, face_ptr, fill)
+    faces = Rows(face_ptr, np.empty(face_ptr[-1], dtype=np.int32))
+    _fill_in_faces(mesh.faces, fill, faces.indices)
+    indptr = np.zeros(n + 1, dtype=np.int32)
+    on_boundary = np.zeros(n, dtype=np.bool_)
+    # Each range of rows is written where there is room for two vertices per face, then all are moved together.
+    roomy = np.empty(2 * len(faces.indices), dtype=np.int32)
+
+    most = int(faces.lengths.max(initial=0))
+
+    def neighbour_task() -> RangeTask:
+        after, before = np.empty((2, most), dtype=np.int32)
+        return lambda start, stop: _neighbours(
+            mesh.faces, faces.indptr, faces.indices, start, stop, after, before, roomy, indptr[1:], on_boundary
+        )
+
+    run_in_chunks(neighbour_task, n, threads=threads)
+    np.cumsum(indptr, out=indptr)
+    indices = np.empty(indptr[-1], dtype=np.int32)
+
+    def move(start: int, stop: int) -> None:
+        target = indices[indptr[start] : indptr[stop]]
+        target[:] = roomy[2 * faces.indptr[start] :][: len(target)]
+
+    run_in_chunks(lambda: move, n, threads=threads)
+    return Adjacency(faces, Rows(indptr, indices), on_boundary)
 
 
-@njit(cache=True, nogil=True)
-def _incident_faces(faces: IntArray, n: int) -> tuple[IntArray, IntArray]:
-    """Rows of the faces at each of n vertices, by counting sort."""
-    ptr = np.zeros(n + 1, np.int32)
+@lean_njit()
+def _count_faces(faces: IntArray, ptr: IntArray, starts: IntArray) -> None:
+    """Where the rows of the faces at each vertex begin and end; `ptr` is zero at first."""
     for f in range(faces.shape[0]):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         if a != b and b != c and c != a:
             ptr[a + 1] += 1
             ptr[b + 1] += 1
             ptr[c + 1] += 1
-    for i in range(n):
+    for i in range(starts.shape[0]):
+        starts[i] = ptr[i]
         ptr[i + 1] += ptr[i]
-    fill = ptr[:-1].copy()
-    indices = np.empty(ptr[n], np.int32)
+
+
+@lean_njit()
+def _fill_in_faces(faces: IntArray, fill: IntArray, indices: IntArray) -> None:
+    """Append every face to the rows of its vertices, which `fill` says where to."""
     for f in range(faces.shape[0]):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         if a != b and b != c and c != a:
@@ -91,50 +120,76 @@ def _incident_faces(faces: IntArray, n: int) -> tuple[IntArray, IntArray]:
                 i = faces[f, k]
                 indices[fill[i]] = f
                 fill[i] += 1
-    return ptr, indices
 
 
-@njit(cache=True, nogil=True)
-def _neighbours(faces: IntArray, face_ptr: IntArray, face_indices: IntArray) -> tuple[IntArray, IntArray, BoolArray]:
-    """Rows of the distinct neighbours of each vertex, and the boundary flags.
+@lean_njit()
+def _neighbours(
+    faces: IntArray,
+    face_ptr: IntArray,
+    face_indices: IntArray,
+    start: int,
+    stop: int,
+    after: IntArray,
+    before: IntArray,
+    roomy: IntArray,
+    lengths: IntArray,
+    on_boundary: BoolArray,
+) -> None:
+    """Distinct neighbours of vertices start .. stop-1 side by side from entry 2 face_ptr[start], and their numbers.
 
-    A neighbour is met once per face on the common edge, so once at a boundary.
+    A neighbour is met once per face on the common edge, so once at a boundary. Work space for the
+    vertices that come after and before a vertex in its faces: one entry per face at the most.
     """
-    n = face_ptr.shape[0] - 1
-    ptr = np.zeros(n + 1, np.int32)
-    indices = np.empty(2 * face_indices.shape[0], np.int32)
-    on_boundary = np.zeros(n, np.bool_)
-    written = 0
-    for i in range(n):
-        begin = end = written
-        for q in range(face_ptr[i], face_ptr[i + 1]):
-            f = face_indices[q]
-            for k in range(3):
-                j = faces[f, k]
-                if j != i:
-                    indices[end] = j
-                    end += 1
-        _shell_sort(indices, begin, end)
-        q = begin
-        while q < end:
-            j = indices[q]
-            met = 0
-            while q < end and indices[q] == j:
-                q += 1
-                met += 1
-            indices[written] = j
-            written += 1
-            if met == 1:
-                on_boundary[i] = True
-        ptr[i + 1] = written
-    return ptr, indices[:written], on_boundary
+    written = 2 * face_ptr[start]
+    for i in range(start, stop):
+        begin, count = written, face_ptr[i + 1] - face_ptr[i]
+        for q in range(count):
+            f = face_indices[face_ptr[i] + q]
+            a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+            after[q] = b if a == i else c if b == i else a
+            before[q] = c if a == i else a if b == i else b
+        _sort(after, 0, count)
+        _sort(before, 0, count)
+        if _are_distinct_and_equal(after, before, count):  # faces all around, seen from one side
+            for q in range(count):
+                roomy[begin + q] = after[q]
+            written = begin + count
+        else:
+            for q in range(count):
+                roomy[begin + q] = after[q]
+                roomy[begin + count + q] = before[q]
+            end = begin + 2 * count
+            _sort(roomy, begin, end)
+            q = begin
+            while q < end:
+                j = roomy[q]
+                met = 0
+                while q < end and roomy[q] == j:
+                    q += 1
+                    met += 1
+                roomy[written] = j
+                written += 1
+                if met == 1:
+                    on_boundary[i] = True
+        lengths[i] = written - begin
 
 
-@njit(cache=True, nogil=True)
-def _shell_sort(values: IntArray, begin: int, end: int) -> None:
-    """Sort values[begin:end] in place: fast for a dozen neighbours, sound for thousands."""
+@inner_njit()
+def _are_distinct_and_equal(values: IntArray, others: IntArray, count: int) -> bool:
+    """Whether two sorted lists are the same, without repetition."""
+    result = True
+    for q in range(count):
+        result &= values[q] == others[q]
+    for q in range(1, count):
+        result &= values[q] > values[q - 1]
+    return result
+
+
+@inner_njit()
+def _sort(values: IntArray, begin: int, end: int) -> None:
+    """Sort values[begin:end] in place by Shell's method: fast for a dozen, sound for thousands."""
     gap = 1
-    while gap < (end - begin) // 3:
+    while gap < (end - begin) // 9:
         gap = 3 * gap + 1
     while gap > 0:
         for q in range(begin + gap, end):

@@ -7,7 +7,7 @@ from bezier_filters.arrays import IntArray
 from bezier_filters.fallbacks import fallback_chain, fit_with_fallbacks, planned_chain
 from bezier_filters.fitting import PatchFit
 from bezier_filters.kernel_input import KernelMesh
-from bezier_filters.learning import CANDIDATE_RINGS, MOST_TURNED, analyse_rings
+from bezier_filters.learning import CANDIDATE_RINGS, MOST_TURNED, learn_surface
 from bezier_filters.model_tree import Leaf, leaf_of
 from bezier_filters.neighbourhood_samples import sample_neighbourhoods
 from bezier_filters.parallel import Progress
@@ -72,17 +72,18 @@ def _learn(
     mesh: KernelMesh, adjacency: Adjacency, radius: float, degrees: tuple[int, ...], threads: int
 ) -> Leaf | None:
     """Learn the surface; the chosen plan is that of the rings whose radius is nearest to the one given."""
-    analyses = analyse_rings(mesh, adjacency, wanted=nearest_rings(mesh, adjacency, radius), threads=threads)
+    wanted = nearest_rings(mesh, adjacency, radius, threads=threads)
+    analyses, _ = learn_surface(mesh, adjacency, Choices(wanted, degrees), threads=threads)
     if not analyses:
         return None
     nearest = min(analyses, key=lambda analysis: abs(analysis.radius - radius))
     return leaf_of(analyses, Choices(nearest.rings, degrees))
 
 
-def nearest_rings(mesh: KernelMesh, adjacency: Adjacency, radius: float, *, seed: int = 0) -> int:
+def nearest_rings(mesh: KernelMesh, adjacency: Adjacency, radius: float, *, seed: int = 0, threads: int = 1) -> int:
     """Number of rings, as many as can be analysed at most, whose median radius is nearest to a length."""
     sample = sample_neighbourhoods(
-        mesh, adjacency, rings=max(CANDIDATE_RINGS), count=SAMPLES, most_turned=MOST_TURNED, seed=seed
+        mesh, adjacency, rings=max(CANDIDATE_RINGS), count=SAMPLES, most_turned=MOST_TURNED, seed=seed, threads=threads
     )
     distances = np.sqrt(np.square(sample.points[..., :2]).sum(axis=2))
     best, smallest = 1, np.inf

@@ -9,13 +9,13 @@ from numba import config
 from bezier_filters.arrays import IntArray
 from bezier_filters.fitting import PatchFit
 from bezier_filters.jets import GraphGeometry
-from bezier_filters.kernel_input import FITTED, FOLDED, ILL_POSED, KernelFit, KernelMesh
-from bezier_filters.lane_kernel import fit_in_lanes
+from bezier_filters.kernel_input import FITTED, FOLDED, ILL_POSED, OUTCOMES, KernelFit, KernelMesh
+from bezier_filters.lane_kernel import lane_task
 from bezier_filters.learning import MOST_TURNED
 from bezier_filters.parallel import Progress, RangeTask, run_in_chunks
 from bezier_filters.plans import FitPlan
 from bezier_filters.polynomials import elimination_order, lexicographic_places, row_starts
-from bezier_filters.scalar_kernel import fit_vertices
+from bezier_filters.scalar_kernel import scalar_task
 from bezier_filters.status import FitStatus
 from bezier_filters.uncertainty import StandardErrors
 from bezier_filters.vertex_geometry import VertexGeometry
@@ -156,22 +156,25 @@ def fit_with_fallbacks(
     """
     if not len(mesh.faces):
         attempts = [without_faces(attempt) for attempt in attempts]
-    has_normal = mesh.normals[ids].any(axis=1)
-    geometry.normals[ids] = mesh.normals[ids]
-    geometry.status[ids] = np.where(has_normal, FitStatus.NORMAL_ONLY, FitStatus.ISOLATED)
-    outcome = np.full(len(ids), FITTED, dtype=np.int32)
-    unsettled = np.flatnonzero(has_normal)
+    has_normal = np.einsum("ij,ij->i", mesh.normals, mesh.normals)[ids] > 0.0
+    geometry.status[ids[~has_normal]] = FitStatus.ISOLATED
+    unsettled = ids[has_normal]
+    outcomes = np.full(len(unsettled), FITTED, dtype=np.int32)
     tried = 0
     for attempt in attempts:
-        rows = unsettled[np.isin(outcome[unsettled], list(attempt.after))]
-        if not len(rows):
+        concerned = np.array([outcome in attempt.after for outcome in OUTCOMES])[outcomes]
+        if not concerned.any():
             continue
         report = _overall_progress(progress, tried, len(ids))
-        outcome[rows] = _run(attempt, mesh, ids[rows], geometry, robust, threads, report)
+        outcomes[concerned] = _run(attempt, mesh, unsettled[concerned], geometry, robust, threads, report)
         tried = len(ids)
-        fitted = ids[rows[outcome[rows] == FITTED]]
-        geometry.status[fitted] = attempt.status
-        unsettled = unsettled[outcome[unsettled] != FITTED]
+        fitted = concerned & (outcomes == FITTED)
+        geometry.status[unsettled[fitted]] = attempt.status
+        unsettled, outcomes = unsettled[~fitted], outcomes[~fitted]
+        if not len(unsettled):
+            return
+    geometry.normals[unsettled] = mesh.normals[unsettled]
+    geometry.status[unsettled] = FitStatus.NORMAL_ONLY
 
 
 def _run(
@@ -203,24 +206,10 @@ def _run(
 
     # Lanes are compiled code only; reweighting by residuals takes each vertex its own number of rounds.
     compiled = not config.DISABLE_JIT  # type: ignore[attr-defined]
-    kernel = fit_in_lanes if compiled and not fit.rounds else fit_vertices
+    kernel_task = lane_task if compiled and not fit.rounds else scalar_task
 
     def make_task() -> RangeTask:
-        visited, members = np.full(n, -1, dtype=np.int32), np.empty(n, dtype=np.int32)
-        return lambda start, stop: kernel(
-            mesh,
-            fit,
-            ids,
-            start,
-            stop,
-            visited,
-            members,
-            result,
-            errors,
-            geometry.residual,
-            geometry.rings_used,
-            outcomes,
-        )
+        return kernel_task(mesh, fit, ids, result, errors, geometry.residual, geometry.rings_used, outcomes)
 
     run_in_chunks(make_task, len(ids), threads=threads, progress=progress)
     return outcomes

@@ -1,19 +1,19 @@
 """Tangent planes: vertex normals, fold detection and the local x axis."""
 
 from dataclasses import dataclass
-from math import radians, sin
+from math import cos, radians, sin
 
 import numpy as np
 
 from bezier_filters.adjacency import Adjacency
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.lean import lean_njit
+from bezier_filters.lean import inner_njit, lean_njit
 from bezier_filters.mesh import TriangleMesh
 from bezier_filters.parallel import RangeTask, run_in_chunks
 
 STEEPEST = radians(89.0)
 """A face that leans further than this from the plane makes its points coincide: a fold."""
-FOLD_COSINE = sin(radians(90.0) - STEEPEST)
+FOLD_COSINE, STEEPEST_SINE = cos(STEEPEST), sin(STEEPEST)
 TIE = 1e-6
 """Relative difference below which lengths count as equal: far above rounding, far below irregularity."""
 
@@ -37,16 +37,21 @@ class TangentPlanes:
 
 def tangent_planes(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> TangentPlanes:
     """Tangent planes from the adjacent unit face normals, as in the paper."""
+    of_faces = np.empty((mesh.face_count, 3))
     normals = np.zeros((mesh.vertex_count, 3))
     safe_cosine = np.full(mesh.vertex_count, 2.0)
     rows = adjacency.faces
 
-    def make_task() -> RangeTask:
+    def face_task() -> RangeTask:
+        return lambda start, stop: _unit_face_normals(mesh.vertices, mesh.faces, start, stop, of_faces)
+
+    def vertex_task() -> RangeTask:
         return lambda start, stop: _vertex_planes(
-            mesh.vertices, mesh.faces, rows.indptr, rows.indices, start, stop, normals, safe_cosine
+            of_faces, rows.indptr, rows.indices, start, stop, normals, safe_cosine
         )
 
-    run_in_chunks(make_task, mesh.vertex_count, threads=threads)
+    run_in_chunks(face_task, mesh.face_count, threads=threads)
+    run_in_chunks(vertex_task, mesh.vertex_count, threads=threads)
     return TangentPlanes(normals, safe_cosine)
 
 
@@ -70,9 +75,15 @@ def unit_face_normal(vertices: FloatArray, faces: IntArray, f: int) -> tuple[flo
 
 
 @lean_njit()
+def _unit_face_normals(vertices: FloatArray, faces: IntArray, start: int, stop: int, normals: FloatArray) -> None:
+    """Unit normals of faces start .. stop-1, zero for those without area."""
+    for f in range(start, stop):
+        normals[f, 0], normals[f, 1], normals[f, 2] = unit_face_normal(vertices, faces, f)
+
+
+@lean_njit()
 def _vertex_planes(
-    vertices: FloatArray,
-    faces: IntArray,
+    of_faces: FloatArray,
     face_ptr: IntArray,
     face_indices: IntArray,
     start: int,
@@ -84,23 +95,23 @@ def _vertex_planes(
     for i in range(start, stop):
         x, y, z = 0.0, 0.0, 0.0
         for q in range(face_ptr[i], face_ptr[i + 1]):
-            fx, fy, fz = unit_face_normal(vertices, faces, face_indices[q])
-            x, y, z = x + fx, y + fy, z + fz
+            f = face_indices[q]
+            x, y, z = x + of_faces[f, 0], y + of_faces[f, 1], z + of_faces[f, 2]
         length = np.sqrt(x * x + y * y + z * z)
         if length < 1e-9:  # no face, or faces that cancel out
             continue
         x, y, z = x / length, y / length, z / length
         normals[i, 0], normals[i, 1], normals[i, 2] = x, y, z
-        # Every face leans at most `cone` from the normal, so a direction at less than
-        # STEEPEST - cone from the normal sees them all from the front.
         cosine = 1.0
         for q in range(face_ptr[i], face_ptr[i + 1]):
-            fx, fy, fz = unit_face_normal(vertices, faces, face_indices[q])
+            f = face_indices[q]
+            fx, fy, fz = of_faces[f, 0], of_faces[f, 1], of_faces[f, 2]
             if fx != 0.0 or fy != 0.0 or fz != 0.0:
                 cosine = min(cosine, fx * x + fy * y + fz * z)
-        cone = np.arccos(max(cosine, -1.0))
-        if cone < STEEPEST:
-            safe_cosine[i] = np.cos(STEEPEST - cone)
+        # Every face leans at most `cone`, of this cosine, from the normal, so a direction at less than
+        # STEEPEST - cone from the normal sees them all from the front.
+        if cosine > FOLD_COSINE:
+            safe_cosine[i] = FOLD_COSINE * cosine + STEEPEST_SINE * np.sqrt(1.0 - cosine * cosine)
 
 
 @lean_njit()
@@ -215,7 +226,7 @@ def farthest_direction(
     return bx, by, bz
 
 
-@lean_njit()
+@inner_njit()
 def direction_to(vertices: FloatArray, i: int, j: int, nx: float, ny: float, nz: float) -> tuple[float, float, float]:
     """Unit projection of the edge from vertex i to vertex j, zero if it stands on edge."""
     x, y, z = _projected_edge(vertices, i, j, nx, ny, nz)
@@ -225,7 +236,7 @@ def direction_to(vertices: FloatArray, i: int, j: int, nx: float, ny: float, nz:
     return x / length, y / length, z / length
 
 
-@lean_njit()
+@inner_njit()
 def _projected_edge(
     vertices: FloatArray, i: int, j: int, nx: float, ny: float, nz: float
 ) -> tuple[float, float, float]:
@@ -235,7 +246,7 @@ def _projected_edge(
     return x - height * nx, y - height * ny, z - height * nz
 
 
-@lean_njit()
+@inner_njit()
 def _signature(
     vertices: FloatArray,
     members: IntArray,

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.lean import lean_njit
+from bezier_filters.lean import inner_njit, lean_njit
 
 
 class GraphGeometry(NamedTuple):
@@ -135,7 +135,7 @@ def write_extremalities(jet: FloatArray, frame: FloatArray, i: int, result: Grap
     result.extremality_max[i] = _extremality(jet, frame, result.direction_max[i])
 
 
-@lean_njit()
+@inner_njit()
 def _extremality(jet: FloatArray, frame: FloatArray, direction: FloatArray) -> float:
     """-(D_d II)(d, d) for one unit tangent, with MeshLab's sign of curvature."""
     dx = direction[0] * frame[0] + direction[1] * frame[1] + direction[2] * frame[2]

@@ -17,6 +17,7 @@ ILL_POSED = 2
 """Too few points, or points that do not determine the polynomial."""
 FOLDED = 3
 """The neighbourhood folds over when projected onto the plane."""
+OUTCOMES = (FITTED, NO_FRAME, ILL_POSED, FOLDED)
 
 
 class KernelMesh(NamedTuple):

@@ -63,31 +63,29 @@ def add_moments(
 
 
 @lean_njit()
-def solve_lanes(matrix: FloatArray, order: int, smallest_pivot: float, solution: FloatArray, sound: FloatArray) -> None:
-    """Solve eight symmetric positive definite systems.
+def factorise(matrix: FloatArray, rows: int, columns: int, smallest_pivot: float, sound: FloatArray) -> None:
+    """Cholesky factors of eight symmetric positive semidefinite matrices, or of their first columns.
 
     Parameters
     ----------
     matrix : lanes
-        Lower triangle of the symmetric matrix, row by row, and the right-hand side as a last row.
-        It becomes the Cholesky factor with reciprocal diagonal. There are `GROUP` more rows, of any content.
-    order : int
-        Of the matrix.
+        Lower triangle, row by row; rows may go on beyond the matrix, like right-hand sides. The
+        first `columns` of it become those of the factor, with reciprocal diagonal. There are `GROUP`
+        more rows, of any content.
+    rows, columns : int
+        How many there are, and how many columns to eliminate.
     smallest_pivot : float
-        A pivot below this fraction of its diagonal entry means a rank-deficient system.
-    solution : lanes
-        Receives the solutions.
+        A column whose pivot is below this fraction of its diagonal entry depends on those before; it becomes zero.
     sound : lanes
-        Receives one entry: 1 for systems of full rank, else 0, and the solution means nothing.
+        Receives one entry: 1 for matrices without such columns, else 0.
     """
     zero, one = spread(0.0), spread(1.0)
     full_rank = one
-    for j in range(order):
+    for j in range(columns):
         diagonal = j * (j + 1) // 2
         before = load(matrix, diagonal + j)
         scale = one
-        # Row order is the right-hand side, which a column treats like any other row.
-        for i in range(j, order + 1, GROUP):
+        for i in range(j, rows, GROUP):
             r0 = i * (i + 1) // 2
             r1, r2, r3 = r0 + i + 1, r0 + 2 * i + 3, r0 + 3 * i + 6
             s0, s1, s2, s3 = zero, zero, zero, zero
@@ -99,24 +97,52 @@ def solve_lanes(matrix: FloatArray, order: int, smallest_pivot: float, solution:
                 s3 = multiply_add(factor, load(matrix, r3 + k), s3)
             s0 = load(matrix, r0 + j) - s0
             if i == j:
-                full_rank = where_greater(s0, spread(smallest_pivot) * before, full_rank, zero)
-                scale = one / square_root(s0)
+                least = spread(smallest_pivot) * before
+                full_rank = where_greater(s0, least, full_rank, zero)
+                scale = where_greater(s0, least, one / square_root(s0), zero)
                 store(matrix, diagonal + j, scale)
             else:
                 store(matrix, r0 + j, s0 * scale)
-            if i + 1 <= order:
+            if i + 1 < rows:
                 store(matrix, r1 + j, (load(matrix, r1 + j) - s1) * scale)
-            if i + 2 <= order:
+            if i + 2 < rows:
                 store(matrix, r2 + j, (load(matrix, r2 + j) - s2) * scale)
-            if i + 3 <= order:
+            if i + 3 < rows:
                 store(matrix, r3 + j, (load(matrix, r3 + j) - s3) * scale)
-    last = order * (order + 1) // 2
-    for i in range(order - 1, -1, -1):
-        rest = load(matrix, last + i)
-        for k in range(i + 1, order):
-            rest = rest - load(matrix, k * (k + 1) // 2 + i) * load(solution, k)
-        store(solution, i, rest * load(matrix, i * (i + 1) // 2 + i))
     store(sound, 0, full_rank)
+
+
+@lean_njit()
+def substitute_back(factors: FloatArray, order: int, last: int, solution: FloatArray) -> None:
+    """Solve L^T x = b for factors from `factorise`, b being their row number `last`; 0 where a column of L is."""
+    side = last * (last + 1) // 2
+    for i in range(order - 1, -1, -1):
+        rest = load(factors, side + i)
+        for k in range(i + 1, order):
+            rest = rest - load(factors, k * (k + 1) // 2 + i) * load(solution, k)
+        store(solution, i, rest * load(factors, i * (i + 1) // 2 + i))
+
+
+@lean_njit()
+def solve_lanes(matrix: FloatArray, order: int, smallest_pivot: float, solution: FloatArray, sound: FloatArray) -> None:
+    """Solve eight symmetric positive definite systems.
+
+    Parameters
+    ----------
+    matrix : lanes
+        Lower triangle of the symmetric matrix, row by row, and the right-hand side as a last row.
+        It becomes the factor, see `factorise`. There are `GROUP` more rows, of any content.
+    order : int
+        Of the matrix.
+    smallest_pivot : float
+        A pivot below this fraction of its diagonal entry means a rank-deficient system.
+    solution : lanes
+        Receives the solutions.
+    sound : lanes
+        Receives one entry: 1 for systems of full rank, else 0, and the solution means nothing.
+    """
+    factorise(matrix, order + 1, order, smallest_pivot, sound)
+    substitute_back(matrix, order, order, solution)
 
 
 @lean_njit()

@@ -1,18 +1,17 @@
 """The hot loop: fits eight vertices at a time.
 
-What meanders through the mesh is done for one vertex after the other: collecting the neighbourhood,
-choosing its frame, writing its geometry. What is arithmetic is done for eight at once, see `lanes`. A
-neighbourhood with fewer points than the others of its block is filled up with points that weigh nothing.
+What meanders through the mesh is done for one vertex after the other: collecting the neighbourhood
+and testing for folds. What is arithmetic is done for eight at once, see `lanes`. A neighbourhood with
+fewer points than the others of its block is filled up with points that weigh nothing.
 """
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
-from numba import njit
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.jets import GraphGeometry, write_displacement, write_extremalities, write_graph_geometry
-from bezier_filters.kernel_input import FITTED, ILL_POSED, KernelFit, KernelMesh
+from bezier_filters.jets import GraphGeometry
+from bezier_filters.kernel_input import FITTED, KernelFit, KernelMesh
 from bezier_filters.lane_algebra import (
     GROUP,
     add_moments,
@@ -21,72 +20,54 @@ from bezier_filters.lane_algebra import (
     raise_powers,
     solve_lanes,
 )
-from bezier_filters.lanes import LANES, aligned, load, multiply_add, spread, square_root, store, where_greater
-from bezier_filters.lean import lean_njit
-from bezier_filters.local_frames import write_frame
+from bezier_filters.lane_frames import point_to_farthest
+from bezier_filters.lane_results import write_block
+from bezier_filters.lane_workspace import CHUNK, LaneWorkspace, lane_workspace
+from bezier_filters.lanes import LANES, load, multiply_add, spread, square_root, store, where_greater
+from bezier_filters.lean import inner_njit, lean_njit
+from bezier_filters.local_frames import write_axes, write_plane
 from bezier_filters.neighbourhoods import collect_ball, collect_ring
-from bezier_filters.uncertainty import SEEN, StandardErrors, last_corner, write_standard_errors
+from bezier_filters.parallel import RangeTask
+from bezier_filters.uncertainty import StandardErrors
 
-CHUNK = 32
-"""Most points whose powers are held at a time: they fit into the nearest cache."""
 ROOM = 2
 """Times the points of a regular neighbourhood, of 1 + 3 k (k + 1), that there is room for at first,"""
 FEWEST = 128
 """and how much room there is at least."""
 
 
-class LaneWorkspace(NamedTuple):
-    """Scratch arrays for one block; all but the last four are flat arrays of lanes."""
+def lane_task(
+    mesh: KernelMesh,
+    fit: KernelFit,
+    ids: IntArray,
+    result: GraphGeometry,
+    errors: StandardErrors,
+    residuals: FloatArray,
+    rings_used: IntArray,
+    outcomes: IntArray,
+) -> RangeTask:
+    """Task for one thread: fit the vertices ids[start:stop]; write their geometry and outcomes[start:stop].
 
-    points: FloatArray  # table with rows x, y, height, presence; then s, t, height, presence
-    frame: FloatArray  # (9): x, y and z axes
-    box: FloatArray  # (4): middle and reciprocal half width of the parameter rectangle along x, then y
-    left: FloatArray  # table of the powers of s times the weights
-    right: FloatArray  # table of the powers of t
-    lifted: FloatArray  # table of those times the height
-    moments: FloatArray
-    heights: FloatArray  # moments with the height
-    matrix: FloatArray
-    solution: FloatArray
-    coefficients: FloatArray  # the solution in lexicographic order
-    sound: FloatArray  # (1)
-    total: FloatArray  # (1): sum of the squared residuals
-    origin: FloatArray  # table with 2 rows of powers: s and t of the vertex
-    jets: FloatArray  # (16)
-    one_frame: FloatArray  # (9,): of one vertex
-    one_jet: FloatArray  # (4, 4)
-    corner: FloatArray  # (SEEN (SEEN + 1) / 2,)
-    sensitivities: FloatArray  # (4, SEEN)
+    The same as `scalar_kernel.scalar_task`, up to rounding, but without reweighting by residuals.
+    """
+    n = len(mesh.vertices)
+    visited, members = np.full(n, -1, dtype=np.int32), np.empty(n + 1, dtype=np.int32)
+    work = lane_workspace(fit, max(FEWEST, ROOM * 3 * fit.rings * (fit.rings + 1)))
 
+    def run(start: int, stop: int) -> None:
+        nonlocal work
+        while start < stop:
+            start, needed = fit_in_lanes(
+                mesh, fit, ids, start, stop, visited, members, work, result, errors, residuals, rings_used, outcomes
+            )
+            if start < stop:  # there a block needs more room, and is collected once more
+                visited.fill(-1)
+                work = lane_workspace(fit, 2 * needed)
 
-@njit(cache=True, nogil=True)
-def _workspace(fit: KernelFit, capacity: int) -> LaneWorkspace:
-    """Scratch arrays for neighbourhoods of up to `capacity` points."""
-    order, rows = fit.exponents.shape[0], fit.highest_power + 1
-    return LaneWorkspace(
-        aligned(4 * capacity),
-        aligned(9),
-        aligned(4),
-        aligned(rows * CHUNK),
-        aligned((rows + GROUP) * CHUNK),
-        aligned((fit.highest_power // 2 + 1 + GROUP) * CHUNK),
-        aligned(fit.moment_place.max() + 1 + GROUP),
-        aligned(order + GROUP),
-        aligned((order + 1 + GROUP) * (order + 2 + GROUP) // 2),
-        aligned(order),
-        aligned(order),
-        aligned(1),
-        aligned(1),
-        aligned(2 * rows),
-        aligned(16),
-        np.empty(9),
-        np.zeros((4, 4)),
-        np.empty(SEEN * (SEEN + 1) // 2),
-        np.empty((4, SEEN)),
-    )
+    return run
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@lean_njit()
 def fit_in_lanes(
     mesh: KernelMesh,
     fit: KernelFit,
@@ -95,37 +76,33 @@ def fit_in_lanes(
     stop: int,
     visited: IntArray,
     members: IntArray,
+    work: LaneWorkspace,
     result: GraphGeometry,
     errors: StandardErrors,
     residuals: FloatArray,
     rings_used: IntArray,
     outcomes: IntArray,
-) -> None:
-    """Fit the vertices ids[start:stop]; write their geometry and outcomes[start:stop].
-
-    The same as `scalar_kernel.fit_vertices`, up to rounding, but without reweighting by residuals.
-    """
-    capacity = max(FEWEST, ROOM * 3 * fit.rings * (fit.rings + 1))
-    work = _workspace(fit, capacity)
-    counts, rings = np.zeros(LANES, np.int32), np.zeros(LANES, np.int32)
+) -> tuple[int, int]:
+    """Fit the vertices ids[start:stop] as far as there is room; return how far, and the room that is needed next."""
+    capacity = work.points.shape[0] // (4 * LANES)
     for first in range(start, stop, LANES):
         block = ids[first : min(first + LANES, stop)]
         of_block = outcomes[first : min(first + LANES, stop)]
-        while True:
-            needed = _collect(mesh, fit, block, visited, members, capacity, work, counts, rings, of_block)
-            if needed <= capacity:
-                break
-            visited[:] = -1  # the block is collected once more
-            capacity = 2 * needed
-            work = _workspace(fit, capacity)
-        if counts.max() == 0:
+        most, needed = _collect(mesh, fit, block, visited, members, capacity, work, of_block)
+        if needed > capacity:
+            return first, needed
+        if most == 0:
             continue
-        _project(fit.square, capacity, counts.max(), work)
-        _fit_heights(fit, capacity, counts.max(), work)
-        _write_block(fit, block, work, counts, rings, of_block, result, errors, residuals, rings_used)
+        _mark_presence(work.counts, most, capacity, work.points)
+        if not fit.any_axis:
+            point_to_farthest(work.points, capacity, work.counts, work.neighbours, work.total, work.frame)
+        _project(fit.square, capacity, most, work)
+        _fit_heights(fit, capacity, most, work)
+        write_block(fit, block, work, of_block, result, errors, residuals, rings_used)
+    return stop, 0
 
 
-@lean_njit()
+@inner_njit()
 def _collect(
     mesh: KernelMesh,
     fit: KernelFit,
@@ -134,17 +111,15 @@ def _collect(
     members: IntArray,
     capacity: int,
     work: LaneWorkspace,
-    counts: IntArray,
-    rings: IntArray,
     outcomes: IntArray,
-) -> int:
-    """Collect the neighbourhoods of a block and choose their frames; return the capacity that this needs.
+) -> tuple[int, int]:
+    """Collect the neighbourhoods of a block and choose their planes; return their most points and the capacity needed.
 
     A lane whose vertex has no frame, or that has no vertex, is left without points.
     """
-    most = 0
-    for lane in range(LANES):
-        counts[lane] = 0
+    most, rings = 0, work.rings
+    store(work.counts, 0, spread(0.0))
+    store(work.neighbours, 0, spread(0.0))
     for lane in range(block.shape[0]):
         i = block[lane]
         if fit.radius > 0.0:
@@ -155,17 +130,19 @@ def _collect(
             count, inner = collect_ring(mesh.ring_ptr, mesh.ring_indices, mesh.stops, i, fit.rings, visited, members)
             neighbours, rings[lane] = mesh.ring_ptr[i + 1] - mesh.ring_ptr[i], fit.rings
         if count + GROUP > capacity:
-            return count + GROUP
-        outcomes[lane] = write_frame(mesh, fit, members, count, inner, neighbours, work.one_frame)
-        if outcomes[lane] == FITTED:
+            return most, count + GROUP
+        outcome = write_plane(mesh, fit, members, count, inner, work.one_frame)
+        if outcome == FITTED and fit.any_axis:
+            outcome = write_axes(mesh, fit, members, count, neighbours, work.one_frame)
+        outcomes[lane] = outcome
+        if outcome == FITTED:
             _gather(mesh.vertices, members, count, lane, capacity, work)
-            counts[lane] = count
+            work.counts[lane], work.neighbours[lane] = count, neighbours
             most = max(most, count)
-    _fill_up(counts, most, capacity, work.points)
-    return capacity
+    return most, capacity
 
 
-@lean_njit()
+@inner_njit()
 def _gather(vertices: FloatArray, members: IntArray, count: int, lane: int, stride: int, work: LaneWorkspace) -> None:
     """Write the edges from members[0] and the frame of one neighbourhood to its lane."""
     points, i = work.points, members[0]
@@ -176,21 +153,22 @@ def _gather(vertices: FloatArray, members: IntArray, count: int, lane: int, stri
         points[place] = vertices[j, 0] - x
         points[place + row] = vertices[j, 1] - y
         points[place + 2 * row] = vertices[j, 2] - z
-        points[place + 3 * row] = 1.0
     for k in range(9):
         work.frame[LANES * k + lane] = work.one_frame[k]
 
 
-@lean_njit()
-def _fill_up(counts: IntArray, most: int, stride: int, points: FloatArray) -> None:
-    """Put what weighs nothing on the vertex itself, up to a full group of points."""
-    for lane in range(LANES):
-        for row in range(4):
-            for p in range(counts[lane], most + GROUP):
-                points[LANES * (row * stride + p) + lane] = 0.0
+@inner_njit()
+def _mark_presence(counts: FloatArray, most: int, stride: int, points: FloatArray) -> None:
+    """Tell points from what weighs nothing and lies on the vertex itself, up to a full group of points."""
+    zero, one = spread(0.0), spread(1.0)
+    for p in range(most + GROUP):
+        presence = where_greater(load(counts, 0), spread(np.float64(p)), one, zero)
+        store(points, 3 * stride + p, presence)
+        for row in range(3):
+            store(points, row * stride + p, where_greater(presence, zero, load(points, row * stride + p), zero))
 
 
-@lean_njit()
+@inner_njit()
 def _project(square: bool, stride: int, count: int, work: LaneWorkspace) -> None:
     """Turn edges into parameters and heights; the parameters of a rectangle without area are not finite."""
     points, frame, box = work.points, work.frame, work.box
@@ -223,7 +201,7 @@ def _project(square: bool, stride: int, count: int, work: LaneWorkspace) -> None
         store(points, stride + p, (load(points, stride + p) - middle_y) * scale_y)
 
 
-@lean_njit()
+@inner_njit()
 def _fit_heights(fit: KernelFit, stride: int, count: int, work: LaneWorkspace) -> None:
     """Find the coefficients, the residual and the derivatives at the vertex."""
     _sum_moments(fit, stride, count, work)
@@ -252,7 +230,7 @@ def _fit_heights(fit: KernelFit, stride: int, count: int, work: LaneWorkspace) -
         scale_r = scale_r * load(work.box, 1)
 
 
-@lean_njit()
+@inner_njit()
 def _sum_moments(fit: KernelFit, stride: int, count: int, work: LaneWorkspace) -> None:
     """Sum the products of powers over the points, without and with the height, chunk by chunk."""
     zero, one = spread(0.0), spread(1.0)
@@ -284,8 +262,8 @@ def _sum_moments(fit: KernelFit, stride: int, count: int, work: LaneWorkspace) -
         add_moments(work.left, work.lifted, CHUNK, here, fit.starts, work.heights)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _weight(fit, a, b, scale):  # type: ignore[no-untyped-def]
+@inner_njit(inline="always")
+def _weight(fit: KernelFit, a: Any, b: Any, scale: Any) -> Any:
     """Lanes of the distance weights of points with parameters a, b on squares of `scale` per length."""
     ratio = spread(fit.weight_scale) * (a * a + b * b) / (scale * scale)
     power = ratio
@@ -294,7 +272,7 @@ def _weight(fit, a, b, scale):  # type: ignore[no-untyped-def]
     return spread(1.0) / (spread(1.0) + power)
 
 
-@lean_njit()
+@inner_njit()
 def _set_up(fit: KernelFit, order: int, work: LaneWorkspace) -> None:
     """Set up the normal equations, with the moments of the heights as the last row."""
     for k in range(fit.moment_place.shape[0]):
@@ -309,51 +287,3 @@ def _set_up(fit: KernelFit, order: int, work: LaneWorkspace) -> None:
     last = order * (order + 1) // 2
     for k in range(order):
         store(work.matrix, last + k, load(work.heights, fit.lexicographic[k]))
-
-
-@lean_njit()
-def _write_block(
-    fit: KernelFit,
-    block: IntArray,
-    work: LaneWorkspace,
-    counts: IntArray,
-    rings: IntArray,
-    outcomes: IntArray,
-    result: GraphGeometry,
-    errors: StandardErrors,
-    residuals: FloatArray,
-    rings_used: IntArray,
-) -> None:
-    """Write the geometry of the vertices of a block, and which of them are ill posed."""
-    for lane in range(block.shape[0]):
-        if outcomes[lane] != FITTED:
-            continue
-        if not work.sound[lane] > 0.0:
-            outcomes[lane] = ILL_POSED
-            continue
-        i = block[lane]
-        _write(fit, lane, i, work, result, errors)
-        residuals[i] = np.sqrt(work.total[lane] / counts[lane])
-        rings_used[i] = rings[lane]
-
-
-@lean_njit()
-def _write(
-    fit: KernelFit, lane: int, i: int, work: LaneWorkspace, result: GraphGeometry, errors: StandardErrors
-) -> None:
-    """Write the geometry of vertex i, which is in one of the lanes."""
-    jet, frame, corner = work.one_jet, work.one_frame, work.corner
-    for r in range(4):
-        for q in range(4 - r):
-            jet[r, q] = work.jets[LANES * (4 * r + q) + lane]
-    for k in range(9):
-        frame[k] = work.frame[LANES * k + lane]
-    zx, zy, zxx, zxy, zyy = jet[1, 0], jet[0, 1], jet[2, 0], jet[1, 1], jet[0, 2]
-    write_graph_geometry(zx, zy, zxx, zxy, zyy, frame, i, result)
-    write_displacement(jet[0, 0], frame, i, result)
-    if fit.highest_power >= 2 * 3:  # a lower degree says nothing of third derivatives
-        write_extremalities(jet, frame, i, result)
-    if fit.normal_noise > 0.0:
-        last_corner(work.matrix[lane::LANES], fit.exponents.shape[0], corner)
-        noise, scale = (fit.normal_noise, fit.curvature_noise), work.box[LANES + lane]
-        write_standard_errors(corner, noise, scale, (zx, zy, zxx, zxy, zyy), work.sensitivities, i, errors)

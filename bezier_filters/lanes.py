@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.core import cgutils
 from numba.core.typing.templates import ConcreteTemplate, infer_global
 from numba.extending import intrinsic, lower_builtin, models, register_model
@@ -140,7 +140,6 @@ def where_greater(typing_context: Any, a: Any, b: Any, chosen: Any, other: Any) 
     return lanes_type(lanes_type, lanes_type, lanes_type, lanes_type), generate
 
 
-@njit(cache=True, nogil=True)
 def aligned(count: int) -> FloatArray:
     """Array for `count` lanes, filled with zeros, that starts on a cache line."""
     memory = np.zeros(LANES * (count + 1))

@@ -14,8 +14,19 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 def lean_njit(**options: Any) -> Callable[[Function], Function]:
     """`numba.njit`, cached and without the interpreter lock, for functions that create no arrays."""
+    return _compiler(cache=True, **options)
+
+
+def inner_njit(**options: Any) -> Callable[[Function], Function]:
+    """The same for functions that only compiled code calls.
+
+    They become part of their callers, in the cache, too. An entry from Python for each of them would
+    take a quarter of the time of the first compilation.
+    """
+    return _compiler(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)
+
+
+def _compiler(**options: Any) -> Callable[[Function], Function]:
     compiler: Any = njit
-    result: Callable[[Function], Function] = compiler(
-        cache=True, nogil=True, _nrt=False, error_model="numpy", **options
-    )
+    result: Callable[[Function], Function] = compiler(nogil=True, _nrt=False, error_model="numpy", **options)
     return result

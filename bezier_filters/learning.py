@@ -1,11 +1,13 @@
 """Learns a surface from its neighbourhoods: ring after ring, as long as they promise something."""
 
+from dataclasses import replace
+
 from bezier_filters.adjacency import Adjacency
 from bezier_filters.kernel_input import KernelMesh
+from bezier_filters.model_tree import Leaf, best_leaf, leaf_of
 from bezier_filters.neighbourhood_samples import sample_neighbourhoods
-from bezier_filters.plans import all_plans
-from bezier_filters.ring_analysis import RingAnalysis, analyse_ring
-from bezier_filters.surface_model import learn_model
+from bezier_filters.plans import Choices
+from bezier_filters.ring_analysis import RingAnalysis, analyse_rings
 
 CANDIDATE_RINGS = (1, 2, 3, 4, 5, 6, 8, 10)
 NEAR_RINGS = 5
@@ -16,55 +18,55 @@ MOST_TURNED = 0.02
 """Share of the vertices of a neighbourhood whose normals noise may turn away from its plane."""
 USABLE_SHARE = 0.8
 """A ring that folds at more than the rest of the sampled vertices is too wide."""
-HOPELESS = 4.0
+HOPELESS = 10.0
 """Wider rings are not tried once the predicted error has grown by this factor."""
 
 
-def analyse_rings(
-    mesh: KernelMesh,
-    adjacency: Adjacency,
-    *,
-    wanted: int | None = None,
-    threads: int = 1,
-    seed: int = 0,
-) -> list[RingAnalysis]:
-    """Analyse rings of ascending width; none for meshes with too few usable neighbourhoods.
+def learn_surface(
+    mesh: KernelMesh, adjacency: Adjacency, choices: Choices, *, threads: int = 1, seed: int = 0
+) -> tuple[list[RingAnalysis], Leaf | None]:
+    """Analyse rings of ascending width, and learn one model for all from them.
 
     Parameters
     ----------
     mesh : KernelMesh
     adjacency : Adjacency
         Of the same mesh.
-    wanted : int, optional
-        A ring that is analysed in any case, if it can be.
+    choices : Choices
+        What is allowed; the ring that is wanted is analysed in any case, if it can be.
     threads : int
         Number of threads.
     seed : int
         Of the sample.
+
+    Returns
+    -------
+    analyses : list of RingAnalysis
+        None at all for meshes with too few usable neighbourhoods.
+    root : Leaf or None
+        The model; None if the analyses allow no plan.
     """
+    rings = sorted({*CANDIDATE_RINGS, *(() if choices.rings is None else (choices.rings,))})
+    stages = [[k for k in rings if k <= NEAR_RINGS], *([k] for k in rings if k > NEAR_RINGS)]
     analyses: list[RingAnalysis] = []
-    rings = sorted({*CANDIDATE_RINGS, *(() if wanted is None else (wanted,))})
-    sample = sample_neighbourhoods(
-        mesh, adjacency, rings=NEAR_RINGS, count=max(SAMPLES.values()), most_turned=MOST_TURNED, seed=seed
-    )
-    promising = True
-    for k in rings:
-        if not promising and k != wanted:
+    whole, promising = None, True
+    for stage in stages:
+        if not promising and choices.rings not in stage:
             continue
-        if k >= sample.sizes.shape[1]:
-            sample = sample_neighbourhoods(
-                mesh, adjacency, rings=rings[-1], count=SAMPLES[6], most_turned=MOST_TURNED, seed=seed
-            )
-        promising = promising and sample.usable[:, k].sum() >= USABLE_SHARE * sample.clear[:, k].sum()
-        if not promising and k != wanted and analyses:
-            continue
-        analysis = analyse_ring(
-            sample, k, SAMPLES.get(k, SAMPLES[10]), vertex_count=len(mesh.vertices), threads=threads
+        count = SAMPLES[1] if stage is stages[0] else SAMPLES[6]
+        sample = sample_neighbourhoods(
+            mesh, adjacency, rings=stage[-1], count=count, most_turned=MOST_TURNED, seed=seed, threads=threads
         )
-        if analysis is None:
-            continue
-        analyses.append(analysis)
-        if k > NEAR_RINGS:
-            errors = [plan.error for plan in all_plans(learn_model(analyses))]
+        most: dict[int, int] = {}
+        for k in stage:
+            promising = promising and sample.usable[:, k].sum() >= USABLE_SHARE * sample.clear[:, k].sum()
+            if promising or k == choices.rings or not (analyses or most):
+                most[k] = SAMPLES.get(k, SAMPLES[10])
+        found = analyse_rings(sample, most, vertex_count=len(mesh.vertices), threads=threads)
+        if found:
+            analyses += found
+            whole = leaf_of(analyses, replace(choices, rings=None))
+        if whole is not None:
+            errors = [plan.error for plan in whole.plans]
             promising = promising and errors[-1] <= HOPELESS * min(errors)
-    return analyses
+    return analyses, None if whole is None else best_leaf(whole.surface, whole.plans, choices)

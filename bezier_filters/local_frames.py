@@ -3,16 +3,14 @@
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.frames import direction_to, farthest_direction, folds, mean_normal, turned_share
 from bezier_filters.kernel_input import FITTED, FOLDED, ILL_POSED, NO_FRAME, KernelFit, KernelMesh
-from bezier_filters.lean import lean_njit
+from bezier_filters.lean import inner_njit
 
 
-@lean_njit()
-def write_frame(
-    mesh: KernelMesh, fit: KernelFit, members: IntArray, count: int, inner: int, neighbours: int, frame: FloatArray
-) -> int:
-    """Write the x, y and z axes of the local frame of members[0] into frame (9,); return the outcome so far.
+@inner_njit()
+def write_plane(mesh: KernelMesh, fit: KernelFit, members: IntArray, count: int, inner: int, frame: FloatArray) -> int:
+    """Write the z axis of the local frame of members[0] into the last third of frame (9,); return the outcome so far.
 
-    `inner` of the `count` members must not fold; `neighbours` of them, after the first, share an edge with it.
+    `inner` of the `count` members must not fold.
     """
     i = members[0]
     nx, ny, nz = mesh.normals[i, 0], mesh.normals[i, 1], mesh.normals[i, 2]
@@ -40,6 +38,20 @@ def write_frame(
         )
     if folded:
         return FOLDED
+    frame[6], frame[7], frame[8] = nx, ny, nz
+    return FITTED
+
+
+@inner_njit()
+def write_axes(
+    mesh: KernelMesh, fit: KernelFit, members: IntArray, count: int, neighbours: int, frame: FloatArray
+) -> int:
+    """Write the x and y axes of the local frame of members[0], before its z axis; return the outcome so far.
+
+    `neighbours` of the `count` members, after the first, share an edge with it.
+    """
+    i = members[0]
+    nx, ny, nz = frame[6], frame[7], frame[8]
     xx, xy, xz = 0.0, 0.0, 0.0
     if fit.any_axis and neighbours > 0:
         xx, xy, xz = direction_to(mesh.vertices, i, members[1], nx, ny, nz)
@@ -49,5 +61,4 @@ def write_frame(
         return ILL_POSED
     frame[0], frame[1], frame[2] = xx, xy, xz
     frame[3], frame[4], frame[5] = ny * xz - nz * xy, nz * xx - nx * xz, nx * xy - ny * xx
-    frame[6], frame[7], frame[8] = nx, ny, nz
     return FITTED

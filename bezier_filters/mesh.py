@@ -59,8 +59,9 @@ def triangle_mesh(vertices: ArrayLike, faces: ArrayLike) -> TriangleMesh:
     """
     points = _real_array(vertices)
     triangles = _index_array(faces)
-    bad = int(np.count_nonzero(~np.isfinite(points).all(axis=1)))
-    if bad:
+    finite = np.isfinite(points)
+    if not finite.all():
+        bad = int(np.count_nonzero(~finite.all(axis=1)))
         raise InvalidMeshError(
             f"vertices: {bad} of {len(points)} have a coordinate that is NaN or infinite; remove them first"
         )

@@ -144,10 +144,10 @@ def write_columns(ms: MeshSet, columns: Mapping[str, FloatArray]) -> None:
     for name, values in columns.items():
         if values.shape != (mesh.vertex_number(),):
             raise BezierFilterError(f"{name}: got shape {values.shape}, expected ({mesh.vertex_number()},)")
-    for name, values in columns.items():
-        if scalar_attribute(mesh, name) is None:
-            mesh.add_vertex_custom_scalar_attribute(np.ascontiguousarray(values), name)
-    _overwrite_columns(ms, _changed(mesh, columns))
+    old = {name: values for name, values in columns.items() if scalar_attribute(mesh, name) is not None}
+    for name in columns.keys() - old.keys():
+        mesh.add_vertex_custom_scalar_attribute(np.ascontiguousarray(columns[name]), name)
+    _overwrite_columns(ms, _changed(mesh, old))
 
 
 def _changed(mesh: Mesh, columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:

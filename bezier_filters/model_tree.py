@@ -6,13 +6,13 @@ sides, and where the predicted error drops, the split stays.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.harmonics import harmonic_basis
-from bezier_filters.plans import Choices, FitPlan, all_plans, best_plan, plan_for
+from bezier_filters.plans import Choices, FitPlan, all_plans, best_plan, plan_for, plans_around
 from bezier_filters.ring_analysis import FREE_DEGREE, RingAnalysis
 from bezier_filters.surface_model import SurfaceModel, learn_model
 
@@ -24,8 +24,6 @@ WORTHWHILE = 0.1
 """Mean logarithm of the predicted error that a split must save."""
 DEEPEST = 3
 """Splits above each leaf."""
-MOST_TRIED = 1
-"""Likeliest splits whose models are learned."""
 
 
 @dataclass(frozen=True)
@@ -56,14 +54,32 @@ class Split:
     high: "Leaf | Split"
 
 
-def leaf_of(analyses: Sequence[RingAnalysis], choices: Choices, whole: SurfaceModel | None = None) -> Leaf | None:
+def leaf_of(analyses: Sequence[RingAnalysis], choices: Choices) -> Leaf | None:
     """One model for all; None if the analyses allow no plan."""
     if not any(analysis.degree > FREE_DEGREE for analysis in analyses):
         return None
-    surface = learn_model(analyses, whole)
-    plans = all_plans(surface, choices.degrees)
+    surface = learn_model(analyses)
+    return best_leaf(surface, all_plans(surface, choices.degrees), choices)
+
+
+def best_leaf(surface: SurfaceModel, plans: Sequence[FitPlan], choices: Choices) -> Leaf | None:
+    """A leaf with the best of the plans that may be chosen; None if there is none."""
     allowed = [plan for plan in plans if choices.rings in (None, plan.rings)]
     return Leaf(surface, tuple(plans), best_plan(allowed)) if allowed else None
+
+
+def part_of(root: Leaf, analyses: Sequence[RingAnalysis], choices: Choices) -> Leaf | None:
+    """A model for a part of what another leaf is the model of; None if the analyses allow no plan.
+
+    Rings that would do much worse keep the plans of the whole.
+    """
+    if not any(analysis.degree > FREE_DEGREE for analysis in analyses):
+        return None
+    surface = learn_model(analyses, root.surface)
+    own = plans_around(surface, choices.degrees, choices.rings or root.chosen.rings)
+    leaf = best_leaf(surface, own, choices)
+    others = (plan for plan in root.plans if plan.rings not in {plan.rings for plan in own})
+    return None if leaf is None else replace(leaf, plans=(*own, *others))
 
 
 def grow(
@@ -84,28 +100,31 @@ def grow(
     depth : int
         How many times to split at most.
     """
-    candidates = list(_candidates(root, analyses, features)) if depth else []
-    for _, feature, threshold in sorted(candidates, reverse=True)[:MOST_TRIED]:
-        low = [part.where(features[part.centers, feature] <= threshold) for part in analyses]
-        high = [part.where(features[part.centers, feature] > threshold) for part in analyses]
-        sides = [[part for part in side if part is not None] for side in (low, high)]
-        leaves_ = [leaf_of(side, choices, root.surface) for side in sides]
-        saved = [_saved(root.chosen, leaf) for leaf in leaves_]
-        sizes = [max((len(part.centers) for part in side), default=0) for side in sides]
-        if sum(s * n for s, n in zip(saved, sizes, strict=True)) > WORTHWHILE * sum(sizes):
-            branches = [
-                grow(leaf, side, features, choices, depth - 1)
-                for leaf, side in zip(leaves_, sides, strict=True)
-                if leaf is not None
-            ]
-            return Split(feature, threshold, branches[0], branches[1])
-    return root
+    likeliest = max(_candidates(root, analyses, features), default=None) if depth else None
+    if likeliest is None:
+        return root
+    _, feature, threshold = likeliest
+    halves = (
+        [part.where((features[part.centers, feature] <= threshold) == is_low) for part in analyses]
+        for is_low in (True, False)
+    )
+    sides = [[part for part in half if part is not None] for half in halves]
+    parts = [part_of(root, side, choices) for side in sides]
+    leaves_ = [leaf for leaf in parts if leaf is not None]
+    if len(leaves_) < len(parts):
+        return root
+    saved = [_saved(root.chosen, leaf) for leaf in leaves_]
+    sizes = [max(len(part.centers) for part in side) for side in sides]
+    if sum(s * n for s, n in zip(saved, sizes, strict=True)) <= WORTHWHILE * sum(sizes):
+        return root
+    low, high = (grow(leaf, side, features, choices, depth - 1) for leaf, side in zip(leaves_, sides, strict=True))
+    return Split(feature, threshold, low, high)
 
 
-def _saved(plan: FitPlan, leaf: Leaf | None) -> float:
-    """Logarithm of what a leaf's own plan takes off the predicted error of another; -inf if there is none."""
-    before = None if leaf is None else plan_for(plan, leaf.surface)
-    return -np.inf if leaf is None or before is None else float(np.log(before.error / leaf.chosen.error))
+def _saved(plan: FitPlan, leaf: Leaf) -> float:
+    """Logarithm of what a leaf's own plan takes off the predicted error of another; -inf if it has no such ring."""
+    before = plan_for(plan, leaf.surface)
+    return -np.inf if before is None else float(np.log(before.error / leaf.chosen.error))
 
 
 def leaves(tree: Leaf | Split) -> list[Leaf]:
@@ -126,7 +145,7 @@ def leaf_numbers(tree: Leaf | Split, features: FloatArray) -> IntArray:
 def _candidates(
     root: Leaf, analyses: Sequence[RingAnalysis], features: FloatArray
 ) -> Iterator[tuple[float, int, float]]:
-    """Possible splits with what they add to the likelihood of the sample: gain, feature, threshold."""
+    """Possible splits with what they add to the log likelihood of the sample: gain, feature, threshold."""
     analysis = next(analysis for analysis in analyses if analysis.rings == root.chosen.rings)
     of_rows = features[analysis.centers]
     everywhere = np.ones(len(of_rows), dtype=np.bool_)

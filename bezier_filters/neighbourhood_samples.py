@@ -3,13 +3,17 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from bezier_filters.adjacency import Adjacency
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.frames import farthest_direction, mean_normal, turned_share
 from bezier_filters.kernel_input import KernelMesh
-from bezier_filters.neighbourhoods import collect_ring
+from bezier_filters.lean import inner_njit, lean_njit
+from bezier_filters.neighbourhoods import next_ring
+from bezier_filters.parallel import RangeTask, run_in_chunks
+
+CHUNK = 32
+"""Neighbourhoods per chunk."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +51,7 @@ def sample_neighbourhoods(
     most_turned: float,
     most_points: int = 450,
     seed: int = 0,
+    threads: int = 1,
 ) -> NeighbourhoodSample:
     """Draw vertices at random and project their neighbourhoods onto their tangent planes.
 
@@ -65,70 +70,103 @@ def sample_neighbourhoods(
         Rings with more points count as not usable.
     seed : int
         Of the draw.
+    threads : int
+        Number of threads.
     """
-    candidates = np.flatnonzero(mesh.normals.any(axis=1))
-    ids = np.random.default_rng(seed).permutation(candidates)[:count].astype(np.int32)
+    ids = _draw(mesh.normals, count, seed)
     points = np.zeros((len(ids), most_points, 3))
     sizes = np.zeros((len(ids), rings + 1), dtype=np.int32)
     clear, usable = np.zeros((2, len(ids), rings + 1), dtype=np.bool_)
-    _project_sample(mesh, adjacency.on_boundary, ids, rings, points, sizes, clear, usable, most_turned)
+    n = len(mesh.vertices)
+
+    def make_task() -> RangeTask:
+        members, visited = np.empty(n + 1, np.int32), np.full(n, -1, np.int32)
+        return lambda start, stop: _project_sample(
+            mesh,
+            adjacency.on_boundary,
+            ids,
+            rings,
+            start,
+            stop,
+            members,
+            visited,
+            points,
+            sizes,
+            clear,
+            usable,
+            most_turned,
+        )
+
+    run_in_chunks(make_task, len(ids), threads=threads, chunk=CHUNK)
     return NeighbourhoodSample(ids, points, sizes, clear, usable)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+def _draw(normals: FloatArray, count: int, seed: int) -> IntArray:
+    """Up to `count` random vertices that have a normal."""
+    n, generator = len(normals), np.random.default_rng(seed)
+    ids = generator.choice(n, min(n, 2 * count), replace=False)
+    ids = ids[normals[ids].any(axis=1)]
+    if len(ids) < count:  # few have one
+        ids = generator.permutation(np.flatnonzero(normals.any(axis=1)))
+    return ids[:count].astype(np.int32)
+
+
+@lean_njit()
 def _project_sample(
     mesh: KernelMesh,
     on_boundary: BoolArray,
     ids: IntArray,
     rings: int,
+    start: int,
+    stop: int,
+    members: IntArray,
+    visited: IntArray,
     points: FloatArray,
     sizes: IntArray,
     clear: BoolArray,
     usable: BoolArray,
     most_turned: float,
 ) -> None:
-    """Fill the arrays of a `NeighbourhoodSample`."""
-    n = mesh.vertices.shape[0]
-    members = np.empty(n, np.int32)
-    visited = np.full(n, -1, np.int32)
-    for row in range(ids.shape[0]):
+    """Fill rows start .. stop-1 of the arrays of a `NeighbourhoodSample`."""
+    for row in range(start, stop):
         i = ids[row]
-        plane_count = 0
+        members[0] = i
+        visited[i] = i
+        inner, count, plane_count = 0, 1, 0
         open_ring = False
         for k in range(1, rings + 1):
-            count, inner = _ring_again(mesh, i, k, visited, members)
+            before, inner = inner, count
+            count = next_ring(mesh.ring_ptr, mesh.ring_indices, mesh.stops, i, before, inner, visited, members)
             sizes[row, k] = count
-            nx, ny, nz = mean_normal(mesh.normals, members, count)
-            for a in range(inner):
+            for a in range(before, inner):
                 open_ring = open_ring or on_boundary[members[a]] or mesh.stops[members[a]]
             clear[row, k] = not open_ring
-            if open_ring or count > points.shape[1] or (nx == 0.0 and ny == 0.0 and nz == 0.0):
+            if open_ring or count > points.shape[1]:
+                continue
+            nx, ny, nz = mean_normal(mesh.normals, members, count)
+            if nx == 0.0 and ny == 0.0 and nz == 0.0:
                 continue
             if turned_share(mesh.normals, members, inner, nx, ny, nz) > most_turned:
                 continue
             usable[row, k] = True
             plane_count = count
-        if plane_count == 0:
-            continue
-        valence = mesh.ring_ptr[i + 1] - mesh.ring_ptr[i]
-        nx, ny, nz = mean_normal(mesh.normals, members, plane_count)
-        x = farthest_direction(mesh.vertices, members, valence, plane_count, nx, ny, nz)
-        for a in range(plane_count):
-            j = members[a]
-            dx = mesh.vertices[j, 0] - mesh.vertices[i, 0]
-            dy = mesh.vertices[j, 1] - mesh.vertices[i, 1]
-            dz = mesh.vertices[j, 2] - mesh.vertices[i, 2]
-            points[row, a, 0] = dx * x[0] + dy * x[1] + dz * x[2]
-            points[row, a, 1] = (
-                dx * (ny * x[2] - nz * x[1]) + dy * (nz * x[0] - nx * x[2]) + dz * (nx * x[1] - ny * x[0])
-            )
-            points[row, a, 2] = dx * nx + dy * ny + dz * nz
+        if plane_count > 0:
+            _project(mesh, members, plane_count, points[row])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _ring_again(mesh: KernelMesh, i: int, k: int, visited: IntArray, members: IntArray) -> tuple[int, int]:
-    """Collect the k-ring of a vertex that may have been collected before."""
-    count, inner = collect_ring(mesh.ring_ptr, mesh.ring_indices, mesh.stops, i, k, visited, members)
+@inner_njit()
+def _project(mesh: KernelMesh, members: IntArray, count: int, points: FloatArray) -> None:
+    """Write the coordinates of members[:count] over the plane of their mean normal."""
+    i = members[0]
+    neighbours = mesh.ring_ptr[i + 1] - mesh.ring_ptr[i]
+    nx, ny, nz = mean_normal(mesh.normals, members, count)
+    x = farthest_direction(mesh.vertices, members, neighbours, count, nx, ny, nz)
+    y = (ny * x[2] - nz * x[1], nz * x[0] - nx * x[2], nx * x[1] - ny * x[0])
     for a in range(count):
-        visited[members[a]] = -1
-    return count, inner
+        j = members[a]
+        dx = mesh.vertices[j, 0] - mesh.vertices[i, 0]
+        dy = mesh.vertices[j, 1] - mesh.vertices[i, 1]
+        dz = mesh.vertices[j, 2] - mesh.vertices[i, 2]
+        points[a, 0] = dx * x[0] + dy * x[1] + dz * x[2]
+        points[a, 1] = dx * y[0] + dy * y[1] + dz * y[2]
+        points[a, 2] = dx * nx + dy * ny + dz * nz

@@ -6,7 +6,7 @@ from numba import njit
 from bezier_filters.adjacency import Adjacency, Rows
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.lean import lean_njit
+from bezier_filters.lean import inner_njit, lean_njit
 
 
 def k_rings(adjacency: Adjacency, rings: int) -> Rows:
@@ -56,8 +56,8 @@ def collect_ring(
         Where to start, how far to go.
     visited : (n,) int32
         Work space, at first filled with -1; holds the last center that met each vertex.
-    members : (n,) int32
-        Receives the vertices, the center first, ordered by distance in edges.
+    members : (n + 1,) int32
+        Receives the vertices, the center first, ordered by distance in edges; what comes after is overwritten.
 
     Returns
     -------
@@ -70,17 +70,34 @@ def collect_ring(
     inner = 0
     for _ in range(rings):
         start, inner = inner, count
-        for a in range(start, inner):
-            j = members[a]
-            if stops[j] and a > 0:
-                continue
-            for q in range(indptr[j], indptr[j + 1]):
-                k = indices[q]
-                if visited[k] != center:
-                    visited[k] = center
-                    members[count] = k
-                    count += 1
+        count = next_ring(indptr, indices, stops, center, start, count, visited, members)
     return count, inner
+
+
+@inner_njit()
+def next_ring(
+    indptr: IntArray,
+    indices: IntArray,
+    stops: BoolArray,
+    center: int,
+    start: int,
+    stop: int,
+    visited: IntArray,
+    members: IntArray,
+) -> int:
+    """Take the search of `collect_ring` one edge further, from members[start:stop]; return the new count."""
+    count = stop
+    for a in range(start, stop):
+        j = members[a]
+        if stops[j] and a > 0:
+            continue
+        for q in range(indptr[j], indptr[j + 1]):
+            k = indices[q]
+            # Without a branch, as nobody can predict it: what was met before is written over.
+            members[count] = k
+            count += visited[k] != center
+            visited[k] = center
+    return count
 
 
 @lean_njit()
@@ -145,7 +162,7 @@ def collect_ball(
 def _k_rings(indptr: IntArray, indices: IntArray, rings: int) -> tuple[IntArray, IntArray]:
     """Concatenated rings of all vertices; counts first, so that the result is allocated once."""
     n = indptr.shape[0] - 1
-    members = np.empty(n, np.int32)
+    members = np.empty(n + 1, np.int32)
     ptr = np.zeros(n + 1, np.int32)
     visited = np.full(n, -1, np.int32)
     stops = np.zeros(n, np.bool_)

@@ -7,7 +7,7 @@ safe to fork, and each vertex is computed by the same operations whatever the th
 
 import os
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor
 from numbers import Integral
 
 from bezier_filters.errors import CancelledError, InvalidParameterError
@@ -59,9 +59,9 @@ def run_in_chunks(
     total : int
         Length of the range.
     threads : int
-        Number of threads; 1 runs in the calling thread.
+        Number of threads, of which the calling one is the first.
     progress : callable, optional
-        Called in the calling thread after every few chunks.
+        Called in the calling thread after each of its chunks.
     chunk : int
         Length of a chunk: long enough to hide the call, short enough to share and to cancel.
 
@@ -71,32 +71,31 @@ def run_in_chunks(
         If `progress` returned False. Chunks under way are finished first.
     """
     starts = iter(range(0, total, chunk))  # next() on an iterator of ints is atomic: the threads share it
-    threads = min(threads, -(-total // chunk))
-    if threads <= 1:
-        task = make_task()
-        for start in starts:
-            task(start, min(start + chunk, total))
-            report(progress, min(start + chunk, total), total)
+    threads = max(1, min(threads, -(-total // chunk)))
+    done = [0] * threads
+
+    def work(thread: int, task: RangeTask) -> None:
+        try:
+            for start in starts:
+                stop = min(start + chunk, total)
+                task(start, stop)
+                done[thread] += stop - start
+                if thread == 0:
+                    report(progress, sum(done), total)
+        except BaseException:
+            for _ in starts:  # no thread begins another chunk
+                pass
+            raise
+
+    if threads == 1:
+        work(0, make_task())
         return
-
-    def next_chunk(task: RangeTask) -> tuple[RangeTask, int]:
-        start = next(starts, total)
-        stop = min(start + chunk, total)
-        if start < stop:
-            task(start, stop)
-        return task, stop - start
-
-    with ThreadPoolExecutor(threads) as pool:
-        pending: set[Future[tuple[RangeTask, int]]] = {pool.submit(next_chunk, make_task()) for _ in range(threads)}
-        done = 0
-        while pending:
-            finished, pending = wait(pending, return_when=FIRST_COMPLETED)
-            for future in finished:
-                task, length = future.result()
-                if length:
-                    pending.add(pool.submit(next_chunk, task))
-                    done += length
-            report(progress, done, total)
+    with ThreadPoolExecutor(threads - 1) as pool:
+        helpers = [pool.submit(work, thread, make_task()) for thread in range(1, threads)]
+        work(0, make_task())
+    for helper in helpers:
+        helper.result()
+    report(progress, total, total)
 
 
 def report(progress: Progress | None, done: int, total: int) -> None:

@@ -1,14 +1,22 @@
 """Which neighbourhood, degree and weight to fit with: predicted errors of all the choices."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
 from bezier_filters.harmonics import harmonic_basis
 from bezier_filters.polynomials import PolynomialSpace, total_degree_space
-from bezier_filters.ring_analysis import FIRST, FREE_DEGREE
+from bezier_filters.predicted_errors import (
+    WEIGHTED_RINGS,
+    FitEquations,
+    claimed_variances,
+    fit_equations,
+    squared_errors,
+)
+from bezier_filters.ring_analysis import FREE_DEGREE
 from bezier_filters.surface_model import RingModel, SurfaceModel
 
 CANDIDATE_DEGREES = (2, 3, 4, 5, 6)
@@ -16,18 +24,13 @@ WEAKER_PRIORS = (0.03, 0.001)
 """The prior takes what a degree leaves out for noise; on regular meshes it cancels out, and less is better."""
 STRONGEST_PRIOR = 1e5
 """Times what the points say of a term: leaves nothing of it, and the normal equations well conditioned."""
-WEIGHTED_RINGS = 4
-"""Distance weights are tried up to here: where narrow rings are best because the surface varies fast."""
 LEAST_WEIGHT_RADIUS = 0.3
 """Of the radius of the neighbourhood, lest a fit have too few points."""
-RIDGE = 1e-14
-"""Of the largest entry of the normal equations: makes singular ones solvable, whose errors are then huge."""
 GOOD_ENOUGH = 1.05
 """Of the choices whose predicted error is within this factor of the smallest, the fastest is taken."""
 MUCH_WORSE = 1.3
-"""Once a lower degree has raised the predicted error by this factor, no lower one is tried."""
-_WANTED = np.arange(1, 6)
-"""Places of the two slopes, x^2 - y^2, 2 x y and x^2 + y^2 among the terms."""
+"""Once a lower degree, or another ring, has raised the predicted error by this factor, none beyond it is tried."""
+Candidate = TypeVar("Candidate")
 
 
 @dataclass(frozen=True)
@@ -116,40 +119,55 @@ class Choices:
 
 def all_plans(surface: SurfaceModel, degrees: Sequence[int] = CANDIDATE_DEGREES) -> list[FitPlan]:
     """The best plan of every ring, in ascending order of rings."""
-    plans = []
-    for ring in surface.by_rings:
-        of_ring = ring_plans(surface, ring, degrees)
-        if of_ring:
-            plans.append(_calibrated(surface, ring, best_plan(of_ring)))
-    return plans
+    plans = (_ring_plan(surface, ring, degrees) for ring in surface.by_rings)
+    return [plan for plan in plans if plan is not None]
+
+
+def plans_around(surface: SurfaceModel, degrees: Sequence[int], rings: int) -> list[FitPlan]:
+    """The best plans of this and of ever wider and narrower rings, as long as they are not much worse."""
+    plans: list[FitPlan] = []
+    wider = [ring for ring in surface.by_rings if ring.analysis.rings >= rings]
+    narrower = [ring for ring in reversed(surface.by_rings) if ring.analysis.rings < rings]
+    for side in (wider, narrower):
+        _add_until_much_worse(plans, side, lambda ring: _ring_plan(surface, ring, degrees))
+    return sorted(plans, key=lambda plan: plan.rings)
+
+
+def _ring_plan(surface: SurfaceModel, ring: RingModel, degrees: Sequence[int]) -> FitPlan | None:
+    """The best plan of one ring; None if it determines no degree."""
+    plans = ring_plans(surface, ring, degrees)
+    return _calibrated(surface, ring, best_plan(plans)) if plans else None
 
 
 def ring_plans(surface: SurfaceModel, ring: RingModel, degrees: Sequence[int] = CANDIDATE_DEGREES) -> list[FitPlan]:
-    """Plans for one ring: every degree that it determines, weaker priors for the best, and distance weights.
+    """Plans for one ring: distance weights and every degree that it determines, and weaker priors for the best.
 
     A single degree is taken as it is: the prior determines what the points do not.
     """
     if len(degrees) > 1:
         degrees = [degree for degree in degrees if degree <= ring.analysis.degree]
-    plans = _from_the_highest(degrees, lambda degree: _plan(surface, ring, degree))
-    if plans:
-        best = best_plan(plans).degree
-        plans += [_plan(surface, ring, best, strength) for strength in WEAKER_PRIORS]
+    from_the_highest = sorted(degrees, reverse=True)
+    plans: list[FitPlan] = []
     if ring.analysis.rings <= WEIGHTED_RINGS:
-        plans += _from_the_highest(degrees, lambda degree: _weighted_plan(surface, ring, degree))
+        _add_until_much_worse(plans, from_the_highest, lambda degree: _weighted_plan(surface, ring, degree))
+    _add_until_much_worse(plans, from_the_highest, lambda degree: _plan(surface, ring, degree))
+    if plans:
+        best = best_plan(plans)
+        if np.isinf(best.weight_radius):
+            plans += [_plan(surface, ring, best.degree, strength) for strength in WEAKER_PRIORS]
     return plans
 
 
-def _from_the_highest(degrees: Sequence[int], plan_of: Callable[[int], FitPlan | None]) -> list[FitPlan]:
-    """Plans of ever lower degree, as long as they are not much worse."""
-    plans: list[FitPlan] = []
-    for degree in sorted(degrees, reverse=True):
-        plan = plan_of(degree)
+def _add_until_much_worse(
+    plans: list[FitPlan], candidates: Iterable[Candidate], plan_of: Callable[[Candidate], FitPlan | None]
+) -> None:
+    """Append plans of one candidate after the other, up to the first that is much worse than the best."""
+    for candidate in candidates:
+        plan = plan_of(candidate)
         if plan is not None:
             plans.append(plan)
             if plan.error > MUCH_WORSE * min(other.error for other in plans):
                 break
-    return plans
 
 
 def best_plan(plans: Sequence[FitPlan]) -> FitPlan:
@@ -162,7 +180,7 @@ def plan_for(plan: FitPlan, surface: SurfaceModel) -> FitPlan | None:
     """The same fit with the errors that another model predicts; None if that has no such ring."""
     for ring in surface.by_rings:
         if ring.analysis.rings == plan.rings:
-            return _predicted(surface, ring, plan)
+            return _calibrated(surface, ring, _predicted(surface, ring, plan))
     return None
 
 
@@ -213,12 +231,8 @@ def _term_prior(ring: RingModel, degree: int, noise: float) -> FloatArray:
 
 
 def _predicted(surface: SurfaceModel, ring: RingModel, plan: FitPlan) -> FitPlan:
-    """A fit with the errors that a model predicts.
-
-    The estimate is linear in the heights, so its mean squared error is the noise that passes
-    through plus, for each random term, what is lost of it or mistaken for slope and curvature.
-    """
-    slopes, curvatures = _squared_errors(surface, ring, _Equations.of(ring, plan), ring.variances)
+    """A fit with the errors that a model predicts."""
+    slopes, curvatures = squared_errors(_equations(surface, ring, plan), ring.variances)
     return replace(
         plan,
         normal_error=float(np.sqrt(slopes) / ring.analysis.radius),
@@ -228,68 +242,12 @@ def _predicted(surface: SurfaceModel, ring: RingModel, plan: FitPlan) -> FitPlan
 
 def _calibrated(surface: SurfaceModel, ring: RingModel, plan: FitPlan) -> FitPlan:
     """The plan with the noise that makes its standard errors those that are predicted cautiously."""
-    equations = _Equations.of(ring, plan)
-    expected = _squared_errors(surface, ring, equations, ring.cautious)
-    covariance = np.linalg.inv(equations.normal_matrices)[:, _WANTED, _WANTED].mean(axis=0)
-    claimed = covariance[:2].sum(), covariance[2:].sum()
+    equations = _equations(surface, ring, plan)
+    expected, claimed = squared_errors(equations, ring.cautious), claimed_variances(equations)
     normal, curvature = (float(np.sqrt(e / c)) for e, c in zip(expected, claimed, strict=True))
     return replace(plan, normal_noise=normal, curvature_noise=curvature)
 
 
-@dataclass(frozen=True)
-class _Equations:
-    """Normal equations of a plan over the first neighbourhoods of a ring, T of them.
-
-    Attributes
-    ----------
-    normal_matrices : (T, m, m) float64
-    weighted : (T, n, m) float64
-        Terms of the fit times the weights of the points.
-    design : (T, n, M) float64
-        All terms.
-    rest : float or (T, 1, n) float64
-        Mean square of what is neither noise nor a term, at each point, length^2.
-    """
-
-    normal_matrices: FloatArray
-    weighted: FloatArray
-    design: FloatArray
-    rest: float | FloatArray
-
-    @classmethod
-    def of(cls, ring: RingModel, plan: FitPlan) -> "_Equations":
-        """Set them up."""
-        analysis, m = ring.analysis, len(plan.term_prior)
-        rest: float | FloatArray = ring.unmodelled
-        if analysis.rings > WEIGHTED_RINGS and plan.degree <= analysis.degree:
-            design = analysis.factors[:FIRST]  # an orthogonal transform changes nothing
-            weighted = design[..., :m]
-        else:
-            design = analysis.first_designs
-            weighted = design[..., :m]
-            sizes = analysis.sizes[:FIRST, np.newaxis]
-            squares = np.square(analysis.points[:FIRST]).sum(axis=2) * (np.arange(design.shape[1]) < sizes)
-            if np.isfinite(plan.weight_radius):
-                ratio = squares * (analysis.radius / plan.weight_radius) ** 2
-                weighted = weighted / (1.0 + ratio ** (plan.degree + 1))[..., np.newaxis]
-            # What no term follows grows outwards like the first of those that are left out.
-            profile = squares ** (analysis.degree + 1)
-            rest = rest * (profile * sizes / profile.sum(axis=1, keepdims=True))[:, np.newaxis]
-        normal_matrices = weighted.transpose(0, 2, 1) @ design[..., :m]
-        diagonal = normal_matrices[:, np.arange(m), np.arange(m)]
-        normal_matrices[:, np.arange(m), np.arange(m)] += plan.term_prior + RIDGE * diagonal.max(axis=1, keepdims=True)
-        return cls(normal_matrices, weighted, design, rest)
-
-
-def _squared_errors(
-    surface: SurfaceModel, ring: RingModel, equations: _Equations, variances: FloatArray
-) -> tuple[float, float]:
-    """Mean squared errors of the slopes and of the second-degree coefficients, in units of the radius, length^2."""
-    wanted = np.eye(equations.normal_matrices.shape[1])[:, _WANTED]  # the matrices are symmetric
-    inverse_rows = np.linalg.solve(equations.normal_matrices, wanted).transpose(0, 2, 1)
-    solver = inverse_rows @ equations.weighted.transpose(0, 2, 1)
-    transfer = solver @ equations.design
-    transfer[:, np.arange(5), _WANTED] -= 1.0
-    passed = (np.square(solver) * (surface.sigma**2 + equations.rest)).sum(axis=2)
-    mean = (passed + np.square(transfer) @ variances).mean(axis=0)
-    return float(mean[:2].sum()), float(mean[2:].sum())
+def _equations(surface: SurfaceModel, ring: RingModel, plan: FitPlan) -> FitEquations:
+    weight_radius = plan.weight_radius / ring.analysis.radius
+    return fit_equations(ring, surface.sigma, plan.degree, plan.term_prior, weight_radius)

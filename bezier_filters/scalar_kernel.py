@@ -20,8 +20,9 @@ from bezier_filters.jets import (
     write_graph_geometry,
 )
 from bezier_filters.kernel_input import FITTED, ILL_POSED, KernelFit, KernelMesh
-from bezier_filters.local_frames import write_frame
+from bezier_filters.local_frames import write_axes, write_plane
 from bezier_filters.neighbourhoods import collect_ball, collect_ring
+from bezier_filters.parallel import RangeTask
 from bezier_filters.uncertainty import SEEN, StandardErrors, last_corner, write_standard_errors
 
 BIWEIGHT = 4.685
@@ -52,6 +53,24 @@ class Workspace(NamedTuple):
     jet: FloatArray  # (4, 4)
     corner: FloatArray  # of the Cholesky factor, see `last_corner`
     sensitivities: FloatArray  # (4, SEEN)
+
+
+def scalar_task(
+    mesh: KernelMesh,
+    fit: KernelFit,
+    ids: IntArray,
+    result: GraphGeometry,
+    errors: StandardErrors,
+    residuals: FloatArray,
+    rings_used: IntArray,
+    outcomes: IntArray,
+) -> RangeTask:
+    """Task for one thread: fit the vertices ids[start:stop]; write their geometry and outcomes[start:stop]."""
+    n = len(mesh.vertices)
+    visited, members = np.full(n, -1, dtype=np.int32), np.empty(n + 1, dtype=np.int32)
+    return lambda start, stop: fit_vertices(
+        mesh, fit, ids, start, stop, visited, members, result, errors, residuals, rings_used, outcomes
+    )
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -86,7 +105,9 @@ def fit_vertices(
             neighbours, rings = mesh.ring_ptr[i + 1] - mesh.ring_ptr[i], fit.rings
         if count > work.points.shape[1]:
             work = _workspace(fit, 2 * count)
-        outcomes[row] = write_frame(mesh, fit, members, count, inner, neighbours, work.frame)
+        outcomes[row] = write_plane(mesh, fit, members, count, inner, work.frame)
+        if outcomes[row] == FITTED:
+            outcomes[row] = write_axes(mesh, fit, members, count, neighbours, work.frame)
         if outcomes[row] != FITTED:
             continue
         if not _project(mesh.vertices, members, count, fit.square, work) or not _fit_heights(fit, count, work):

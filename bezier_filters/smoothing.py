@@ -18,9 +18,8 @@ from bezier_filters.flips import BadFaces, bad_faces, without_new_flips
 from bezier_filters.frames import tangent_planes
 from bezier_filters.kernel_input import kernel_mesh
 from bezier_filters.lane_kernel import fit_in_lanes
-from bezier_filters.learning import analyse_rings
+from bezier_filters.learning import learn_surface
 from bezier_filters.mesh import TriangleMesh, triangle_mesh
-from bezier_filters.model_tree import leaf_of
 from bezier_filters.parallel import Progress, thread_count
 from bezier_filters.plans import Choices
 from bezier_filters.volume import closed_parts, part_volumes, with_volumes
@@ -203,9 +202,8 @@ def smooth(
 def noise_of(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> float | None:
     """Standard deviation of the noise along the normal, learned from the mesh; None if it is too small."""
     planes = tangent_planes(mesh, adjacency, threads=threads)
-    stops = crease_vertices(mesh, adjacency, threads=threads)
-    analyses = analyse_rings(kernel_mesh(mesh, adjacency, planes, stops), adjacency, threads=threads)
-    leaf = leaf_of(analyses, Choices())
+    stops = crease_vertices(mesh, adjacency, planes, threads=threads)
+    _, leaf = learn_surface(kernel_mesh(mesh, adjacency, planes, stops), adjacency, Choices(), threads=threads)
     return None if leaf is None else leaf.surface.sigma
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from bezier_filters.arrays import FloatArray
 from bezier_filters.dense import dot
-from bezier_filters.lean import lean_njit
+from bezier_filters.lean import inner_njit
 
 SEEN = 5
 """Coefficients of which the geometry is a function: those of x, y, x^2, x y and y^2, eliminated last."""
@@ -25,7 +25,7 @@ class StandardErrors(NamedTuple):
     gaussian_curvature: FloatArray
 
 
-@lean_njit()
+@inner_njit()
 def last_corner(factor: FloatArray, order: int, corner: FloatArray) -> None:
     """Copy the last `SEEN` rows and columns of a packed Cholesky factor, (order (order + 1) / 2,).
 
@@ -37,7 +37,7 @@ def last_corner(factor: FloatArray, order: int, corner: FloatArray) -> None:
             corner[a * (a + 1) // 2 + b] = factor[(first + a) * (first + a + 1) // 2 + first + b]
 
 
-@lean_njit()
+@inner_njit()
 def write_standard_errors(
     factor: FloatArray,
     noise: tuple[float, float],

@@ -1,6 +1,5 @@
 """The result of the fit at every vertex: normals, curvatures and their derivatives, directions, torsion."""
 
-from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
@@ -189,5 +188,5 @@ class VertexGeometry:
 
     def status_counts(self) -> dict[str, int]:
         """Count the vertices per status name, only those that occur, from best to worst."""
-        counts = Counter(self.status.tolist())
-        return {status.name: counts[status] for status in FitStatus if counts[status]}
+        counts = np.bincount(self.status, minlength=len(FitStatus))
+        return {status.name: int(counts[status]) for status in FitStatus if counts[status]}

@@ -59,7 +59,7 @@ def vertex_patch(
         raise InvalidParameterError(f"vertex: got {vertex}, expected 0 to {mesh.vertex_count - 1}")
     adjacency = vertex_adjacency(mesh)
     normal = tangent_planes(mesh, adjacency).normals[vertex]
-    members = np.empty(mesh.vertex_count, dtype=np.int32)
+    members = np.empty(mesh.vertex_count + 1, dtype=np.int32)
     rows = adjacency.vertices
     visited = np.full(mesh.vertex_count, -1, dtype=np.int32)
     stops = np.zeros(mesh.vertex_count, dtype=np.bool_)

@@ -11,6 +11,7 @@ from bezier_filters.harmonics import HIGHEST_DEGREE, harmonic_basis
 from bezier_filters.kernel_input import KernelMesh
 from bezier_filters.neighbourhood_samples import NeighbourhoodSample
 from bezier_filters.polynomials import total_degree_space
+from bezier_filters.ring_analysis import analyse_rings
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,11 @@ def as_sample(points, rings=3):
     every = np.ones((count, rings + 1), dtype=np.bool_)
     sizes = np.full((count, rings + 1), size, dtype=np.int32)
     return NeighbourhoodSample(np.arange(count, dtype=np.int32), points, sizes, every, every)
+
+
+def analyse_ring(sample, rings, most, threads=1):
+    """The analysis of one ring of a large mesh, or None."""
+    return next(iter(analyse_rings(sample, {rings: most}, vertex_count=10**6, threads=threads)), None)
 
 
 def fit_stars(drawn, plan):

@@ -15,13 +15,17 @@ mesh polynomials smoothness patch differential_geometry jets vertex_geometry sur
 adjacency boundary fields harmonics
 neighbourhoods frames fitting uncertainty diagnosis ply_columns orientation lanes
 creases kernel_input lane_algebra
-local_frames vertex_patch field_files point_cloud
+lane_workspace lane_frames lane_results local_frames vertex_patch field_files point_cloud
 scalar_kernel lane_kernel
 neighbourhood_samples
+ring_lanes
+ring_reference
 ring_analysis
 surface_model
+predicted_errors
 plans
-learning model_tree
+model_tree
+learning
 fallbacks
 adaptive_fit ball_fit
 estimation

@@ -6,6 +6,7 @@ from surface_cases import CASES, make
 
 from bezier_filters import estimate_vertex_geometry, triangle_mesh, vertex_adjacency
 from bezier_filters.creases import SHARPEST_SMOOTH, crease_vertices
+from bezier_filters.frames import tangent_planes
 from bezier_filters.surfaces import block_with_sharp_edges
 
 each_block = pytest.mark.parametrize(("resolution", "jitter"), [(8, 0.0), (10, 0.2), (20, 0.2)])
@@ -13,7 +14,8 @@ each_block = pytest.mark.parametrize(("resolution", "jitter"), [(8, 0.0), (10, 0
 
 def creases_of(vertices, faces, threads=1):
     mesh = triangle_mesh(vertices, faces)
-    return crease_vertices(mesh, vertex_adjacency(mesh), threads=threads)
+    adjacency = vertex_adjacency(mesh)
+    return crease_vertices(mesh, adjacency, tangent_planes(mesh, adjacency), threads=threads)
 
 
 def on_several_planes(vertices, faces):
@@ -70,10 +72,10 @@ def fold(angle, columns=8, rows=8):
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_an_edge_is_a_crease_beyond_the_limit_whichever_way_it_turns(sign):
-    vertices, faces, x, y = fold(sign * (SHARPEST_SMOOTH + 1.0))
+    vertices, faces, x, y = fold(sign * (np.degrees(SHARPEST_SMOOTH) + 1.0))
     inside = (y > 0) & (y < y.max())
     np.testing.assert_array_equal(creases_of(vertices, faces), (x == 0) & inside)  # the ends have one crease each
-    vertices, faces, *_ = fold(sign * (SHARPEST_SMOOTH - 1.0))
+    vertices, faces, *_ = fold(sign * (np.degrees(SHARPEST_SMOOTH) - 1.0))
     assert not creases_of(vertices, faces).any()
 
 

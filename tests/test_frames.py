@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bezier_filters import triangle_mesh, vertex_adjacency
-from bezier_filters.frames import face_normal, farthest_direction, folds, mean_normal, tangent_planes
+from bezier_filters.frames import STEEPEST, face_normal, farthest_direction, folds, mean_normal, tangent_planes
 from bezier_filters.surfaces import block_with_sharp_edges, sphere, waves
 
 directions = st.tuples(*[st.floats(-1, 1)] * 3).map(np.array).filter(lambda d: np.linalg.norm(d) > 0.1)
@@ -20,6 +20,19 @@ def test_normals_are_the_normalised_means_of_the_unit_face_normals():
         np.add.at(expected, mesh.faces[:, corner], unit)
     expected /= np.linalg.norm(expected, axis=1, keepdims=True)
     np.testing.assert_allclose(tangent_planes(mesh, vertex_adjacency(mesh)).normals, expected, atol=1e-12)
+
+
+def test_cones_of_face_normals_bound_the_safe_directions():
+    surface = waves(jitter=0.3, resolution=60)
+    mesh = triangle_mesh(surface.vertices, surface.faces)
+    adjacency = vertex_adjacency(mesh)
+    planes = tangent_planes(mesh, adjacency, threads=2)
+    a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
+    unit = np.cross(b - a, c - a)
+    unit /= np.linalg.norm(unit, axis=1, keepdims=True)
+    for vertex in range(0, mesh.vertex_count, 7):
+        cone = np.arccos(min(1.0, (unit[adjacency.faces.row(vertex)] @ planes.normals[vertex]).min()))
+        np.testing.assert_allclose(planes.safe_cosine[vertex], np.cos(STEEPEST - cone), atol=1e-7)
 
 
 @given(directions, st.integers(0, 20))

@@ -4,6 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bezier_filters import InvalidMeshError, boundary_loops, inspect_mesh, k_rings, triangle_mesh, vertex_adjacency
+from bezier_filters.parallel import CHUNK
 from bezier_filters.surfaces import punched_patch, sphere, torus
 
 TETRAHEDRON = ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
@@ -105,6 +106,17 @@ def test_high_valence_neighbours_are_sorted_and_distinct():
     np.testing.assert_array_equal(adjacency.vertices.row(0), rim)
     assert adjacency.on_boundary[1:].all()
     assert not adjacency.on_boundary[0]
+
+
+def test_adjacency_is_the_same_on_any_number_of_threads():
+    surface = punched_patch(resolution=100)
+    mesh = triangle_mesh(surface.vertices, surface.faces[np.random.default_rng(0).permutation(len(surface.faces))])
+    assert mesh.vertex_count > 2 * CHUNK
+    one, three = vertex_adjacency(mesh), vertex_adjacency(mesh, threads=3)
+    for name in ("faces", "vertices"):
+        for part in ("indptr", "indices"):
+            np.testing.assert_array_equal(getattr(getattr(one, name), part), getattr(getattr(three, name), part))
+    np.testing.assert_array_equal(one.on_boundary, three.on_boundary)
 
 
 def test_closed_surfaces_have_no_boundary():

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from random_neighbourhoods import as_sample, draw, variances_by_degree
+from random_neighbourhoods import analyse_ring, as_sample, draw, variances_by_degree
 
 from bezier_filters import estimate_vertex_geometry
 from bezier_filters.harmonics import harmonic_basis
 from bezier_filters.model_tree import FEWEST_ON_A_SIDE, Leaf, Split, grow, leaf_numbers, leaf_of, leaves
 from bezier_filters.plans import Choices, FitPlan
-from bezier_filters.ring_analysis import analyse_ring
 from bezier_filters.surface_model import SurfaceModel
 from bezier_filters.surfaces import ellipsoid, sphere, torus
 
@@ -28,7 +27,9 @@ def with_noise(surface, levels, seed):
 def grown(halves, features):
     """The tree over one ring, half of whose neighbourhoods are drawn from either model."""
     points = np.concatenate([drawn.points for drawn in halves])
-    analysis = analyse_ring(as_sample(points), 3, len(points), vertex_count=10**6)
+    order = np.random.default_rng(0).permutation(len(points))  # samples are drawn at random
+    points, features = points[order], features[order]
+    analysis = analyse_ring(as_sample(points), 3, len(points))
     root = leaf_of([analysis], Choices())
     return root, grow(root, [analysis], features, Choices())
 

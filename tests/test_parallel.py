@@ -1,4 +1,5 @@
 import threading
+from time import sleep
 
 import numpy as np
 import pytest
@@ -41,10 +42,28 @@ def test_each_thread_gets_a_task_of_its_own():
 @pytest.mark.parametrize("threads", [1, 3])
 def test_cancelling_stops_early(threads):
     done = []
+
+    def task(start, stop):
+        done.append(start)
+        sleep(0.001)  # lets other threads run, as the kernels do
+
     with pytest.raises(CancelledError):
-        run_in_chunks(
-            lambda: lambda start, stop: done.append(start), 10_000, threads=threads, progress=lambda *_: False, chunk=1
-        )
+        run_in_chunks(lambda: task, 10_000, threads=threads, progress=lambda *_: False, chunk=1)
+    assert len(done) < 100
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_errors_stop_early(threads):
+    done = []
+
+    def task(start, stop):
+        done.append(start)
+        sleep(0.001)
+        if start == 5:
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        run_in_chunks(lambda: task, 10_000, threads=threads, chunk=1)
     assert len(done) < 100
 
 

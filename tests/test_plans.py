@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from random_neighbourhoods import as_sample, draw, fit_stars, variances_by_degree
+from random_neighbourhoods import analyse_ring, as_sample, draw, fit_stars, variances_by_degree
 
 from bezier_filters import FitStatus, estimate_vertex_geometry
 from bezier_filters import plans as plans_module
 from bezier_filters.plans import GOOD_ENOUGH, WEIGHTED_RINGS, FitPlan, all_plans, best_plan, plan_for, ring_plans
-from bezier_filters.ring_analysis import analyse_ring
 from bezier_filters.surface_model import RingModel, SurfaceModel
 from bezier_filters.surfaces import height_field, sphere
 
@@ -24,7 +23,7 @@ ROUGH = SMALL**2 * variances_by_degree(1.0, 0.5), 0.01 * SMALL
 
 def surface_model(points, variances, sigma, rings=3):
     """The model with the true variances."""
-    analysis = analyse_ring(as_sample(points, rings), rings, len(points), vertex_count=10**6)
+    analysis = analyse_ring(as_sample(points, rings), rings, len(points))
     return SurfaceModel(sigma, (RingModel(analysis, variances, variances, 0.0),))
 
 

@@ -40,8 +40,12 @@ def errors(surface, vertices, **options):
 @each_option
 def test_outliers_do_less_harm(name, mode):
     surface = SURFACES[name]()
-    vertices, options = measured(surface, 0.05), OPTIONS[mode]
-    assert (errors(surface, vertices, robust=True, **options) < LEFT[mode] * errors(surface, vertices, **options)).all()
+    draws = [measured(surface, 0.05, seed) for seed in range(5)]  # in some, outliers mislead the choice
+    robust, plain = (
+        np.median([errors(surface, draw, robust=option, **OPTIONS[mode]) for draw in draws], axis=0)
+        for option in (True, False)
+    )
+    assert (robust < LEFT[mode] * plain).all()
 
 
 @each_surface

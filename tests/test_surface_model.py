@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from random_neighbourhoods import as_sample, draw, variances_by_degree
+from random_neighbourhoods import analyse_ring, as_sample, draw, variances_by_degree
 from scipy.integrate import quad
 from scipy.stats import norm
 
 from bezier_filters import estimate_vertex_geometry
 from bezier_filters.harmonics import harmonic_basis
 from bezier_filters.polynomials import total_degree_space
-from bezier_filters.ring_analysis import analyse_ring
 from bezier_filters.surface_model import CERTAIN, PRIOR_RANGE, expected_variance, learn_model
 from bezier_filters.surfaces import bumpy_star, ellipsoid, height_field, monkey_saddle, sphere, torus, waves
 
@@ -247,7 +246,7 @@ def test_what_is_certain_is_believed_and_nothing_comes_of_nothing():
 
 def analysed(drawn, rings=3):
     points = drawn.points
-    return analyse_ring(as_sample(points, rings), rings, len(points), vertex_count=10**6)
+    return analyse_ring(as_sample(points, rings), rings, len(points))
 
 
 @pytest.mark.parametrize("seed", range(3))
