@@ -259,8 +259,8 @@ def empty_geometry(n: int) -> VertexGeometry:
     The numbers lie in one block of memory, which the system hands out in large pages: to get it in
     small ones takes a tenth of the time of a fit.
     """
-    block = np.zeros((3 * 3 + 8) * n)
-    vectors, scalars = block[: 3 * 3 * n].reshape(3, n, 3), block[3 * 3 * n :].reshape(8, n)
+    block = np.zeros((4 * 3 + 8) * n)
+    vectors, scalars = block[: 4 * 3 * n].reshape(4, n, 3), block[4 * 3 * n :].reshape(8, n)
     return VertexGeometry(
         normals=vectors[0],
         k_min=scalars[0],
@@ -269,6 +269,7 @@ def empty_geometry(n: int) -> VertexGeometry:
         direction_max=vectors[2],
         extremality_min=scalars[2],
         extremality_max=scalars[3],
+        displacements=vectors[3],
         residual=scalars[4],
         normal_std=scalars[5],
         mean_curvature_std=scalars[6],

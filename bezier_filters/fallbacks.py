@@ -200,6 +200,7 @@ def _run(
         geometry.direction_max,
         geometry.extremality_min,
         geometry.extremality_max,
+        geometry.displacements,
     )
     errors = StandardErrors(geometry.normal_std, geometry.mean_curvature_std, geometry.gaussian_curvature_std)
 

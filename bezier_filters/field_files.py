@@ -94,7 +94,8 @@ def save_fields(path: str | os.PathLike[str], geometry: VertexGeometry) -> None:
     >>> ones, vectors, codes = np.ones(2), np.zeros((2, 3)), np.zeros(2, np.int32)
     >>> from bezier_filters.vertex_geometry import FitChoice
     >>> choice = FitChoice(rings=2, degree=3, alpha=0.8, noise_sigma=None)
-    >>> geometry = VertexGeometry(vectors, ones, 3 * ones, vectors, vectors, *[ones] * 6, codes, codes, choice)
+    >>> principal = ones, 3 * ones, vectors, vectors, ones, ones
+    >>> geometry = VertexGeometry(vectors, *principal, vectors, *[ones] * 4, codes, codes, choice)
     >>> path = pathlib.Path(tempfile.mkdtemp()) / "sphere.npz"
     >>> save_fields(path, geometry)
     >>> read_fields(path)["mean_curvature"]

@@ -18,6 +18,7 @@ class GraphGeometry(NamedTuple):
     direction_max: FloatArray
     extremality_min: FloatArray
     extremality_max: FloatArray
+    displacements: FloatArray
 
 
 @lean_njit()
@@ -101,6 +102,13 @@ def write_graph_geometry(
         result.normals[i, k] = normal
         result.direction_max[i, k] = d1 * e1 + d2 * e2
         result.direction_min[i, k] = d1 * e2 - d2 * e1
+
+
+@lean_njit()
+def write_displacement(z: float, frame: FloatArray, i: int, result: GraphGeometry) -> None:
+    """Write the vector from vertex i, the origin of the frame, to the graph."""
+    for k in range(3):
+        result.displacements[i, k] = z * frame[6 + k]
 
 
 @lean_njit()

@@ -13,7 +13,8 @@ from bezier_filters.uncertainty import StandardErrors
 
 # Places among the outputs; those of vectors are the first of three.
 NORMAL, ALONG_MIN, ALONG_MAX = 0, 3, 6
-K_MIN, K_MAX, EXTREMALITY_MIN, EXTREMALITY_MAX, RESIDUAL, STANDARD_ERRORS = 9, 10, 11, 12, 13, 14
+K_MIN, K_MAX, EXTREMALITY_MIN, EXTREMALITY_MAX, RESIDUAL = 9, 10, 11, 12, 13
+STANDARD_ERRORS, DISPLACEMENT = 14, 17
 
 
 @inner_njit()
@@ -86,6 +87,7 @@ def _graph_geometry(jets: FloatArray, frame: FloatArray, has_third: bool, output
     max_z, min_z = p * max_x + q * max_y, p * min_x + q * min_y
     for k in range(3):
         x, y, z = load(frame, k), load(frame, 3 + k), load(frame, 6 + k)
+        store(outputs, DISPLACEMENT + k, load(jets, 0) * z)
         store(outputs, NORMAL + k, (z - p * x - q * y) * per_w)
         store(outputs, ALONG_MIN + k, multiply_add(min_x, x, multiply_add(min_y, y, min_z * z)))
         store(outputs, ALONG_MAX + k, multiply_add(max_x, x, multiply_add(max_y, y, max_z * z)))
@@ -112,6 +114,7 @@ def _write(outputs: FloatArray, lane: int, has_third: bool, i: int, result: Grap
     """Write the outputs of one lane, but for the residual, to vertex i."""
     for k in range(3):
         result.normals[i, k] = outputs[LANES * (NORMAL + k) + lane]
+        result.displacements[i, k] = outputs[LANES * (DISPLACEMENT + k) + lane]
         result.direction_min[i, k] = outputs[LANES * (ALONG_MIN + k) + lane]
         result.direction_max[i, k] = outputs[LANES * (ALONG_MAX + k) + lane]
     result.k_min[i] = outputs[LANES * K_MIN + lane]

@@ -11,7 +11,7 @@ from bezier_filters.lanes import LANES, aligned
 
 CHUNK = 32
 """Most points whose powers are held at a time: they fit into the nearest cache."""
-OUTPUTS = 17
+OUTPUTS = 20
 """Numbers that every fit gives: see `lane_results`."""
 
 

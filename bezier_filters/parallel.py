@@ -81,7 +81,7 @@ def run_in_chunks(
                 task(start, stop)
                 done[thread] += stop - start
                 if thread == 0:
-                    _report(progress, sum(done), total)
+                    report(progress, sum(done), total)
         except BaseException:
             for _ in starts:  # no thread begins another chunk
                 pass
@@ -95,9 +95,10 @@ def run_in_chunks(
         work(0, make_task())
     for helper in helpers:
         helper.result()
-    _report(progress, total, total)
+    report(progress, total, total)
 
 
-def _report(progress: Progress | None, done: int, total: int) -> None:
+def report(progress: Progress | None, done: int, total: int) -> None:
+    """Tell how far the work has come; raise `CancelledError` if that is answered by False."""
     if progress is not None and progress(done, total) is False:
         raise CancelledError("cancelled by the progress callback; nothing was changed")

@@ -15,6 +15,7 @@ from bezier_filters.jets import (
     GraphGeometry,
     polynomial_derivatives,
     rescale_jet,
+    write_displacement,
     write_extremalities,
     write_graph_geometry,
 )
@@ -118,6 +119,7 @@ def fit_vertices(
         rescale_jet(jet, sx, sy)
         zx, zy, zxx, zxy, zyy = jet[1, 0], jet[0, 1], jet[2, 0], jet[1, 1], jet[0, 2]
         write_graph_geometry(zx, zy, zxx, zxy, zyy, work.frame, i, result)
+        write_displacement(jet[0, 0], work.frame, i, result)
         if fit.highest_power >= 2 * 3:  # a lower degree says nothing of third derivatives
             write_extremalities(jet, work.frame, i, result)
         if fit.normal_noise > 0.0:

@@ -81,6 +81,9 @@ class VertexGeometry:
         its sign with its direction. At umbilics they are as arbitrary as the directions, but
         finite; where the patch has a degree below 3 they are 0. A smoothness (alpha < 1, or
         learned) holds them back, like all of the patch's third derivatives.
+    displacements : (n, 3) float64
+        From each vertex p_i to its patch, B(u_i, v_i) - p_i: along the normal of the plane that the patch is a
+        height field over.
     residual : (n,) float64
         Root mean square height of the fitted points over the patch, in units of length.
     normal_std : (n,) float64
@@ -103,6 +106,7 @@ class VertexGeometry:
     direction_max: FloatArray
     extremality_min: FloatArray
     extremality_max: FloatArray
+    displacements: FloatArray
     residual: FloatArray
     normal_std: FloatArray
     mean_curvature_std: FloatArray

@@ -30,6 +30,12 @@ fallbacks
 adaptive_fit ball_fit
 estimation
 baselines
+laplacian volume flips vertex_update normal_filter
+scale_space
+stein noise_levels
+low_pass
+automatic_smoothing
+smoothing
 meshset
 mesh_attributes mesh_colors mesh_files
 vertex_filter

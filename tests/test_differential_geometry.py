@@ -48,7 +48,7 @@ def test_torus(theta, phi):
 @given(st.tuples(*[st.floats(-3, 3)] * 5))
 def test_graph_formulas_of_the_kernel_agree_with_the_fundamental_forms(jet):
     p, q, r, s, t = jet
-    result = GraphGeometry(*(np.zeros(shape) for shape in [(1, 3), 1, 1, (1, 3), (1, 3), 1, 1]))
+    result = GraphGeometry(*(np.zeros(shape) for shape in [(1, 3), 1, 1, (1, 3), (1, 3), 1, 1, (1, 3)]))
     write_graph_geometry(p, q, r, s, t, np.eye(3).ravel(), 0, result)
     du, dv, duu, duv, dvv = np.array([[1, 0, p], [0, 1, q], [0, 0, r], [0, 0, s], [0, 0, t]])[:, None]
     forms = fundamental_forms(du, dv, duu, duv, dvv)
@@ -72,6 +72,7 @@ def vertex_geometry(k_min, k_max):
         direction_max=np.array([[1.0, 0.0, 0.0]]),
         extremality_min=np.zeros(1),
         extremality_max=np.zeros(1),
+        displacements=np.zeros((1, 3)),
         residual=np.zeros(1),
         normal_std=np.zeros(1),
         mean_curvature_std=np.zeros(1),

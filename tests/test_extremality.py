@@ -53,7 +53,7 @@ def test_formula_equals_numerical_differentiation_of_the_curvature_of_a_graph(co
     """The gradient is not zero: the terms with Christoffel symbols matter."""
     exponents, jet = np.array(CUBIC, dtype=np.int32), np.empty((4, 4))
     polynomial_derivatives(np.array(coefficients), exponents, x ** np.arange(4), y ** np.arange(4), jet)
-    result = GraphGeometry(*(np.zeros(shape) for shape in [(1, 3), 1, 1, (1, 3), (1, 3), 1, 1]))
+    result = GraphGeometry(*(np.zeros(shape) for shape in [(1, 3), 1, 1, (1, 3), (1, 3), 1, 1, (1, 3)]))
     frame = np.eye(3).ravel()
     write_graph_geometry(jet[1, 0], jet[0, 1], jet[2, 0], jet[1, 1], jet[0, 2], frame, 0, result)
     write_extremalities(jet, frame, 0, result)

@@ -42,7 +42,9 @@ def geometry(n: int, seed: int = 0) -> VertexGeometry:
         *rng.normal(size=(1, n, 3)),
         *k,
         *rng.normal(size=(2, n, 3)),
-        *rng.random((6, n)),
+        *rng.random((2, n)),
+        *rng.normal(size=(1, n, 3)),
+        *rng.random((4, n)),
         *codes,
         FitChoice(2, 3, 0.8, None),
     )

@@ -1,0 +1,308 @@
+"""Smoothing: the function that users call."""
+
+from dataclasses import dataclass
+from numbers import Integral, Real
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from bezier_filters.adjacency import Adjacency, vertex_adjacency
+from bezier_filters.arrays import BoolArray, FloatArray
+from bezier_filters.automatic_smoothing import denoise
+from bezier_filters.compilation import announce_first_compilation
+from bezier_filters.creases import crease_vertices
+from bezier_filters.errors import InvalidParameterError
+from bezier_filters.estimation import estimate_vertex_geometry
+from bezier_filters.flips import BadFaces, bad_faces, without_new_flips
+from bezier_filters.frames import tangent_planes
+from bezier_filters.kernel_input import kernel_mesh
+from bezier_filters.lane_kernel import fit_in_lanes
+from bezier_filters.learning import learn_surface
+from bezier_filters.mesh import TriangleMesh, triangle_mesh
+from bezier_filters.parallel import Progress, thread_count
+from bezier_filters.plans import Choices
+from bezier_filters.volume import closed_parts, part_volumes, with_volumes
+
+SmoothingMethod = Literal["auto", "paper"]
+SmoothedBorders = Literal["curve", "fixed"]
+
+
+@dataclass(frozen=True)
+class SmoothingResult:
+    """A smoothed mesh, and what was done to it.
+
+    Attributes
+    ----------
+    vertices : (n, 3) float64
+        The new coordinates; the faces are the same.
+    displacement : (n,) float64
+        How far each vertex moved, a length.
+    sharpness : (n,) float64
+        From 0, where the surface was smoothed like a scan of something round, to 1, where edges were kept as sharp
+        as can be; 0 with ``method="paper"``.
+    noise_before, noise_after : float or None
+        Standard deviation of the noise along the normal, a length; None if the mesh is too small to learn it.
+    volume_before, volume_after : float or None
+        What the closed parts enclose in all, length^3; None if there are none.
+    flipped_before, flipped_after : int
+        Faces more than 90 degrees away from the mean normal around them.
+    degenerate_before, degenerate_after : int
+        Faces without area.
+    new_bad_faces : int
+        Faces that are flipped or degenerate, and were not before.
+    """
+
+    vertices: FloatArray
+    displacement: FloatArray
+    sharpness: FloatArray
+    noise_before: float | None
+    noise_after: float | None
+    volume_before: float | None
+    volume_after: float | None
+    flipped_before: int
+    flipped_after: int
+    degenerate_before: int
+    degenerate_after: int
+    new_bad_faces: int
+
+    @property
+    def volume_ratio(self) -> float | None:
+        """Volume after over volume before; None if there is none to compare with."""
+        if not self.volume_before or self.volume_after is None:
+            return None
+        return self.volume_after / self.volume_before
+
+    @property
+    def mean_displacement(self) -> float:
+        """Mean distance that a vertex moved, a length."""
+        return float(self.displacement.mean()) if len(self.displacement) else 0.0
+
+    @property
+    def rms_displacement(self) -> float:
+        """Root mean square of the same."""
+        return float(np.sqrt(np.square(self.displacement).mean())) if len(self.displacement) else 0.0
+
+    @property
+    def max_displacement(self) -> float:
+        """Largest distance that a vertex moved, a length."""
+        return float(self.displacement.max(initial=0.0))
+
+
+def smooth(
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    method: SmoothingMethod = "auto",
+    *,
+    iterations: int = 1,
+    noise: float | None = None,
+    borders: SmoothedBorders = "curve",
+    keep_volume: bool | None = None,
+    rings: int = 2,
+    alpha: float = 0.8,
+    selected: BoolArray | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> SmoothingResult:
+    """Take the noise off a mesh and keep its shape, its volume and its edges.
+
+    By default nothing is to be chosen. The noise is learned from the mesh, as `estimate_vertex_geometry` does,
+    and where there is none, nothing moves. A filter is then best whose expected distance from the true
+    surface, which the noise and the result tell (Stein's estimate of the risk), is smallest: its
+    kind and its strength follow from that, for the mesh and around every vertex. Surfaces that are smooth
+    but for the noise take a low-pass filter, sharp edges one of the face normals that
+    does not reach across what noise cannot explain.
+
+    ``method="paper"`` is the paper's: every vertex p_i moves to the point B(u_i, v_i) of its patch, all from the
+    old mesh (Li, Barsky, Jin, "An effective third-order local fitting patch and its application", IEEE SMI 2009).
+
+    Parameters
+    ----------
+    vertices : (n, 3) array_like of float
+        Coordinates.
+    faces : (m, 3) array_like of int
+        Triangles, counter-clockwise seen from outside.
+    method : {"auto", "paper"}
+        How to smooth.
+    iterations : int
+        How many times, at least 1; once is enough for ``"auto"``.
+    noise : float, optional
+        Standard deviation of the noise along the normal, a length, if it is known better than it can
+        be learned; 0 leaves the mesh as it is. For ``"auto"`` only.
+    borders : {"curve", "fixed"}
+        Whether border vertices are smoothed along the border, or stay; with ``"paper"`` they move to their patches
+        unless they are fixed.
+    keep_volume : bool, optional
+        Whether each closed part keeps its volume: what smoothing took or gave is spread over it along
+        the normals, in proportion to how far the surroundings moved. By default with ``"auto"`` only.
+    rings, alpha : int, float
+        Neighbourhood and weight of the points, in (0, 1], for ``"paper"`` only.
+    selected : (n,) bool, optional
+        Vertices that may move; all by default.
+    threads : int, optional
+        Number of threads; by default BEZIER_FILTERS_THREADS or all usable cores. The result
+        does not depend on it.
+    progress : callable, optional
+        ``progress(done, total)`` is called from this thread now and then; if it returns False
+        the smoothing is cancelled.
+
+    Returns
+    -------
+    SmoothingResult
+
+    Raises
+    ------
+    InvalidMeshError
+        If the arrays are not a mesh with finite coordinates.
+    InvalidParameterError
+        If a parameter is out of range.
+    CancelledError
+        If `progress` returned False.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from bezier_filters.surfaces import sphere
+    >>> ball = sphere(resolution=20)
+    >>> noise = np.random.default_rng(0).normal(scale=0.01, size=len(ball.vertices))
+    >>> result = smooth(ball.vertices * (1.0 + noise[:, np.newaxis]), ball.faces)
+    >>> error = np.linalg.norm(result.vertices, axis=1) - 1.0
+    >>> bool(error.std() < 0.2 * noise.std()), round(result.volume_ratio, 6)
+    (True, 1.0)
+    """
+    mesh = triangle_mesh(vertices, faces)
+    _check(method, iterations, noise, borders)
+    movable = _movable(selected, mesh.vertex_count)
+    threads = thread_count(threads)
+    adjacency = vertex_adjacency(mesh)
+    if borders == "fixed":
+        movable = movable & ~adjacency.on_boundary
+    announce_first_compilation(fit_in_lanes)
+    noise_before = noise if noise is not None else noise_of(mesh, adjacency, threads=threads)
+    before = bad_faces(mesh, adjacency, threads=threads)
+    points, sharpness = mesh.vertices, np.zeros(mesh.vertex_count)
+    for k in range(iterations):
+        current = TriangleMesh(points, mesh.faces)
+        report = _part_of(progress, k, iterations)
+        if method == "paper":
+            points = _onto_patches(current, rings, alpha, threads, report)
+        else:
+            sigma = noise_before if k == 0 else noise_of(current, adjacency, threads=threads)
+            unit = mean_edge(current, adjacency)
+            denoised = denoise(current, adjacency, sigma or 0.0, unit, borders, threads=threads, progress=report)
+            points, sharpness = denoised.vertices, np.maximum(sharpness, denoised.sharpness)
+        points = np.where(movable[:, np.newaxis], points, mesh.vertices)
+    if method == "auto":
+        points = _finished(mesh, adjacency, points, before, movable, keep_volume is not False, threads)
+    elif keep_volume:
+        points = _with_old_volumes(mesh, adjacency, points, movable)
+    return _result(mesh, adjacency, points, sharpness, noise_before, before, threads)
+
+
+def noise_of(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> float | None:
+    """Standard deviation of the noise along the normal, learned from the mesh; None if it is too small."""
+    planes = tangent_planes(mesh, adjacency, threads=threads)
+    stops = crease_vertices(mesh, adjacency, planes, threads=threads)
+    _, leaf = learn_surface(kernel_mesh(mesh, adjacency, planes, stops), adjacency, Choices(), threads=threads)
+    return None if leaf is None else leaf.surface.sigma
+
+
+def mean_edge(mesh: TriangleMesh, adjacency: Adjacency) -> float:
+    """Mean length of the edges; 0 if there are none."""
+    start = np.repeat(np.arange(mesh.vertex_count), adjacency.vertices.lengths)
+    edges = mesh.vertices[adjacency.vertices.indices] - mesh.vertices[start]
+    return float(np.linalg.norm(edges, axis=1).mean()) if len(edges) else 0.0
+
+
+def _onto_patches(mesh: TriangleMesh, rings: int, alpha: float, threads: int, progress: Progress | None) -> FloatArray:
+    """The paper's smoothing."""
+    geometry = estimate_vertex_geometry(
+        mesh.vertices, mesh.faces, rings=rings, alpha=alpha, smoothness="paper", threads=threads, progress=progress
+    )
+    result: FloatArray = mesh.vertices + geometry.displacements
+    return result
+
+
+def _finished(
+    mesh: TriangleMesh,
+    adjacency: Adjacency,
+    points: FloatArray,
+    before: BadFaces,
+    movable: BoolArray,
+    keep_volume: bool,
+    threads: int,
+) -> FloatArray:
+    """The smoothed vertices with their old volumes and no new bad faces."""
+    if keep_volume:
+        points = _with_old_volumes(mesh, adjacency, points, movable)
+    return without_new_flips(mesh, adjacency, points, before, threads=threads)
+
+
+def _with_old_volumes(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray, movable: BoolArray) -> FloatArray:
+    parts = closed_parts(mesh)
+    if not parts.count:
+        return points
+    squares = np.square(points - mesh.vertices).sum(axis=1)
+    start, end = np.repeat(np.arange(len(points)), adjacency.vertices.lengths), adjacency.vertices.indices
+    around = np.bincount(start, weights=squares[end], minlength=len(points)) + squares
+    amounts = np.sqrt(around / (adjacency.vertices.lengths + 1.0)) * movable
+    return with_volumes(TriangleMesh(points, mesh.faces), parts, part_volumes(mesh, parts), amounts)
+
+
+def _result(
+    mesh: TriangleMesh,
+    adjacency: Adjacency,
+    points: FloatArray,
+    sharpness: FloatArray,
+    noise_before: float | None,
+    before: BadFaces,
+    threads: int,
+) -> SmoothingResult:
+    smoothed = TriangleMesh(points, mesh.faces)
+    after = bad_faces(smoothed, adjacency, threads=threads)
+    parts = closed_parts(mesh)
+    volumes = [float(part_volumes(m, parts).sum()) if parts.count else None for m in (mesh, smoothed)]
+    return SmoothingResult(
+        vertices=points,
+        displacement=np.linalg.norm(points - mesh.vertices, axis=1),
+        sharpness=sharpness,
+        noise_before=noise_before,
+        noise_after=noise_of(smoothed, adjacency, threads=threads),
+        volume_before=volumes[0],
+        volume_after=volumes[1],
+        flipped_before=int(before.flipped.sum()),
+        flipped_after=int(after.flipped.sum()),
+        degenerate_before=int(before.degenerate.sum()),
+        degenerate_after=int(after.degenerate.sum()),
+        new_bad_faces=int(after.new_since(before).sum()),
+    )
+
+
+def _part_of(progress: Progress | None, k: int, total: int) -> Progress | None:
+    """Progress of the k-th of several iterations as that of the whole."""
+    if progress is None:
+        return None
+    return lambda done, of: progress(k * of + done, total * of)
+
+
+def _movable(selected: BoolArray | None, n: int) -> BoolArray:
+    if selected is None:
+        return np.ones(n, dtype=np.bool_)
+    mask = np.asarray(selected)
+    if mask.shape != (n,) or mask.dtype != np.bool_:
+        raise InvalidParameterError(f"selected: got {mask.dtype} of shape {mask.shape}, expected bool of shape ({n},)")
+    return mask
+
+
+def _check(method: object, iterations: object, noise: object, borders: object) -> None:
+    if method not in ("auto", "paper"):
+        raise InvalidParameterError(f"method: got {method!r}, expected 'auto' or 'paper'")
+    if isinstance(iterations, bool) or not isinstance(iterations, Integral) or iterations < 1:
+        raise InvalidParameterError(f"iterations: got {iterations!r}, expected an integer of 1 or more")
+    is_length = isinstance(noise, Real) and not isinstance(noise, bool) and 0.0 <= float(noise) < np.inf
+    if noise is not None and not is_length:
+        raise InvalidParameterError(f"noise: got {noise!r}, expected a length of 0 or more, or None to learn it")
+    if noise is not None and method == "paper":
+        raise InvalidParameterError("noise: the paper's method does not use it; leave it out")
+    if borders not in ("curve", "fixed"):
+        raise InvalidParameterError(f"borders: got {borders!r}, expected 'curve' or 'fixed'")

@@ -1,0 +1,32 @@
+"""Faces that are turned over."""
+
+import numpy as np
+
+from bezier_filters.adjacency import vertex_adjacency
+from bezier_filters.flips import bad_faces, without_new_flips
+from bezier_filters.mesh import TriangleMesh, triangle_mesh
+from bezier_filters.surfaces import waves
+
+
+def test_moves_that_turn_faces_over_are_taken_back():
+    sheet = waves(resolution=12, amplitude=0.0)
+    mesh = triangle_mesh(sheet.vertices, sheet.faces)
+    adjacency = vertex_adjacency(mesh)
+    before = bad_faces(mesh, adjacency)
+    assert not before.flipped.any()
+    assert not before.degenerate.any()
+    moved = mesh.vertices + np.array([0.0, 0.0, 0.01])
+    middle = np.linalg.norm(mesh.vertices, axis=1).argmin()
+    moved[middle] += [0.5, 0.1, 0.0]  # over its neighbours
+    assert bad_faces(TriangleMesh(moved, mesh.faces), adjacency).flipped.any()
+    result = without_new_flips(mesh, adjacency, moved, before)
+    assert not bad_faces(TriangleMesh(result, mesh.faces), adjacency).new_since(before).any()
+    far = np.linalg.norm(mesh.vertices, axis=1) > 0.8
+    assert np.array_equal(result[far], moved[far])
+
+
+def test_faces_without_area_are_degenerate_not_flipped():
+    mesh = triangle_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0]], [[0, 1, 2], [0, 1, 3]])
+    bad = bad_faces(mesh, vertex_adjacency(mesh))
+    assert bad.degenerate.tolist() == [False, True]
+    assert not bad.flipped.any()

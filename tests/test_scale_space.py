@@ -1,0 +1,130 @@
+"""Laplacians, the filters made of them, and the choice among estimates."""
+
+import numpy as np
+import pytest
+
+from bezier_filters.adjacency import vertex_adjacency
+from bezier_filters.laplacian import cotangent_laplacian, umbrella_laplacian
+from bezier_filters.mesh import triangle_mesh
+from bezier_filters.scale_space import diffused, filtered, filtered_evenly
+from bezier_filters.smoothing import mean_edge
+from bezier_filters.stein import Estimates, local_shares
+from bezier_filters.surfaces import sphere, waves
+
+
+def dense(laplacian):
+    """The operator as a matrix."""
+    n = len(laplacian.rates)
+    matrix = np.zeros((n, n))
+    start = np.repeat(np.arange(n), np.diff(laplacian.indptr))
+    np.subtract.at(matrix, (start, laplacian.indices), laplacian.weights * laplacian.rates[start])
+    matrix[np.arange(n), np.arange(n)] += laplacian.rates
+    return matrix
+
+
+@pytest.fixture(scope="module")
+def ball():
+    """A sphere as a mesh, with its adjacency and mean edge."""
+    surface = sphere(resolution=6, jitter=0.2)
+    mesh = triangle_mesh(surface.vertices, surface.faces)
+    adjacency = vertex_adjacency(mesh)
+    return mesh, adjacency, mean_edge(mesh, adjacency)
+
+
+@pytest.fixture(scope="module")
+def sheet():
+    """A plane as a mesh, with its adjacency and mean edge."""
+    surface = waves(resolution=12, amplitude=0.0, jitter=0.2)
+    mesh = triangle_mesh(surface.vertices, surface.faces)
+    adjacency = vertex_adjacency(mesh)
+    return mesh, adjacency, mean_edge(mesh, adjacency)
+
+
+@pytest.mark.parametrize("power", [None, 0.0, 0.5, 1.0])
+def test_eigenvalues_lie_within_the_bound(ball, power):
+    mesh, adjacency, unit = ball
+    one = umbrella_laplacian(mesh, adjacency, "curve")
+    laplacian = one if power is None else cotangent_laplacian(mesh, adjacency, "curve", power, unit)
+    eigenvalues = np.linalg.eigvals(dense(laplacian))
+    assert np.abs(eigenvalues.imag).max() < 1e-9
+    assert eigenvalues.real.min() > -1e-9
+    assert eigenvalues.real.max() <= laplacian.bound + 1e-9
+
+
+def test_cotangents_leave_linear_functions_on_a_plane(sheet):
+    mesh, adjacency, unit = sheet
+    laplacian = cotangent_laplacian(mesh, adjacency, "fixed", 1.0, unit)
+    moved = np.linalg.norm(dense(laplacian) @ mesh.vertices, axis=1)[~adjacency.on_boundary]
+    assert np.median(moved) < 1e-9  # all but the few at slivers, whose weights are kept within bounds
+
+
+def test_cotangents_give_twice_the_curvature_of_a_sphere(ball):
+    mesh, adjacency, unit = ball
+    moved = dense(cotangent_laplacian(mesh, adjacency, "curve", 1.0, unit)) @ mesh.vertices
+    # The rate 1 belongs to a Laplace-Beltrami operator times a squared edge over 4; that of the sphere is 2 x.
+    assert np.linalg.norm(moved, axis=1).mean() == pytest.approx(2.0 * unit**2 / 4.0, rel=0.1)
+
+
+@pytest.mark.parametrize("borders", ["curve", "fixed", "free"])
+def test_border_vertices_follow_whom_they_should(sheet, borders):
+    mesh, adjacency, _ = sheet
+    laplacian = umbrella_laplacian(mesh, adjacency, borders)
+    for i in np.flatnonzero(adjacency.on_boundary):
+        row = slice(laplacian.indptr[i], laplacian.indptr[i + 1])
+        followed = laplacian.indices[row][laplacian.weights[row] * laplacian.rates[i] > 0.0]
+        if borders == "free":
+            assert len(followed) == row.stop - row.start
+        else:
+            assert len(followed) == (2 if borders == "curve" else 0)
+            assert adjacency.on_boundary[followed].all()
+
+
+def test_series_are_the_filters_that_they_stand_for(ball):
+    mesh, adjacency, _ = ball
+    laplacian = umbrella_laplacian(mesh, adjacency, "curve")
+    matrix = dense(laplacian)
+    signals = np.random.default_rng(0).standard_normal((mesh.vertex_count, 2))
+    for strength in (0.0, 1.0, 100.0):
+        expected = np.linalg.solve(np.eye(len(matrix)) + strength * np.linalg.matrix_power(matrix, 4), signals)
+        assert np.abs(filtered_evenly(laplacian, signals, strength) - expected).max() < 1e-3
+    values, vectors = np.linalg.eig(matrix)
+    heat = (vectors * np.exp(-5.0 * values)) @ np.linalg.solve(vectors, signals)
+    assert np.abs(diffused(laplacian, signals, 5.0) - heat.real).max() < 1e-6
+
+
+def test_mixtures_are_taken_vertex_by_vertex(ball):
+    mesh, adjacency, _ = ball
+    laplacian = umbrella_laplacian(mesh, adjacency, "curve")
+    strengths = np.array([1.0, 100.0])
+    shares = np.zeros((mesh.vertex_count, 2))
+    half = mesh.vertex_count // 2
+    shares[:half, 0], shares[half:, 1] = 1.0, 1.0
+    mixed = filtered(laplacian, mesh.vertices, strengths, shares)
+    for rows, strength in ((slice(None, half), 1.0), (slice(half, None), 100.0)):
+        assert np.allclose(mixed[rows], filtered_evenly(laplacian, mesh.vertices, strength)[rows], atol=1e-3)
+
+
+def test_risks_are_those_of_known_estimates():
+    rng = np.random.default_rng(0)
+    n = 100_000
+    noise = rng.standard_normal(n)
+    shrunk = 0.3 * noise  # the truth being 0, and the estimate 0.3 times what is measured
+    estimates = Estimates(
+        np.column_stack([noise - shrunk, 0.0 * noise]), np.column_stack([np.full(n, 0.3), np.ones(n)])
+    )
+    assert estimates.risks == pytest.approx([0.09, 1.0], abs=0.02)
+
+
+def test_the_better_estimate_is_taken_where_it_is_better():
+    surface = sphere(resolution=30)
+    mesh = triangle_mesh(surface.vertices, surface.faces)
+    laplacian = umbrella_laplacian(mesh, vertex_adjacency(mesh), "free")
+    rng = np.random.default_rng(0)
+    noise = rng.standard_normal(mesh.vertex_count)
+    north = mesh.vertices[:, 2] > 0.0
+    wrong = np.where(north[:, np.newaxis], [0.0, 0.5], [0.5, 0.0])
+    estimates = Estimates(noise[:, np.newaxis] - wrong, np.zeros((mesh.vertex_count, 2)))
+    shares = local_shares(estimates, laplacian)
+    far = np.abs(mesh.vertices[:, 2]) > 0.6
+    assert shares[far & north, 0].mean() > 0.9
+    assert shares[far & ~north, 1].mean() > 0.9

@@ -1,0 +1,216 @@
+"""Smoothing, from known truth: analytic surfaces and a block with sharp edges."""
+
+import numpy as np
+import pytest
+from numba import config
+
+from bezier_filters import CancelledError, InvalidParameterError, estimate_vertex_geometry, smooth
+from bezier_filters.adjacency import vertex_adjacency
+from bezier_filters.mesh import triangle_mesh
+from bezier_filters.smoothing import mean_edge
+from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, sphere, torus, waves
+
+pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
+
+
+def edge_of(vertices, faces):
+    mesh = triangle_mesh(vertices, faces)
+    return mean_edge(mesh, vertex_adjacency(mesh))
+
+
+def vertex_normals(vertices, faces):
+    return estimate_vertex_geometry(vertices, faces, rings=1, alpha=1.0, degree=2).normals
+
+
+def face_normals(vertices, faces):
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    normals = np.cross(b - a, c - a)
+    return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+def mean_angle(vertices, truth, faces):
+    """Between the normals of the faces, degrees."""
+    cosine = np.einsum("ij,ij->i", face_normals(vertices, faces), face_normals(truth, faces))
+    return np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))).mean()
+
+
+def with_noise(vertices, faces, normals, level, seed=0):
+    heights = np.random.default_rng(seed).standard_normal(len(vertices)) * level * edge_of(vertices, faces)
+    return vertices + normals * heights[:, np.newaxis]
+
+
+@pytest.fixture(scope="module")
+def block():
+    """Clean and noisy vertices and faces of a block with sharp edges."""
+    vertices, faces = block_with_sharp_edges(resolution=24, jitter=0.2)
+    directions = face_normals(vertices, faces)
+    normals = np.zeros_like(vertices)
+    for k in range(3):
+        np.add.at(normals, faces[:, k], directions)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return vertices, with_noise(vertices, faces, normals, 0.2), faces
+
+
+@pytest.mark.parametrize(
+    ("surface", "most"),
+    [
+        (sphere(resolution=24, jitter=0.2), 1.0),
+        (torus(resolution=30, jitter=0.2), 1.5),
+        (bumpy_star(resolution=20, jitter=0.2), 2.0),
+    ],
+    ids=["sphere", "torus", "bumpy star"],
+)
+def test_noise_on_smooth_surfaces_goes(surface, most):
+    noisy = with_noise(surface.vertices, surface.faces, surface.normals, 0.2)
+    result = smooth(noisy, surface.faces)
+    assert mean_angle(noisy, surface.vertices, surface.faces) > 15.0
+    assert mean_angle(result.vertices, surface.vertices, surface.faces) < most
+    assert result.sharpness.mean() < 0.3
+    assert result.volume_ratio == pytest.approx(1.0, abs=1e-6)
+
+
+def test_sharp_edges_stay_sharp(block):
+    clean, noisy, faces = block
+    result = smooth(noisy, faces)
+    assert mean_angle(noisy, clean, faces) > 15.0
+    assert mean_angle(result.vertices, clean, faces) < 1.8
+    assert result.sharpness.mean() > 0.8
+    on_edge = (np.abs(clean[:, :2]) > 0.5 - 1e-9).all(axis=1)
+    distance = np.linalg.norm((result.vertices - clean)[on_edge, :2], axis=1)
+    assert np.sqrt(np.square(distance).mean()) < 0.1 * edge_of(clean, faces)
+
+
+def test_noise_is_told_before_and_after(block):
+    _, noisy, faces = block
+    result = smooth(noisy, faces)
+    unit = edge_of(noisy, faces)
+    assert result.noise_before == pytest.approx(0.2 * unit, rel=0.3)
+    assert result.noise_after < 0.02 * unit
+    assert result.flipped_after <= result.flipped_before
+    assert result.new_bad_faces == 0
+
+
+def test_a_body_of_two_kinds_is_treated_as_such(block):
+    clean, noisy, faces = block
+    ball = sphere(resolution=24, jitter=0.2)
+    scale = edge_of(clean, faces) / edge_of(ball.vertices, ball.faces)
+    other = with_noise(ball.vertices, ball.faces, ball.normals, 0.2, seed=1) * scale + [5.0, 0.0, 0.0]
+    result = smooth(np.vstack([noisy, other]), np.vstack([faces, ball.faces + len(noisy)]))
+    assert result.sharpness[: len(noisy)].mean() > result.sharpness[len(noisy) :].mean() + 0.3
+
+
+@pytest.mark.parametrize("surface", [sphere(), torus(jitter=0.2), waves(), bumpy_star()], ids=lambda _: "surface")
+def test_clean_surfaces_stay_as_they_are(surface):
+    result = smooth(surface.vertices, surface.faces)
+    assert result.max_displacement < 1e-3 * edge_of(surface.vertices, surface.faces)
+
+
+def test_clean_blocks_stay_as_they_are():
+    vertices, faces = block_with_sharp_edges(resolution=16, jitter=0.2)
+    assert smooth(vertices, faces).max_displacement < 1e-3 * edge_of(vertices, faces)
+
+
+def test_noise_that_varies_goes_everywhere():
+    ring = torus(resolution=40, jitter=0.2)
+    level = np.where(ring.vertices[:, 0] > 0.0, 0.3, 0.05)
+    noise = np.random.default_rng(0).standard_normal(len(level)) * level * edge_of(ring.vertices, ring.faces)
+    noisy = ring.vertices + ring.normals * noise[:, np.newaxis]
+    assert mean_angle(smooth(noisy, ring.faces).vertices, ring.vertices, ring.faces) < 2.0
+
+
+def test_a_plane_keeps_its_border_curve_and_becomes_flat():
+    sheet = waves(resolution=30, amplitude=0.0)
+    noisy = with_noise(sheet.vertices, sheet.faces, sheet.normals, 0.2)
+    free, fixed = smooth(noisy, sheet.faces), smooth(noisy, sheet.faces, borders="fixed")
+    on_border = vertex_adjacency(triangle_mesh(sheet.vertices, sheet.faces)).on_boundary
+    inside = ~on_border
+    assert free.vertices[inside, 2].std() < 0.2 * noisy[inside, 2].std()
+    assert free.vertices[on_border, 2].std() < 0.6 * noisy[on_border, 2].std()
+    assert np.array_equal(fixed.vertices[on_border], noisy[on_border])
+    assert free.volume_before is None
+    assert free.volume_ratio is None
+
+
+def test_results_move_with_the_mesh(block):
+    _, noisy, faces = block
+    one = smooth(noisy, faces, threads=1)
+    rotation, _ = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))
+    rotation *= np.linalg.det(rotation)
+    moved = 50.0 * noisy @ rotation.T + [1e3, -2e3, 5e2]
+    other = smooth(moved, faces, threads=2)
+    back = (other.vertices - [1e3, -2e3, 5e2]) @ rotation / 50.0
+    assert np.allclose(back, one.vertices, atol=1e-7 * np.ptp(noisy))
+    assert other.noise_before == pytest.approx(50.0 * one.noise_before, rel=1e-6)
+
+
+def test_threads_do_not_matter(block):
+    _, noisy, faces = block
+    assert np.array_equal(smooth(noisy, faces, threads=1).vertices, smooth(noisy, faces, threads=3).vertices)
+
+
+def test_only_selected_vertices_move(block):
+    _, noisy, faces = block
+    selected = noisy[:, 0] > 0.0
+    result = smooth(noisy, faces, selected=selected)
+    assert np.array_equal(result.vertices[~selected], noisy[~selected])
+    assert result.displacement[selected].mean() > 0.0
+
+
+def test_known_noise_takes_the_place_of_the_learned_one(block):
+    _, noisy, faces = block
+    result = smooth(noisy, faces, noise=0.0)
+    assert np.array_equal(result.vertices, noisy)
+    assert result.noise_before == 0.0
+
+
+def test_the_papers_method_moves_every_vertex_onto_its_patch():
+    ball = sphere(resolution=12, jitter=0.2)
+    noisy = with_noise(ball.vertices, ball.faces, ball.normals, 0.1)
+    geometry = estimate_vertex_geometry(noisy, ball.faces, rings=2, alpha=0.8, smoothness="paper")
+    result = smooth(noisy, ball.faces, "paper")
+    assert np.array_equal(result.vertices, noisy + geometry.displacements)
+    assert smooth(noisy, ball.faces, "paper", keep_volume=True).volume_ratio == pytest.approx(1.0, abs=1e-9)
+
+
+def test_displacements_end_on_the_patch_of_a_polynomial():
+    sheet = waves(resolution=20, amplitude=0.0)
+    vertices = sheet.vertices.copy()
+    vertices[:, 2] = 0.3 * vertices[:, 0] ** 2 - 0.2 * vertices[:, 0] * vertices[:, 1]
+    geometry = estimate_vertex_geometry(vertices, sheet.faces, rings=2, alpha=0.5)
+    assert np.abs(geometry.displacements).max() < 0.05 * edge_of(vertices, sheet.faces)
+
+
+def test_meshes_that_are_hardly_any():
+    nothing = smooth(np.zeros((0, 3)), np.zeros((0, 3), dtype=int))
+    assert nothing.vertices.shape == (0, 3)
+    assert nothing.volume_ratio is None
+    triangle = smooth([[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 5, 5]], [[0, 1, 2]])
+    assert triangle.noise_before is None
+    assert triangle.max_displacement == 0.0
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"method": "taubin"}, "method: got 'taubin'"),
+        ({"iterations": 0}, "iterations: got 0"),
+        ({"noise": -1.0}, "noise: got -1.0"),
+        ({"noise": 0.1, "method": "paper"}, "noise: the paper"),
+        ({"borders": "free"}, "borders: got 'free'"),
+        ({"selected": np.zeros(3, dtype=bool)}, "selected: got bool of shape"),
+    ],
+)
+def test_bad_parameters_are_named(parameters, message):
+    ball = sphere(resolution=4)
+    with pytest.raises(InvalidParameterError, match=message):
+        smooth(ball.vertices, ball.faces, **parameters)
+
+
+def test_progress_ends_and_cancels(block):
+    _, noisy, faces = block
+    seen = []
+    smooth(noisy, faces, progress=lambda done, total: seen.append(done / total))
+    assert seen == sorted(seen)
+    assert seen[-1] == 1.0
+    with pytest.raises(CancelledError):
+        smooth(noisy, faces, progress=lambda done, total: False)

@@ -1,0 +1,58 @@
+"""Volumes of closed parts."""
+
+import numpy as np
+import pytest
+
+from bezier_filters.mesh import TriangleMesh, triangle_mesh
+from bezier_filters.surfaces import block_with_sharp_edges, sphere, waves
+from bezier_filters.volume import closed_parts, part_volumes, with_volumes
+
+
+@pytest.fixture
+def two_bodies_and_a_sheet():
+    """A block, a ball far away, a sheet, and a vertex without a face."""
+    block, faces = block_with_sharp_edges(resolution=4)
+    ball, sheet = sphere(resolution=6), waves(resolution=4)
+    vertices = np.vstack([block, ball.vertices + 1e3, sheet.vertices, [[7.0, 7.0, 7.0]]])
+    n = len(block), len(block) + len(ball.vertices)
+    return triangle_mesh(vertices, np.vstack([faces, ball.faces + n[0], sheet.faces + n[1]])), n
+
+
+def test_closed_parts_are_found(two_bodies_and_a_sheet):
+    mesh, (end_of_block, end_of_ball) = two_bodies_and_a_sheet
+    parts = closed_parts(mesh)
+    assert parts.count == 2
+    assert set(parts.of_vertex[:end_of_block]) == {parts.of_vertex[0]}
+    assert set(parts.of_vertex[end_of_block:end_of_ball]) == {parts.of_vertex[end_of_block]}
+    assert (parts.of_vertex[end_of_ball:] == -1).all()
+
+
+def test_volumes_do_not_depend_on_the_place(two_bodies_and_a_sheet):
+    mesh, _ = two_bodies_and_a_sheet
+    parts = closed_parts(mesh)
+    moved = TriangleMesh(mesh.vertices + np.array([1e3, 0.0, -1e3]), mesh.faces)
+    assert np.allclose(part_volumes(moved, parts), part_volumes(mesh, parts), rtol=1e-9)
+    turned = TriangleMesh(mesh.vertices, np.ascontiguousarray(mesh.faces[:, ::-1]))
+    assert np.allclose(part_volumes(turned, parts), -part_volumes(mesh, parts))
+
+
+def test_volumes_are_reached_where_amounts_allow(two_bodies_and_a_sheet):
+    mesh, (end_of_block, _) = two_bodies_and_a_sheet
+    parts = closed_parts(mesh)
+    amounts = np.zeros(mesh.vertex_count)
+    amounts[end_of_block:] = 1.0
+    before = part_volumes(mesh, parts)
+    result = with_volumes(mesh, parts, 1.01 * before, amounts)
+    after = part_volumes(TriangleMesh(result, mesh.faces), parts)
+    assert np.allclose(after / before, [1.0, 1.01], rtol=1e-12)
+    assert np.array_equal(result[:end_of_block], mesh.vertices[:end_of_block])
+    assert np.array_equal(result[parts.of_vertex < 0], mesh.vertices[parts.of_vertex < 0])
+
+
+def test_meshes_that_enclose_nothing():
+    sheet = waves(resolution=4)
+    assert closed_parts(triangle_mesh(sheet.vertices, sheet.faces)).count == 0
+    assert closed_parts(triangle_mesh(np.zeros((3, 3)), np.zeros((0, 3), dtype=int))).count == 0
+    ball = sphere(resolution=4)
+    twice = np.vstack([ball.faces, ball.faces[:1]])
+    assert closed_parts(triangle_mesh(ball.vertices, twice)).count == 0
