@@ -30,8 +30,8 @@ from .patch import ParameterRectangle as ParameterRectangle
 from .registration import register as register
 from .render import Panel as Panel
 from .render import render_panels as render_panels
-from .smoothing import SmoothingResult as SmoothingResult
 from .smoothing import smooth as smooth
+from .smoothing_result import SmoothingResult as SmoothingResult
 from .status import FitStatus as FitStatus
 from .vertex_geometry import VertexGeometry as VertexGeometry
 from .vertex_patch import vertex_patch as vertex_patch

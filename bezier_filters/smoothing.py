@@ -1,6 +1,5 @@
 """Smoothing: the function that users call."""
 
-from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Literal
 
@@ -22,71 +21,11 @@ from bezier_filters.learning import learn_surface
 from bezier_filters.mesh import TriangleMesh, triangle_mesh
 from bezier_filters.parallel import Progress, thread_count
 from bezier_filters.plans import Choices
+from bezier_filters.smoothing_result import SmoothingResult
 from bezier_filters.volume import closed_parts, part_volumes, with_volumes
 
 SmoothingMethod = Literal["auto", "paper"]
 SmoothedBorders = Literal["curve", "fixed"]
-
-
-@dataclass(frozen=True)
-class SmoothingResult:
-    """A smoothed mesh, and what was done to it.
-
-    Attributes
-    ----------
-    vertices : (n, 3) float64
-        The new coordinates; the faces are the same.
-    displacement : (n,) float64
-        How far each vertex moved, a length.
-    sharpness : (n,) float64
-        From 0, where the surface was smoothed like a scan of something round, to 1, where edges were kept as sharp
-        as can be; 0 with ``method="paper"``.
-    noise_before, noise_after : float or None
-        Standard deviation of the noise along the normal, a length; None if the mesh is too small to learn it.
-    volume_before, volume_after : float or None
-        What the closed parts enclose in all, length^3; None if there are none.
-    flipped_before, flipped_after : int
-        Faces more than 90 degrees away from the mean normal around them.
-    degenerate_before, degenerate_after : int
-        Faces without area.
-    new_bad_faces : int
-        Faces that are flipped or degenerate, and were not before.
-    """
-
-    vertices: FloatArray
-    displacement: FloatArray
-    sharpness: FloatArray
-    noise_before: float | None
-    noise_after: float | None
-    volume_before: float | None
-    volume_after: float | None
-    flipped_before: int
-    flipped_after: int
-    degenerate_before: int
-    degenerate_after: int
-    new_bad_faces: int
-
-    @property
-    def volume_ratio(self) -> float | None:
-        """Volume after over volume before; None if there is none to compare with."""
-        if not self.volume_before or self.volume_after is None:
-            return None
-        return self.volume_after / self.volume_before
-
-    @property
-    def mean_displacement(self) -> float:
-        """Mean distance that a vertex moved, a length."""
-        return float(self.displacement.mean()) if len(self.displacement) else 0.0
-
-    @property
-    def rms_displacement(self) -> float:
-        """Root mean square of the same."""
-        return float(np.sqrt(np.square(self.displacement).mean())) if len(self.displacement) else 0.0
-
-    @property
-    def max_displacement(self) -> float:
-        """Largest distance that a vertex moved, a length."""
-        return float(self.displacement.max(initial=0.0))
 
 
 def smooth(

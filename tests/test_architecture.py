@@ -34,7 +34,7 @@ laplacian volume flips vertex_update normal_filter
 scale_space
 stein noise_levels
 low_pass
-automatic_smoothing
+automatic_smoothing smoothing_result
 smoothing
 meshset
 mesh_attributes mesh_colors mesh_files

@@ -488,17 +488,3 @@ class TestProgress:
         compute_torsion_by_bezier_patch_per_vertex(textured, progress=lambda done, total: calls.append((done, total)))
         done, total = calls[-1]
         assert done == total
-
-
-@pytest.mark.parametrize(
-    "name", ["bunny.obj", "bunny10k_textured.obj", "cow.obj", "bone.ply", "airplane.obj", "rangemaps/face000.ply"]
-)
-@pytest.mark.parametrize("function", FILTERS)
-def test_sample_meshes(name, function):
-    ms = load(name)
-    result = function(ms, color=True)
-    mesh = ms.current_mesh()
-    assert sum(result["status"].values()) == mesh.vertex_number()
-    assert np.isfinite(mesh.vertex_scalar_array()).all()
-    for attribute in result["attributes"]:
-        assert np.isfinite(array(ms, attribute)).all()
