@@ -71,7 +71,7 @@ def fit_adaptively(
     )
     choice = FitChoice(root.chosen.rings, root.chosen.degree, None, root.surface.sigma)
     # What the parts are told apart by, from the first fit: curvedness and residual.
-    features = np.column_stack([geometry.curvedness, geometry.residual])
+    features = np.column_stack([geometry.curvedness, geometry.residual])[mesh.origin]
     tree = grow(root, analyses, features, choices)
     if isinstance(tree, Leaf):
         return choice
@@ -82,7 +82,7 @@ def fit_adaptively(
         plan, there = leaf.chosen, plan_for(root.chosen, leaf.surface)
         if there is not None and there.error <= GOOD_ENOUGH * plan.error:
             plan = there
-            _rescale_errors(geometry, part, root.chosen, plan)
+            _rescale_errors(geometry, mesh.origin[part], root.chosen, plan)
         else:
             fit_with_fallbacks(
                 mesh,

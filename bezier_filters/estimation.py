@@ -25,6 +25,7 @@ from bezier_filters.parallel import Progress, thread_count
 from bezier_filters.plans import CANDIDATE_DEGREES, Choices
 from bezier_filters.point_cloud import point_cloud
 from bezier_filters.smoothness import Smoothness
+from bezier_filters.spatial_order import in_spatial_order
 from bezier_filters.status import FitStatus
 from bezier_filters.vertex_geometry import FitChoice, VertexGeometry
 
@@ -137,18 +138,21 @@ def estimate_vertex_geometry(
     fixed = None if alpha == "auto" else PatchFit(3 if degree == "auto" else degree, alpha, smoothness)
     if fixed is None:
         _check_choices(degree, smoothness)
-    ids = _selected_ids(selected, mesh.vertex_count)
+    mask = _selected_mask(selected, mesh.vertex_count)
     threads = thread_count(threads)
 
     announce_first_compilation(fit_in_lanes)
+    ordered = in_spatial_order(mesh, threads=threads)
+    mesh, order = ordered.mesh, ordered.order
     if mesh.face_count:
         adjacency = vertex_adjacency(mesh, threads=threads)
         planes = tangent_planes(mesh, adjacency, threads=threads)
         stops = crease_vertices(mesh, adjacency, planes, threads=threads) if fixed is None else None
     else:
-        adjacency, planes = point_cloud(mesh, outside, threads=threads)
+        adjacency, planes = point_cloud(mesh, None if outside is None else outside[order], threads=threads)
         stops = None
-    arrays = kernel_mesh(mesh, adjacency, planes, stops)
+    arrays = kernel_mesh(mesh, adjacency, planes, stops, order)
+    ids = np.flatnonzero(mask[order]).astype(np.int32)
     geometry = empty_geometry(mesh.vertex_count)
     degrees = CANDIDATE_DEGREES if degree == "auto" else (int(degree),)
     if radius is None:
@@ -167,9 +171,7 @@ def estimate_vertex_geometry(
             progress=progress,
         )
     if len(ids) < mesh.vertex_count:
-        others = np.ones(mesh.vertex_count, dtype=np.bool_)
-        others[ids] = False
-        _clear(geometry, others)
+        _clear(geometry, ~mask)
     return replace(geometry, fit=choice)
 
 
@@ -244,13 +246,13 @@ def _check_choices(degree: object, smoothness: object) -> None:
         )
 
 
-def _selected_ids(selected: BoolArray | None, n: int) -> IntArray:
+def _selected_mask(selected: BoolArray | None, n: int) -> BoolArray:
     if selected is None:
-        return np.arange(n, dtype=np.int32)
+        return np.ones(n, dtype=np.bool_)
     mask = np.asarray(selected)
     if mask.shape != (n,) or mask.dtype != np.bool_:
         raise InvalidParameterError(f"selected: got {mask.dtype} of shape {mask.shape}, expected bool of shape ({n},)")
-    return np.flatnonzero(mask).astype(np.int32)
+    return mask
 
 
 def empty_geometry(n: int) -> VertexGeometry:

@@ -177,7 +177,7 @@ def farthest_direction(
     The paper points the x axis to any projected neighbour, and what it fits depends on which.
     The farthest one follows from the geometry alone. Where several are equally far, as on
     regular meshes, the whole neighbourhood decides: see `_signature`. Those that tie in this,
-    too, see the same surroundings, and it does not matter which is taken.
+    too, see the same surroundings or their mirror image, and the one that comes first is taken.
 
     Parameters
     ----------

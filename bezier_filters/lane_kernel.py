@@ -98,7 +98,7 @@ def fit_in_lanes(
             point_to_farthest(work.points, capacity, work.counts, work.neighbours, work.total, work.frame)
         _project(fit.square, capacity, most, work)
         _fit_heights(fit, capacity, most, work)
-        write_block(fit, block, work, of_block, result, errors, residuals, rings_used)
+        write_block(fit, mesh.origin, block, work, of_block, result, errors, residuals, rings_used)
     return stop, 0
 
 

@@ -20,6 +20,7 @@ STANDARD_ERRORS, DISPLACEMENT = 14, 17
 @inner_njit()
 def write_block(
     fit: KernelFit,
+    origin: IntArray,
     block: IntArray,
     work: LaneWorkspace,
     outcomes: IntArray,
@@ -49,7 +50,7 @@ def write_block(
         if not work.sound[lane] > 0.0:
             outcomes[lane] = ILL_POSED
             continue
-        i = block[lane]
+        i = origin[block[lane]]
         _write(work.outputs, lane, has_third, i, result)
         residuals[i] = work.outputs[LANES * RESIDUAL + lane]
         rings_used[i] = work.rings[lane]

@@ -102,13 +102,22 @@ def sample_neighbourhoods(
 
 
 def _draw(normals: FloatArray, count: int, seed: int) -> IntArray:
-    """Up to `count` random vertices that have a normal."""
-    n, generator = len(normals), np.random.default_rng(seed)
-    ids = generator.choice(n, min(n, 2 * count), replace=False)
-    ids = ids[normals[ids].any(axis=1)]
-    if len(ids) < count:  # few have one
-        ids = generator.permutation(np.flatnonzero(normals.any(axis=1)))
-    return ids[:count].astype(np.int32)
+    """Up to `count` vertices that have a normal, in random order.
+
+    One is drawn from each of as many stretches of the mesh, so that in spatial order no region is missed.
+    """
+    generator = np.random.default_rng(seed)
+    ids = _one_per_stretch(len(normals), count, generator)
+    if not normals[ids].any(axis=1).all():
+        candidates: IntArray = np.flatnonzero(normals.any(axis=1)).astype(np.int32)
+        ids = candidates[_one_per_stretch(len(candidates), count, generator)]
+    return generator.permutation(ids)
+
+
+def _one_per_stretch(n: int, count: int, generator: np.random.Generator) -> IntArray:
+    """One of the numbers below n from each of `count` equal stretches, or all, if there are fewer."""
+    ends = np.linspace(0, n, min(n, count) + 1).astype(np.int32)
+    return generator.integers(ends[:-1], ends[1:], dtype=np.int32) if n else ends[:0]
 
 
 @lean_njit()

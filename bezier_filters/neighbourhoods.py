@@ -92,11 +92,11 @@ def next_ring(
         if stops[j] and a > 0:
             continue
         for q in range(indptr[j], indptr[j + 1]):
-            k = indices[q]
+            k = indices[np.uint32(q)]
             # Without a branch, as nobody can predict it: what was met before is written over.
-            members[count] = k
-            count += visited[k] != center
-            visited[k] = center
+            members[np.uint64(count)] = k
+            count += visited[np.uint32(k)] != center
+            visited[np.uint32(k)] = center
     return count
 
 

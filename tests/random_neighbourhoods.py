@@ -95,6 +95,7 @@ def fit_stars(drawn, plan):
         np.tile([0.0, 0.0, 1.0], (total, 1)),
         np.full(total, 2.0),
         np.zeros(total, dtype=np.bool_),
+        np.arange(total, dtype=np.int32),
     )
     geometry = empty_geometry(total)
     fit_with_fallbacks(mesh, centers, list(planned_chain([plan], plan)), geometry)

@@ -12,7 +12,7 @@ PACKAGE = Path(bezier_filters.__file__).parent
 LAYERS = """
 _version arrays errors status bernstein dense lean parallel compilation atomic color_range
 mesh polynomials smoothness patch differential_geometry jets vertex_geometry surfaces
-adjacency boundary fields harmonics
+adjacency boundary fields harmonics spatial_order
 neighbourhoods frames fitting uncertainty diagnosis ply_columns orientation lanes
 creases kernel_input lane_algebra
 lane_workspace lane_errors lane_frames lane_results local_frames vertex_patch field_files point_cloud
