@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from bezier_filters.arrays import IntArray
+from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.fallbacks import fit_with_fallbacks, planned_chain
 from bezier_filters.kernel_input import KernelMesh
 from bezier_filters.model_tree import Leaf, grow, leaf_numbers, leaves
@@ -70,12 +70,10 @@ def fit_adaptively(
         progress=_of_wanted(progress, len(ids)),
     )
     choice = FitChoice(root.chosen.rings, root.chosen.degree, None, root.surface.sigma)
-    # What the parts are told apart by, from the first fit: curvedness and residual.
-    features = np.column_stack([geometry.curvedness, geometry.residual])[mesh.origin]
-    tree = grow(root, analyses, features, choices)
+    tree = grow(root, analyses, lambda centers: _features(geometry, mesh.origin[centers]), choices)
     if isinstance(tree, Leaf):
         return choice
-    numbers = leaf_numbers(tree, features[ids])
+    numbers = leaf_numbers(tree, _features(geometry, mesh.origin[ids]))
     parts = []
     for number, leaf in enumerate(leaves(tree)):
         part = ids[numbers == number]
@@ -95,6 +93,11 @@ def fit_adaptively(
             )
         parts.append(FitPart(len(part), plan.rings, plan.degree, leaf.surface.sigma))
     return replace(choice, parts=tuple(parts))
+
+
+def _features(geometry: VertexGeometry, rows: IntArray) -> FloatArray:
+    """What the parts are told apart by, from the first fit: curvedness, but for a factor, and residual."""
+    return np.column_stack([np.hypot(geometry.k_min[rows], geometry.k_max[rows]), geometry.residual[rows]])
 
 
 def _rescale_errors(geometry: VertexGeometry, rows: IntArray, before: FitPlan, after: FitPlan) -> None:

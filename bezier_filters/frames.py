@@ -130,7 +130,7 @@ def folds(
 ) -> bool:
     """Whether a face at members[:count] folds or stands on edge when projected along (nx, ny, nz)."""
     for a in range(count):
-        j = members[a]
+        j = np.uint32(members[a])
         if normals[j, 0] * nx + normals[j, 1] * ny + normals[j, 2] * nz > safe_cosine[j]:
             continue
         for q in range(face_ptr[j], face_ptr[j + 1]):
@@ -149,7 +149,7 @@ def turned_share(normals: FloatArray, members: IntArray, count: int, nx: float, 
     """
     turned = 0
     for a in range(count):
-        j = members[a]
+        j = np.uint32(members[a])
         if normals[j, 0] * nx + normals[j, 1] * ny + normals[j, 2] * nz <= FOLD_COSINE:
             turned += 1
     return turned / max(count, 1)
@@ -160,7 +160,7 @@ def mean_normal(normals: FloatArray, members: IntArray, count: int) -> tuple[flo
     """Normalised mean of the normals of members[:count], zero if they cancel out."""
     x, y, z = 0.0, 0.0, 0.0
     for a in range(count):
-        j = members[a]
+        j = np.uint32(members[a])
         x, y, z = x + normals[j, 0], y + normals[j, 1], z + normals[j, 2]
     length = np.sqrt(x * x + y * y + z * z)
     if length < 1e-9:

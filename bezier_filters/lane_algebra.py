@@ -40,28 +40,55 @@ def add_moments(
     stride, count : int
         Lanes per row, and how many of them are summed.
     starts : (A + 1,) int32
-        Row a of the left one goes with rows 0 .. starts[a + 1] - starts[a] - 1 of the right one.
+        Row a of the left one goes with rows 0 .. starts[a + 1] - starts[a] - 1 of the right one; no a with
+        more of them than the a before.
     sums : lanes
         The sum for (a, b) is added to entry starts[a] + b; there are `GROUP` - 1 more.
     """
-    for a in range(starts.shape[0] - 1):
-        stop, row = starts[a + 1], a * stride
+    rows = starts.shape[0] - 1
+    for a in range(0, rows, 2):
+        stop = starts[a + 1]
+        stop_of_next = starts[min(a + 2, rows)]
+        row = a * stride
         for k in range(starts[a], stop, GROUP):
-            other = (k - starts[a]) * stride
+            other, next_k = (k - starts[a]) * stride, k - starts[a] + stop
             s0, s1, s2, s3 = load(sums, k), load(sums, k + 1), load(sums, k + 2), load(sums, k + 3)
-            for p in range(count):
-                factor = load(left, row + p)
-                s0 = multiply_add(factor, load(right, other + p), s0)
-                s1 = multiply_add(factor, load(right, other + stride + p), s1)
-                s2 = multiply_add(factor, load(right, other + 2 * stride + p), s2)
-                s3 = multiply_add(factor, load(right, other + 3 * stride + p), s3)
-            store(sums, k, s0)
-            if k + 1 < stop:
-                store(sums, k + 1, s1)
-            if k + 2 < stop:
-                store(sums, k + 2, s2)
-            if k + 3 < stop:
-                store(sums, k + 3, s3)
+            if next_k < stop_of_next:
+                t0, t1, t2, t3 = (
+                    load(sums, next_k),
+                    load(sums, next_k + 1),
+                    load(sums, next_k + 2),
+                    load(sums, next_k + 3),
+                )
+                for p in range(count):
+                    f, g = load(left, row + p), load(left, row + stride + p)
+                    x0, x1 = load(right, other + p), load(right, other + stride + p)
+                    x2, x3 = load(right, other + 2 * stride + p), load(right, other + 3 * stride + p)
+                    s0, t0 = multiply_add(f, x0, s0), multiply_add(g, x0, t0)
+                    s1, t1 = multiply_add(f, x1, s1), multiply_add(g, x1, t1)
+                    s2, t2 = multiply_add(f, x2, s2), multiply_add(g, x2, t2)
+                    s3, t3 = multiply_add(f, x3, s3), multiply_add(g, x3, t3)
+                _store_group(sums, next_k, stop_of_next, t0, t1, t2, t3)
+            else:
+                for p in range(count):
+                    f = load(left, row + p)
+                    s0 = multiply_add(f, load(right, other + p), s0)
+                    s1 = multiply_add(f, load(right, other + stride + p), s1)
+                    s2 = multiply_add(f, load(right, other + 2 * stride + p), s2)
+                    s3 = multiply_add(f, load(right, other + 3 * stride + p), s3)
+            _store_group(sums, k, stop, s0, s1, s2, s3)
+
+
+@inner_njit(inline="always")
+def _store_group(sums: FloatArray, k: int, stop: int, s0: Any, s1: Any, s2: Any, s3: Any) -> None:
+    """Write up to four sums to entries k .. stop-1."""
+    store(sums, k, s0)
+    if k + 1 < stop:
+        store(sums, k + 1, s1)
+    if k + 2 < stop:
+        store(sums, k + 2, s2)
+    if k + 3 < stop:
+        store(sums, k + 3, s3)
 
 
 @lean_njit()

@@ -149,7 +149,7 @@ def _gather(vertices: FloatArray, members: IntArray, count: int, lane: int, stri
     x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
     row = LANES * stride
     for p in range(count):
-        j, place = members[p], LANES * p + lane
+        j, place = np.uint32(members[p]), LANES * p + lane
         points[place] = vertices[j, 0] - x
         points[place + row] = vertices[j, 1] - y
         points[place + 2 * row] = vertices[j, 2] - z
