@@ -10,9 +10,12 @@ from bezier_filters.fallbacks import fit_with_fallbacks, planned_chain
 from bezier_filters.kernel_input import KernelMesh
 from bezier_filters.model_tree import Leaf, grow, leaf_numbers, leaves
 from bezier_filters.parallel import Progress
-from bezier_filters.plans import GOOD_ENOUGH, Choices, FitPlan, plan_for
+from bezier_filters.plans import Choices, FitPlan, plan_for
 from bezier_filters.ring_analysis import RingAnalysis
 from bezier_filters.vertex_geometry import FitChoice, FitPart, VertexGeometry
+
+GOOD_ENOUGH = 1.15
+"""A part keeps the first fit if its predicted error is within this factor of that of its own plan."""
 
 
 def fit_adaptively(

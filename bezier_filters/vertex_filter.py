@@ -14,7 +14,7 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.color_range import color_range
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
-from bezier_filters.estimation import Automatic, empty_geometry, estimate_vertex_geometry
+from bezier_filters.estimation import Automatic, estimate_vertex_geometry
 from bezier_filters.fields import PREFIX, ScalarField
 from bezier_filters.mesh_attributes import (
     check_finite,
@@ -37,7 +37,7 @@ from bezier_filters.meshset import (
 from bezier_filters.parallel import Progress
 from bezier_filters.smoothness import Smoothness
 from bezier_filters.status import FitStatus
-from bezier_filters.vertex_geometry import VertexGeometry
+from bezier_filters.vertex_geometry import VertexGeometry, empty_geometry
 
 Columns = dict[str, FloatArray]
 

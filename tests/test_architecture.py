@@ -28,6 +28,7 @@ model_tree
 learning
 fallbacks
 adaptive_fit ball_fit
+outliers
 estimation
 baselines
 laplacian volume flips vertex_update normal_filter
