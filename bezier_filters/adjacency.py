@@ -148,8 +148,8 @@ def _neighbours(
             a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
             after[q] = b if a == i else c if b == i else a
             before[q] = c if a == i else a if b == i else b
-        _sort(after, 0, count)
-        _sort(before, 0, count)
+        _sort(after, np.int64(0), count)
+        _sort(before, np.int64(0), count)
         if _are_distinct_and_equal(after, before, count):  # faces all around, seen from one side
             for q in range(count):
                 roomy[begin + q] = after[q]

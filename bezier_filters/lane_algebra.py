@@ -40,18 +40,15 @@ def add_moments(
     stride, count : int
         Lanes per row, and how many of them are summed.
     starts : (A + 1,) int32
-        Row a of the left one goes with rows 0 .. starts[a + 1] - starts[a] - 1 of the right one; no a with
-        more of them than the a before.
+        Row a of the left one goes with rows 0 .. starts[a + 1] - starts[a] - 1 of the right one.
     sums : lanes
         The sum for (a, b) is added to entry starts[a] + b; there are `GROUP` - 1 more.
     """
     rows = starts.shape[0] - 1
     for a in range(0, rows, 2):
-        stop = starts[a + 1]
-        stop_of_next = starts[min(a + 2, rows)]
-        row = a * stride
-        for k in range(starts[a], stop, GROUP):
-            other, next_k = (k - starts[a]) * stride, k - starts[a] + stop
+        row, stop, stop_of_next = a * stride, starts[a + 1], starts[min(a + 2, rows)]
+        for b in range(0, max(stop - starts[a], stop_of_next - stop), GROUP):
+            k, next_k, other = starts[a] + b, stop + b, b * stride
             s0, s1, s2, s3 = load(sums, k), load(sums, k + 1), load(sums, k + 2), load(sums, k + 3)
             if next_k < stop_of_next:
                 t0, t1, t2, t3 = (
@@ -79,10 +76,11 @@ def add_moments(
             _store_group(sums, k, stop, s0, s1, s2, s3)
 
 
-@inner_njit(inline="always")
+@inner_njit()
 def _store_group(sums: FloatArray, k: int, stop: int, s0: Any, s1: Any, s2: Any, s3: Any) -> None:
     """Write up to four sums to entries k .. stop-1."""
-    store(sums, k, s0)
+    if k < stop:
+        store(sums, k, s0)
     if k + 1 < stop:
         store(sums, k + 1, s1)
     if k + 2 < stop:
@@ -159,7 +157,7 @@ def factorise(matrix: FloatArray, rows: int, columns: int, smallest_pivot: float
     store(sound, 0, full_rank)
 
 
-@inner_njit(inline="always")
+@inner_njit()
 def _eliminate(matrix: FloatArray, place: int, s: Any, t: Any, scale_j: Any, across: Any, scale_l: Any) -> None:
     """Entries at `place` and after it become those of the factor, whose products with columns before are s and t."""
     x = (load(matrix, place) - s) * scale_j

@@ -258,11 +258,11 @@ def _sum_moments(fit: KernelFit, stride: int, count: int, work: LaneWorkspace) -
         for b in range(fit.highest_power // 2 + 1):
             for p in range(here):
                 store(work.lifted, b * CHUNK + p, load(work.right, b * CHUNK + p) * load(work.points, z + begin + p))
-        add_moments(work.left, work.right, CHUNK, here, fit.moment_starts, work.moments)
-        add_moments(work.left, work.lifted, CHUNK, here, fit.starts, work.heights)
+        add_moments(work.left, work.right, np.int64(CHUNK), here, fit.moment_starts, work.moments)
+        add_moments(work.left, work.lifted, np.int64(CHUNK), here, fit.starts, work.heights)
 
 
-@inner_njit(inline="always")
+@inner_njit()
 def _weight(fit: KernelFit, a: Any, b: Any, scale: Any) -> Any:
     """Lanes of the distance weights of points with parameters a, b on squares of `scale` per length."""
     ratio = spread(fit.weight_scale) * (a * a + b * b) / (scale * scale)

@@ -21,7 +21,8 @@ def inner_njit(**options: Any) -> Callable[[Function], Function]:
     """The same for functions that only compiled code calls.
 
     They become part of their callers, in the cache, too. An entry from Python for each of them would
-    take a quarter of the time of the first compilation.
+    take a quarter of the time of the first compilation. Callers give them `np.int64(0)`, not 0: functions are
+    compiled once more for every literal, and for other integers.
     """
     return _compiler(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)
 

@@ -141,7 +141,7 @@ def _project_sample(
         i = ids[row]
         members[0] = i
         visited[i] = i
-        inner, count, plane_count = 0, 1, 0
+        inner, count, plane_count = np.int64(0), np.int64(1), np.int64(0)
         open_ring = False
         for k in range(1, rings + 1):
             before, inner = inner, count

@@ -66,8 +66,7 @@ def collect_ring(
     """
     members[0] = center
     visited[center] = center
-    count = 1
-    inner = 0
+    inner, count = np.int64(0), np.int64(1)
     for _ in range(rings):
         start, inner = inner, count
         count = next_ring(indptr, indices, stops, center, start, count, visited, members)
