@@ -7,7 +7,7 @@ import numpy as np
 
 from bezier_filters.adjacency import Adjacency
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.lean import inner_njit, lean_njit
+from bezier_filters.lean import inner_njit, lean_njit, variable
 from bezier_filters.mesh import TriangleMesh
 from bezier_filters.parallel import RangeTask, run_in_chunks
 
@@ -134,7 +134,7 @@ def folds(
         if normals[j, 0] * nx + normals[j, 1] * ny + normals[j, 2] * nz > safe_cosine[j]:
             continue
         for q in range(face_ptr[j], face_ptr[j + 1]):
-            fx, fy, fz = unit_face_normal(vertices, faces, np.int64(face_indices[q]))
+            fx, fy, fz = unit_face_normal(vertices, faces, variable(face_indices[q]))
             if fx * nx + fy * ny + fz * nz <= FOLD_COSINE and (fx != 0.0 or fy != 0.0 or fz != 0.0):
                 return True
     return False

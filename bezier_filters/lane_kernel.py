@@ -24,7 +24,7 @@ from bezier_filters.lane_frames import point_to_farthest
 from bezier_filters.lane_results import write_block
 from bezier_filters.lane_workspace import CHUNK, LaneWorkspace, lane_workspace
 from bezier_filters.lanes import LANES, load, multiply_add, spread, square_root, store, where_greater
-from bezier_filters.lean import inner_njit, lean_njit
+from bezier_filters.lean import inner_njit, lean_njit, variable
 from bezier_filters.local_frames import write_axes, write_plane
 from bezier_filters.neighbourhoods import collect_ball, collect_ring
 from bezier_filters.parallel import RangeTask
@@ -258,8 +258,8 @@ def _sum_moments(fit: KernelFit, stride: int, count: int, work: LaneWorkspace) -
         for b in range(fit.highest_power // 2 + 1):
             for p in range(here):
                 store(work.lifted, b * CHUNK + p, load(work.right, b * CHUNK + p) * load(work.points, z + begin + p))
-        add_moments(work.left, work.right, np.int64(CHUNK), here, fit.moment_starts, work.moments)
-        add_moments(work.left, work.lifted, np.int64(CHUNK), here, fit.starts, work.heights)
+        add_moments(work.left, work.right, variable(CHUNK), here, fit.moment_starts, work.moments)
+        add_moments(work.left, work.lifted, variable(CHUNK), here, fit.starts, work.heights)
 
 
 @inner_njit()

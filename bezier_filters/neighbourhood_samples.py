@@ -8,7 +8,7 @@ from bezier_filters.adjacency import Adjacency
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.frames import farthest_direction, mean_normal, turned_share
 from bezier_filters.kernel_input import KernelMesh
-from bezier_filters.lean import inner_njit, lean_njit
+from bezier_filters.lean import inner_njit, lean_njit, variable
 from bezier_filters.neighbourhoods import next_ring
 from bezier_filters.parallel import RangeTask, run_in_chunks
 
@@ -141,7 +141,7 @@ def _project_sample(
         i = ids[row]
         members[0] = i
         visited[i] = i
-        inner, count, plane_count = np.int64(0), np.int64(1), np.int64(0)
+        inner, count, plane_count = variable(0), variable(1), variable(0)
         open_ring = False
         for k in range(1, rings + 1):
             before, inner = inner, count

@@ -6,7 +6,7 @@ from numba import njit
 from bezier_filters.adjacency import Adjacency, Rows
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.lean import inner_njit, lean_njit
+from bezier_filters.lean import inner_njit, lean_njit, variable
 
 
 def k_rings(adjacency: Adjacency, rings: int) -> Rows:
@@ -66,7 +66,7 @@ def collect_ring(
     """
     members[0] = center
     visited[center] = center
-    inner, count = np.int64(0), np.int64(1)
+    inner, count = variable(0), variable(1)
     for _ in range(rings):
         start, inner = inner, count
         count = next_ring(indptr, indices, stops, center, start, count, visited, members)
