@@ -5,7 +5,6 @@ With pytest-benchmark: `--benchmark-autosave` keeps a run, `--benchmark-compare`
 
 import numpy as np
 import pytest
-from speed import noisy, subdivided_bunny
 
 import bezier_filters as bf
 from bezier_filters.adjacency import vertex_adjacency
@@ -13,6 +12,7 @@ from bezier_filters.creases import crease_vertices
 from bezier_filters.frames import tangent_planes
 from bezier_filters.mesh import triangle_mesh
 from bezier_filters.spatial_order import in_spatial_order
+from speed import noisy, subdivided_bunny
 
 VERTICES, FACES = subdivided_bunny(1)
 MESH = in_spatial_order(triangle_mesh(VERTICES, FACES)).mesh

@@ -38,9 +38,10 @@ low_pass
 automatic_smoothing smoothing_result
 smoothing
 meshset
-mesh_attributes mesh_colors mesh_files
+mesh_attributes mesh_colors mesh_coordinates mesh_files
+vertex_output
 vertex_filter
-filters
+filters smoothing_filter
 registration
 rendering sheets
 render
