@@ -50,7 +50,10 @@ def write_coordinates(ms: MeshSet, vertices: FloatArray) -> None:
 
 @contextmanager
 def coordinates_restored_on_failure(ms: MeshSet) -> Iterator[None]:
-    """Put the coordinates back if the block fails or is interrupted."""
+    """Put the coordinates back if the block fails or is interrupted.
+
+    Face normals, which pymeshlab lets nobody set, are computed from them once more.
+    """
     vertices = np.array(current_mesh(ms).vertex_matrix(), dtype=np.float64, order="C")
     try:
         yield

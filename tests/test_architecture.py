@@ -45,7 +45,7 @@ filters smoothing_filter
 registration
 rendering sheets
 render
-pictures demo console
+pictures demo console cli_options
 cli
 __main__
 """
