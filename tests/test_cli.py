@@ -82,7 +82,7 @@ def test_smoothing(tmp_path):
     moves = after.current_mesh().vertex_matrix() - before.current_mesh().vertex_matrix()
     np.testing.assert_allclose(np.linalg.norm(moves, axis=1), displacement, atol=1e-6 * displacement.max())
     report = json.loads(run("smooth", source, target, "--method", "paper", "--json").stdout)
-    assert report["volume_ratio"] < 1.0
+    assert 0 < abs(report["volume_ratio"] - 1.0) < 0.05
 
 
 def test_formats_without_quality_are_written_with_a_note(tmp_path):
