@@ -5,6 +5,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.sparse import csr_array
 
 from bezier_filters.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.arrays import BoolArray, FloatArray
@@ -22,7 +23,7 @@ from bezier_filters.mesh import TriangleMesh, triangle_mesh
 from bezier_filters.parallel import Progress, thread_count
 from bezier_filters.plans import Choices
 from bezier_filters.smoothing_result import SmoothingResult
-from bezier_filters.volume import closed_parts, part_volumes, with_volumes
+from bezier_filters.volume import ClosedParts, closed_parts, part_volumes, with_volumes
 
 SmoothingMethod = Literal["auto", "paper"]
 SmoothedBorders = Literal["curve", "fixed"]
@@ -118,6 +119,7 @@ def smooth(
         movable = movable & ~adjacency.on_boundary
     announce_first_compilation(fit_in_lanes)
     noise_before = noise if noise is not None else noise_of(mesh, adjacency, threads=threads)
+    parts = closed_parts(mesh, adjacency)
     before = bad_faces(mesh, adjacency, threads=threads)
     points, sharpness = mesh.vertices, np.zeros(mesh.vertex_count)
     for k in range(iterations):
@@ -132,10 +134,10 @@ def smooth(
             points, sharpness = denoised.vertices, np.maximum(sharpness, denoised.sharpness)
         points = np.where(movable[:, np.newaxis], points, mesh.vertices)
     if method == "auto":
-        points = _finished(mesh, adjacency, points, before, movable, keep_volume is not False, threads)
+        points = _finished(mesh, adjacency, parts, points, before, movable, keep_volume is not False, threads)
     elif keep_volume:
-        points = _with_old_volumes(mesh, adjacency, points, movable)
-    return _result(mesh, adjacency, points, sharpness, noise_before, before, threads)
+        points = _with_old_volumes(mesh, adjacency, parts, points, movable)
+    return _result(mesh, adjacency, parts, points, sharpness, noise_before, before, threads)
 
 
 def noise_of(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> float | None:
@@ -165,6 +167,7 @@ def _onto_patches(mesh: TriangleMesh, rings: int, alpha: float, threads: int, pr
 def _finished(
     mesh: TriangleMesh,
     adjacency: Adjacency,
+    parts: ClosedParts,
     points: FloatArray,
     before: BadFaces,
     movable: BoolArray,
@@ -173,24 +176,29 @@ def _finished(
 ) -> FloatArray:
     """The smoothed vertices with their old volumes and no new bad faces."""
     if keep_volume:
-        points = _with_old_volumes(mesh, adjacency, points, movable)
+        points = _with_old_volumes(mesh, adjacency, parts, points, movable)
     return without_new_flips(mesh, adjacency, points, before, threads=threads)
 
 
-def _with_old_volumes(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray, movable: BoolArray) -> FloatArray:
-    parts = closed_parts(mesh)
+def _with_old_volumes(
+    mesh: TriangleMesh, adjacency: Adjacency, parts: ClosedParts, points: FloatArray, movable: BoolArray
+) -> FloatArray:
     if not parts.count:
         return points
-    squares = np.square(points - mesh.vertices).sum(axis=1)
-    start, end = np.repeat(np.arange(len(points)), adjacency.vertices.lengths), adjacency.vertices.indices
-    around = np.bincount(start, weights=squares[end], minlength=len(points)) + squares
-    amounts = np.sqrt(around / (adjacency.vertices.lengths + 1.0)) * movable
+    rows = adjacency.vertices
+    neighbours = csr_array(
+        (np.ones(len(rows.indices), np.float32), rows.indices, rows.indptr), shape=2 * (len(points),)
+    )
+    moves = points - mesh.vertices
+    squares = np.einsum("ij,ij->i", moves, moves)
+    amounts = np.sqrt((neighbours @ squares + squares) / (rows.lengths + 1.0)) * movable
     return with_volumes(TriangleMesh(points, mesh.faces), parts, part_volumes(mesh, parts), amounts)
 
 
 def _result(
     mesh: TriangleMesh,
     adjacency: Adjacency,
+    parts: ClosedParts,
     points: FloatArray,
     sharpness: FloatArray,
     noise_before: float | None,
@@ -199,7 +207,6 @@ def _result(
 ) -> SmoothingResult:
     smoothed = TriangleMesh(points, mesh.faces)
     after = bad_faces(smoothed, adjacency, threads=threads)
-    parts = closed_parts(mesh)
     volumes = [float(part_volumes(m, parts).sum()) if parts.count else None for m in (mesh, smoothed)]
     return SmoothingResult(
         vertices=points,
