@@ -16,7 +16,7 @@ from bezier_filters.frames import tangent_planes
 from bezier_filters.laplacian import Borders, Laplacian, cotangent_laplacian, umbrella_laplacian
 from bezier_filters.mesh import TriangleMesh
 from bezier_filters.mesh_parts import SampledParts
-from bezier_filters.scale_space import STRENGTHS, filtered, filtered_evenly, series
+from bezier_filters.scale_space import STRENGTHS, Signals, filtered, filtered_evenly, series
 from bezier_filters.stein import Estimates, local_risks, local_shares
 
 POWERS = (0.0, 0.5, 1.0)
@@ -66,18 +66,18 @@ class LowPass:
     normals: FloatArray
     residuals: SingleArray
 
-    def smoothed(self, signals: FloatArray, *, threads: int = 1) -> FloatArray:
+    def smoothed(self, signals: Signals, *, threads: int = 1) -> Signals:
         """Signals (n, c) after the filter."""
         return filtered(self.laplacian, signals, self.strengths, self.shares, threads=threads)
 
-    def slightly_less_smoothed(self, signals: FloatArray, *, threads: int = 1) -> FloatArray:
+    def slightly_less_smoothed(self, signals: Signals, *, threads: int = 1) -> Signals:
         """Signals (n, c) after the next weaker filters, for where another one follows that takes off noise, too."""
         weaker = np.roll(self.shares, -1, axis=1)
         weaker[:, -1] = 0.0
         weaker[:, 0] += self.shares[:, 0]
         return filtered(self.laplacian, signals, self.strengths, weaker, threads=threads)
 
-    def weakly_smoothed(self, signals: FloatArray, *, threads: int = 1) -> FloatArray:
+    def weakly_smoothed(self, signals: Signals, *, threads: int = 1) -> Signals:
         """Signals (n, c) with just enough noise taken off for another filter to know them by."""
         return filtered_evenly(self.umbrella, signals, self.weak_strength, threads=threads)
 

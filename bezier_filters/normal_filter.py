@@ -21,8 +21,9 @@ from bezier_filters.parallel import RangeTask, run_in_chunks
 
 SMALLEST_VARIANCE = 1e-12
 """Of a normal, radians^2: below that everything agrees only with itself."""
-FARTHEST = 9.0
-"""Exponent beyond which a neighbour counts nothing."""
+SQUARINGS = 5
+POWER = 2**SQUARINGS
+"""Weights are (1 - x / power)^power, nearly exp(-x) and soon computed."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ class NoisyNormals:
         return self.both[:, 4:7]
 
 
-def noisy_normals(mesh: TriangleMesh, probe: TriangleMesh, noise: FloatArray, *, threads: int = 1) -> NoisyNormals:
+def noisy_normals(mesh: TriangleMesh, probe: TriangleMesh, noise: SingleArray, *, threads: int = 1) -> NoisyNormals:
     """Normals of two meshes, and how samples of the noise of vertices (n, k, 3) turn the first ones, to first order."""
     m = mesh.face_count
     both, samples = np.zeros((m, 8), dtype=np.float32), np.zeros((m, noise.shape[1], 3), dtype=np.float32)
@@ -95,7 +96,7 @@ def filter_normals(
     >>> from bezier_filters.mesh import triangle_mesh
     >>> from bezier_filters.surfaces import block_with_sharp_edges
     >>> block = triangle_mesh(*block_with_sharp_edges(resolution=6))
-    >>> start = noisy_normals(block, block, 1e-3 * np.ones((block.vertex_count, 2, 3)))
+    >>> start = noisy_normals(block, block, np.full((block.vertex_count, 2, 3), 1e-3, np.float32))
     >>> end = filter_normals(start, vertex_adjacency(block).faces, 5, 2.0)
     >>> bool(np.allclose(start.normals, end.normals, atol=1e-6))
     True
@@ -109,7 +110,10 @@ def _filtered_once(state: NoisyNormals, faces_at: Rows, tolerance: float, thread
     _write_variances(state, faces_at, tolerance, threads)
     result = replace(state, both=np.zeros_like(state.both), samples=np.zeros_like(state.samples))
 
+    most = 1 + 3 * int(faces_at.lengths.max(initial=0))
+
     def make_task() -> RangeTask:
+        around, weights = np.empty(most, dtype=np.int32), np.empty((most, 2), dtype=np.float32)
         return lambda start, stop: _filter(
             state.mesh.faces,
             faces_at.indptr,
@@ -118,6 +122,8 @@ def _filtered_once(state: NoisyNormals, faces_at: Rows, tolerance: float, thread
             state.samples,
             start,
             stop,
+            around,
+            weights,
             result.both,
             result.samples,
         )
@@ -181,7 +187,7 @@ def _write_normals(
     vertices: FloatArray,
     moved: FloatArray,
     faces: IntArray,
-    noise: FloatArray,
+    noise: SingleArray,
     start: int,
     stop: int,
     both: SingleArray,
@@ -223,43 +229,51 @@ def _filter(
     samples: SingleArray,
     start: int,
     stop: int,
+    around: IntArray,
+    weights: SingleArray,
     new_both: SingleArray,
     new_samples: SingleArray,
 ) -> None:
-    """Write the means of faces start .. stop-1 with the faces that share a vertex with them."""
-    count = samples.shape[1]
+    """Write the means of faces start .. stop-1 with the faces that share a vertex with them.
+
+    Work space for the faces around one and their weights, by the normals of both meshes.
+    """
     for f in range(start, stop):
-        own = both[f, 3]
-        new_both[f, 3] = own
-        for c in range(3):
-            new_both[f, c], new_both[f, 4 + c] = own * both[f, c], own * both[f, 4 + c]
-            for k in range(count):
-                new_samples[f, k, c] = own * samples[f, k, c]
+        around[0], weights[0, 0], weights[0, 1], count = f, both[f, 3], both[f, 3], 1
+        new_both[f, 3] = both[f, 3]
         for corner in range(3):
             i = faces[f, corner]
             for q in range(face_ptr[i], face_ptr[i + 1]):
                 g = face_indices[q]
-                if g == f or _met_before(faces, f, corner, g):
-                    continue
-                weight = _weight(both, f, g, 0)
-                if weight > np.float32(0.0):
-                    for c in range(3):
-                        new_both[f, c] += weight * both[g, c]
-                        for k in range(count):
-                            new_samples[f, k, c] += weight * samples[g, k, c]
-                weight = _weight(both, f, g, 4)
-                for c in range(4, 7):
-                    new_both[f, c] += weight * both[g, c]
+                if g != f and not _met_before(faces, f, corner, g):
+                    around[count] = g
+                    weights[count, 0] = _weight(both, f, g, 0)
+                    weights[count, 1] = _weight(both, f, g, 4)
+                    count += 1
+        for first in range(0, 5, 4):
+            x = y = z = np.float32(0.0)
+            for q in range(count):
+                g, weight = around[q], weights[q, first // 4]
+                x += weight * both[g, first]
+                y += weight * both[g, first + 1]
+                z += weight * both[g, first + 2]
+            new_both[f, first], new_both[f, first + 1], new_both[f, first + 2] = x, y, z
         _normalise(new_both, f, 4)
         length = _normalise(new_both, f, 0)
         if length == np.float32(0.0):
             continue
-        x, y, z = new_both[f, 0], new_both[f, 1], new_both[f, 2]
-        for k in range(count):
-            along = new_samples[f, k, 0] * x + new_samples[f, k, 1] * y + new_samples[f, k, 2] * z
-            new_samples[f, k, 0] = (new_samples[f, k, 0] - along * x) / length
-            new_samples[f, k, 1] = (new_samples[f, k, 1] - along * y) / length
-            new_samples[f, k, 2] = (new_samples[f, k, 2] - along * z) / length
+        nx, ny, nz = new_both[f, 0], new_both[f, 1], new_both[f, 2]
+        for k in range(samples.shape[1]):
+            x = y = z = np.float32(0.0)
+            for q in range(count):
+                g, weight = around[q], weights[q, 0]
+                x += weight * samples[g, k, 0]
+                y += weight * samples[g, k, 1]
+                z += weight * samples[g, k, 2]
+            along = x * nx + y * ny + z * nz
+            new_samples[f, k, 0] = (x - along * nx) / length
+            new_samples[f, k, 1] = (y - along * ny) / length
+            new_samples[f, k, 2] = (z - along * nz) / length
 
 
 @inner_njit()
@@ -271,10 +285,10 @@ def _weight(both: SingleArray, f: int, g: int, first: int) -> np.float32:
         both[f, first + 2] - both[g, first + 2],
     )
     exponent = np.float32(0.5) * (dx * dx + dy * dy + dz * dz) / (both[f, 7] + both[g, 7])
-    if exponent > np.float32(FARTHEST):
-        return np.float32(0.0)
-    result: np.float32 = both[g, 3] * np.exp(-exponent)
-    return result
+    result = max(np.float32(1.0) - exponent / np.float32(POWER), np.float32(0.0))
+    for _ in range(SQUARINGS):
+        result *= result
+    return np.float32(both[g, 3] * result)
 
 
 @inner_njit()

@@ -5,9 +5,11 @@ The filter of strength s is 1 / (1 + s L^4) of a Laplacian L: x minimises, for a
 neighbours, and the steps are the same for all strengths.
 """
 
+from typing import TypeVar
+
 import numpy as np
 
-from bezier_filters.arrays import FloatArray, SingleArray
+from bezier_filters.arrays import FloatArray, RealArray, SingleArray
 from bezier_filters.chebyshev import add_mixtures, coefficients, differences, groups_of_signals
 from bezier_filters.laplacian import Laplacian
 
@@ -16,6 +18,8 @@ STRENGTHS: FloatArray = np.concatenate([[0.0], 10.0 ** np.arange(-1.0, 6.1, 0.5)
 ORDER = 4
 TERMS = 14.0
 """Of a series, times the square root of half the range of the eigenvalues over the end of the pass band."""
+
+Signals = TypeVar("Signals", FloatArray, SingleArray)
 
 
 def series(strengths: FloatArray, bound: float) -> FloatArray:
@@ -43,14 +47,14 @@ def diffused(laplacian: Laplacian, signals: FloatArray, time: float, *, threads:
 
 
 def filtered(
-    laplacian: Laplacian, signals: FloatArray, strengths: FloatArray, shares: SingleArray, *, threads: int = 1
-) -> FloatArray:
+    laplacian: Laplacian, signals: Signals, strengths: FloatArray, shares: SingleArray, *, threads: int = 1
+) -> Signals:
     """Signals (n, c) filtered by mixtures of filters that differ from vertex to vertex.
 
     Parameters
     ----------
     laplacian : Laplacian
-    signals : (n, c) float64
+    signals : (n, c) float64 or float32
     strengths : (s,) float64
         Of the filters.
     shares : (n, s) float32
@@ -60,23 +64,21 @@ def filtered(
 
     Returns
     -------
-    (n, c) float64
+    (n, c), as the signals
     """
     return _filtered(laplacian, signals, series(strengths, laplacian.bound), shares, threads)
 
 
-def filtered_evenly(laplacian: Laplacian, signals: FloatArray, strength: float, *, threads: int = 1) -> FloatArray:
+def filtered_evenly(laplacian: Laplacian, signals: Signals, strength: float, *, threads: int = 1) -> Signals:
     """Signals (n, c) after one filter for all vertices."""
     return filtered(laplacian, signals, np.array([strength]), _everywhere(signals), threads=threads)
 
 
-def _everywhere(signals: FloatArray) -> SingleArray:
+def _everywhere(signals: RealArray) -> SingleArray:
     return np.ones((len(signals), 1), dtype=np.float32)
 
 
-def _filtered(
-    laplacian: Laplacian, signals: FloatArray, rows: FloatArray, shares: SingleArray, threads: int
-) -> FloatArray:
+def _filtered(laplacian: Laplacian, signals: Signals, rows: FloatArray, shares: SingleArray, threads: int) -> Signals:
     result = signals.copy()
     for columns, group in groups_of_signals(signals):
         start = differences(laplacian, group, threads=threads)

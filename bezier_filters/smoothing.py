@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
 from bezier_filters.adjacency import Adjacency, vertex_adjacency
-from bezier_filters.arrays import BoolArray, FloatArray
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.automatic_smoothing import denoise
 from bezier_filters.compilation import announce_first_compilation
 from bezier_filters.creases import crease_vertices
@@ -18,9 +18,10 @@ from bezier_filters.flips import BadFaces, bad_faces, without_new_flips
 from bezier_filters.frames import tangent_planes
 from bezier_filters.kernel_input import kernel_mesh
 from bezier_filters.lane_kernel import fit_in_lanes
+from bezier_filters.lean import lean_njit
 from bezier_filters.learning import learn_surface
 from bezier_filters.mesh import TriangleMesh, triangle_mesh
-from bezier_filters.parallel import Progress, thread_count
+from bezier_filters.parallel import Progress, RangeTask, run_in_chunks, thread_count
 from bezier_filters.plans import Choices
 from bezier_filters.smoothing_result import SmoothingResult
 from bezier_filters.volume import ClosedParts, closed_parts, part_volumes, with_volumes
@@ -129,7 +130,7 @@ def smooth(
             points = _onto_patches(current, rings, alpha, threads, report)
         else:
             sigma = noise_before if k == 0 else noise_of(current, adjacency, threads=threads)
-            unit = mean_edge(current, adjacency)
+            unit = mean_edge(current, adjacency, threads=threads)
             denoised = denoise(current, adjacency, sigma or 0.0, unit, borders, threads=threads, progress=report)
             points, sharpness = denoised.vertices, np.maximum(sharpness, denoised.sharpness)
         points = np.where(movable[:, np.newaxis], points, mesh.vertices)
@@ -148,11 +149,28 @@ def noise_of(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> f
     return None if leaf is None else leaf.surface.sigma
 
 
-def mean_edge(mesh: TriangleMesh, adjacency: Adjacency) -> float:
+def mean_edge(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> float:
     """Mean length of the edges; 0 if there are none."""
-    start = np.repeat(np.arange(mesh.vertex_count), adjacency.vertices.lengths)
-    edges = mesh.vertices[adjacency.vertices.indices] - mesh.vertices[start]
-    return float(np.linalg.norm(edges, axis=1).mean()) if len(edges) else 0.0
+    rows = adjacency.vertices
+    lengths = np.zeros(mesh.vertex_count)
+
+    def make_task() -> RangeTask:
+        return lambda start, stop: _sum_lengths(mesh.vertices, rows.indptr, rows.indices, start, stop, lengths)
+
+    run_in_chunks(make_task, mesh.vertex_count, threads=threads)
+    return float(lengths.sum()) / max(len(rows.indices), 1)
+
+
+@lean_njit()
+def _sum_lengths(
+    vertices: FloatArray, ptr: IntArray, indices: IntArray, start: int, stop: int, lengths: FloatArray
+) -> None:
+    """Write the sum of the lengths of the edges at vertices start .. stop-1."""
+    for i in range(start, stop):
+        for q in range(ptr[i], ptr[i + 1]):
+            j = indices[q]
+            x, y, z = vertices[j, 0] - vertices[i, 0], vertices[j, 1] - vertices[i, 1], vertices[j, 2] - vertices[i, 2]
+            lengths[i] += np.sqrt(x * x + y * y + z * z)
 
 
 def _onto_patches(mesh: TriangleMesh, rings: int, alpha: float, threads: int, progress: Progress | None) -> FloatArray:

@@ -6,7 +6,7 @@ vertices follow. In between are fewer rounds.
 """
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from bezier_filters.arrays import FloatArray, SingleArray
 from bezier_filters.low_pass import LowPass
 from bezier_filters.mesh import TriangleMesh
 from bezier_filters.normal_filter import NoisyNormals, filter_normals, noisy_normals
+from bezier_filters.scale_space import Signals
 from bezier_filters.vertex_update import move_to_normals
 
 SMOOTH, GENTLE = 0, 1
@@ -41,6 +42,13 @@ class Estimate(NamedTuple):
     """Heights of the measured vertices over it, times the standard deviation of the noise, (n,)."""
     leverages: SingleArray
     """How far it follows each vertex, (n,)."""
+
+
+class Smoother(Protocol):
+    """A method of `LowPass`."""
+
+    def __call__(self, signals: Signals, *, threads: int = 1) -> Signals:
+        """Signals (n, c) after the filter."""
 
 
 def smooth_estimate(mesh: TriangleMesh, low_pass: LowPass, *, threads: int = 1) -> Estimate:
@@ -78,8 +86,6 @@ def sharper_estimates(
         Number of threads.
     """
     normals, signs = low_pass.normals, _signs(mesh.vertex_count)
-    probe = (PROBE * levels * signs)[:, np.newaxis] * normals
-    signals = np.hstack([mesh.vertices, probe, _noise(normals, levels)])
 
     def estimate(kind: int, state: NoisyNormals) -> Estimate:
         movable = ~adjacency.on_boundary  # those at borders stay
@@ -92,12 +98,12 @@ def sharper_estimates(
         return Estimate(kind, *(x.astype(np.float32) for x in (moved, residuals, leverages)))
 
     if GENTLE in kinds:
-        gentle = _start(mesh, low_pass.slightly_less_smoothed(signals, threads=threads), threads)
+        gentle = _start(mesh, low_pass.slightly_less_smoothed, normals, levels, threads)
         yield estimate(GENTLE, filter_normals(gentle, adjacency.faces, 1, GENTLE_TOLERANCE, threads=threads))
         del gentle
     if max(kinds, default=SMOOTH) <= GENTLE:
         return
-    sharp = _start(mesh, low_pass.weakly_smoothed(signals, threads=threads), threads)
+    sharp = _start(mesh, low_pass.weakly_smoothed, normals, levels, threads)
     done = 0
     for kind, rounds in enumerate(SHARP_ROUNDS[: max(kinds) - GENTLE], start=GENTLE + 1):
         sharp = filter_normals(sharp, adjacency.faces, rounds - done, SHARP_TOLERANCE, threads=threads)
@@ -109,17 +115,18 @@ def _signs(n: int) -> FloatArray:
     return np.random.default_rng(1).choice(np.array([-1.0, 1.0]), n)
 
 
-def _noise(normals: FloatArray, levels: FloatArray) -> FloatArray:
-    """Samples of the noise, (n, 3 k)."""
-    n = len(normals)
+def _start(mesh: TriangleMesh, smooth: Smoother, normals: FloatArray, levels: FloatArray, threads: int) -> NoisyNormals:
+    """Normals of the filtered vertices, without and with the probing steps, and what samples of the noise do to them.
+
+    The first sample is that of the probe.
+    """
+    n = mesh.vertex_count
     count = int(np.clip(FEWEST_SAMPLED // n, 2, 6))
-    heights = np.random.default_rng(2).standard_normal((n, count)) * levels[:, np.newaxis]
-    result: FloatArray = (heights[:, :, np.newaxis] * normals[:, np.newaxis]).reshape(n, -1)
-    return result
-
-
-def _start(mesh: TriangleMesh, signals: FloatArray, threads: int) -> NoisyNormals:
-    """Normals of the filtered vertices, without and with the probing steps."""
-    points, probed = signals[:, :3].copy(), signals[:, :3] + signals[:, 3:6]
-    noise = signals[:, 6:].reshape(len(signals), -1, 3)
-    return noisy_normals(TriangleMesh(points, mesh.faces), TriangleMesh(probed, mesh.faces), noise, threads=threads)
+    heights = np.random.default_rng(2).standard_normal((n, count), dtype=np.float32)
+    heights[:, 0] = _signs(n)
+    heights *= levels.astype(np.float32)[:, np.newaxis]
+    vectors: SingleArray = heights[:, :, np.newaxis] * normals.astype(np.float32)[:, np.newaxis]
+    noise = smooth(vectors.reshape(n, -1), threads=threads).reshape(n, count, 3)
+    points = smooth(mesh.vertices, threads=threads)
+    probe = TriangleMesh(points + PROBE * noise[:, 0], mesh.faces)
+    return noisy_normals(TriangleMesh(points, mesh.faces), probe, noise, threads=threads)
