@@ -79,7 +79,7 @@ def filter_normals(
     Parameters
     ----------
     state : NoisyNormals
-        From `noisy_normals` or an earlier call.
+        From `noisy_normals` or an earlier call; its arrays are overwritten.
     faces_at : Rows
         Faces at each vertex.
     rounds : int
@@ -97,39 +97,27 @@ def filter_normals(
     >>> from bezier_filters.surfaces import block_with_sharp_edges
     >>> block = triangle_mesh(*block_with_sharp_edges(resolution=6))
     >>> start = noisy_normals(block, block, np.full((block.vertex_count, 2, 3), 1e-3, np.float32))
+    >>> before = start.normals.copy()
     >>> end = filter_normals(start, vertex_adjacency(block).faces, 5, 2.0)
-    >>> bool(np.allclose(start.normals, end.normals, atol=1e-6))
+    >>> bool(np.allclose(before, end.normals, atol=1e-6))
     True
     """
-    for _ in range(rounds):
-        state = _filtered_once(state, faces_at, tolerance, threads)
-    return state
-
-
-def _filtered_once(state: NoisyNormals, faces_at: Rows, tolerance: float, threads: int) -> NoisyNormals:
-    _write_variances(state, faces_at, tolerance, threads)
-    result = replace(state, both=np.zeros_like(state.both), samples=np.zeros_like(state.samples))
-
+    rows = faces_at.indptr, faces_at.indices
     most = 1 + 3 * int(faces_at.lengths.max(initial=0))
+    result = replace(state, both=np.zeros_like(state.both), samples=np.zeros_like(state.samples))
+    for _ in range(rounds):
+        _write_variances(state, faces_at, tolerance, threads)
+        old, new = state, result
 
-    def make_task() -> RangeTask:
-        around, weights = np.empty(most, dtype=np.int32), np.empty((most, 2), dtype=np.float32)
-        return lambda start, stop: _filter(
-            state.mesh.faces,
-            faces_at.indptr,
-            faces_at.indices,
-            state.both,
-            state.samples,
-            start,
-            stop,
-            around,
-            weights,
-            result.both,
-            result.samples,
-        )
+        def make_task(old: NoisyNormals = old, new: NoisyNormals = new) -> RangeTask:
+            around, weights = np.empty(most, dtype=np.int32), np.empty((most, 2), dtype=np.float32)
+            return lambda start, stop: _filter(
+                old.mesh.faces, *rows, old.both, old.samples, start, stop, around, weights, new.both, new.samples
+            )
 
-    run_in_chunks(make_task, state.mesh.face_count, threads=threads)
-    return result
+        run_in_chunks(make_task, state.mesh.face_count, threads=threads)
+        state, result = result, state
+    return state
 
 
 def _write_variances(state: NoisyNormals, faces_at: Rows, tolerance: float, threads: int) -> None:
@@ -261,6 +249,7 @@ def _filter(
         _normalise(new_both, f, 4)
         length = _normalise(new_both, f, 0)
         if length == np.float32(0.0):
+            new_samples[f] = np.float32(0.0)
             continue
         nx, ny, nz = new_both[f, 0], new_both[f, 1], new_both[f, 2]
         for k in range(samples.shape[1]):
