@@ -26,8 +26,9 @@ SMALLEST_NOISE = 1e-4
 """Times the mean edge: below that there is nothing to take off."""
 GAIN = 3e-4
 """Times sigma^2: mean decrease of the risk around a vertex below which a further estimate is left out."""
-ROUGH, SELDOM = 1.5, 1e-3
-"""Squared residuals so many times as large as usual are no chance if more than that share of the surface has them."""
+ROUGH, SELDOM = 0.25, 1e-3
+"""Times sigma^2: risks so much larger than usual, about five standard errors of a mean over 700 vertices, are no chance
+if more than that share of the surface has them."""
 SHARPNESS = np.array([0.0, 0.0, 0.33, 0.67, 1.0])
 """Of the kinds of estimates, as reported."""
 STEPS = 6
@@ -108,9 +109,10 @@ def denoise(
 
 
 def _is_rough_somewhere(low_pass: LowPass, clusters: Clusters, threads: int) -> bool:
-    """Whether the low-pass filter leaves much larger residuals in some places than usual, as at edges."""
-    squares = clusters.diffused(clusters.means(np.square(low_pass.residuals)[:, np.newaxis]), WIDTH, threads=threads)
-    return float(np.quantile(squares, 1.0 - SELDOM)) > ROUGH * float(np.median(squares))
+    """Whether the low-pass filter does much worse in some places than usual, as at edges."""
+    terms = np.square(low_pass.residuals) + 2.0 * low_pass.leverages
+    risks = clusters.diffused(clusters.means(terms[:, np.newaxis]), WIDTH, threads=threads)
+    return float(np.quantile(risks, 1.0 - SELDOM) - np.median(risks)) > ROUGH
 
 
 def _worthwhile(

@@ -29,6 +29,8 @@ RARE = 1e-3
 """Mean share of a strength up to which it is left out if it is stronger than all others that are not."""
 WEAKER = 2
 """Steps of the strength by which a filter that another one follows is weaker."""
+ENOUGH = 10_000.0
+"""Strength of a filter whose normals need no stronger one."""
 FEW = 20_000
 """Vertices; on smaller meshes, leverages are averaged over more probes."""
 
@@ -54,8 +56,8 @@ class LowPass:
         That suits the mesh as a whole if another filter follows.
     normals : (n, 3) float64
         Of the smooth surface at the vertices.
-    residuals : (n,) float32
-        Of the mixture, see `Estimates`.
+    residuals, leverages : (n,) float32
+        Of the mixture, see `Estimates`; the leverages by the probes that chose it.
     """
 
     umbrella: Laplacian
@@ -65,6 +67,7 @@ class LowPass:
     weak_strength: float
     normals: FloatArray
     residuals: SingleArray
+    leverages: SingleArray
 
     def smoothed(self, signals: Signals, *, threads: int = 1) -> Signals:
         """Signals (n, c) after the filter."""
@@ -188,8 +191,10 @@ def fit_low_pass(
     shares = local_shares(local_risks(estimates, clusters, threads=threads), clusters, threads=threads)
     used = int(np.flatnonzero(shares.mean(axis=0, dtype=np.float64) > RARE)[-1]) + 1
     shares = shares[:, :used] / shares[:, :used].sum(axis=1, keepdims=True)
-    residuals = np.einsum("ns,ns->n", shares, estimates.residuals[:, :used])
-    return LowPass(umbrella, laplacian, choice.near[:used], shares, choice.weak, normals, residuals)
+    residuals, leverages = (
+        np.einsum("ns,ns->n", shares, values[:, :used]) for values in (estimates.residuals, estimates.leverages)
+    )
+    return LowPass(umbrella, laplacian, choice.near[:used], shares, choice.weak, normals, residuals, leverages)
 
 
 def _smooth_shape(
@@ -199,7 +204,7 @@ def _smooth_shape(
 
     Without the steps along the surface, which would give the triangles other angles.
     """
-    strength = float(STRENGTHS[max(best - WEAKER, 0)])
+    strength = min(float(STRENGTHS[max(best - WEAKER, 0)]), ENOUGH)
     smooth = filtered_evenly(umbrella, mesh.vertices, strength, threads=threads)
     normals = tangent_planes(TriangleMesh(smooth, mesh.faces), adjacency, threads=threads).normals
     heights = np.einsum("ij,ij->i", smooth - mesh.vertices, normals)
