@@ -4,7 +4,7 @@ MESH ?=
 OUT ?= out
 SOURCES := pyproject.toml
 
-.PHONY: help demo test test-slow check bench clean
+.PHONY: help demo test test-slow check bench bench-kernels clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
@@ -29,6 +29,10 @@ bench: .venv-dev/bench-ready  ## accuracy, stability and speed next to MeshLab a
 	.venv-dev/bin/python benchmarks/red_blood_cell.py
 	.venv-dev/bin/python benchmarks/uneven_shape.py
 	.venv-dev/bin/python benchmarks/speed.py
+
+bench-kernels: .venv-dev/bench-ready  ## times of the stages, next to the last run of this target
+	.venv-dev/bin/python -m pytest -q -W default benchmarks/bench_kernels.py --benchmark-autosave --benchmark-compare \
+	    --benchmark-columns=min,median --benchmark-sort=name
 
 clean:  ## remove environments, caches and outputs
 	rm -rf .venv .venv-dev out build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,4 +1,4 @@
-"""Speed and memory of the curvature estimate next to MeshLab's, libigl's and VTK's, in one run.
+"""Speed and memory of the curvature estimate next to MeshLab's, libigl's, VTK's and CGAL's, in one run.
 
 The mesh is the bunny that pymeshlab ships, Loop-subdivided. Every contender runs in a process of its
 own: once on the smallest mesh to load its code, then as often as is said on the mesh in question, of
@@ -9,6 +9,7 @@ first call, less what the call returned.
 
 import argparse
 import csv
+import ctypes
 import json
 import os
 import subprocess
@@ -29,6 +30,8 @@ LEVELS = (0, 2, 3, 4)
 NOISE = 0.05
 """Of the mean edge, for the noisy contender."""
 REPETITIONS = {0: 7, 2: 5, 3: 2, 4: 2}
+SLOW_LEVELS = (0, 2)
+"""For contenders that take more than ten times as long as the others."""
 
 Call = Callable[[], object]
 MESHLAB = "MeshLab, quadric fitting (filter)"
@@ -84,10 +87,35 @@ def vtk_discrete(vertices: np.ndarray, faces: np.ndarray) -> Call:
     return lambda: surface.curvature("mean")
 
 
+def cgal_jets(degree: int) -> Callable[[np.ndarray, np.ndarray], Call]:
+    """CGAL's jets, compiled here; needs a C++ compiler and the headers of CGAL and Eigen."""
+
+    def prepare(vertices: np.ndarray, faces: np.ndarray) -> Call:
+        library = Path(tempfile.mkdtemp()) / "cgal_jets.so"
+        flags = ["-O3", "-march=native", "-DNDEBUG", "-shared", "-fPIC", "-I/usr/include/eigen3"]
+        source = str(Path(__file__).parent / "cgal_jets.cpp")
+        subprocess.run(["g++", *flags, source, "-o", str(library), "-lgmp", "-lmpfr"], check=True)
+        function = ctypes.CDLL(str(library)).principal_curvatures
+        array, number = ctypes.c_void_p, ctypes.c_long
+        function.argtypes = array, number, array, number, number, array
+        points, triangles = np.ascontiguousarray(vertices), np.ascontiguousarray(faces, dtype=np.int32)
+
+        def call() -> tuple[np.ndarray]:
+            result = np.empty((len(points), 2))
+            function(points.ctypes.data, len(points), triangles.ctypes.data, len(triangles), degree, result.ctypes.data)
+            return (result,)
+
+        return call
+
+    return prepare
+
+
 CONTENDERS: dict[str, Callable[[np.ndarray, np.ndarray], Call]] = {
     MESHLAB: meshlab_filter,
     "libigl, quadric, radius 2": libigl,
     "VTK, discrete mean curvature": vtk_discrete,
+    "CGAL, jets of degree 3, 2 rings": cgal_jets(3),
+    "CGAL, jets of degree 4, 2 rings": cgal_jets(4),
     "2 rings, degree 3, 1 thread": estimate(1, rings=2, alpha=0.8),
     "2 rings, degree 3, 2 threads": estimate(2, rings=2, alpha=0.8),
     "paper, 2 threads": estimate(2, smoothness="paper"),
@@ -149,7 +177,7 @@ def plot(rows: list[dict[str, object]], path: Path) -> None:
     for name in CONTENDERS:
         of_name = [row for row in rows if row["contender"] == name]
         if of_name and "1 thread" not in name:
-            style = ":" if name.startswith(("MeshLab", "libigl", "VTK")) else "--" if "filter" in name else "-"
+            style = ":" if name.startswith(("MeshLab", "libigl", "VTK", "CGAL")) else "--" if "filter" in name else "-"
             axes.loglog(
                 [row["vertices"] for row in of_name],
                 [1e6 * row["seconds"] / row["vertices"] for row in of_name],
@@ -181,6 +209,8 @@ def main() -> None:
         for level in options.levels:
             meshlab = None
             for name in CONTENDERS:
+                if name.startswith("CGAL") and level not in SLOW_LEVELS:
+                    continue
                 command = [sys.executable, __file__, "--measure", name, folder, str(level)]
                 done = subprocess.run(command, capture_output=True, text=True, env=os.environ, check=False)
                 if done.returncode:

@@ -31,6 +31,7 @@ from .registration import register as register
 from .render import Panel as Panel
 from .render import render_panels as render_panels
 from .smoothing import smooth as smooth
+from .smoothing_filter import apply_coord_bezier_patch_smoothing as apply_coord_bezier_patch_smoothing
 from .smoothing_result import SmoothingResult as SmoothingResult
 from .status import FitStatus as FitStatus
 from .vertex_geometry import VertexGeometry as VertexGeometry

@@ -5,14 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from bezier_filters.arrays import IntArray
+from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.fallbacks import fit_with_fallbacks, planned_chain
 from bezier_filters.kernel_input import KernelMesh
 from bezier_filters.model_tree import Leaf, grow, leaf_numbers, leaves
 from bezier_filters.parallel import Progress
-from bezier_filters.plans import GOOD_ENOUGH, Choices, FitPlan, plan_for
+from bezier_filters.plans import Choices, FitPlan, plan_for
 from bezier_filters.ring_analysis import RingAnalysis
 from bezier_filters.vertex_geometry import FitChoice, FitPart, VertexGeometry
+
+GOOD_ENOUGH = 1.15
+"""A part keeps the first fit if its predicted error is within this factor of that of its own plan."""
 
 
 def fit_adaptively(
@@ -70,19 +73,17 @@ def fit_adaptively(
         progress=_of_wanted(progress, len(ids)),
     )
     choice = FitChoice(root.chosen.rings, root.chosen.degree, None, root.surface.sigma)
-    # What the parts are told apart by, from the first fit: curvedness and residual.
-    features = np.column_stack([geometry.curvedness, geometry.residual])
-    tree = grow(root, analyses, features, choices)
+    tree = grow(root, analyses, lambda centers: _features(geometry, mesh.origin[centers]), choices)
     if isinstance(tree, Leaf):
         return choice
-    numbers = leaf_numbers(tree, features[ids])
+    numbers = leaf_numbers(tree, _features(geometry, mesh.origin[ids]))
     parts = []
     for number, leaf in enumerate(leaves(tree)):
         part = ids[numbers == number]
         plan, there = leaf.chosen, plan_for(root.chosen, leaf.surface)
         if there is not None and there.error <= GOOD_ENOUGH * plan.error:
             plan = there
-            _rescale_errors(geometry, part, root.chosen, plan)
+            _rescale_errors(geometry, mesh.origin[part], root.chosen, plan)
         else:
             fit_with_fallbacks(
                 mesh,
@@ -95,6 +96,11 @@ def fit_adaptively(
             )
         parts.append(FitPart(len(part), plan.rings, plan.degree, leaf.surface.sigma))
     return replace(choice, parts=tuple(parts))
+
+
+def _features(geometry: VertexGeometry, rows: IntArray) -> FloatArray:
+    """What the parts are told apart by, from the first fit: curvedness, but for a factor, and residual."""
+    return np.column_stack([np.hypot(geometry.k_min[rows], geometry.k_max[rows]), geometry.residual[rows]])
 
 
 def _rescale_errors(geometry: VertexGeometry, rows: IntArray, before: FitPlan, after: FitPlan) -> None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, IntArray
-from bezier_filters.lean import inner_njit, lean_njit
+from bezier_filters.lean import inner_njit, lean_njit, variable
 from bezier_filters.mesh import TriangleMesh
 from bezier_filters.parallel import RangeTask, run_in_chunks
 
@@ -148,8 +148,8 @@ def _neighbours(
             a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
             after[q] = b if a == i else c if b == i else a
             before[q] = c if a == i else a if b == i else b
-        _sort(after, 0, count)
-        _sort(before, 0, count)
+        _sort(after, variable(0), count)
+        _sort(before, variable(0), count)
         if _are_distinct_and_equal(after, before, count):  # faces all around, seen from one side
             for q in range(count):
                 roomy[begin + q] = after[q]

@@ -8,11 +8,28 @@ import typer
 
 from bezier_filters import console
 from bezier_filters._version import __version__
+from bezier_filters.cli_options import (
+    Alpha,
+    Color,
+    ColorMapName,
+    Degree,
+    Json,
+    Percentile,
+    Quiet,
+    Radius,
+    Rings,
+    Robust,
+    SmoothnessName,
+    Source,
+    Target,
+    Threads,
+    length,
+)
 
 EPILOG = "Every command explains itself: bezier-filters COMMAND --help"
 app = typer.Typer(
     name="bezier-filters",
-    help="Normals, curvature and torsion of meshes and point clouds by third-order Bezier patches, for MeshLab.",
+    help="Curvature, normals, torsion and smoothing of meshes by third-order Bezier patches, for MeshLab.",
     epilog=EPILOG,
     no_args_is_help=True,
     add_completion=True,
@@ -20,65 +37,6 @@ app = typer.Typer(
     rich_markup_mode="markdown",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-
-Source = Annotated[
-    Path, typer.Argument(help="Mesh or point cloud to read: any format that pymeshlab reads.", metavar="INPUT")
-]
-Target = Annotated[
-    Path, typer.Argument(help="Mesh to write. PLY keeps quality, colour and all fields.", metavar="OUTPUT")
-]
-
-
-def _auto_or(kind: type) -> Callable[[str], Any]:
-    """Parser of an option that is a number or 'auto'."""
-
-    def parse(text: str) -> Any:
-        try:
-            return text if text == "auto" else kind(text)
-        except ValueError:
-            raise typer.BadParameter(f"got {text!r}, expected a number or auto") from None
-
-    return parse
-
-
-def _number_option(kind: type, text: str) -> Any:
-    return typer.Option(help=text, parser=_auto_or(kind), metavar="NUMBER|auto")
-
-
-def _length(text: str) -> Any:
-    """Parse an option that is a length, or a percentage of the diagonal of the bounding box."""
-    try:
-        if not text.endswith("%"):
-            return float(text)
-        percentage = float(text.removesuffix("%"))
-    except ValueError:
-        percentage = -1.0
-    if not 0.0 < percentage <= 100.0:
-        raise typer.BadParameter(f"got {text!r}, expected a length such as 0.5, or a percentage such as 2%")
-    from bezier_filters.meshset import PercentageValue
-
-    return PercentageValue(percentage)
-
-
-Rings = Annotated[Any, _number_option(int, "Size of the fitted neighbourhood in edges; auto lets the data choose.")]
-Radius = Annotated[
-    Any,
-    typer.Option(
-        help="Size of the neighbourhood as a length, instead of rings; with % of the diagonal of the bounding box.",
-        parser=_length,
-        metavar="LENGTH|PERCENT%",
-    ),
-]
-Alpha = Annotated[Any, _number_option(float, "Weight of the points against smoothness, in (0, 1].")]
-Degree = Annotated[Any, _number_option(int, "Degree of the patch, 2 to 4, or 2 to 6 if alpha is auto.")]
-SmoothnessName = Annotated[str, typer.Option(help="third_order (consistent) or paper (the method to the letter).")]
-Robust = Annotated[bool, typer.Option("--robust/--no-robust", help="Take weight from points far off their patch.")]
-Color = Annotated[bool, typer.Option("--color/--no-color", help="Colour the vertices by the quality.")]
-ColorMapName = Annotated[str, typer.Option(help="Colour map of pymeshlab: Turbo, RGB, Viridis, French RGB, ...")]
-Percentile = Annotated[float, typer.Option(help="Percentage of values clipped at each end of the colours.")]
-Threads = Annotated[int | None, typer.Option(help="Number of threads; all cores by default.", min=1)]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
-Json = Annotated[bool, typer.Option("--json", help="Print the report as JSON.")]
 
 
 def _print_version(wanted: bool) -> None:
@@ -203,6 +161,59 @@ def torsion(
     )
 
 
+@app.command(epilog="Example: bezier-filters smooth scan.ply clean.ply")
+def smooth(
+    source: Source,
+    target: Target,
+    method: Annotated[str, typer.Option(help="auto (learns what to do from the mesh) or paper.")] = "auto",
+    iterations: Annotated[int, typer.Option(help="How often to smooth; with auto once is enough.", min=1)] = 1,
+    noise: Annotated[
+        Any,
+        typer.Option(
+            help="Standard deviation of the noise; learned if left out. With % of the diagonal of the bounding box.",
+            parser=length,
+            metavar="LENGTH|PERCENT%",
+        ),
+    ] = None,
+    borders: Annotated[str, typer.Option(help="curve (smoothed along the border) or fixed.")] = "curve",
+    keep_volume: Annotated[
+        bool | None, typer.Option("--keep-volume/--no-keep-volume", help="Keep what closed parts enclose.")
+    ] = None,
+    rings: Annotated[int, typer.Option(help="Size of the neighbourhoods in edges; for the paper's method.")] = 2,
+    alpha: Annotated[float, typer.Option(help="Weight of the points, in (0, 1]; for the paper's method.")] = 0.8,
+    quality: Annotated[
+        str | None, typer.Option(help="Quality to set: displacement or sharpness; the old one stays if left out.")
+    ] = None,
+    color: Annotated[
+        bool, typer.Option("--color/--no-color", help="Colour the vertices by the quality; needs one.")
+    ] = False,
+    colormap: ColorMapName = "Turbo",
+    percentile: Percentile = 2.0,
+    threads: Threads = None,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Take the noise off a mesh and keep its shape, its volume and its edges."""
+    from bezier_filters.smoothing_filter import SMOOTHING_FIELDS, apply_coord_bezier_patch_smoothing
+
+    options = {"method": method, "iterations": iterations, "noise": noise, "borders": borders}
+    colors = {"color": color, "colormap": colormap, "percentile": percentile}
+    _filter_file(
+        apply_coord_bezier_patch_smoothing,
+        source,
+        target,
+        options
+        | colors
+        | {"keepvolume": keep_volume, "rings": rings, "alpha": alpha, "quality": quality, "threads": threads},
+        label=SMOOTHING_FIELDS[quality].label if quality in SMOOTHING_FIELDS else "",
+        verb="smoothing",
+        show=console.print_smoothing,
+        needs_quality=quality is not None,
+        quiet=quiet,
+        json=json,
+    )
+
+
 @app.command(epilog="Example: bezier-filters render curved.ply curved.png --view front --view back")
 def render(
     source: Source,
@@ -278,22 +289,25 @@ def _filter_file(
     label: str,
     quiet: bool,
     json: bool,
+    verb: str = "fitting",
+    show: Callable[[dict[str, Any], str], None] = console.print_status,
+    needs_quality: bool = True,
 ) -> None:
     """Load, filter, save and report."""
     from bezier_filters.mesh_files import format_support, load_mesh, save_mesh
 
     support = format_support(target)
     ms = load_mesh(source)
-    with console.progress_bar(f"fitting {source.name}", quiet=quiet or json) as progress:
+    with console.progress_bar(f"{verb} {source.name}", quiet=quiet or json) as progress:
         report = run(ms, progress=progress, **options)
     save_mesh(ms, target)
     if json:
         console.print_json({"input": str(source), "output": str(target), **report})
     elif not quiet:
-        console.print_status(report, str(source))
+        show(report, str(source))
         console.print_statistics(report, label)
         console.print_written(report, str(target))
-    if not support.quality:
+    if needs_quality and not support.quality:
         console.err.print(
             f"note: {target.suffix} files hold no quality and no bz_* columns; write a PLY file to keep them"
         )

@@ -17,4 +17,4 @@ def announce_first_compilation(kernel: Any) -> None:
         return
     cache = Path(kernel.stats.cache_path)
     if not any(cache.glob(f"*{kernel.py_func.__name__}*.nbi")):
-        logger.warning("compiling the numerical kernels; this takes about fifteen seconds, once per installation")
+        logger.warning("compiling the numerical kernels; this takes about ten seconds, once per installation")

@@ -53,6 +53,26 @@ def print_status(report: dict[str, Any], source: str) -> None:
         out.print(f"  {count:>9,}  {FitStatus[name].message} ({name})")
 
 
+def print_smoothing(report: dict[str, Any], source: str) -> None:
+    """Say what smoothing did to a mesh."""
+
+    def edges(length: float | None) -> str:
+        return "unknown" if length is None else f"{length / report['mean_edge']:.3g}"
+
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 2))
+    table.add_row(
+        "noise", f"{edges(report['noise_before'])} before, {edges(report['noise_after'])} after \\[mean edges]"
+    )
+    moved = ", ".join(f"{name} {edges(value)}" for name, value in report["displacement"].items())
+    table.add_row("displacement", f"{moved} \\[mean edges]; {report['moved']:,} vertices moved")
+    if report["volume_ratio"] is not None:
+        table.add_row("volume", f"{report['volume_ratio']:.6f} times as before")
+    for kind in ("flipped", "degenerate"):
+        table.add_row(f"{kind} faces", f"{report[f'{kind}_before']:,} before, {report[f'{kind}_after']:,} after")
+    out.print(f"[bold]{escape(source)}[/]")
+    out.print(table)
+
+
 def print_statistics(report: dict[str, Any], label: str) -> None:
     """Say what the values of a quality are."""
     if report["statistics"]:

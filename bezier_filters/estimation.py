@@ -21,12 +21,14 @@ from bezier_filters.kernel_input import KernelMesh, kernel_mesh
 from bezier_filters.lane_kernel import fit_in_lanes
 from bezier_filters.learning import learn_surface
 from bezier_filters.mesh import TriangleMesh, triangle_mesh
+from bezier_filters.outliers import without_outliers
 from bezier_filters.parallel import Progress, thread_count
 from bezier_filters.plans import CANDIDATE_DEGREES, Choices
 from bezier_filters.point_cloud import point_cloud
 from bezier_filters.smoothness import Smoothness
+from bezier_filters.spatial_order import in_spatial_order
 from bezier_filters.status import FitStatus
-from bezier_filters.vertex_geometry import FitChoice, VertexGeometry
+from bezier_filters.vertex_geometry import FitChoice, VertexGeometry, empty_geometry
 
 Automatic = Literal["auto"]
 
@@ -137,18 +139,21 @@ def estimate_vertex_geometry(
     fixed = None if alpha == "auto" else PatchFit(3 if degree == "auto" else degree, alpha, smoothness)
     if fixed is None:
         _check_choices(degree, smoothness)
-    ids = _selected_ids(selected, mesh.vertex_count)
+    mask = _selected_mask(selected, mesh.vertex_count)
     threads = thread_count(threads)
 
     announce_first_compilation(fit_in_lanes)
+    ordered = in_spatial_order(mesh, threads=threads)
+    mesh, order = ordered.mesh, ordered.order
     if mesh.face_count:
         adjacency = vertex_adjacency(mesh, threads=threads)
         planes = tangent_planes(mesh, adjacency, threads=threads)
         stops = crease_vertices(mesh, adjacency, planes, threads=threads) if fixed is None else None
     else:
-        adjacency, planes = point_cloud(mesh, outside, threads=threads)
+        adjacency, planes = point_cloud(mesh, None if outside is None else outside[order], threads=threads)
         stops = None
-    arrays = kernel_mesh(mesh, adjacency, planes, stops)
+    arrays = kernel_mesh(mesh, adjacency, planes, stops, order)
+    ids = np.flatnonzero(mask[order]).astype(np.int32)
     geometry = empty_geometry(mesh.vertex_count)
     degrees = CANDIDATE_DEGREES if degree == "auto" else (int(degree),)
     if radius is None:
@@ -167,9 +172,7 @@ def estimate_vertex_geometry(
             progress=progress,
         )
     if len(ids) < mesh.vertex_count:
-        others = np.ones(mesh.vertex_count, dtype=np.bool_)
-        others[ids] = False
-        _clear(geometry, others)
+        _clear(geometry, ~mask)
     return replace(geometry, fit=choice)
 
 
@@ -189,7 +192,8 @@ def _fit(
     root, sigma = None, None
     if fixed is None or rings == "auto":
         choices = Choices(None if rings == "auto" else rings, degrees)
-        analyses, root = learn_surface(arrays, adjacency, choices, threads=threads)
+        learned_from = without_outliers(arrays, threads=threads) if robust else arrays
+        analyses, root = learn_surface(learned_from, adjacency, choices, threads=threads)
     if root is not None:
         sigma = root.surface.sigma
         if fixed is None:
@@ -244,40 +248,13 @@ def _check_choices(degree: object, smoothness: object) -> None:
         )
 
 
-def _selected_ids(selected: BoolArray | None, n: int) -> IntArray:
+def _selected_mask(selected: BoolArray | None, n: int) -> BoolArray:
     if selected is None:
-        return np.arange(n, dtype=np.int32)
+        return np.ones(n, dtype=np.bool_)
     mask = np.asarray(selected)
     if mask.shape != (n,) or mask.dtype != np.bool_:
         raise InvalidParameterError(f"selected: got {mask.dtype} of shape {mask.shape}, expected bool of shape ({n},)")
-    return np.flatnonzero(mask).astype(np.int32)
-
-
-def empty_geometry(n: int) -> VertexGeometry:
-    """Geometry of n vertices that nothing is known of: zeros and `FitStatus.SKIPPED`.
-
-    The numbers lie in one block of memory, which the system hands out in large pages: to get it in
-    small ones takes a tenth of the time of a fit.
-    """
-    block = np.zeros((4 * 3 + 8) * n)
-    vectors, scalars = block[: 4 * 3 * n].reshape(4, n, 3), block[4 * 3 * n :].reshape(8, n)
-    return VertexGeometry(
-        normals=vectors[0],
-        k_min=scalars[0],
-        k_max=scalars[1],
-        direction_min=vectors[1],
-        direction_max=vectors[2],
-        extremality_min=scalars[2],
-        extremality_max=scalars[3],
-        displacements=vectors[3],
-        residual=scalars[4],
-        normal_std=scalars[5],
-        mean_curvature_std=scalars[6],
-        gaussian_curvature_std=scalars[7],
-        rings_used=np.zeros(n, dtype=np.int32),
-        status=np.full(n, FitStatus.SKIPPED, dtype=np.int32),
-        fit=FitChoice(0, 0, None, None),
-    )
+    return mask
 
 
 def _clear(geometry: VertexGeometry, rows: BoolArray) -> None:

@@ -149,7 +149,7 @@ def fit_with_fallbacks(
     threads: int = 1,
     progress: Progress | None = None,
 ) -> None:
-    """Run the attempts on the vertices `ids` and write what they give into `geometry`.
+    """Run the attempts on the vertices `ids` and write what they give into `geometry`, in rows ``mesh.origin[ids]``.
 
     A vertex that no attempt fits keeps the normal of its faces or nearest points, and zero curvature.
     If robust, points far off a fit lose their weight, except in the last resorts, which have too few to tell.
@@ -157,7 +157,7 @@ def fit_with_fallbacks(
     if not len(mesh.faces):
         attempts = [without_faces(attempt) for attempt in attempts]
     has_normal = np.einsum("ij,ij->i", mesh.normals, mesh.normals)[ids] > 0.0
-    geometry.status[ids[~has_normal]] = FitStatus.ISOLATED
+    geometry.status[mesh.origin[ids[~has_normal]]] = FitStatus.ISOLATED
     unsettled = ids[has_normal]
     outcomes = np.full(len(unsettled), FITTED, dtype=np.int32)
     tried = 0
@@ -169,12 +169,12 @@ def fit_with_fallbacks(
         outcomes[concerned] = _run(attempt, mesh, unsettled[concerned], geometry, robust, threads, report)
         tried = len(ids)
         fitted = concerned & (outcomes == FITTED)
-        geometry.status[unsettled[fitted]] = attempt.status
+        geometry.status[mesh.origin[unsettled[fitted]]] = attempt.status
         unsettled, outcomes = unsettled[~fitted], outcomes[~fitted]
         if not len(unsettled):
             return
-    geometry.normals[unsettled] = mesh.normals[unsettled]
-    geometry.status[unsettled] = FitStatus.NORMAL_ONLY
+    geometry.normals[mesh.origin[unsettled]] = mesh.normals[unsettled]
+    geometry.status[mesh.origin[unsettled]] = FitStatus.NORMAL_ONLY
 
 
 def _run(

@@ -23,8 +23,9 @@ from bezier_filters.meshset import Length, MeshSet
 from bezier_filters.parallel import Progress
 from bezier_filters.smoothness import Smoothness
 from bezier_filters.status import FitStatus
-from bezier_filters.vertex_filter import Columns, FitOptions, Output, VertexFilter, choose_field, run_filter
+from bezier_filters.vertex_filter import FitOptions, VertexFilter, run_vertex_filter
 from bezier_filters.vertex_geometry import VertexGeometry
+from bezier_filters.vertex_output import Columns, Output, choose_field
 
 _ANGLE = ScalarField("angle", "normal_angle", "angle to the previous normal", "degrees", signed=False)
 NORMAL_FIELDS = {
@@ -129,7 +130,7 @@ def compute_normal_by_bezier_patch_per_vertex(
     >>> bool(abs(ms.current_mesh().vertex_normal_matrix() - ms.current_mesh().vertex_matrix()).max() < 1e-3)
     True
     """
-    return run_filter(
+    return run_vertex_filter(
         ms,
         VertexFilter(_normal_columns, FitStatus.NORMAL_ONLY, sets_normals=True),
         FitOptions(rings, radius, alpha, degree, smoothness, robust, threads, progress),
@@ -235,7 +236,7 @@ def compute_curvature_by_bezier_patch_per_vertex(
     >>> bool(abs(ms.current_mesh().vertex_scalar_array() - 0.5).max() < 0.01)
     True
     """
-    return run_filter(
+    return run_vertex_filter(
         ms,
         VertexFilter(_curvature_columns, FitStatus.FOLDED),
         FitOptions(rings, radius, alpha, degree, smoothness, robust, threads, progress),
@@ -332,7 +333,7 @@ def compute_torsion_by_bezier_patch_per_vertex(
     >>> bool(abs(result["statistics"]["max"] - 0.75) < 0.02)  # inner equator: (1 - (-1/2)) / 2
     True
     """
-    return run_filter(
+    return run_vertex_filter(
         ms,
         VertexFilter(_torsion_columns, FitStatus.FOLDED),
         FitOptions(rings, radius, alpha, degree, smoothness, robust, threads, progress),

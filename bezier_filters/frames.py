@@ -7,7 +7,7 @@ import numpy as np
 
 from bezier_filters.adjacency import Adjacency
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.lean import inner_njit, lean_njit
+from bezier_filters.lean import inner_njit, lean_njit, variable
 from bezier_filters.mesh import TriangleMesh
 from bezier_filters.parallel import RangeTask, run_in_chunks
 
@@ -130,11 +130,11 @@ def folds(
 ) -> bool:
     """Whether a face at members[:count] folds or stands on edge when projected along (nx, ny, nz)."""
     for a in range(count):
-        j = members[a]
+        j = np.uint32(members[a])
         if normals[j, 0] * nx + normals[j, 1] * ny + normals[j, 2] * nz > safe_cosine[j]:
             continue
         for q in range(face_ptr[j], face_ptr[j + 1]):
-            fx, fy, fz = unit_face_normal(vertices, faces, face_indices[q])
+            fx, fy, fz = unit_face_normal(vertices, faces, variable(face_indices[q]))
             if fx * nx + fy * ny + fz * nz <= FOLD_COSINE and (fx != 0.0 or fy != 0.0 or fz != 0.0):
                 return True
     return False
@@ -149,7 +149,7 @@ def turned_share(normals: FloatArray, members: IntArray, count: int, nx: float, 
     """
     turned = 0
     for a in range(count):
-        j = members[a]
+        j = np.uint32(members[a])
         if normals[j, 0] * nx + normals[j, 1] * ny + normals[j, 2] * nz <= FOLD_COSINE:
             turned += 1
     return turned / max(count, 1)
@@ -160,7 +160,7 @@ def mean_normal(normals: FloatArray, members: IntArray, count: int) -> tuple[flo
     """Normalised mean of the normals of members[:count], zero if they cancel out."""
     x, y, z = 0.0, 0.0, 0.0
     for a in range(count):
-        j = members[a]
+        j = np.uint32(members[a])
         x, y, z = x + normals[j, 0], y + normals[j, 1], z + normals[j, 2]
     length = np.sqrt(x * x + y * y + z * z)
     if length < 1e-9:
@@ -177,7 +177,7 @@ def farthest_direction(
     The paper points the x axis to any projected neighbour, and what it fits depends on which.
     The farthest one follows from the geometry alone. Where several are equally far, as on
     regular meshes, the whole neighbourhood decides: see `_signature`. Those that tie in this,
-    too, see the same surroundings, and it does not matter which is taken.
+    too, see the same surroundings or their mirror image, and the one that comes first is taken.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ OUTCOMES = (FITTED, NO_FRAME, ILL_POSED, FOLDED)
 
 
 class KernelMesh(NamedTuple):
-    """The arrays of a mesh that the kernels read."""
+    """The arrays of a mesh that the kernels read, in an order of their own."""
 
     vertices: FloatArray
     faces: IntArray
@@ -32,12 +32,17 @@ class KernelMesh(NamedTuple):
     normals: FloatArray
     safe_cosine: FloatArray
     stops: BoolArray  # where neighbourhoods end: see `collect_ring`
+    origin: IntArray  # row of each vertex in the results
 
 
 def kernel_mesh(
-    mesh: TriangleMesh, adjacency: Adjacency, planes: TangentPlanes, stops: BoolArray | None = None
+    mesh: TriangleMesh,
+    adjacency: Adjacency,
+    planes: TangentPlanes,
+    stops: BoolArray | None = None,
+    origin: IntArray | None = None,
 ) -> KernelMesh:
-    """Collect the arrays for the kernels."""
+    """Collect the arrays for the kernels; without `origin`, vertices are in the order of the results."""
     return KernelMesh(
         mesh.vertices,
         mesh.faces,
@@ -48,6 +53,7 @@ def kernel_mesh(
         planes.normals,
         planes.safe_cosine,
         np.zeros(mesh.vertex_count, dtype=np.bool_) if stops is None else stops,
+        np.arange(mesh.vertex_count, dtype=np.int32) if origin is None else origin,
     )
 
 

@@ -4,11 +4,13 @@ Arrays are flat arrays of lanes (see `lanes`); a table with rows of `stride` lan
 at k stride + p. Four sums go side by side wherever possible: one alone waits for its own last result.
 """
 
+from typing import Any
+
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.lanes import load, multiply_add, spread, square_root, store, where_greater
-from bezier_filters.lean import lean_njit
+from bezier_filters.lean import inner_njit, lean_njit
 
 GROUP = 4
 """Sums side by side. Tables have this many rows, or points, more than are asked for."""
@@ -42,24 +44,49 @@ def add_moments(
     sums : lanes
         The sum for (a, b) is added to entry starts[a] + b; there are `GROUP` - 1 more.
     """
-    for a in range(starts.shape[0] - 1):
-        stop, row = starts[a + 1], a * stride
-        for k in range(starts[a], stop, GROUP):
-            other = (k - starts[a]) * stride
+    rows = starts.shape[0] - 1
+    for a in range(0, rows, 2):
+        row, stop, stop_of_next = a * stride, starts[a + 1], starts[min(a + 2, rows)]
+        for b in range(0, max(stop - starts[a], stop_of_next - stop), GROUP):
+            k, next_k, other = starts[a] + b, stop + b, b * stride
             s0, s1, s2, s3 = load(sums, k), load(sums, k + 1), load(sums, k + 2), load(sums, k + 3)
-            for p in range(count):
-                factor = load(left, row + p)
-                s0 = multiply_add(factor, load(right, other + p), s0)
-                s1 = multiply_add(factor, load(right, other + stride + p), s1)
-                s2 = multiply_add(factor, load(right, other + 2 * stride + p), s2)
-                s3 = multiply_add(factor, load(right, other + 3 * stride + p), s3)
-            store(sums, k, s0)
-            if k + 1 < stop:
-                store(sums, k + 1, s1)
-            if k + 2 < stop:
-                store(sums, k + 2, s2)
-            if k + 3 < stop:
-                store(sums, k + 3, s3)
+            if next_k < stop_of_next:
+                t0, t1, t2, t3 = (
+                    load(sums, next_k),
+                    load(sums, next_k + 1),
+                    load(sums, next_k + 2),
+                    load(sums, next_k + 3),
+                )
+                for p in range(count):
+                    f, g = load(left, row + p), load(left, row + stride + p)
+                    x0, x1 = load(right, other + p), load(right, other + stride + p)
+                    x2, x3 = load(right, other + 2 * stride + p), load(right, other + 3 * stride + p)
+                    s0, t0 = multiply_add(f, x0, s0), multiply_add(g, x0, t0)
+                    s1, t1 = multiply_add(f, x1, s1), multiply_add(g, x1, t1)
+                    s2, t2 = multiply_add(f, x2, s2), multiply_add(g, x2, t2)
+                    s3, t3 = multiply_add(f, x3, s3), multiply_add(g, x3, t3)
+                _store_group(sums, next_k, stop_of_next, t0, t1, t2, t3)
+            else:
+                for p in range(count):
+                    f = load(left, row + p)
+                    s0 = multiply_add(f, load(right, other + p), s0)
+                    s1 = multiply_add(f, load(right, other + stride + p), s1)
+                    s2 = multiply_add(f, load(right, other + 2 * stride + p), s2)
+                    s3 = multiply_add(f, load(right, other + 3 * stride + p), s3)
+            _store_group(sums, k, stop, s0, s1, s2, s3)
+
+
+@inner_njit()
+def _store_group(sums: FloatArray, k: int, stop: int, s0: Any, s1: Any, s2: Any, s3: Any) -> None:
+    """Write up to four sums to entries k .. stop-1."""
+    if k < stop:
+        store(sums, k, s0)
+    if k + 1 < stop:
+        store(sums, k + 1, s1)
+    if k + 2 < stop:
+        store(sums, k + 2, s2)
+    if k + 3 < stop:
+        store(sums, k + 3, s3)
 
 
 @lean_njit()
@@ -81,46 +108,74 @@ def factorise(matrix: FloatArray, rows: int, columns: int, smallest_pivot: float
     """
     zero, one = spread(0.0), spread(1.0)
     full_rank = one
-    for j in range(columns):
-        diagonal = j * (j + 1) // 2
-        before = load(matrix, diagonal + j)
-        scale = one
+    if columns % 2 == 1:  # the first alone, then pairs
+        before = load(matrix, 0)
+        scale = where_greater(before, spread(smallest_pivot) * before, one / square_root(before), zero)
+        full_rank = where_greater(scale, zero, one, zero)
+        store(matrix, 0, scale)
+        for i in range(1, rows):
+            store(matrix, i * (i + 1) // 2, load(matrix, i * (i + 1) // 2) * scale)
+    for j in range(columns % 2, columns, 2):
+        row_j = j * (j + 1) // 2
+        row_l = row_j + j + 1
+        least_j, least_l = (
+            spread(smallest_pivot) * load(matrix, row_j + j),
+            spread(smallest_pivot) * load(matrix, row_l + j + 1),
+        )
+        scale_j, across, scale_l = one, zero, one
         for i in range(j, rows, GROUP):
             r0 = i * (i + 1) // 2
             r1, r2, r3 = r0 + i + 1, r0 + 2 * i + 3, r0 + 3 * i + 6
             s0, s1, s2, s3 = zero, zero, zero, zero
+            t0, t1, t2, t3 = zero, zero, zero, zero
             for k in range(j):
-                factor = load(matrix, diagonal + k)
-                s0 = multiply_add(factor, load(matrix, r0 + k), s0)
-                s1 = multiply_add(factor, load(matrix, r1 + k), s1)
-                s2 = multiply_add(factor, load(matrix, r2 + k), s2)
-                s3 = multiply_add(factor, load(matrix, r3 + k), s3)
-            s0 = load(matrix, r0 + j) - s0
+                of_j, of_l = load(matrix, row_j + k), load(matrix, row_l + k)
+                x0, x1, x2, x3 = load(matrix, r0 + k), load(matrix, r1 + k), load(matrix, r2 + k), load(matrix, r3 + k)
+                s0, t0 = multiply_add(of_j, x0, s0), multiply_add(of_l, x0, t0)
+                s1, t1 = multiply_add(of_j, x1, s1), multiply_add(of_l, x1, t1)
+                s2, t2 = multiply_add(of_j, x2, s2), multiply_add(of_l, x2, t2)
+                s3, t3 = multiply_add(of_j, x3, s3), multiply_add(of_l, x3, t3)
             if i == j:
-                least = spread(smallest_pivot) * before
-                full_rank = where_greater(s0, least, full_rank, zero)
-                scale = where_greater(s0, least, one / square_root(s0), zero)
-                store(matrix, diagonal + j, scale)
+                pivot = load(matrix, row_j + j) - s0
+                full_rank = where_greater(pivot, least_j, full_rank, zero)
+                scale_j = where_greater(pivot, least_j, one / square_root(pivot), zero)
+                across = (load(matrix, row_l + j) - s1) * scale_j
+                pivot = load(matrix, row_l + j + 1) - t1 - across * across
+                full_rank = where_greater(pivot, least_l, full_rank, zero)
+                scale_l = where_greater(pivot, least_l, one / square_root(pivot), zero)
+                store(matrix, row_j + j, scale_j)
+                store(matrix, row_l + j, across)
+                store(matrix, row_l + j + 1, scale_l)
             else:
-                store(matrix, r0 + j, s0 * scale)
-            if i + 1 < rows:
-                store(matrix, r1 + j, (load(matrix, r1 + j) - s1) * scale)
+                _eliminate(matrix, r0 + j, s0, t0, scale_j, across, scale_l)
+                if i + 1 < rows:
+                    _eliminate(matrix, r1 + j, s1, t1, scale_j, across, scale_l)
             if i + 2 < rows:
-                store(matrix, r2 + j, (load(matrix, r2 + j) - s2) * scale)
+                _eliminate(matrix, r2 + j, s2, t2, scale_j, across, scale_l)
             if i + 3 < rows:
-                store(matrix, r3 + j, (load(matrix, r3 + j) - s3) * scale)
+                _eliminate(matrix, r3 + j, s3, t3, scale_j, across, scale_l)
     store(sound, 0, full_rank)
+
+
+@inner_njit()
+def _eliminate(matrix: FloatArray, place: int, s: Any, t: Any, scale_j: Any, across: Any, scale_l: Any) -> None:
+    """Entries at `place` and after it become those of the factor, whose products with columns before are s and t."""
+    x = (load(matrix, place) - s) * scale_j
+    store(matrix, place, x)
+    store(matrix, place + 1, (load(matrix, place + 1) - t - x * across) * scale_l)
 
 
 @lean_njit()
 def substitute_back(factors: FloatArray, order: int, last: int, solution: FloatArray) -> None:
     """Solve L^T x = b for factors from `factorise`, b being their row number `last`; 0 where a column of L is."""
-    side = last * (last + 1) // 2
+    for i in range(order):
+        store(solution, i, load(factors, last * (last + 1) // 2 + i))
     for i in range(order - 1, -1, -1):
-        rest = load(factors, side + i)
-        for k in range(i + 1, order):
-            rest = rest - load(factors, k * (k + 1) // 2 + i) * load(solution, k)
-        store(solution, i, rest * load(factors, i * (i + 1) // 2 + i))
+        row = i * (i + 1) // 2
+        found = load(solution, i) * load(factors, row + i)
+        store(solution, i, found)
+        for k in range(i):
+            store(solution, k, load(solution, k) - load(factors, row + k) * found)
 
 
 @lean_njit()

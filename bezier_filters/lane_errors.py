@@ -74,7 +74,7 @@ def standard_errors(
     store(errors, 2, spread(curvature_noise) * square_root(_dot(k0, k1, k2, k3, k4, k0, k1, k2, k3, k4)))
 
 
-@inner_njit(inline="always")
+@inner_njit()
 def _whitened(matrix: FloatArray, order: int, g0: Any, g1: Any, g2: Any, g3: Any, g4: Any) -> Any:
     """Lanes of L^-1 g, L being the last corner of the factor, by forward substitution."""
     first = order - SEEN
@@ -93,7 +93,7 @@ def _whitened(matrix: FloatArray, order: int, g0: Any, g1: Any, g2: Any, g3: Any
     return g0, g1, g2, g3, g4
 
 
-@inner_njit(inline="always")
+@inner_njit()
 def _dot(a0: Any, a1: Any, a2: Any, a3: Any, a4: Any, b0: Any, b1: Any, b2: Any, b3: Any, b4: Any) -> Any:
     """Lanes of the inner product of two vectors."""
     return multiply_add(a0, b0, multiply_add(a1, b1, multiply_add(a2, b2, multiply_add(a3, b3, a4 * b4))))

@@ -68,7 +68,7 @@ def _largest(lanes: FloatArray) -> int:
     return int(result)
 
 
-@lean_njit(inline="always")
+@inner_njit()
 def _projected(points: FloatArray, stride: int, p: int, neighbours: FloatArray, frame: FloatArray) -> Any:
     """Lanes of edge p without its part along the normal, and of its squared length; -1 for what is no neighbour."""
     nx, ny, nz = load(frame, 6), load(frame, 7), load(frame, 8)
@@ -79,7 +79,7 @@ def _projected(points: FloatArray, stride: int, p: int, neighbours: FloatArray, 
     return x, y, z, where_greater(spread(np.float64(p)), load(neighbours, 0), spread(-1.0), square)
 
 
-@lean_njit(inline="always")
+@inner_njit()
 def _break_ties(
     points: FloatArray,
     stride: int,

@@ -24,7 +24,7 @@ from bezier_filters.lane_frames import point_to_farthest
 from bezier_filters.lane_results import write_block
 from bezier_filters.lane_workspace import CHUNK, LaneWorkspace, lane_workspace
 from bezier_filters.lanes import LANES, load, multiply_add, spread, square_root, store, where_greater
-from bezier_filters.lean import inner_njit, lean_njit
+from bezier_filters.lean import inner_njit, lean_njit, variable
 from bezier_filters.local_frames import write_axes, write_plane
 from bezier_filters.neighbourhoods import collect_ball, collect_ring
 from bezier_filters.parallel import RangeTask
@@ -98,7 +98,7 @@ def fit_in_lanes(
             point_to_farthest(work.points, capacity, work.counts, work.neighbours, work.total, work.frame)
         _project(fit.square, capacity, most, work)
         _fit_heights(fit, capacity, most, work)
-        write_block(fit, block, work, of_block, result, errors, residuals, rings_used)
+        write_block(fit, mesh.origin, block, work, of_block, result, errors, residuals, rings_used)
     return stop, 0
 
 
@@ -149,7 +149,7 @@ def _gather(vertices: FloatArray, members: IntArray, count: int, lane: int, stri
     x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
     row = LANES * stride
     for p in range(count):
-        j, place = members[p], LANES * p + lane
+        j, place = np.uint32(members[p]), LANES * p + lane
         points[place] = vertices[j, 0] - x
         points[place + row] = vertices[j, 1] - y
         points[place + 2 * row] = vertices[j, 2] - z
@@ -258,11 +258,11 @@ def _sum_moments(fit: KernelFit, stride: int, count: int, work: LaneWorkspace) -
         for b in range(fit.highest_power // 2 + 1):
             for p in range(here):
                 store(work.lifted, b * CHUNK + p, load(work.right, b * CHUNK + p) * load(work.points, z + begin + p))
-        add_moments(work.left, work.right, CHUNK, here, fit.moment_starts, work.moments)
-        add_moments(work.left, work.lifted, CHUNK, here, fit.starts, work.heights)
+        add_moments(work.left, work.right, variable(CHUNK), here, fit.moment_starts, work.moments)
+        add_moments(work.left, work.lifted, variable(CHUNK), here, fit.starts, work.heights)
 
 
-@inner_njit(inline="always")
+@inner_njit()
 def _weight(fit: KernelFit, a: Any, b: Any, scale: Any) -> Any:
     """Lanes of the distance weights of points with parameters a, b on squares of `scale` per length."""
     ratio = spread(fit.weight_scale) * (a * a + b * b) / (scale * scale)

@@ -8,7 +8,7 @@ from bezier_filters.kernel_input import FITTED, ILL_POSED, KernelFit
 from bezier_filters.lane_errors import standard_errors
 from bezier_filters.lane_workspace import LaneWorkspace
 from bezier_filters.lanes import LANES, load, multiply_add, spread, square_root, store, where_greater
-from bezier_filters.lean import inner_njit, lean_njit
+from bezier_filters.lean import inner_njit
 from bezier_filters.uncertainty import StandardErrors
 
 # Places among the outputs; those of vectors are the first of three.
@@ -20,6 +20,7 @@ STANDARD_ERRORS, DISPLACEMENT = 14, 17
 @inner_njit()
 def write_block(
     fit: KernelFit,
+    origin: IntArray,
     block: IntArray,
     work: LaneWorkspace,
     outcomes: IntArray,
@@ -49,7 +50,7 @@ def write_block(
         if not work.sound[lane] > 0.0:
             outcomes[lane] = ILL_POSED
             continue
-        i = block[lane]
+        i = origin[block[lane]]
         _write(work.outputs, lane, has_third, i, result)
         residuals[i] = work.outputs[LANES * RESIDUAL + lane]
         rings_used[i] = work.rings[lane]
@@ -96,7 +97,7 @@ def _graph_geometry(jets: FloatArray, frame: FloatArray, has_third: bool, output
         store(outputs, EXTREMALITY_MAX, _extremality(jets, max_x, max_y, per_w))
 
 
-@lean_njit(inline="always")
+@inner_njit()
 def _extremality(jets: FloatArray, x: Any, y: Any, per_w: Any) -> Any:
     """Lanes of -(D_d II)(d, d) for the tangents d with local x and y."""
     three = spread(3.0)

@@ -7,6 +7,7 @@ counted up and down again, atomically. `_nrt` is numba's own name for its run ti
 from collections.abc import Callable
 from typing import Any, TypeVar
 
+import numpy as np
 from numba import njit
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -21,7 +22,8 @@ def inner_njit(**options: Any) -> Callable[[Function], Function]:
     """The same for functions that only compiled code calls.
 
     They become part of their callers, in the cache, too. An entry from Python for each of them would
-    take a quarter of the time of the first compilation.
+    take a quarter of the time of the first compilation. Functions are compiled once more for every literal
+    number that they are given, see `variable`.
     """
     return _compiler(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)
 
@@ -30,3 +32,9 @@ def _compiler(**options: Any) -> Callable[[Function], Function]:
     compiler: Any = njit
     result: Callable[[Function], Function] = compiler(nogil=True, _nrt=False, error_model="numpy", **options)
     return result
+
+
+@inner_njit()
+def variable(number: int) -> int:
+    """A number that is known when compiling, or a narrower one, as any other integer."""
+    return int(np.int64(number))

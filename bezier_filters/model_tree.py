@@ -5,7 +5,7 @@ a curvedness and a residual; a sample split by one of them may have different mo
 sides, and where the predicted error drops, the split stays.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +15,9 @@ from bezier_filters.harmonics import harmonic_basis
 from bezier_filters.plans import Choices, FitPlan, all_plans, best_plan, plan_for, plans_around
 from bezier_filters.ring_analysis import FREE_DEGREE, RingAnalysis
 from bezier_filters.surface_model import SurfaceModel, learn_model
+
+Features = Callable[[IntArray], FloatArray]
+"""Gives the features (k, F) of vertices (k,)."""
 
 QUANTILES = (0.15, 0.3, 0.5, 0.7, 0.85)
 """Where a sample is tried to be split."""
@@ -83,7 +86,7 @@ def part_of(root: Leaf, analyses: Sequence[RingAnalysis], choices: Choices) -> L
 
 
 def grow(
-    root: Leaf, analyses: Sequence[RingAnalysis], features: FloatArray, choices: Choices, depth: int = DEEPEST
+    root: Leaf, analyses: Sequence[RingAnalysis], features: Features, choices: Choices, depth: int = DEEPEST
 ) -> Leaf | Split:
     """Split a leaf as long as that is worthwhile.
 
@@ -93,8 +96,8 @@ def grow(
         Model of the neighbourhoods.
     analyses : sequence of RingAnalysis
         The neighbourhoods.
-    features : (n, F) float64
-        Features of all vertices; only those at the centers of neighbourhoods are looked at.
+    features : callable
+        Asked for those at the centers of neighbourhoods.
     choices : Choices
         What is allowed.
     depth : int
@@ -105,7 +108,7 @@ def grow(
         return root
     _, feature, threshold = likeliest
     halves = (
-        [part.where((features[part.centers, feature] <= threshold) == is_low) for part in analyses]
+        [part.where((features(part.centers)[:, feature] <= threshold) == is_low) for part in analyses]
         for is_low in (True, False)
     )
     sides = [[part for part in half if part is not None] for half in halves]
@@ -142,14 +145,12 @@ def leaf_numbers(tree: Leaf | Split, features: FloatArray) -> IntArray:
     return result
 
 
-def _candidates(
-    root: Leaf, analyses: Sequence[RingAnalysis], features: FloatArray
-) -> Iterator[tuple[float, int, float]]:
+def _candidates(root: Leaf, analyses: Sequence[RingAnalysis], features: Features) -> Iterator[tuple[float, int, float]]:
     """Possible splits with what they add to the log likelihood of the sample: gain, feature, threshold."""
     analysis = next(analysis for analysis in analyses if analysis.rings == root.chosen.rings)
-    of_rows = features[analysis.centers]
+    of_rows = features(analysis.centers)
     everywhere = np.ones(len(of_rows), dtype=np.bool_)
-    for feature in range(features.shape[1]):
+    for feature in range(of_rows.shape[1]):
         for threshold in np.unique(np.quantile(of_rows[:, feature], QUANTILES)):
             low = of_rows[:, feature] <= threshold
             if min(low.sum(), (~low).sum()) < FEWEST_ON_A_SIDE:

@@ -8,7 +8,7 @@ from bezier_filters.adjacency import Adjacency
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.frames import farthest_direction, mean_normal, turned_share
 from bezier_filters.kernel_input import KernelMesh
-from bezier_filters.lean import inner_njit, lean_njit
+from bezier_filters.lean import inner_njit, lean_njit, variable
 from bezier_filters.neighbourhoods import next_ring
 from bezier_filters.parallel import RangeTask, run_in_chunks
 
@@ -102,13 +102,22 @@ def sample_neighbourhoods(
 
 
 def _draw(normals: FloatArray, count: int, seed: int) -> IntArray:
-    """Up to `count` random vertices that have a normal."""
-    n, generator = len(normals), np.random.default_rng(seed)
-    ids = generator.choice(n, min(n, 2 * count), replace=False)
-    ids = ids[normals[ids].any(axis=1)]
-    if len(ids) < count:  # few have one
-        ids = generator.permutation(np.flatnonzero(normals.any(axis=1)))
-    return ids[:count].astype(np.int32)
+    """Up to `count` vertices that have a normal, in random order.
+
+    One is drawn from each of as many stretches of the mesh, so that in spatial order no region is missed.
+    """
+    generator = np.random.default_rng(seed)
+    ids = _one_per_stretch(len(normals), count, generator)
+    if not normals[ids].any(axis=1).all():
+        candidates: IntArray = np.flatnonzero(normals.any(axis=1)).astype(np.int32)
+        ids = candidates[_one_per_stretch(len(candidates), count, generator)]
+    return generator.permutation(ids)
+
+
+def _one_per_stretch(n: int, count: int, generator: np.random.Generator) -> IntArray:
+    """One of the numbers below n from each of `count` equal stretches, or all, if there are fewer."""
+    ends = np.linspace(0, n, min(n, count) + 1).astype(np.int32)
+    return generator.integers(ends[:-1], ends[1:], dtype=np.int32) if n else ends[:0]
 
 
 @lean_njit()
@@ -132,7 +141,7 @@ def _project_sample(
         i = ids[row]
         members[0] = i
         visited[i] = i
-        inner, count, plane_count = 0, 1, 0
+        inner, count, plane_count = variable(0), variable(1), variable(0)
         open_ring = False
         for k in range(1, rings + 1):
             before, inner = inner, count

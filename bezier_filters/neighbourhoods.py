@@ -6,7 +6,7 @@ from numba import njit
 from bezier_filters.adjacency import Adjacency, Rows
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.lean import inner_njit, lean_njit
+from bezier_filters.lean import inner_njit, lean_njit, variable
 
 
 def k_rings(adjacency: Adjacency, rings: int) -> Rows:
@@ -66,8 +66,7 @@ def collect_ring(
     """
     members[0] = center
     visited[center] = center
-    count = 1
-    inner = 0
+    inner, count = variable(0), variable(1)
     for _ in range(rings):
         start, inner = inner, count
         count = next_ring(indptr, indices, stops, center, start, count, visited, members)
@@ -92,11 +91,11 @@ def next_ring(
         if stops[j] and a > 0:
             continue
         for q in range(indptr[j], indptr[j + 1]):
-            k = indices[q]
+            k = indices[np.uint32(q)]
             # Without a branch, as nobody can predict it: what was met before is written over.
-            members[count] = k
-            count += visited[k] != center
-            visited[k] = center
+            members[np.uint64(count)] = k
+            count += visited[np.uint32(k)] != center
+            visited[np.uint32(k)] = center
     return count
 
 

@@ -26,8 +26,8 @@ STRONGEST_PRIOR = 1e5
 """Times what the points say of a term: leaves nothing of it, and the normal equations well conditioned."""
 LEAST_WEIGHT_RADIUS = 0.3
 """Of the radius of the neighbourhood, lest a fit have too few points."""
-GOOD_ENOUGH = 1.05
-"""Of the choices whose predicted error is within this factor of the smallest, the fastest is taken."""
+THRIFT = 0.15
+"""Power of the cost that the predicted error is multiplied by: twice the time must take a tenth off the error."""
 MUCH_WORSE = 1.3
 """Once a lower degree, or another ring, has raised the predicted error by this factor, none beyond it is tried."""
 Candidate = TypeVar("Candidate")
@@ -171,9 +171,8 @@ def _add_until_much_worse(
 
 
 def best_plan(plans: Sequence[FitPlan]) -> FitPlan:
-    """The fastest of the plans whose predicted error is practically the smallest."""
-    smallest = min(plan.error for plan in plans)
-    return min((plan for plan in plans if plan.error <= GOOD_ENOUGH * smallest), key=lambda plan: plan.cost)
+    """The plan with the smallest predicted error, as far as that is worth its cost."""
+    return min(plans, key=lambda plan: plan.error * plan.cost**THRIFT)
 
 
 def plan_for(plan: FitPlan, surface: SurfaceModel) -> FitPlan | None:

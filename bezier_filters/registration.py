@@ -6,8 +6,10 @@ from bezier_filters.filters import (
     compute_torsion_by_bezier_patch_per_vertex,
 )
 from bezier_filters.meshset import BezierFilterError, MeshSet
+from bezier_filters.smoothing_filter import apply_coord_bezier_patch_smoothing
 
 FILTERS = (
+    apply_coord_bezier_patch_smoothing,
     compute_normal_by_bezier_patch_per_vertex,
     compute_curvature_by_bezier_patch_per_vertex,
     compute_torsion_by_bezier_patch_per_vertex,

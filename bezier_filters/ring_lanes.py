@@ -10,7 +10,7 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.harmonics import HIGHEST_DEGREE
 from bezier_filters.lane_algebra import GROUP, add_moments, factorise, substitute_back
 from bezier_filters.lanes import LANES, aligned, load, multiply_add, spread, store, where_greater
-from bezier_filters.lean import inner_njit, lean_njit
+from bezier_filters.lean import inner_njit, lean_njit, variable
 
 UNSEEN = 3e-5
 """A term whose column keeps less than this of its length, once what earlier terms explain is gone, is not seen."""
@@ -106,7 +106,7 @@ def analyse_in_lanes(
         for begin in range(0, count, CHUNK):
             here = min(CHUNK, count - begin)
             _write_terms(work, stride, begin, here, degrees[terms - 1])
-            add_moments(work.terms, work.terms, CHUNK, here, row_starts, work.gram)
+            add_moments(work.terms, work.terms, variable(CHUNK), here, row_starts, work.gram)
         for s in range(m, terms):  # what the factorisation leaves to be explained of the terms beyond
             store(work.coefficients, s, load(work.gram, row_starts[s] + s))
         factorise(work.gram, terms + 1, m, UNSEEN * UNSEEN, work.sound)

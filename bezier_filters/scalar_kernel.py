@@ -113,6 +113,7 @@ def fit_vertices(
         if not _project(mesh.vertices, members, count, fit.square, work) or not _fit_heights(fit, count, work):
             outcomes[row] = ILL_POSED
             continue
+        i = mesh.origin[i]  # from here on the row of the results
         # Point 0 is the vertex itself.
         polynomial_derivatives(work.coefficients, fit.exponents, work.powers_s[:, 0], work.powers_t[:, 0], work.jet)
         jet, sx, sy = work.jet, work.box[1], work.box[3]

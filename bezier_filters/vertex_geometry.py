@@ -190,3 +190,30 @@ class VertexGeometry:
         """Count the vertices per status name, only those that occur, from best to worst."""
         counts = np.bincount(self.status, minlength=len(FitStatus))
         return {status.name: int(counts[status]) for status in FitStatus if counts[status]}
+
+
+def empty_geometry(n: int) -> VertexGeometry:
+    """Geometry of n vertices that nothing is known of: zeros and `FitStatus.SKIPPED`.
+
+    The numbers lie in one block of memory, which the system hands out in large pages: to get it in
+    small ones takes a tenth of the time of a fit.
+    """
+    block = np.zeros((4 * 3 + 8) * n)
+    vectors, scalars = block[: 4 * 3 * n].reshape(4, n, 3), block[4 * 3 * n :].reshape(8, n)
+    return VertexGeometry(
+        normals=vectors[0],
+        k_min=scalars[0],
+        k_max=scalars[1],
+        direction_min=vectors[1],
+        direction_max=vectors[2],
+        extremality_min=scalars[2],
+        extremality_max=scalars[3],
+        displacements=vectors[3],
+        residual=scalars[4],
+        normal_std=scalars[5],
+        mean_curvature_std=scalars[6],
+        gaussian_curvature_std=scalars[7],
+        rings_used=np.zeros(n, dtype=np.int32),
+        status=np.full(n, FitStatus.SKIPPED, dtype=np.int32),
+        fit=FitChoice(0, 0, None, None),
+    )

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
-from bezier_filters.estimation import empty_geometry
 from bezier_filters.fallbacks import fit_with_fallbacks, planned_chain
 from bezier_filters.harmonics import HIGHEST_DEGREE, harmonic_basis
 from bezier_filters.kernel_input import KernelMesh
 from bezier_filters.neighbourhood_samples import NeighbourhoodSample
 from bezier_filters.polynomials import total_degree_space
 from bezier_filters.ring_analysis import analyse_rings
+from bezier_filters.vertex_geometry import empty_geometry
 
 
 @dataclass(frozen=True)
@@ -95,6 +95,7 @@ def fit_stars(drawn, plan):
         np.tile([0.0, 0.0, 1.0], (total, 1)),
         np.full(total, 2.0),
         np.zeros(total, dtype=np.bool_),
+        np.arange(total, dtype=np.int32),
     )
     geometry = empty_geometry(total)
     fit_with_fallbacks(mesh, centers, list(planned_chain([plan], plan)), geometry)

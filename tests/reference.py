@@ -49,8 +49,8 @@ def one_ring(faces, vertex):
     return set(touching.ravel().tolist()) - {vertex}
 
 
-def farthest_axis(edges, neighbourhood, normal):
-    """Direction of the edge that projects farthest; of equals, the one with the largest moments."""
+def farthest_axes(edges, neighbourhood, normal):
+    """Directions of the edges that project farthest; of equals, those with the largest moments."""
     projected = edges - np.outer(edges @ normal, normal)
     lengths = np.linalg.norm(projected, axis=1)
     axes = projected[lengths > lengths.max() * (1 - 5e-7)] / lengths.max()
@@ -59,20 +59,26 @@ def farthest_axis(edges, neighbourhood, normal):
         a, h = neighbourhood @ axis / lengths.max(), neighbourhood @ normal / lengths.max()
         return np.mean(a**3 + a**4), np.mean(a**2 * h**2)
 
-    best = axes[0]
+    best = [axes[0]]
     for axis in axes[1:]:
-        (a, h), (best_a, best_h) = moments(axis), moments(best)
+        (a, h), (best_a, best_h) = moments(axis), moments(best[0])
         if a > best_a + 1e-6 or (a > best_a - 1e-6 and h > best_h * (1 + 1e-6)):
-            best = axis
+            best = [axis]
+        elif a > best_a - 1e-6 and h > best_h * (1 - 1e-6):
+            best.append(axis)
     return best
 
 
-def paper_fit(vertices, faces, vertex, alpha=0.8):
-    """Normal, H and K (MeshLab's sign) at one vertex, its 2-ring fitted as the paper says."""
-    return tensor_fit(vertices, faces, vertex, alpha, 3, paper_rows())
+def paper_fit(vertices, faces, vertex, close_to, alpha=0.8):
+    """Normal, H and K (MeshLab's sign) at one vertex, its 2-ring fitted as the paper says.
+
+    On symmetric neighbourhoods several x axes are as good, and what comes out may be mirrored:
+    of these the fit whose normal is closest to the one given.
+    """
+    return tensor_fit(vertices, faces, vertex, close_to, alpha, 3, paper_rows())
 
 
-def tensor_fit(vertices, faces, vertex, alpha, degree, rows):
+def tensor_fit(vertices, faces, vertex, close_to, alpha, degree, rows):
     """The same for a patch of any degree with the rows S given."""
     touching = faces[(faces == vertex).any(axis=1)]
     a, b, c = vertices[touching].transpose(1, 0, 2)
@@ -83,9 +89,17 @@ def tensor_fit(vertices, faces, vertex, alpha, degree, rows):
 
     ring = sorted(one_ring(faces, vertex))
     members = [vertex, *sorted(set().union(*(one_ring(faces, j) for j in ring), ring) - {vertex})]
-    x_axis = farthest_axis(vertices[ring] - vertices[vertex], vertices[members] - vertices[vertex], normal)
-    y_axis = np.cross(normal, x_axis)
-    local = (vertices[members] - vertices[vertex]) @ np.array([x_axis, y_axis, normal]).T
+    neighbourhood = vertices[members] - vertices[vertex]
+    x_axes = farthest_axes(vertices[ring] - vertices[vertex], neighbourhood, normal)
+    fits = [
+        fit_in_frame(neighbourhood, np.array([x, np.cross(normal, x), normal]), alpha, degree, rows) for x in x_axes
+    ]
+    return min(fits, key=lambda fit: np.linalg.norm(fit[0] - close_to))
+
+
+def fit_in_frame(neighbourhood, frame, alpha, degree, rows):
+    """Normal, H and K of the fit in a frame with rows x, y and z."""
+    local = neighbourhood @ frame.T
     low, high = local[:, :2].min(axis=0), local[:, :2].max(axis=0)
     u, v = ((local[:, :2] - low) / (high - low)).T
     system = np.vstack([alpha * design(u, v, degree=degree), (1 - alpha) * rows])
@@ -103,4 +117,4 @@ def tensor_fit(vertices, faces, vertex, alpha, degree, rows):
     L, M, N = buu @ n, buv @ n, bvv @ n
     mean = -(N * E - 2 * M * F + L * G) / (2 * (E * G - F * F))
     gaussian = (L * N - M * M) / (E * G - F * F)
-    return n @ np.array([x_axis, y_axis, normal]), mean, gaussian
+    return n @ frame, mean, gaussian

@@ -12,7 +12,7 @@ PACKAGE = Path(bezier_filters.__file__).parent
 LAYERS = """
 _version arrays errors status bernstein dense lean parallel compilation atomic color_range
 mesh polynomials smoothness patch differential_geometry jets vertex_geometry surfaces
-adjacency boundary fields harmonics
+adjacency boundary fields harmonics spatial_order
 neighbourhoods frames fitting uncertainty diagnosis ply_columns orientation lanes
 creases kernel_input lane_algebra
 lane_workspace lane_errors lane_frames lane_results local_frames vertex_patch field_files point_cloud
@@ -28,6 +28,7 @@ model_tree
 learning
 fallbacks
 adaptive_fit ball_fit
+outliers
 estimation
 baselines
 laplacian volume flips normal_filter mesh_parts
@@ -40,13 +41,14 @@ surface_estimates
 automatic_smoothing smoothing_result
 smoothing
 meshset
-mesh_attributes mesh_colors mesh_files
+mesh_attributes mesh_colors mesh_coordinates mesh_files
+vertex_output
 vertex_filter
-filters
+filters smoothing_filter
 registration
 rendering sheets
 render
-pictures demo console
+pictures demo console cli_options
 cli
 __main__
 """

@@ -67,6 +67,24 @@ def test_quiet_prints_nothing(tmp_path):
     assert (result.stdout, result.returncode) == ("", 0)
 
 
+def test_smoothing(tmp_path):
+    source, target = tmp_path / "noisy.ply", tmp_path / "smooth.ply"
+    ms = load(SAMPLES / "torus.ply")
+    ms.apply_coord_random_displacement(displacement=pymeshlab.PercentageValue(0.3))
+    ms.save_current_mesh(str(source))
+    result = run("smooth", source, target, "--quality", "displacement", "--color")
+    assert result.returncode == 0
+    assert "mean edges" in result.stdout
+    assert "displacement [length]: min" in result.stdout
+    displacement = read_fields(target)["bz_displacement"]
+    assert displacement.max() > 0
+    before, after = load(source), load(target)  # a mesh lives only as long as its MeshSet
+    moves = after.current_mesh().vertex_matrix() - before.current_mesh().vertex_matrix()
+    np.testing.assert_allclose(np.linalg.norm(moves, axis=1), displacement, atol=1e-6 * displacement.max())
+    report = json.loads(run("smooth", source, target, "--method", "paper", "--json").stdout)
+    assert 0 < abs(report["volume_ratio"] - 1.0) < 0.05
+
+
 def test_formats_without_quality_are_written_with_a_note(tmp_path):
     result = run("curvature", SAMPLES / "waves.ply", tmp_path / "w.obj")
     assert result.returncode == 0
@@ -93,6 +111,10 @@ def test_formats_without_quality_are_written_with_a_note(tmp_path):
         (["curvature", SAMPLES / "waves.ply", "out.ply", "--smoothness", "x"], "smoothness: got 'x'"),
         (["curvature", SAMPLES / "waves.ply", "out.ply", "--colormap", "jet"], "colormap: got 'jet'"),
         (["curvature", SAMPLES / "generate.py", "out.ply"], "cannot read"),
+        (
+            ["smooth", SAMPLES / "waves.ply", "out.ply", "--method", "hc"],
+            "method: got 'hc', expected 'auto' or 'paper'",
+        ),
         (["info", SAMPLES], "it is a directory"),
         (["render", SAMPLES / "waves.ply", "out.png", "--field", "bz_k_min"], "has no 'bz_k_min'"),
         (["demo", "missing.ply"], "cannot read missing.ply"),

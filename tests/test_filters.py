@@ -17,10 +17,14 @@ from bezier_filters.filters import (
     compute_torsion_by_bezier_patch_per_vertex,
 )
 from bezier_filters.meshset import BezierFilterError
-from bezier_filters.registration import FILTERS
 from bezier_filters.status import FitStatus
 
 SAMPLES = Path(pymeshlab.__file__).parent / "tests" / "sample_meshes"
+FILTERS = (
+    compute_curvature_by_bezier_patch_per_vertex,
+    compute_normal_by_bezier_patch_per_vertex,
+    compute_torsion_by_bezier_patch_per_vertex,
+)
 DIAGNOSTICS = {"bz_fit_status", "bz_rings_used", "bz_residual"}
 CURVATURE_ATTRIBUTES = {
     "bz_mean_curvature",

@@ -31,7 +31,7 @@ def grown(halves, features):
     points, features = points[order], features[order]
     analysis = analyse_ring(as_sample(points), 3, len(points))
     root = leaf_of([analysis], Choices())
-    return root, grow(root, [analysis], features, Choices())
+    return root, grow(root, [analysis], lambda rows: features[rows], Choices())
 
 
 def two_kinds(variances, sigmas):

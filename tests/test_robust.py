@@ -12,7 +12,7 @@ SURFACES = {
 }
 OPTIONS = {"automatic": {}, "rings": {"rings": 5}, "radius": {"radius": 0.3}, "fixed": {"rings": 3, "alpha": 0.8}}
 LEFT = {"automatic": 0.85, "rings": 0.7, "radius": 0.6, "fixed": 0.7}
-"""What may be left of the errors: less than that where the outliers do not mislead the choice of the fit."""
+"""What may be left of the errors."""
 each_surface = pytest.mark.parametrize("name", SURFACES)
 each_option = pytest.mark.parametrize("mode", OPTIONS)
 
@@ -40,7 +40,7 @@ def errors(surface, vertices, **options):
 @each_option
 def test_outliers_do_less_harm(name, mode):
     surface = SURFACES[name]()
-    draws = [measured(surface, 0.05, seed) for seed in range(9)]  # in some, outliers mislead the choice
+    draws = [measured(surface, 0.05, seed) for seed in range(9)]
     robust, plain = (
         np.median([errors(surface, draw, robust=option, **OPTIONS[mode]) for draw in draws], axis=0)
         for option in (True, False)

@@ -1,0 +1,62 @@
+"""Renumbering keeps the mesh and brings neighbours together."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bezier_filters.estimation import estimate_vertex_geometry
+from bezier_filters.mesh import triangle_mesh
+from bezier_filters.spatial_order import in_spatial_order
+from bezier_filters.surfaces import torus
+
+
+def shuffled(vertices, faces, seed=0):
+    """The same mesh with vertices and faces in random order, and the new number of every old vertex."""
+    generator = np.random.default_rng(seed)
+    order = generator.permutation(len(vertices))
+    rank = np.argsort(order)
+    return vertices[order], rank[faces][generator.permutation(len(faces))], rank
+
+
+def as_set(vertices, faces):
+    """Triangles by the coordinates of their corners."""
+    return sorted(vertices[faces].reshape(len(faces), 9).tolist())
+
+
+@given(st.integers(0, 60), st.floats(1e-300, 1e300), st.floats(-1e3, 1e3), st.integers(1, 3), st.integers(0, 2**32 - 1))
+def test_it_is_the_same_mesh(n, scale, offset, threads, seed):
+    generator = np.random.default_rng(seed)
+    vertices = scale * (generator.standard_normal((n, 3)) + offset)
+    faces = generator.integers(0, n, (2 * n, 3)) if n else []
+    mesh = triangle_mesh(vertices, faces)
+    ordered = in_spatial_order(mesh, threads=threads)
+    assert sorted(ordered.order.tolist()) == list(range(n))
+    assert (ordered.mesh.vertices == mesh.vertices[ordered.order]).all()
+    assert as_set(ordered.mesh.vertices, ordered.mesh.faces) == as_set(mesh.vertices, mesh.faces)
+
+
+@pytest.mark.parametrize("size", [1e308, 0.0])
+def test_extents_beyond_numbers_and_of_nothing_are_no_obstacle(size):
+    mesh = triangle_mesh(size * np.array([[-1.0, 0, 0], [1.0, 0, 0], [0, 1.0, 0]]), [[0, 1, 2]])
+    assert sorted(in_spatial_order(mesh).order.tolist()) == [0, 1, 2]
+
+
+def test_neighbours_come_to_lie_close_together():
+    surface = torus(resolution=60)
+    vertices, faces, _ = shuffled(surface.vertices, surface.faces)
+    mesh = in_spatial_order(triangle_mesh(vertices, faces)).mesh
+    distances = np.abs(mesh.faces[:, 0] - mesh.faces[:, 1])
+    assert np.median(distances) < 0.02 * len(vertices)
+    following = np.abs(np.diff(mesh.faces[:, 0]))
+    assert np.median(following) < 0.02 * len(vertices)
+
+
+@pytest.mark.parametrize("options", [{"rings": 2, "alpha": 0.8}, {"radius": 0.3, "alpha": 0.9}])
+def test_results_come_in_the_order_of_the_input(options):
+    surface = torus(resolution=24, jitter=0.3)
+    vertices, faces, rank = shuffled(surface.vertices, surface.faces)
+    plain = estimate_vertex_geometry(surface.vertices, surface.faces, **options)
+    other = estimate_vertex_geometry(vertices, faces, **options)
+    for name in ("mean_curvature", "gaussian_curvature", "residual", "status", "rings_used", "normals"):
+        np.testing.assert_allclose(getattr(other, name)[rank], getattr(plain, name), rtol=1e-7, atol=1e-10)
