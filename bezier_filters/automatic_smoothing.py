@@ -26,9 +26,6 @@ SMALLEST_NOISE = 1e-4
 """Times the mean edge: below that there is nothing to take off."""
 GAIN = 3e-4
 """Times sigma^2: mean decrease of the risk around a vertex below which a further estimate is left out."""
-ROUGH, SELDOM = 0.25, 1e-3
-"""Times sigma^2: risks so much larger than usual, about five standard errors of a mean over 700 vertices, are no chance
-if more than that share of the surface has them."""
 SHARPNESS = np.array([0.0, 0.0, 0.33, 0.67, 1.0])
 """Of the kinds of estimates, as reported."""
 STEPS = 6
@@ -94,7 +91,8 @@ def denoise(
     low_pass = fit_low_pass(mesh, adjacency, clusters, levels, choice, threads=threads)
     report(progress, 2, STEPS)
     kinds = frozenset(KINDS)
-    if parts.mesh is not mesh and not _is_rough_somewhere(low_pass, clusters, threads):
+    if parts.mesh is not mesh:  # which estimates are worthwhile is found out on parts, among them the roughest
+        parts = sampled_parts(mesh, adjacency, (_roughest(low_pass, clusters, threads),), threads=threads)
         around = clusters_of(parts.mesh, parts.adjacency)
         of_parts = levels[parts.vertices]
         low = fit_low_pass(parts.mesh, parts.adjacency, around, of_parts, choice, threads=threads)
@@ -108,11 +106,11 @@ def denoise(
     return Denoised(result, shares @ SHARPNESS[[estimate.kind for estimate in found]])
 
 
-def _is_rough_somewhere(low_pass: LowPass, clusters: Clusters, threads: int) -> bool:
-    """Whether the low-pass filter does much worse in some places than usual, as at edges."""
+def _roughest(low_pass: LowPass, clusters: Clusters, threads: int) -> int:
+    """The vertex around which the low-pass filter does worst, as at edges."""
     terms = np.square(low_pass.residuals) + 2.0 * low_pass.leverages
     risks = clusters.diffused(clusters.means(terms[:, np.newaxis]), WIDTH, threads=threads)
-    return float(np.quantile(risks, 1.0 - SELDOM) - np.median(risks)) > ROUGH
+    return int(np.flatnonzero(clusters.of_vertex == risks.argmax())[0])
 
 
 def _worthwhile(

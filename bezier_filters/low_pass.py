@@ -27,6 +27,8 @@ STRONGER = 6
 """Steps of the strength beyond that of the umbrella Laplacian up to which others are tried."""
 RARE = 1e-3
 """Mean share of a strength up to which it is left out if it is stronger than all others that are not."""
+SELDOM = 1e-3
+"""Share of the vertices that prefer the weakest strength, above which weaker ones are tried."""
 WEAKER = 2
 """Steps of the strength by which a filter that another one follows is weaker."""
 ENOUGH = 10_000.0
@@ -52,8 +54,6 @@ class LowPass:
         Of the filters that are mixed.
     shares : (n, s) float32
         Share of each at each vertex.
-    weak_strength : float
-        That suits the mesh as a whole if another filter follows.
     normals : (n, 3) float64
         Of the smooth surface at the vertices.
     residuals, leverages : (n,) float32
@@ -64,7 +64,6 @@ class LowPass:
     laplacian: Laplacian
     strengths: FloatArray
     shares: SingleArray
-    weak_strength: float
     normals: FloatArray
     residuals: SingleArray
     leverages: SingleArray
@@ -82,7 +81,8 @@ class LowPass:
 
     def weakly_smoothed(self, signals: Signals, *, threads: int = 1) -> Signals:
         """Signals (n, c) with just enough noise taken off for another filter to know them by."""
-        return filtered_evenly(self.umbrella, signals, self.weak_strength, threads=threads)
+        weaker = self.strengths * (STRENGTHS[1] / STRENGTHS[1 + WEAKER])
+        return filtered(self.umbrella, signals, weaker, self.shares, threads=threads)
 
 
 @dataclass(frozen=True)
@@ -108,16 +108,6 @@ class Choice:
     make_laplacian: MakeLaplacian
     best: int
     strengths: FloatArray
-
-    @property
-    def near(self) -> FloatArray:
-        """Strengths about the best one."""
-        return self.strengths[max(self.best - AROUND, 0) : self.best + AROUND + 1]
-
-    @property
-    def weak(self) -> float:
-        """Strength if another filter follows."""
-        return float(self.strengths[max(self.best - WEAKER, 0)])
 
 
 def choose_low_pass(
@@ -187,14 +177,19 @@ def fit_low_pass(
     umbrella = choice.make_umbrella(mesh, mesh, adjacency)
     normals, shape = _smooth_shape(mesh, adjacency, umbrella, choice.first, threads)
     laplacian = choice.make_laplacian(mesh, shape, adjacency)
-    estimates = _estimates(laplacian, mesh.vertices, normals, sigma, choice.near, threads)
-    shares = local_shares(local_risks(estimates, clusters, threads=threads), clusters, threads=threads)
+    lowest = choice.best + AROUND
+    shares = np.ones((1, 1), dtype=np.float32)
+    while lowest > 0 and np.mean(shares[:, 0] > 0.5) > SELDOM:  # there, even weaker filters may be better
+        lowest = max(lowest - 2 * AROUND, 0)
+        strengths = choice.strengths[lowest : choice.best + AROUND + 1]
+        estimates = _estimates(laplacian, mesh.vertices, normals, sigma, strengths, threads)
+        shares = local_shares(local_risks(estimates, clusters, threads=threads), clusters, threads=threads)
     used = int(np.flatnonzero(shares.mean(axis=0, dtype=np.float64) > RARE)[-1]) + 1
     shares = shares[:, :used] / shares[:, :used].sum(axis=1, keepdims=True)
     residuals, leverages = (
         np.einsum("ns,ns->n", shares, values[:, :used]) for values in (estimates.residuals, estimates.leverages)
     )
-    return LowPass(umbrella, laplacian, choice.near[:used], shares, choice.weak, normals, residuals, leverages)
+    return LowPass(umbrella, laplacian, strengths[:used], shares, normals, residuals, leverages)
 
 
 def _smooth_shape(

@@ -1,5 +1,6 @@
 """Parts of a large mesh, from which what holds for the whole is learned."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,18 +37,30 @@ class SampledParts:
     core: BoolArray
 
 
-def sampled_parts(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> SampledParts:
+def sampled_parts(
+    mesh: TriangleMesh, adjacency: Adjacency, around: Sequence[int] = (), *, threads: int = 1
+) -> SampledParts:
     """Connected parts from all over a mesh, or all of it if it is not large.
 
     Each part grows ring by ring from a vertex until it has enough, and continues with another one where there
     is nothing more to grow to.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    adjacency : Adjacency
+        Of the same mesh.
+    around : sequence of int
+        Vertices that the sample has to hold with what is around them.
+    threads : int
+        Number of threads.
     """
     n = mesh.vertex_count
     if n <= LARGEST_WHOLE:
         return SampledParts(mesh, adjacency, np.arange(n, dtype=np.int32), np.ones(n, dtype=np.bool_))
     seeds = ((np.arange(PARTS) + 0.5) * n / PARTS).astype(np.int32)
     core, taken, rows = np.zeros(n, np.bool_), np.zeros(n, np.bool_), adjacency.vertices
-    for seed in seeds:
+    for seed in (*seeds, *around):
         order = np.empty(PART, dtype=np.int32)
         count = _grow(rows.indptr, rows.indices, seed, np.zeros(n, np.bool_), order)
         taken[order[:count]] = True

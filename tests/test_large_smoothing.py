@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 from numba import config
-from test_smoothing import face_normals, mean_angle, with_noise
+from test_smoothing import edge_of, face_normals, mean_angle, with_noise
 
 from bezier_filters import smooth
 from bezier_filters.adjacency import vertex_adjacency
 from bezier_filters.mesh import triangle_mesh
 from bezier_filters.mesh_parts import CORE, LARGEST_WHOLE, PART, sampled_parts
-from bezier_filters.surfaces import bumpy_star, sphere
+from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, sphere
 from bezier_filters.vertex_update import ROUNDS, move_to_normals
 
 compiled = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
@@ -51,6 +51,24 @@ def test_large_meshes_become_smooth_whatever_the_number_of_threads(star):
     assert np.array_equal(one.vertices, two.vertices)
     assert mean_angle(one.vertices, star.vertices, star.faces) < 1.0
     assert one.volume_ratio == pytest.approx(1.0, abs=1e-9)
+
+
+@compiled
+def test_edges_that_no_part_need_have_met_stay_sharp(star):
+    block, faces = block_with_sharp_edges(resolution=20, jitter=0.2)
+    scale = edge_of(star.vertices, star.faces) / edge_of(block, faces)
+    clean = np.vstack([star.vertices, block * scale + [5.0, 0.0, 0.0]])
+    both = np.vstack([star.faces, faces + len(star.vertices)])
+    normals = np.zeros_like(clean)
+    for k in range(3):
+        np.add.at(normals, both[:, k], face_normals(clean, both))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    result = smooth(with_noise(clean, both, normals, 0.2), both)
+    rest = slice(len(star.vertices), None)
+    assert result.sharpness[rest].mean() > 0.5
+    assert mean_angle(result.vertices[rest], clean[rest], faces) < 3.0
+    whole = slice(0, len(star.vertices))
+    assert mean_angle(result.vertices[whole], star.vertices, star.faces) < 1.0
 
 
 def test_the_polynomial_does_what_all_the_rounds_would():
