@@ -5,13 +5,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.adjacency import Adjacency
-from bezier_filters.arrays import BoolArray, FloatArray
-from bezier_filters.frames import tangent_planes
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.frames import face_normal, tangent_planes
+from bezier_filters.lean import lean_njit
 from bezier_filters.mesh import TriangleMesh
+from bezier_filters.parallel import RangeTask, run_in_chunks
 
 THINNEST = 1e-7
 """Twice the area over the squared longest edge, from which down a triangle counts as degenerate."""
-ROUNDS = 40
+ROUNDS = 60
+"""After which everything is taken back; far more than there have ever been."""
+REACH = 4
+"""Edges from a face that is wrong to vertices that may be the cause."""
 
 
 @dataclass(frozen=True)
@@ -46,13 +51,39 @@ def bad_faces(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> 
     >>> bad_faces(sliver, vertex_adjacency(sliver)).degenerate
     array([ True])
     """
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    normals = np.cross(b - a, c - a)
-    longest = np.max([np.square(b - a).sum(axis=1), np.square(c - b).sum(axis=1), np.square(a - c).sum(axis=1)], axis=0)
-    degenerate = np.linalg.norm(normals, axis=1) <= THINNEST * longest
-    around = tangent_planes(mesh, adjacency, threads=threads).normals[mesh.faces].sum(axis=1)
-    flipped = (np.einsum("ij,ij->i", normals, around) < 0.0) & ~degenerate
+    normals = tangent_planes(mesh, adjacency, threads=threads).normals
+    flipped, degenerate = np.zeros((2, mesh.face_count), dtype=np.bool_)
+
+    def make_task() -> RangeTask:
+        return lambda start, stop: _find(mesh.vertices, mesh.faces, normals, start, stop, flipped, degenerate)
+
+    run_in_chunks(make_task, mesh.face_count, threads=threads)
     return BadFaces(flipped, degenerate)
+
+
+@lean_njit()
+def _find(
+    vertices: FloatArray,
+    faces: IntArray,
+    around: FloatArray,
+    start: int,
+    stop: int,
+    flipped: BoolArray,
+    degenerate: BoolArray,
+) -> None:
+    """Mark the wrong ones of faces start .. stop-1."""
+    for f in range(start, stop):
+        x, y, z = face_normal(vertices, faces, f)
+        longest, against = 0.0, 0.0
+        for k in range(3):
+            i, j = faces[f, k], faces[f, (k + 1) % 3]
+            squared = 0.0
+            for axis in range(3):
+                squared += (vertices[i, axis] - vertices[j, axis]) ** 2
+            longest = max(longest, squared)
+            against += x * around[i, 0] + y * around[i, 1] + z * around[i, 2]
+        degenerate[f] = np.sqrt(x * x + y * y + z * z) <= THINNEST * longest
+        flipped[f] = against < 0.0 and not degenerate[f]
 
 
 def without_new_flips(
@@ -60,13 +91,19 @@ def without_new_flips(
 ) -> FloatArray:
     """Take back as much of the moves of vertices (n, 3) as makes faces wrong that were not; return where they end."""
     share = np.ones(mesh.vertex_count)
-    result = moved
+    result, rows = moved, adjacency.vertices
     for _ in range(ROUNDS):
         now = bad_faces(TriangleMesh(result, mesh.faces), adjacency, threads=threads)
         new = now.new_since(before)
         if not new.any():
-            break
-        corners = np.unique(mesh.faces[new])
-        share[corners] = np.where(share[corners] < 0.1, 0.0, 0.5 * share[corners])
+            return result
+        chosen = np.zeros(mesh.vertex_count, dtype=np.bool_)
+        chosen[mesh.faces[new]] = True
+        # A face whose corners are back where they were is turned by those around it: on to them.
+        for _ in range(REACH):
+            if (share[chosen] > 0.0).any():
+                break
+            chosen[rows.indices[np.repeat(chosen, rows.lengths)]] = True
+        share[chosen] = np.where(share[chosen] < 0.1, 0.0, 0.5 * share[chosen])
         result = mesh.vertices + share[:, np.newaxis] * (moved - mesh.vertices)
-    return result
+    return mesh.vertices.copy()

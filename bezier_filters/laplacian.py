@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from bezier_filters.adjacency import Adjacency
-from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.arrays import FloatArray, IntArray, SingleArray
 from bezier_filters.lean import lean_njit
 from bezier_filters.mesh import TriangleMesh
 from bezier_filters.parallel import RangeTask, run_in_chunks
@@ -18,6 +18,9 @@ LEAST_COTANGENT, LARGEST_COTANGENT = 0.05, 3.0
 """Weights are kept within these bounds: none is negative, and slivers do not rule their vertices."""
 LEAST_AREA = 0.2
 """Times a squared mean edge: a vertex with less area counts as having this, lest the Laplacian grow without bound."""
+FASTEST = 8.0
+"""Rate of a vertex, at the most: a few faster ones would cost all the others many steps, and a low-pass filter
+takes off what varies so fast in any case."""
 
 
 @dataclass(frozen=True)
@@ -28,16 +31,21 @@ class Laplacian:
     ----------
     indptr, indices : int32
         Rows of neighbours.
-    weights : float64
+    weights : float32
         One for each neighbour; those of a row sum to 1, or are all 0.
-    rates : (n,) float64
+    rates : (n,) float32
         How fast the vertices move, 1 on a regular mesh; 0 for those that do not.
     """
 
     indptr: IntArray
     indices: IntArray
-    weights: FloatArray
-    rates: FloatArray
+    weights: SingleArray
+    rates: SingleArray
+
+    @property
+    def arrays(self) -> tuple[IntArray, IntArray, SingleArray, SingleArray]:
+        """All of it, as compiled code takes it."""
+        return self.indptr, self.indices, self.weights, self.rates
 
     @property
     def bound(self) -> float:
@@ -81,7 +89,7 @@ def _laplacian(
 ) -> Laplacian:
     """Of cotangent weights if there is a unit."""
     rows, n = adjacency.vertices, mesh.vertex_count
-    weights, rates = np.zeros(len(rows.indices)), np.zeros(n)
+    weights, rates = np.zeros(len(rows.indices), np.float32), np.zeros(n, np.float32)
 
     def make_task() -> RangeTask:
         return lambda start, stop: _write_rows(
@@ -117,8 +125,8 @@ def _write_rows(
     unit: float,
     power: float,
     borders: int,
-    weights: FloatArray,
-    rates: FloatArray,
+    weights: SingleArray,
+    rates: SingleArray,
 ) -> None:
     """Write the weights and rates of vertices start .. stop-1; plain means if the unit is 0."""
     for i in range(start, stop):
@@ -146,7 +154,7 @@ def _write_rows(
             weights[q] = weights[q] / total if total > 0.0 else 0.0
         rates[i] = 1.0
         if unit > 0.0 and not on_border:
-            rates[i] = (total / (4.0 * max(area / (unit * unit), LEAST_AREA))) ** power
+            rates[i] = min((total / (4.0 * max(area / (unit * unit), LEAST_AREA))) ** power, FASTEST)
         if total == 0.0 or (on_border and borders == 0):
             rates[i] = 0.0
 
@@ -161,7 +169,7 @@ def _add_cotangents(
     last: int,
     indices: IntArray,
     i: int,
-    weights: FloatArray,
+    weights: SingleArray,
 ) -> float:
     """Replace the weights of vertex i by half cotangent sums within bounds; return a third of the area around it."""
     area = 0.0

@@ -1,27 +1,43 @@
-"""The low-pass filter that suits a mesh, vertex by vertex: its Laplacian and its strength."""
+"""The low-pass filter that suits a mesh, vertex by vertex: its Laplacian and its strength.
 
+Which Laplacian, and which strength on the whole, is tried out on parts of the mesh (`mesh_parts`).
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from bezier_filters.adjacency import Adjacency
-from bezier_filters.arrays import FloatArray
+from bezier_filters.arrays import FloatArray, SingleArray
+from bezier_filters.chebyshev import WIDTH, add_heights, differences
+from bezier_filters.clusters import Clusters
 from bezier_filters.frames import tangent_planes
 from bezier_filters.laplacian import Borders, Laplacian, cotangent_laplacian, umbrella_laplacian
 from bezier_filters.mesh import TriangleMesh
-from bezier_filters.scale_space import STRENGTHS, filtered, filtered_evenly, run_series, series
-from bezier_filters.stein import Estimates, local_shares
+from bezier_filters.mesh_parts import SampledParts
+from bezier_filters.scale_space import STRENGTHS, Signals, filtered, filtered_evenly, series
+from bezier_filters.stein import Estimates, local_risks, local_shares
 
 POWERS = (0.0, 0.5, 1.0)
 """Of cotangent Laplacians, see `cotangent_laplacian`."""
-AROUND = 6
+AROUND = 4
 """Strengths on both sides of the one that is best for the mesh as a whole that its parts may take."""
 STRONGER = 6
 """Steps of the strength beyond that of the umbrella Laplacian up to which others are tried."""
+RARE = 1e-3
+"""Mean share of a strength up to which it is left out if it is stronger than all others that are not."""
+SELDOM = 1e-3
+"""Share of the vertices that prefer the weakest strength, above which weaker ones are tried."""
 WEAKER = 2
 """Steps of the strength by which a filter that another one follows is weaker."""
-FEWEST_PROBED = 40_000
-"""Vertices times probes, for leverages."""
+ENOUGH = 10_000.0
+"""Strength of a filter whose normals need no stronger one."""
+FEW = 20_000
+"""Vertices; on smaller meshes, leverages are averaged over more probes."""
+
+MakeLaplacian = Callable[[TriangleMesh, TriangleMesh, Adjacency], Laplacian]
+"""Makes a Laplacian of a mesh, of the same mesh with most of its noise taken off, and of its adjacency."""
 
 
 @dataclass(frozen=True)
@@ -30,58 +46,80 @@ class LowPass:
 
     Attributes
     ----------
-    surroundings : Laplacian
-        Plain means of neighbours, also at borders.
     umbrella : Laplacian
-        Plain means of neighbours; at borders, as was asked for.
+        Plain means of neighbours.
     laplacian : Laplacian
         That of the filter.
     strengths : (s,) float64
         Of the filters that are mixed.
-    shares : (n, s) float64
+    shares : (n, s) float32
         Share of each at each vertex.
-    weak_strength : float
-        That suits the mesh as a whole if another filter follows.
     normals : (n, 3) float64
         Of the smooth surface at the vertices.
+    residuals, leverages : (n,) float32
+        Of the mixture, see `Estimates`; the leverages by the probes that chose it.
     """
 
-    surroundings: Laplacian
     umbrella: Laplacian
     laplacian: Laplacian
     strengths: FloatArray
-    shares: FloatArray
-    weak_strength: float
+    shares: SingleArray
     normals: FloatArray
+    residuals: SingleArray
+    leverages: SingleArray
 
-    def smoothed(self, signals: FloatArray, *, threads: int = 1) -> FloatArray:
+    def smoothed(self, signals: Signals, *, threads: int = 1) -> Signals:
         """Signals (n, c) after the filter."""
         return filtered(self.laplacian, signals, self.strengths, self.shares, threads=threads)
 
-    def slightly_less_smoothed(self, signals: FloatArray, *, threads: int = 1) -> FloatArray:
+    def slightly_less_smoothed(self, signals: Signals, *, threads: int = 1) -> Signals:
         """Signals (n, c) after the next weaker filters, for where another one follows that takes off noise, too."""
         weaker = np.roll(self.shares, -1, axis=1)
         weaker[:, -1] = 0.0
         weaker[:, 0] += self.shares[:, 0]
         return filtered(self.laplacian, signals, self.strengths, weaker, threads=threads)
 
-    def weakly_smoothed(self, signals: FloatArray, *, threads: int = 1) -> FloatArray:
+    def weakly_smoothed(self, signals: Signals, *, threads: int = 1) -> Signals:
         """Signals (n, c) with just enough noise taken off for another filter to know them by."""
-        return filtered_evenly(self.umbrella, signals, self.weak_strength, threads=threads)
+        weaker = self.strengths * (STRENGTHS[1] / STRENGTHS[1 + WEAKER])
+        return filtered(self.umbrella, signals, weaker, self.shares, threads=threads)
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What holds for a mesh as a whole.
+
+    Attributes
+    ----------
+    make_umbrella : callable
+        Makes the umbrella Laplacian.
+    first : int
+        Number of the best strength of the umbrella Laplacian.
+    make_laplacian : callable
+        Makes the best Laplacian.
+    best : int
+        Number of its best strength.
+    strengths : (s,) float64
+        Those that there are.
+    """
+
+    make_umbrella: MakeLaplacian
+    first: int
+    make_laplacian: MakeLaplacian
+    best: int
+    strengths: FloatArray
 
 
 def choose_low_pass(
-    mesh: TriangleMesh, adjacency: Adjacency, sigma: FloatArray, borders: Borders, unit: float, *, threads: int = 1
-) -> LowPass:
-    """Find the Laplacian and the strengths with the least risk.
+    parts: SampledParts, sigma: FloatArray, borders: Borders, unit: float, *, threads: int = 1
+) -> Choice:
+    """Find the Laplacian and the strength with the least risk on some parts of a mesh.
 
     Parameters
     ----------
-    mesh : TriangleMesh
-    adjacency : Adjacency
-        Of the same mesh.
+    parts : SampledParts
     sigma : (n,) float64
-        Standard deviation of the noise around every vertex, positive lengths.
+        Standard deviation of the noise around every vertex of the whole mesh, positive lengths.
     borders : {"curve", "fixed"}
         What border vertices do.
     unit : float
@@ -89,38 +127,83 @@ def choose_low_pass(
     threads : int
         Number of threads.
     """
+    mesh, adjacency, levels = parts.mesh, parts.adjacency, sigma[parts.vertices]
     umbrella = umbrella_laplacian(mesh, adjacency, borders, threads=threads)
-    probes = _probes(mesh.vertex_count)
-    first = _estimates(umbrella, mesh.vertices, _normals(mesh, adjacency, threads), sigma, STRENGTHS, probes, threads)
-    best = int(first.risks.argmin())
-    weak = STRENGTHS[max(best - WEAKER, 0)]
-    smooth = filtered_evenly(umbrella, mesh.vertices, weak, threads=threads)
-    normals = _normals(TriangleMesh(smooth, mesh.faces), adjacency, threads)
-    # Without its steps along the surface, which would give the triangles other angles.
+
+    def risks(laplacian: Laplacian, normals: FloatArray, strengths: FloatArray) -> FloatArray:
+        return _estimates(laplacian, mesh.vertices, normals, levels, strengths, threads).mean_risks(parts.core)
+
+    first = int(risks(umbrella, tangent_planes(mesh, adjacency, threads=threads).normals, STRENGTHS).argmin())
+    normals, shape = _smooth_shape(mesh, adjacency, umbrella, first, threads)
+    strengths = STRENGTHS[: first + STRONGER + 1]
+
+    def plain(mesh: TriangleMesh, shape: TriangleMesh, adjacency: Adjacency) -> Laplacian:
+        return umbrella_laplacian(mesh, adjacency, borders, threads=threads)
+
+    def with_power(power: float) -> MakeLaplacian:
+        return lambda _, shape, adjacency: cotangent_laplacian(shape, adjacency, borders, power, unit, threads=threads)
+
+    makers = [plain, *map(with_power, POWERS)]
+    tried = [risks(make(mesh, shape, adjacency), normals, strengths) for make in makers]
+    chosen = int(np.argmin([r.min() for r in tried]))
+    return Choice(plain, first, makers[chosen], int(tried[chosen].argmin()), strengths)
+
+
+def fit_low_pass(
+    mesh: TriangleMesh,
+    adjacency: Adjacency,
+    clusters: Clusters,
+    sigma: FloatArray,
+    choice: Choice,
+    *,
+    threads: int = 1,
+) -> LowPass:
+    """Find the strengths around every vertex.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    adjacency : Adjacency
+        Of the same mesh.
+    clusters : Clusters
+        Of the same mesh.
+    sigma : (n,) float64
+        Standard deviation of the noise around every vertex, positive lengths.
+    choice : Choice
+        What holds for the mesh as a whole.
+    threads : int
+        Number of threads.
+    """
+    umbrella = choice.make_umbrella(mesh, mesh, adjacency)
+    normals, shape = _smooth_shape(mesh, adjacency, umbrella, choice.first, threads)
+    laplacian = choice.make_laplacian(mesh, shape, adjacency)
+    lowest = choice.best + AROUND
+    shares = np.ones((1, 1), dtype=np.float32)
+    while lowest > 0 and np.mean(shares[:, 0] > 0.5) > SELDOM:  # there, even weaker filters may be better
+        lowest = max(lowest - 2 * AROUND, 0)
+        strengths = choice.strengths[lowest : choice.best + AROUND + 1]
+        estimates = _estimates(laplacian, mesh.vertices, normals, sigma, strengths, threads)
+        shares = local_shares(local_risks(estimates, clusters, threads=threads), clusters, threads=threads)
+    used = int(np.flatnonzero(shares.mean(axis=0, dtype=np.float64) > RARE)[-1]) + 1
+    shares = shares[:, :used] / shares[:, :used].sum(axis=1, keepdims=True)
+    residuals, leverages = (
+        np.einsum("ns,ns->n", shares, values[:, :used]) for values in (estimates.residuals, estimates.leverages)
+    )
+    return LowPass(umbrella, laplacian, strengths[:used], shares, normals, residuals, leverages)
+
+
+def _smooth_shape(
+    mesh: TriangleMesh, adjacency: Adjacency, umbrella: Laplacian, best: int, threads: int
+) -> tuple[FloatArray, TriangleMesh]:
+    """Normals of the vertices after a weak filter, and the mesh after its steps along them.
+
+    Without the steps along the surface, which would give the triangles other angles.
+    """
+    strength = min(float(STRENGTHS[max(best - WEAKER, 0)]), ENOUGH)
+    smooth = filtered_evenly(umbrella, mesh.vertices, strength, threads=threads)
+    normals = tangent_planes(TriangleMesh(smooth, mesh.faces), adjacency, threads=threads).normals
     heights = np.einsum("ij,ij->i", smooth - mesh.vertices, normals)
-    shape = TriangleMesh(mesh.vertices + heights[:, np.newaxis] * normals, mesh.faces)
-    strengths = STRENGTHS[: best + STRONGER + 1]
-    tried = [(umbrella, _estimates(umbrella, mesh.vertices, normals, sigma, strengths, probes, threads))]
-    for power in POWERS:
-        laplacian = cotangent_laplacian(shape, adjacency, borders, power, unit, threads=threads)
-        tried.append((laplacian, _estimates(laplacian, mesh.vertices, normals, sigma, strengths, probes, threads)))
-    laplacian, estimates = min(tried, key=lambda pair: pair[1].risks.min())
-    best = int(estimates.risks.argmin())
-    near = slice(max(best - AROUND, 0), best + AROUND + 1)
-    free = umbrella_laplacian(mesh, adjacency, "free", threads=threads)
-    shares = local_shares(estimates.only(near), free, threads=threads)
-    weak = strengths[max(best - WEAKER, 0)]
-    return LowPass(free, umbrella, laplacian, strengths[near], shares, float(weak), normals)
-
-
-def _normals(mesh: TriangleMesh, adjacency: Adjacency, threads: int) -> FloatArray:
-    return tangent_planes(mesh, adjacency, threads=threads).normals
-
-
-def _probes(n: int) -> FloatArray:
-    """Random signs (n, k)."""
-    count = int(np.clip(FEWEST_PROBED // max(n, 1), 1, 6))
-    return np.random.default_rng(0).choice(np.array([-1.0, 1.0]), (n, count))
+    return normals, TriangleMesh(mesh.vertices + heights[:, np.newaxis] * normals, mesh.faces)
 
 
 def _estimates(
@@ -129,20 +212,26 @@ def _estimates(
     normals: FloatArray,
     sigma: FloatArray,
     strengths: FloatArray,
-    probes: FloatArray,
     threads: int,
 ) -> Estimates:
     """Residuals and leverages of filters; a leverage is the mean of sign times filtered sign over random signs."""
-    n, count = probes.shape
-    heights = np.einsum("ij,ij->i", points, normals)
-    residuals = np.repeat(heights[:, np.newaxis], len(strengths), axis=1)
-    leverages = np.zeros((n, len(strengths)))
+    n = len(points)
+    rows = series(strengths, laplacian.bound)
+    rng = np.random.default_rng(0)
+    signals, directions = np.empty((n, WIDTH)), np.empty((n, WIDTH), dtype=np.float32)
+    signals[:, :3], directions[:, :3] = points, normals / sigma[:, np.newaxis]
+    signals[:, 3] = directions[:, 3] = _signs(rng, n)
+    residuals, taken = np.zeros((2, n, len(strengths)), dtype=np.float32)
+    start = differences(laplacian, signals, threads=threads)
+    add_heights(laplacian, start, rows, directions, residuals, taken, threads=threads)
+    probes = 1
+    if n <= FEW:
+        signs = np.column_stack([_signs(rng, n) for _ in range(WIDTH)])
+        start = differences(laplacian, signs, threads=threads)
+        add_heights(laplacian, start, rows, signs, taken, taken, threads=threads)
+        probes += WIDTH
+    return Estimates(residuals, np.float32(1.0) - taken / np.float32(probes))
 
-    def add(values: FloatArray, coefficients: FloatArray) -> None:
-        heights = np.einsum("ij,ij->i", values[:, :3], normals)
-        own = np.einsum("ij,ij->i", values[:, 3:], probes) / count
-        residuals[:] -= heights[:, np.newaxis] * coefficients
-        leverages[:] += own[:, np.newaxis] * coefficients
 
-    run_series(laplacian, np.hstack([points, probes]), series(strengths, laplacian.bound), add, threads=threads)
-    return Estimates(residuals / sigma[:, np.newaxis], leverages)
+def _signs(rng: np.random.Generator, n: int) -> SingleArray:
+    return (2.0 * rng.integers(0, 2, n, dtype=np.int8) - 1.0).astype(np.float32)

@@ -4,10 +4,11 @@ import numpy as np
 
 from bezier_filters.adjacency import Adjacency
 from bezier_filters.arrays import FloatArray
+from bezier_filters.clusters import Clusters
 from bezier_filters.frames import tangent_planes
 from bezier_filters.laplacian import umbrella_laplacian
 from bezier_filters.mesh import TriangleMesh
-from bezier_filters.scale_space import diffused, filtered_evenly
+from bezier_filters.scale_space import filtered_evenly
 
 WEAK, STRONGER = 1.0, 10.0
 """Strengths of the filters that residuals and normals are taken from."""
@@ -24,7 +25,7 @@ MEAN_ROOT = 0.822
 
 
 def noise_levels(
-    mesh: TriangleMesh, adjacency: Adjacency, sigma: float, unit: float, *, threads: int = 1
+    mesh: TriangleMesh, adjacency: Adjacency, clusters: Clusters, sigma: float, unit: float, *, threads: int = 1
 ) -> FloatArray:
     """Standard deviation of the noise around every vertex, (n,), lengths: sigma, unless it clearly varies.
 
@@ -34,6 +35,8 @@ def noise_levels(
     ----------
     mesh : TriangleMesh
     adjacency : Adjacency
+        Of the same mesh.
+    clusters : Clusters
         Of the same mesh.
     sigma : float
         Standard deviation of the noise of the mesh as a whole, a length.
@@ -50,8 +53,9 @@ def noise_levels(
     normals = tangent_planes(TriangleMesh(smooth, mesh.faces), adjacency, threads=threads).normals
     share = float(np.sqrt(np.square(taken[:, 3]).mean()))
     residuals = np.abs(np.einsum("ij,ij->i", taken[:, :3], normals)) / share
-    roots = diffused(laplacian, np.sqrt(residuals)[:, np.newaxis], WIDTH, threads=threads)[:, 0]
-    levels: FloatArray = np.square(np.maximum(roots, 0.0) / MEAN_ROOT)
+    roots = clusters.diffused(clusters.means(np.sqrt(residuals)[:, np.newaxis]), WIDTH, threads=threads)
+    at_vertices = clusters.at_vertices(roots, threads=threads)[:, 0].astype(np.float64)
+    levels: FloatArray = np.square(np.maximum(at_vertices, 0.0) / MEAN_ROOT)
     low, high = np.quantile(levels, [0.1, 0.9])
     if high < NO_CREASES * unit or high < SPREAD * low:
         return np.full(mesh.vertex_count, sigma)

@@ -4,6 +4,8 @@ A face's neighbours count the less, the farther their normals are from its own, 
 noise that is left in both (a bilateral filter). The noise is known: samples of it pass through
 the same means. So the filter becomes ever pickier as the noise falls, and comes to rest by itself
 where edges and corners, which noise does not explain, are as sharp as they are going to be.
+
+To tell how far the result follows the data, a mesh whose vertices are moved a little, the probe, passes along.
 """
 
 from dataclasses import dataclass, replace
@@ -11,16 +13,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bezier_filters.adjacency import Rows
-from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.arrays import FloatArray, IntArray, SingleArray
 from bezier_filters.frames import face_normal
-from bezier_filters.lean import lean_njit
+from bezier_filters.lean import inner_njit, lean_njit
 from bezier_filters.mesh import TriangleMesh
 from bezier_filters.parallel import RangeTask, run_in_chunks
 
 SMALLEST_VARIANCE = 1e-12
 """Of a normal, radians^2: below that everything agrees only with itself."""
-FARTHEST = 9.0
-"""Exponent beyond which a neighbour counts nothing."""
+SQUARINGS = 5
+POWER = 2**SQUARINGS
+"""Weights are (1 - x / power)^power, nearly exp(-x) and soon computed."""
 
 
 @dataclass(frozen=True)
@@ -29,34 +32,43 @@ class NoisyNormals:
 
     Attributes
     ----------
-    mesh : TriangleMesh
-        Whose normals they are, or were.
-    normals : (m, 3) float64
-        Zero for faces without area.
-    samples : (m, k, 3) float64
+    mesh, probe : TriangleMesh
+        Whose normals they are, or were; the second has vertices moved a little.
+    both : (m, 8) float32
+        Normal of the first, twice the area of the face, normal of the second, variance of the normal around the face.
+        Normals of faces without area are zero.
+    samples : (m, k, 3) float32
         Changes of the normals by k samples of the noise, radians.
-    areas : (m,) float64
-        Twice the areas of the faces.
     """
 
     mesh: TriangleMesh
-    normals: FloatArray
-    samples: FloatArray
-    areas: FloatArray
+    probe: TriangleMesh
+    both: SingleArray
+    samples: SingleArray
+
+    @property
+    def normals(self) -> SingleArray:
+        """Unit normals of the mesh, (m, 3)."""
+        return self.both[:, 0:3]
+
+    @property
+    def probed_normals(self) -> SingleArray:
+        """Unit normals of the mesh with moved vertices, (m, 3)."""
+        return self.both[:, 4:7]
 
 
-def noisy_normals(mesh: TriangleMesh, noise: FloatArray, *, threads: int = 1) -> NoisyNormals:
-    """Normals of a mesh, and how samples of the noise of its vertices (n, k, 3) turn them, to first order."""
+def noisy_normals(mesh: TriangleMesh, probe: TriangleMesh, noise: SingleArray, *, threads: int = 1) -> NoisyNormals:
+    """Normals of two meshes, and how samples of the noise of vertices (n, k, 3) turn the first ones, to first order."""
     m = mesh.face_count
-    result = NoisyNormals(mesh, np.zeros((m, 3)), np.zeros((m, noise.shape[1], 3)), np.zeros(m))
+    both, samples = np.zeros((m, 8), dtype=np.float32), np.zeros((m, noise.shape[1], 3), dtype=np.float32)
 
     def make_task() -> RangeTask:
         return lambda start, stop: _write_normals(
-            mesh.vertices, mesh.faces, noise, start, stop, result.normals, result.samples, result.areas
+            mesh.vertices, probe.vertices, mesh.faces, noise, start, stop, both, samples
         )
 
     run_in_chunks(make_task, m, threads=threads)
-    return result
+    return NoisyNormals(mesh, probe, both, samples)
 
 
 def filter_normals(
@@ -67,7 +79,7 @@ def filter_normals(
     Parameters
     ----------
     state : NoisyNormals
-        From `noisy_normals` or an earlier call.
+        From `noisy_normals` or an earlier call; its arrays are overwritten.
     faces_at : Rows
         Faces at each vertex.
     rounds : int
@@ -84,72 +96,105 @@ def filter_normals(
     >>> from bezier_filters.mesh import triangle_mesh
     >>> from bezier_filters.surfaces import block_with_sharp_edges
     >>> block = triangle_mesh(*block_with_sharp_edges(resolution=6))
-    >>> start = noisy_normals(block, 1e-3 * np.ones((block.vertex_count, 2, 3)))
+    >>> start = noisy_normals(block, block, np.full((block.vertex_count, 2, 3), 1e-3, np.float32))
+    >>> before = start.normals.copy()
     >>> end = filter_normals(start, vertex_adjacency(block).faces, 5, 2.0)
-    >>> bool(np.allclose(start.normals, end.normals))
+    >>> bool(np.allclose(before, end.normals, atol=1e-6))
     True
     """
+    rows = faces_at.indptr, faces_at.indices
+    most = 1 + 3 * int(faces_at.lengths.max(initial=0))
+    result = replace(state, both=np.zeros_like(state.both), samples=np.zeros_like(state.samples))
     for _ in range(rounds):
-        state = _filtered_once(state, faces_at, tolerance, threads)
+        _write_variances(state, faces_at, tolerance, threads)
+        old, new = state, result
+
+        def make_task(old: NoisyNormals = old, new: NoisyNormals = new) -> RangeTask:
+            around, weights = np.empty(most, dtype=np.int32), np.empty((most, 2), dtype=np.float32)
+            return lambda start, stop: _filter(
+                old.mesh.faces, *rows, old.both, old.samples, start, stop, around, weights, new.both, new.samples
+            )
+
+        run_in_chunks(make_task, state.mesh.face_count, threads=threads)
+        state, result = result, state
     return state
 
 
-def _filtered_once(state: NoisyNormals, faces_at: Rows, tolerance: float, threads: int) -> NoisyNormals:
-    variances = _local_variances(state) * tolerance**2
-    result = replace(state, normals=np.zeros_like(state.normals), samples=np.zeros_like(state.samples))
+def _write_variances(state: NoisyNormals, faces_at: Rows, tolerance: float, threads: int) -> None:
+    """Write the mean squared change of the normals around each face, times the squared tolerance."""
+    mesh, both = state.mesh, state.both
+    values = np.zeros(mesh.vertex_count, dtype=np.float32)
+    squared, least = np.float32(tolerance**2), np.float32(SMALLEST_VARIANCE)
 
-    def make_task() -> RangeTask:
-        return lambda start, stop: _filter(
-            state.mesh.faces,
-            faces_at.indptr,
-            faces_at.indices,
-            state.normals,
-            state.samples,
-            state.areas,
-            variances,
-            start,
-            stop,
-            result.normals,
-            result.samples,
-        )
+    def of_samples(start: int, stop: int) -> None:
+        _mean_squares(state.samples, squared, start, stop, both)
 
-    run_in_chunks(make_task, state.mesh.face_count, threads=threads)
-    return result
+    def to_vertices(start: int, stop: int) -> None:
+        _to_vertices(faces_at.indptr, faces_at.indices, both, start, stop, values)
 
+    def to_faces(start: int, stop: int) -> None:
+        _to_faces(mesh.faces, values, least * squared, start, stop, both)
 
-def _local_variances(state: NoisyNormals) -> FloatArray:
-    """Mean squared change of the normals around each face."""
-    mesh = state.mesh
-    values = np.square(state.samples).sum(axis=2).mean(axis=1)
-    counts = np.maximum(np.bincount(mesh.faces.ravel(), minlength=mesh.vertex_count), 1)
+    run_in_chunks(lambda: of_samples, mesh.face_count, threads=threads)
     for _ in range(2):
-        at_vertices = np.bincount(mesh.faces.ravel(), weights=np.repeat(values, 3), minlength=mesh.vertex_count)
-        values = (at_vertices / counts)[mesh.faces].mean(axis=1)
-    result: FloatArray = np.maximum(values, SMALLEST_VARIANCE)
-    return result
+        run_in_chunks(lambda: to_vertices, mesh.vertex_count, threads=threads)
+        run_in_chunks(lambda: to_faces, mesh.face_count, threads=threads)
+
+
+@lean_njit()
+def _mean_squares(samples: SingleArray, factor: np.float32, start: int, stop: int, both: SingleArray) -> None:
+    for f in range(start, stop):
+        total = np.float32(0.0)
+        for k in range(samples.shape[1]):
+            total += samples[f, k, 0] ** 2 + samples[f, k, 1] ** 2 + samples[f, k, 2] ** 2
+        both[f, 7] = factor * total / np.float32(samples.shape[1])
+
+
+@lean_njit()
+def _to_vertices(
+    face_ptr: IntArray, face_indices: IntArray, both: SingleArray, start: int, stop: int, values: SingleArray
+) -> None:
+    for i in range(start, stop):
+        total = np.float32(0.0)
+        for q in range(face_ptr[i], face_ptr[i + 1]):
+            total += both[face_indices[q], 7]
+        values[i] = total / np.float32(max(face_ptr[i + 1] - face_ptr[i], 1))
+
+
+@lean_njit()
+def _to_faces(
+    faces: IntArray, values: SingleArray, least: np.float32, start: int, stop: int, both: SingleArray
+) -> None:
+    for f in range(start, stop):
+        mean = (values[faces[f, 0]] + values[faces[f, 1]] + values[faces[f, 2]]) / np.float32(3.0)
+        both[f, 7] = max(mean, least)
 
 
 @lean_njit()
 def _write_normals(
     vertices: FloatArray,
+    moved: FloatArray,
     faces: IntArray,
-    noise: FloatArray,
+    noise: SingleArray,
     start: int,
     stop: int,
-    normals: FloatArray,
-    samples: FloatArray,
-    areas: FloatArray,
+    both: SingleArray,
+    samples: SingleArray,
 ) -> None:
     """Write unit normals, areas and the changes of the normals."""
     for f in range(start, stop):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        x, y, z = face_normal(moved, faces, f)
+        length = np.sqrt(x * x + y * y + z * z)
+        if length > 0.0:
+            both[f, 4], both[f, 5], both[f, 6] = x / length, y / length, z / length
         x, y, z = face_normal(vertices, faces, f)
         length = np.sqrt(x * x + y * y + z * z)
-        areas[f] = length
+        both[f, 3] = length
         if length == 0.0:
             continue
         x, y, z = x / length, y / length, z / length
-        normals[f, 0], normals[f, 1], normals[f, 2] = x, y, z
+        both[f, 0], both[f, 1], both[f, 2] = x, y, z
         ux, uy, uz = vertices[b, 0] - vertices[a, 0], vertices[b, 1] - vertices[a, 1], vertices[b, 2] - vertices[a, 2]
         vx, vy, vz = vertices[c, 0] - vertices[a, 0], vertices[c, 1] - vertices[a, 1], vertices[c, 2] - vertices[a, 2]
         for k in range(noise.shape[1]):
@@ -168,50 +213,84 @@ def _filter(
     faces: IntArray,
     face_ptr: IntArray,
     face_indices: IntArray,
-    normals: FloatArray,
-    samples: FloatArray,
-    areas: FloatArray,
-    variances: FloatArray,
+    both: SingleArray,
+    samples: SingleArray,
     start: int,
     stop: int,
-    new_normals: FloatArray,
-    new_samples: FloatArray,
+    around: IntArray,
+    weights: SingleArray,
+    new_both: SingleArray,
+    new_samples: SingleArray,
 ) -> None:
-    """Write the means of faces start .. stop-1 with the faces that share a vertex with them."""
-    count = samples.shape[1]
+    """Write the means of faces start .. stop-1 with the faces that share a vertex with them.
+
+    Work space for the faces around one and their weights, by the normals of both meshes.
+    """
     for f in range(start, stop):
-        x, y, z = areas[f] * normals[f, 0], areas[f] * normals[f, 1], areas[f] * normals[f, 2]
-        for k in range(count):
-            for axis in range(3):
-                new_samples[f, k, axis] = areas[f] * samples[f, k, axis]
+        around[0], weights[0, 0], weights[0, 1], count = f, both[f, 3], both[f, 3], 1
+        new_both[f, 3] = both[f, 3]
         for corner in range(3):
             i = faces[f, corner]
             for q in range(face_ptr[i], face_ptr[i + 1]):
                 g = face_indices[q]
-                if g == f or _met_before(faces, f, corner, g):
-                    continue
-                dx, dy, dz = normals[f, 0] - normals[g, 0], normals[f, 1] - normals[g, 1], normals[f, 2] - normals[g, 2]
-                exponent = 0.5 * (dx * dx + dy * dy + dz * dz) / (variances[f] + variances[g])
-                if exponent > FARTHEST:
-                    continue
-                weight = areas[g] * np.exp(-exponent)
-                x, y, z = x + weight * normals[g, 0], y + weight * normals[g, 1], z + weight * normals[g, 2]
-                for k in range(count):
-                    for axis in range(3):
-                        new_samples[f, k, axis] += weight * samples[g, k, axis]
-        length = np.sqrt(x * x + y * y + z * z)
-        if length == 0.0:
+                if g != f and not _met_before(faces, f, corner, g):
+                    around[count] = g
+                    weights[count, 0] = _weight(both, f, g, 0)
+                    weights[count, 1] = _weight(both, f, g, 4)
+                    count += 1
+        for first in range(0, 5, 4):
+            x = y = z = np.float32(0.0)
+            for q in range(count):
+                g, weight = around[q], weights[q, first // 4]
+                x += weight * both[g, first]
+                y += weight * both[g, first + 1]
+                z += weight * both[g, first + 2]
+            new_both[f, first], new_both[f, first + 1], new_both[f, first + 2] = x, y, z
+        _normalise(new_both, f, 4)
+        length = _normalise(new_both, f, 0)
+        if length == np.float32(0.0):
+            new_samples[f] = np.float32(0.0)
             continue
-        x, y, z = x / length, y / length, z / length
-        new_normals[f, 0], new_normals[f, 1], new_normals[f, 2] = x, y, z
-        for k in range(count):
-            along = new_samples[f, k, 0] * x + new_samples[f, k, 1] * y + new_samples[f, k, 2] * z
-            new_samples[f, k, 0] = (new_samples[f, k, 0] - along * x) / length
-            new_samples[f, k, 1] = (new_samples[f, k, 1] - along * y) / length
-            new_samples[f, k, 2] = (new_samples[f, k, 2] - along * z) / length
+        nx, ny, nz = new_both[f, 0], new_both[f, 1], new_both[f, 2]
+        for k in range(samples.shape[1]):
+            x = y = z = np.float32(0.0)
+            for q in range(count):
+                g, weight = around[q], weights[q, 0]
+                x += weight * samples[g, k, 0]
+                y += weight * samples[g, k, 1]
+                z += weight * samples[g, k, 2]
+            along = x * nx + y * ny + z * nz
+            new_samples[f, k, 0] = (x - along * nx) / length
+            new_samples[f, k, 1] = (y - along * ny) / length
+            new_samples[f, k, 2] = (z - along * nz) / length
 
 
-@lean_njit()
+@inner_njit()
+def _weight(both: SingleArray, f: int, g: int, first: int) -> np.float32:
+    """How much face g counts for face f, by the normals in three columns."""
+    dx, dy, dz = (
+        both[f, first] - both[g, first],
+        both[f, first + 1] - both[g, first + 1],
+        both[f, first + 2] - both[g, first + 2],
+    )
+    exponent = np.float32(0.5) * (dx * dx + dy * dy + dz * dz) / (both[f, 7] + both[g, 7])
+    result = max(np.float32(1.0) - exponent / np.float32(POWER), np.float32(0.0))
+    for _ in range(SQUARINGS):
+        result *= result
+    return np.float32(both[g, 3] * result)
+
+
+@inner_njit()
+def _normalise(both: SingleArray, f: int, first: int) -> np.float32:
+    """Divide the vector in three columns by its length; return that."""
+    x, y, z = both[f, first], both[f, first + 1], both[f, first + 2]
+    length: np.float32 = np.sqrt(x * x + y * y + z * z)
+    if length > np.float32(0.0):
+        both[f, first], both[f, first + 1], both[f, first + 2] = x / length, y / length, z / length
+    return length
+
+
+@inner_njit()
 def _met_before(faces: IntArray, f: int, corner: int, g: int) -> bool:
     """Whether face g has one of the corners of face f before a given one."""
     for k in range(corner):

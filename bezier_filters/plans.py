@@ -234,9 +234,14 @@ def _predicted(surface: SurfaceModel, ring: RingModel, plan: FitPlan) -> FitPlan
     slopes, curvatures = squared_errors(_equations(surface, ring, plan), ring.variances)
     return replace(
         plan,
-        normal_error=float(np.sqrt(slopes) / ring.analysis.radius),
-        curvature_error=float(np.sqrt(8.0 * curvatures) / ring.analysis.radius**2),
+        normal_error=_root(slopes) / ring.analysis.radius,
+        curvature_error=_root(8.0 * curvatures) / ring.analysis.radius**2,
     )
+
+
+def _root(squared_error: float) -> float:
+    """Square root, or infinity where rounding has won, in nearly singular equations, as of points that coincide."""
+    return float(np.sqrt(squared_error)) if squared_error >= 0.0 else np.inf
 
 
 def _calibrated(surface: SurfaceModel, ring: RingModel, plan: FitPlan) -> FitPlan:

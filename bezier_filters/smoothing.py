@@ -5,9 +5,10 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.sparse import csr_array
 
 from bezier_filters.adjacency import Adjacency, vertex_adjacency
-from bezier_filters.arrays import BoolArray, FloatArray
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.automatic_smoothing import denoise
 from bezier_filters.compilation import announce_first_compilation
 from bezier_filters.creases import crease_vertices
@@ -17,12 +18,13 @@ from bezier_filters.flips import BadFaces, bad_faces, without_new_flips
 from bezier_filters.frames import tangent_planes
 from bezier_filters.kernel_input import kernel_mesh
 from bezier_filters.lane_kernel import fit_in_lanes
+from bezier_filters.lean import lean_njit
 from bezier_filters.learning import learn_surface
 from bezier_filters.mesh import TriangleMesh, triangle_mesh
-from bezier_filters.parallel import Progress, thread_count
+from bezier_filters.parallel import Progress, RangeTask, run_in_chunks, thread_count
 from bezier_filters.plans import Choices
 from bezier_filters.smoothing_result import SmoothingResult
-from bezier_filters.volume import closed_parts, part_volumes, with_volumes
+from bezier_filters.volume import ClosedParts, closed_parts, part_volumes, with_volumes
 
 SmoothingMethod = Literal["auto", "paper"]
 SmoothedBorders = Literal["curve", "fixed"]
@@ -118,6 +120,7 @@ def smooth(
         movable = movable & ~adjacency.on_boundary
     announce_first_compilation(fit_in_lanes)
     noise_before = noise if noise is not None else noise_of(mesh, adjacency, threads=threads)
+    parts = closed_parts(mesh, adjacency)
     before = bad_faces(mesh, adjacency, threads=threads)
     points, sharpness = mesh.vertices, np.zeros(mesh.vertex_count)
     for k in range(iterations):
@@ -127,15 +130,15 @@ def smooth(
             points = _onto_patches(current, rings, alpha, threads, report)
         else:
             sigma = noise_before if k == 0 else noise_of(current, adjacency, threads=threads)
-            unit = mean_edge(current, adjacency)
+            unit = mean_edge(current, adjacency, threads=threads)
             denoised = denoise(current, adjacency, sigma or 0.0, unit, borders, threads=threads, progress=report)
             points, sharpness = denoised.vertices, np.maximum(sharpness, denoised.sharpness)
         points = np.where(movable[:, np.newaxis], points, mesh.vertices)
     if method == "auto":
-        points = _finished(mesh, adjacency, points, before, movable, keep_volume is not False, threads)
+        points = _finished(mesh, adjacency, parts, points, before, movable, keep_volume is not False, threads)
     elif keep_volume:
-        points = _with_old_volumes(mesh, adjacency, points, movable)
-    return _result(mesh, adjacency, points, sharpness, noise_before, before, threads)
+        points = _with_old_volumes(mesh, adjacency, parts, points, movable)
+    return _result(mesh, adjacency, parts, points, sharpness, noise_before, before, threads)
 
 
 def noise_of(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> float | None:
@@ -146,11 +149,28 @@ def noise_of(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> f
     return None if leaf is None else leaf.surface.sigma
 
 
-def mean_edge(mesh: TriangleMesh, adjacency: Adjacency) -> float:
+def mean_edge(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> float:
     """Mean length of the edges; 0 if there are none."""
-    start = np.repeat(np.arange(mesh.vertex_count), adjacency.vertices.lengths)
-    edges = mesh.vertices[adjacency.vertices.indices] - mesh.vertices[start]
-    return float(np.linalg.norm(edges, axis=1).mean()) if len(edges) else 0.0
+    rows = adjacency.vertices
+    lengths = np.zeros(mesh.vertex_count)
+
+    def make_task() -> RangeTask:
+        return lambda start, stop: _sum_lengths(mesh.vertices, rows.indptr, rows.indices, start, stop, lengths)
+
+    run_in_chunks(make_task, mesh.vertex_count, threads=threads)
+    return float(lengths.sum()) / max(len(rows.indices), 1)
+
+
+@lean_njit()
+def _sum_lengths(
+    vertices: FloatArray, ptr: IntArray, indices: IntArray, start: int, stop: int, lengths: FloatArray
+) -> None:
+    """Write the sum of the lengths of the edges at vertices start .. stop-1."""
+    for i in range(start, stop):
+        for q in range(ptr[i], ptr[i + 1]):
+            j = indices[q]
+            x, y, z = vertices[j, 0] - vertices[i, 0], vertices[j, 1] - vertices[i, 1], vertices[j, 2] - vertices[i, 2]
+            lengths[i] += np.sqrt(x * x + y * y + z * z)
 
 
 def _onto_patches(mesh: TriangleMesh, rings: int, alpha: float, threads: int, progress: Progress | None) -> FloatArray:
@@ -165,6 +185,7 @@ def _onto_patches(mesh: TriangleMesh, rings: int, alpha: float, threads: int, pr
 def _finished(
     mesh: TriangleMesh,
     adjacency: Adjacency,
+    parts: ClosedParts,
     points: FloatArray,
     before: BadFaces,
     movable: BoolArray,
@@ -173,24 +194,29 @@ def _finished(
 ) -> FloatArray:
     """The smoothed vertices with their old volumes and no new bad faces."""
     if keep_volume:
-        points = _with_old_volumes(mesh, adjacency, points, movable)
+        points = _with_old_volumes(mesh, adjacency, parts, points, movable)
     return without_new_flips(mesh, adjacency, points, before, threads=threads)
 
 
-def _with_old_volumes(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray, movable: BoolArray) -> FloatArray:
-    parts = closed_parts(mesh)
+def _with_old_volumes(
+    mesh: TriangleMesh, adjacency: Adjacency, parts: ClosedParts, points: FloatArray, movable: BoolArray
+) -> FloatArray:
     if not parts.count:
         return points
-    squares = np.square(points - mesh.vertices).sum(axis=1)
-    start, end = np.repeat(np.arange(len(points)), adjacency.vertices.lengths), adjacency.vertices.indices
-    around = np.bincount(start, weights=squares[end], minlength=len(points)) + squares
-    amounts = np.sqrt(around / (adjacency.vertices.lengths + 1.0)) * movable
+    rows = adjacency.vertices
+    neighbours = csr_array(
+        (np.ones(len(rows.indices), np.float32), rows.indices, rows.indptr), shape=2 * (len(points),)
+    )
+    moves = points - mesh.vertices
+    squares = np.einsum("ij,ij->i", moves, moves)
+    amounts = np.sqrt((neighbours @ squares + squares) / (rows.lengths + 1.0)) * movable
     return with_volumes(TriangleMesh(points, mesh.faces), parts, part_volumes(mesh, parts), amounts)
 
 
 def _result(
     mesh: TriangleMesh,
     adjacency: Adjacency,
+    parts: ClosedParts,
     points: FloatArray,
     sharpness: FloatArray,
     noise_before: float | None,
@@ -199,7 +225,6 @@ def _result(
 ) -> SmoothingResult:
     smoothed = TriangleMesh(points, mesh.faces)
     after = bad_faces(smoothed, adjacency, threads=threads)
-    parts = closed_parts(mesh)
     volumes = [float(part_volumes(m, parts).sum()) if parts.count else None for m in (mesh, smoothed)]
     return SmoothingResult(
         vertices=points,

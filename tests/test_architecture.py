@@ -31,10 +31,13 @@ adaptive_fit ball_fit
 outliers
 estimation
 baselines
-laplacian volume flips vertex_update normal_filter
-scale_space
+laplacian volume flips normal_filter mesh_parts
+chebyshev
+scale_space vertex_update
+clusters
 stein noise_levels
 low_pass
+surface_estimates
 automatic_smoothing smoothing_result
 smoothing
 meshset

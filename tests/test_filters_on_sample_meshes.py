@@ -6,21 +6,46 @@ import numpy as np
 import pymeshlab
 import pytest
 
-from bezier_filters.registration import FILTERS
+from bezier_filters.filters import (
+    compute_curvature_by_bezier_patch_per_vertex,
+    compute_normal_by_bezier_patch_per_vertex,
+    compute_torsion_by_bezier_patch_per_vertex,
+)
+from bezier_filters.smoothing_filter import apply_coord_bezier_patch_smoothing
 
+VERTEX_FILTERS = (
+    compute_normal_by_bezier_patch_per_vertex,
+    compute_curvature_by_bezier_patch_per_vertex,
+    compute_torsion_by_bezier_patch_per_vertex,
+)
 SAMPLES = Path(pymeshlab.__file__).parent / "tests" / "sample_meshes"
 
 
-@pytest.mark.parametrize(
-    "name", ["bunny.obj", "bunny10k_textured.obj", "cow.obj", "bone.ply", "airplane.obj", "rangemaps/face000.ply"]
-)
-@pytest.mark.parametrize("function", FILTERS)
-def test_sample_meshes(name, function):
+NAMES = ["bunny.obj", "bunny10k_textured.obj", "cow.obj", "bone.ply", "airplane.obj", "rangemaps/face000.ply"]
+
+
+def load(name):
     ms = pymeshlab.MeshSet()
     ms.load_new_mesh(str(SAMPLES / name))
+    return ms
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("function", VERTEX_FILTERS)
+def test_sample_meshes(name, function):
+    ms = load(name)
     result = function(ms, color=True)
     mesh = ms.current_mesh()
     assert sum(result["status"].values()) == mesh.vertex_number()
     assert np.isfinite(mesh.vertex_scalar_array()).all()
     for attribute in result["attributes"]:
         assert np.isfinite(mesh.vertex_custom_scalar_attribute_array(attribute)).all()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_smoothing_of_sample_meshes(name):
+    ms = load(name)
+    report = apply_coord_bezier_patch_smoothing(ms, quality="displacement", color=True)
+    assert np.isfinite(ms.current_mesh().vertex_matrix()).all()
+    assert report["new_bad_faces"] == 0
+    assert report["displacement"]["max"] < 5.0 * report["mean_edge"]

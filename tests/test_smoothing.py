@@ -189,6 +189,51 @@ def test_meshes_that_are_hardly_any():
     assert triangle.max_displacement == 0.0
 
 
+def with_fins(vertices, faces):
+    """Some edges with a third face."""
+    tips = vertices[faces[:40, 0]] + [0.0, 0.0, edge_of(vertices, faces)]
+    fins = np.column_stack([faces[:40, :2], len(vertices) + np.arange(40)])
+    return np.vstack([vertices, tips]), np.vstack([faces, fins])
+
+
+def with_coincident_vertices(vertices, faces):
+    result = vertices.copy()
+    result[faces[:30, 0]] = result[faces[:30, 1]]
+    return result, faces
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        with_fins,
+        with_coincident_vertices,
+        lambda v, f: (np.vstack([v, np.ones((20, 3))]), f),
+        lambda v, f: (v, np.vstack([f, f[:100], f[100:150, ::-1], [[0, 0, 1]]])),
+        lambda v, f: (v, f[np.random.default_rng(0).random(len(f)) > 0.1]),
+        lambda v, f: (v, np.where((np.arange(len(f)) % 2 == 0)[:, np.newaxis], f, f[:, ::-1])),
+        lambda v, f: (v, f[:, ::-1]),
+    ],
+    ids=["fins", "coincident", "isolated", "repeated", "full of holes", "half turned", "inside out"],
+)
+@pytest.mark.parametrize("seed", [0, 5])
+def test_dirty_meshes_come_to_no_harm(spoil, seed):
+    ring = torus(resolution=24, jitter=0.2)
+    vertices, faces = spoil(with_noise(ring.vertices, ring.faces, ring.normals, 0.2, seed), ring.faces)
+    result = smooth(vertices, faces)
+    assert np.isfinite(result.vertices).all()
+    assert np.isfinite(result.sharpness).all()
+    assert result.new_bad_faces == 0
+
+
+@pytest.mark.parametrize("count", [4, 5, 8, 20, 50])
+def test_tiny_meshes_come_to_no_harm(count):
+    rng = np.random.default_rng(count)
+    points, faces = rng.standard_normal((count, 3)), rng.integers(0, count, (2 * count, 3))
+    result = smooth(points, faces, noise=0.1)
+    assert np.isfinite(result.vertices).all()
+    assert result.new_bad_faces == 0
+
+
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from bezier_filters.adjacency import vertex_adjacency
 from bezier_filters.mesh import TriangleMesh, triangle_mesh
 from bezier_filters.surfaces import block_with_sharp_edges, sphere, waves
 from bezier_filters.volume import closed_parts, part_volumes, with_volumes
@@ -20,7 +21,7 @@ def two_bodies_and_a_sheet():
 
 def test_closed_parts_are_found(two_bodies_and_a_sheet):
     mesh, (end_of_block, end_of_ball) = two_bodies_and_a_sheet
-    parts = closed_parts(mesh)
+    parts = closed_parts(mesh, vertex_adjacency(mesh))
     assert parts.count == 2
     assert set(parts.of_vertex[:end_of_block]) == {parts.of_vertex[0]}
     assert set(parts.of_vertex[end_of_block:end_of_ball]) == {parts.of_vertex[end_of_block]}
@@ -29,7 +30,7 @@ def test_closed_parts_are_found(two_bodies_and_a_sheet):
 
 def test_volumes_do_not_depend_on_the_place(two_bodies_and_a_sheet):
     mesh, _ = two_bodies_and_a_sheet
-    parts = closed_parts(mesh)
+    parts = closed_parts(mesh, vertex_adjacency(mesh))
     moved = TriangleMesh(mesh.vertices + np.array([1e3, 0.0, -1e3]), mesh.faces)
     assert np.allclose(part_volumes(moved, parts), part_volumes(mesh, parts), rtol=1e-9)
     turned = TriangleMesh(mesh.vertices, np.ascontiguousarray(mesh.faces[:, ::-1]))
@@ -38,7 +39,7 @@ def test_volumes_do_not_depend_on_the_place(two_bodies_and_a_sheet):
 
 def test_volumes_are_reached_where_amounts_allow(two_bodies_and_a_sheet):
     mesh, (end_of_block, _) = two_bodies_and_a_sheet
-    parts = closed_parts(mesh)
+    parts = closed_parts(mesh, vertex_adjacency(mesh))
     amounts = np.zeros(mesh.vertex_count)
     amounts[end_of_block:] = 1.0
     before = part_volumes(mesh, parts)
@@ -51,8 +52,12 @@ def test_volumes_are_reached_where_amounts_allow(two_bodies_and_a_sheet):
 
 def test_meshes_that_enclose_nothing():
     sheet = waves(resolution=4)
-    assert closed_parts(triangle_mesh(sheet.vertices, sheet.faces)).count == 0
-    assert closed_parts(triangle_mesh(np.zeros((3, 3)), np.zeros((0, 3), dtype=int))).count == 0
     ball = sphere(resolution=4)
     twice = np.vstack([ball.faces, ball.faces[:1]])
-    assert closed_parts(triangle_mesh(ball.vertices, twice)).count == 0
+    named_twice = np.vstack([ball.faces, [[0, 0, 1]]])
+    turned = np.vstack([ball.faces[:1, ::-1], ball.faces[1:]])
+    for faces in (twice, named_twice, turned, ball.faces[1:], np.zeros((0, 3), dtype=int)):
+        mesh = triangle_mesh(ball.vertices, faces)
+        assert closed_parts(mesh, vertex_adjacency(mesh)).count == 0
+    mesh = triangle_mesh(sheet.vertices, sheet.faces)
+    assert closed_parts(mesh, vertex_adjacency(mesh)).count == 0

@@ -1,0 +1,90 @@
+"""Smoothing of meshes so large that what holds for the whole is learned from parts; and its shortcuts."""
+
+import numpy as np
+import pytest
+from numba import config
+from test_smoothing import edge_of, face_normals, mean_angle, with_noise
+
+from bezier_filters import smooth
+from bezier_filters.adjacency import vertex_adjacency
+from bezier_filters.mesh import triangle_mesh
+from bezier_filters.mesh_parts import CORE, LARGEST_WHOLE, PART, sampled_parts
+from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, sphere
+from bezier_filters.vertex_update import ROUNDS, move_to_normals
+
+compiled = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
+
+
+@pytest.fixture(scope="module")
+def star():
+    """A surface with more vertices than are looked at as a whole."""
+    surface = bumpy_star(resolution=80, jitter=0.2)
+    assert len(surface.vertices) > LARGEST_WHOLE
+    return surface
+
+
+@compiled
+def test_parts_are_of_one_piece_with_a_margin(star):
+    mesh = triangle_mesh(star.vertices, star.faces)
+    adjacency = vertex_adjacency(mesh)
+    parts = sampled_parts(mesh, adjacency)
+    assert PART < parts.mesh.vertex_count < LARGEST_WHOLE
+    assert parts.core.sum() > CORE
+    assert np.array_equal(parts.mesh.vertices, star.vertices[parts.vertices])
+    # Nothing is missing around the vertices that count.
+    inside = np.diff(parts.adjacency.vertices.indptr)[parts.core]
+    assert np.array_equal(inside, adjacency.vertices.lengths[parts.vertices[parts.core]])
+
+
+def test_small_meshes_are_their_own_sample():
+    ball = sphere(resolution=6)
+    mesh = triangle_mesh(ball.vertices, ball.faces)
+    parts = sampled_parts(mesh, vertex_adjacency(mesh))
+    assert parts.mesh is mesh
+    assert parts.core.all()
+
+
+@compiled
+def test_large_meshes_become_smooth_whatever_the_number_of_threads(star):
+    noisy = with_noise(star.vertices, star.faces, star.normals, 0.2)
+    one, two = (smooth(noisy, star.faces, threads=k) for k in (1, 2))
+    assert np.array_equal(one.vertices, two.vertices)
+    assert mean_angle(one.vertices, star.vertices, star.faces) < 1.0
+    assert one.volume_ratio == pytest.approx(1.0, abs=1e-9)
+
+
+@compiled
+def test_edges_that_no_part_need_have_met_stay_sharp(star):
+    block, faces = block_with_sharp_edges(resolution=20, jitter=0.2)
+    scale = edge_of(star.vertices, star.faces) / edge_of(block, faces)
+    clean = np.vstack([star.vertices, block * scale + [5.0, 0.0, 0.0]])
+    both = np.vstack([star.faces, faces + len(star.vertices)])
+    normals = np.zeros_like(clean)
+    for k in range(3):
+        np.add.at(normals, both[:, k], face_normals(clean, both))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    result = smooth(with_noise(clean, both, normals, 0.2), both)
+    rest = slice(len(star.vertices), None)
+    assert result.sharpness[rest].mean() > 0.5
+    assert mean_angle(result.vertices[rest], clean[rest], faces) < 3.0
+    whole = slice(0, len(star.vertices))
+    assert mean_angle(result.vertices[whole], star.vertices, star.faces) < 1.0
+
+
+def test_the_polynomial_does_what_all_the_rounds_would():
+    ball = sphere(resolution=6, jitter=0.2)
+    noisy = with_noise(ball.vertices, ball.faces, ball.normals, 0.2)
+    mesh = triangle_mesh(noisy, ball.faces)
+    normals = face_normals(ball.vertices, ball.faces)
+    movable = noisy[:, 2] > -0.5
+    expected, counts = noisy.copy(), np.bincount(mesh.faces.ravel())[:, np.newaxis]
+    for _ in range(ROUNDS):
+        centers = expected[mesh.faces].mean(axis=1)
+        steps = np.zeros_like(expected)
+        for k in range(3):
+            heights = np.einsum("ij,ij->i", centers - expected[mesh.faces[:, k]], normals)
+            np.add.at(steps, mesh.faces[:, k], heights[:, np.newaxis] * normals)
+        expected[movable] += (steps / counts)[movable]
+    moves = move_to_normals(mesh, vertex_adjacency(mesh), normals.astype(np.float32), movable)
+    assert np.abs(noisy + moves - expected).max() < 0.01 * np.abs(expected - noisy).max()
+    assert not moves[~movable].any()
