@@ -42,6 +42,7 @@ automatic_smoothing smoothing_result
 smoothing
 meshset
 mesh_attributes mesh_colors mesh_coordinates mesh_files
+mesh_growth
 vertex_output
 vertex_filter
 filters smoothing_filter
