@@ -15,6 +15,10 @@ mesh polynomials smoothness patch differential_geometry jets vertex_geometry sur
 adjacency boundary fields harmonics
 neighbourhoods frames fitting uncertainty diagnosis ply_columns orientation lanes
 creases kernel_input lane_algebra
+loop_geometry self_intersections loop_triangulation surroundings implicit_surface variational_fill
+hole_detection fill_topology hole_result
+hole_choice smooth_fill
+fill_methods fill_placement
 lane_workspace lane_errors lane_frames lane_results local_frames vertex_patch field_files point_cloud
 scalar_kernel lane_kernel
 neighbourhood_samples
@@ -35,7 +39,7 @@ scale_space
 stein noise_levels
 low_pass
 automatic_smoothing smoothing_result
-smoothing
+smoothing hole_filling
 meshset
 mesh_attributes mesh_colors mesh_files
 vertex_filter
