@@ -1,0 +1,74 @@
+"""The ways to fill a hole, the best first."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.fill_topology import Fill
+from bezier_filters.smooth_fill import faired, first_fill, meeting_rim, on_surface, surface_around, triangulated
+from bezier_filters.surroundings import Surroundings
+
+FEWEST_POINTS = 16
+"""With known normals, for a surface."""
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A fill, or why there is none.
+
+    Attributes
+    ----------
+    method : str
+        Its name; see `HoleReport.method`.
+    fill : Fill or None
+        Triangles on the rim and new vertices.
+    reason : str
+        What went wrong, if there is no fill.
+    parts : int
+        Sub-holes.
+    creases : (e, 2) int32
+        Edges of the fill that are creases.
+    """
+
+    method: str
+    fill: Fill | None
+    reason: str = ""
+    parts: int = 1
+    creases: IntArray | None = None
+
+
+def smooth_attempts(around: Surroundings, normals: FloatArray, *, noisy: bool) -> Iterator[Attempt]:
+    """Fill a hole in a smooth surface, in ever simpler ways.
+
+    Parameters
+    ----------
+    around : Surroundings
+        Three rings around the hole, or more.
+    normals : (b, 3) float64
+        Unit normals of its vertices, zero where they are not known.
+    noisy : bool
+        Whether its points have errors that should not be followed.
+    """
+    fill = first_fill(around)
+    if fill is None:
+        yield Attempt("flat", None, "every triangulation of the rim would join vertices that are joined already")
+        return
+    if len(fill.points) > fill.rim_count:
+        yield _continued(fill, around, normals, noisy=noisy)
+        yield Attempt("variational", faired(fill, around, 2 if noisy else 3))
+        yield Attempt("variational", fill)
+        yield Attempt("flat", faired(fill, around, 1))
+    yield Attempt("flat", triangulated(around))
+
+
+def _continued(fill: Fill, around: Surroundings, normals: FloatArray, *, noisy: bool) -> Attempt:
+    known = np.einsum("ij,ij->i", normals, normals) > 0.25
+    if np.count_nonzero(known) < FEWEST_POINTS:
+        return Attempt("surface", None, "too few vertices around the hole to fit a surface")
+    surface = surface_around(around, normals, known, noisy=noisy)
+    moved = None if surface is None else on_surface(fill, around, surface)
+    if surface is None or moved is None:
+        return Attempt("surface", None, "the surface around the hole does not continue into it")
+    return Attempt("surface", meeting_rim(moved, around, surface))

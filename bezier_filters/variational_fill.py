@@ -1,0 +1,76 @@
+"""Fills without tension: interior vertices where the k-th power of the Laplacian vanishes.
+
+With k = 2 the fill continues the tangent planes around the hole, with k = 3 the curvature, too (M. Botsch, L.
+Kobbelt, "An intuitive framework for real-time freeform modeling", SIGGRAPH 2004).
+"""
+
+import numpy as np
+from scipy.sparse import csc_matrix, diags
+from scipy.sparse.linalg import spsolve
+
+from bezier_filters.arrays import FloatArray, IntArray
+
+LEAST_COTANGENT, LARGEST_COTANGENT = 0.02, 5.0
+"""Bounds of the weights: slivers do not rule, and there is always one solution."""
+
+
+def without_tension(points: FloatArray, faces: IntArray, free: IntArray, order: int) -> FloatArray:
+    """Move some vertices to where the Laplacian to a power vanishes, the others fixed.
+
+    Parameters
+    ----------
+    points : (n, 3) float64
+        Vertices of the fill and `order` rings around it.
+    faces : (m, 3) int32
+        Faces of both.
+    free : (k,) int
+        Vertices that move.
+    order : int
+        1, 2 or 3.
+
+    Returns
+    -------
+    (n, 3) float64
+
+    Examples
+    --------
+    >>> hub = np.array([[0.0, 0.0, 5.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+    >>> wheel = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]], dtype=np.int32)
+    >>> bool(np.allclose(without_tension(hub, wheel, np.array([0]), 1)[0], 0.0))
+    True
+    """
+    if len(free) == 0:
+        return points.copy()
+    stiffness, areas = cotangent_matrix(points, faces)
+    power = stiffness
+    for _ in range(order - 1):
+        power = stiffness @ diags(1.0 / areas) @ power
+    rows = power.tocsr()[free]
+    fixed = np.ones(len(points), dtype=np.bool_)
+    fixed[free] = False
+    result = points.copy()
+    solution = spsolve(rows[:, free].tocsc(), -(rows[:, fixed] @ points[fixed]))
+    if np.isfinite(solution).all():
+        result[free] = solution.reshape(len(free), 3)
+    return result
+
+
+def cotangent_matrix(points: FloatArray, faces: IntArray) -> tuple[csc_matrix, FloatArray]:
+    """Positive semidefinite cotangent matrix (n, n) and the areas of the vertices (n,), all positive."""
+    n = len(points)
+    starts, ends, weights = [], [], []
+    areas = np.zeros(n)
+    for k in range(3):
+        i, j, tip = faces[:, k], faces[:, (k + 1) % 3], faces[:, (k + 2) % 3]
+        u, v = points[i] - points[tip], points[j] - points[tip]
+        twice = np.linalg.norm(np.cross(u, v), axis=1)
+        cotangent = np.einsum("ij,ij->i", u, v) / np.maximum(twice, 1e-300)
+        starts += [i, j]
+        ends += [j, i]
+        weights += [0.5 * np.clip(cotangent, -LARGEST_COTANGENT, LARGEST_COTANGENT)] * 2
+        areas += np.bincount(tip, weights=twice / 6.0, minlength=n)
+    shape = (n, n)
+    off = csc_matrix((np.concatenate(weights), (np.concatenate(starts), np.concatenate(ends))), shape=shape)
+    off.data = np.maximum(off.data, LEAST_COTANGENT)
+    total = np.asarray(off.sum(axis=1)).ravel()
+    return diags(total).tocsc() - off, np.maximum(areas, 1e-3 * max(float(areas.mean()), 1e-300))
