@@ -7,6 +7,7 @@ import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.fill_topology import Fill
+from bezier_filters.paper_fill import paper_fill
 from bezier_filters.smooth_fill import faired, first_fill, meeting_rim, on_surface, surface_around, triangulated
 from bezier_filters.surroundings import Surroundings
 
@@ -61,6 +62,13 @@ def smooth_attempts(around: Surroundings, normals: FloatArray, *, noisy: bool) -
         yield Attempt("variational", fill)
         yield Attempt("flat", faired(fill, around, 1))
     yield Attempt("flat", triangulated(around))
+
+
+def paper_attempts(around: Surroundings, normals: FloatArray, alpha: float, *, noisy: bool) -> Iterator[Attempt]:
+    """Fill a hole in the paper's way, or else as a smooth one; see `smooth_attempts`."""
+    fill = paper_fill(around, alpha)
+    yield Attempt("paper", None, fill) if isinstance(fill, str) else Attempt("paper", fill)
+    yield from smooth_attempts(around, normals, noisy=noisy)
 
 
 def _continued(fill: Fill, around: Surroundings, normals: FloatArray, *, noisy: bool) -> Attempt:

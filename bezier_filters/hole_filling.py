@@ -12,7 +12,7 @@ from bezier_filters.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.errors import CancelledError, InvalidParameterError
 from bezier_filters.estimation import estimate_vertex_geometry
-from bezier_filters.fill_methods import Attempt, smooth_attempts
+from bezier_filters.fill_methods import Attempt, paper_attempts, smooth_attempts
 from bezier_filters.fill_placement import (
     Piece,
     count_cuts,
@@ -22,6 +22,7 @@ from bezier_filters.fill_placement import (
     problem_with,
     rim_dihedral,
 )
+from bezier_filters.fitting import PatchFit
 from bezier_filters.hole_choice import HoleChoice
 from bezier_filters.hole_detection import Hole, find_holes
 from bezier_filters.hole_result import HoleFillingResult, HoleReport
@@ -49,16 +50,21 @@ def fill_holes(
     selected: BoolArray | None = None,
     outer_rims: bool = False,
     noise: float | None = None,
+    alpha: float = 0.8,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> HoleFillingResult:
     """Fill the holes of a mesh.
 
-    The new triangles are as large as those around the hole. By default they lie on the surface that
-    continues the one around the hole: the zero set of a polyharmonic spline that interpolates five rings of points and
+    The new triangles are about as large as those around the hole. By default they lie on the surface which
+    continues the one around the hole: the zero set of a polyharmonic spline that interpolates points of five rings and
     the normals of their Bezier patches, or fits them on noisy meshes, where the smoothness of the spline follows from
-    the data. Where that is not possible, or cuts the mesh, simpler fills
-    are tried, and the report says so. The old vertices and faces stay as they are.
+    the data. Where that is not possible, or cuts the mesh, simpler fills are tried, and the report says so. The old
+    vertices and faces stay as they are.
+
+    ``method="paper"`` lifts the Delaunay triangulation of the rim in the plane of the hole to one bicubic patch and
+    corrects it to pass through the rim (Li, Barsky, Jin, "An effective third-order local fitting patch and its
+    application", IEEE SMI 2009).
 
     Parameters
     ----------
@@ -82,6 +88,8 @@ def fill_holes(
     noise : float, optional
         Standard deviation of the noise along the normal, a length, if it is known better than it can be
         learned; 0 interpolates.
+    alpha : float
+        Weight of the points against the smoothness of the patch, in (0, 1], for ``"paper"`` only.
     threads : int, optional
         Number of threads; by default BEZIER_FILTERS_THREADS or all usable cores. The result
         does not depend on it.
@@ -120,6 +128,7 @@ def fill_holes(
         raise InvalidParameterError(f"method: got {method!r}, expected one of {get_args(FillingMethod)}")
     if noise is not None and (isinstance(noise, bool) or not isinstance(noise, Real) or not 0.0 <= noise < np.inf):
         raise InvalidParameterError(f"noise: got {noise!r}, expected a length of 0 or more, or None")
+    PatchFit(alpha=alpha)
     choice = HoleChoice(max_edges, max_perimeter, max_diameter, holes, selected, outer_rims)
     threads = thread_count(threads)
     adjacency = vertex_adjacency(mesh, threads=threads)
@@ -143,7 +152,10 @@ def fill_holes(
             raise CancelledError("cancelled by the progress callback; nothing was changed")
         around = surroundings_of(mesh, adjacency, hole.loops, RINGS, joined)
         noisy = noise is not None and noise > NOISE * float(around.sizes.mean())
-        attempts = smooth_attempts(around, normals[around.ids], noisy=noisy)
+        if method == "paper":
+            attempts = paper_attempts(around, normals[around.ids], float(alpha), noisy=noisy)
+        else:
+            attempts = smooth_attempts(around, normals[around.ids], noisy=noisy)
         obstacles = [piece_of_mesh(mesh, near.row(done)), *pieces]
         done += 1
         accepted = _best(attempts, mesh, hole, around, obstacles, vertex_count)

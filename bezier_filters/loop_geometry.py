@@ -79,7 +79,8 @@ def is_simple(polygon: FloatArray) -> bool:
         c, d = polygon[i + 2 : stop], following[i + 2 : stop]
         sides_of_others = _side(a, b, c) * _side(a, b, d)
         sides_of_own = _side(c, d, a) * _side(c, d, b)
-        if ((sides_of_others <= 0.0) & (sides_of_own <= 0.0)).any():
+        boxes_meet = (np.minimum(c, d) <= np.maximum(a, b)) & (np.maximum(c, d) >= np.minimum(a, b))
+        if ((sides_of_others <= 0.0) & (sides_of_own <= 0.0) & boxes_meet.all(axis=1)).any():
             return False
     return True
 

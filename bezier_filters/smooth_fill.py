@@ -4,16 +4,15 @@ from collections.abc import Set as AbstractSet
 from dataclasses import replace
 
 import numpy as np
-from scipy.sparse.linalg import spsolve
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.fill_topology import Fill, flipped, refined
 from bezier_filters.implicit_surface import ImplicitSurface, fit_implicit_surface
 from bezier_filters.loop_triangulation import triangulate_loop
 from bezier_filters.surroundings import Surroundings
-from bezier_filters.variational_fill import cotangent_matrix, without_tension
+from bezier_filters.variational_fill import shifted, without_tension
 
-POINTS_PER_EDGE, FEWEST_POINTS, MOST_POINTS = 4, 80, 250
+POINTS_PER_EDGE, FEWEST_POINTS, MOST_POINTS = 5, 80, 300
 """Points that the surface is fitted to, by the number of edges of the rim."""
 NOISY_POINTS = 350
 """The same for any rim on noisy meshes, where more points tell more."""
@@ -107,11 +106,19 @@ def surface_around(
     ids = np.flatnonzero(known)
     most = NOISY_POINTS if noisy else int(np.clip(POINTS_PER_EDGE * around.rim_count, FEWEST_POINTS, MOST_POINTS))
     if len(ids) > most:
-        on_rim, others = ids[ids < around.rim_count], ids[ids >= around.rim_count]
-        on_rim = on_rim[:: -(-2 * len(on_rim) // most)] if 2 * len(on_rim) > most else on_rim
-        chosen = np.random.default_rng(0).permutation(len(others))[: most - len(on_rim)]
-        ids = np.concatenate([on_rim, others[np.sort(chosen)]])
+        order = np.random.default_rng(0).permutation(len(ids))
+        ids = np.sort(ids[order[:most] if noisy else _thinned(around.rings[ids], most)])
     return fit_implicit_surface(around.vertices[ids], normals[ids], float(around.sizes.mean()), noisy=noisy)
+
+
+def _thinned(rings: IntArray, most: int) -> IntArray:
+    """Places of some points: the rim and the first ring as far as there is room for three quarters, others at random.
+
+    The nearest points settle how the fill joins, the others how the surface curves.
+    """
+    near, far = np.flatnonzero(rings <= 1), np.flatnonzero(rings > 1)
+    near = near[:: max(-(-len(near) * 4 // (3 * most)), 1)]
+    return np.concatenate([near, np.random.default_rng(0).permutation(far)[: most - len(near)]]).astype(np.int32)
 
 
 def on_surface(fill: Fill, around: Surroundings, surface: ImplicitSurface) -> Fill | None:
@@ -143,18 +150,12 @@ def evened(fill: Fill) -> Fill:
 
 
 def meeting_rim(fill: Fill, around: Surroundings, surface: ImplicitSurface) -> Fill:
-    """Shift a fill on a surface so that it ends at its rim, which noise may have moved off the surface.
-
-    The shift is harmonic: it is nowhere larger than at the rim, and what differs from one vertex of the rim to the
-    next dies away within an edge or two.
-    """
+    """Shift a fill on a surface so that it ends at its rim, which noise may have moved off the surface."""
     rim = fill.points[: fill.rim_count]
     on_it, found = surface.project(rim)
     shift = np.where(found[:, np.newaxis], rim - on_it, 0.0)
-    sizes = np.linalg.norm(shift, axis=1)
-    if sizes.max(initial=0.0) < 1e-9 * around.sizes.mean() or len(fill.points) == fill.rim_count:
+    if np.abs(shift).max(initial=0.0) < 1e-9 * around.sizes.mean():
         return fill
-    stiffness, _ = cotangent_matrix(fill.points, fill.faces)
-    rows = stiffness.tocsr()[fill.rim_count :]
-    inner = spsolve(rows[:, fill.rim_count :].tocsc(), -(rows[:, : fill.rim_count] @ shift)).reshape(-1, 3)
-    return replace(fill, points=fill.points + np.vstack([np.zeros_like(rim), inner]))
+    points = fill.points + shifted(fill.points, fill.faces, shift)
+    points[: fill.rim_count] = rim
+    return replace(fill, points=points)

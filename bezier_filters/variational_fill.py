@@ -55,6 +55,20 @@ def without_tension(points: FloatArray, faces: IntArray, free: IntArray, order: 
     return result
 
 
+def shifted(points: FloatArray, faces: IntArray, shift: FloatArray) -> FloatArray:
+    """Harmonic continuation of shifts (r, 3) of the first r points to all n of them, (n, 3).
+
+    It is nowhere larger than at these points, and what differs from one to the next dies away within an edge or two.
+    """
+    count = len(shift)
+    if len(points) == count:
+        return shift.copy()
+    stiffness, _ = cotangent_matrix(points, faces)
+    rows = stiffness.tocsr()[count:]
+    inner = spsolve(rows[:, count:].tocsc(), -(rows[:, :count] @ shift)).reshape(-1, 3)
+    return np.vstack([shift, inner])
+
+
 def cotangent_matrix(points: FloatArray, faces: IntArray) -> tuple[csc_matrix, FloatArray]:
     """Positive semidefinite cotangent matrix (n, n) and the areas of the vertices (n,), all positive."""
     n = len(points)

@@ -17,7 +17,7 @@ neighbourhoods frames fitting uncertainty diagnosis ply_columns orientation lane
 creases kernel_input lane_algebra
 loop_geometry self_intersections loop_triangulation surroundings implicit_surface variational_fill
 hole_detection fill_topology hole_result
-hole_choice smooth_fill
+hole_choice smooth_fill paper_fill
 fill_methods fill_placement
 lane_workspace lane_errors lane_frames lane_results local_frames vertex_patch field_files point_cloud
 scalar_kernel lane_kernel

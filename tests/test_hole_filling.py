@@ -234,6 +234,7 @@ def test_progress_is_told_and_can_cancel():
         ({"holes": [9]}, r"holes: got 9, expected numbers from 0 to 3"),
         ({"selected": np.zeros(3, dtype=bool)}, "selected: got bool of shape"),
         ({"noise": -1.0}, "noise: got -1.0"),
+        ({"alpha": 0.0}, "alpha: got 0.0"),
     ],
 )
 def test_bad_parameters_are_refused_by_name(options, message):
