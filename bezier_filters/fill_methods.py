@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.crease_fill import crease_fills
 from bezier_filters.fill_topology import Fill
 from bezier_filters.paper_fill import paper_fill
 from bezier_filters.smooth_fill import faired, first_fill, meeting_rim, on_surface, surface_around, triangulated
@@ -62,6 +63,15 @@ def smooth_attempts(around: Surroundings, normals: FloatArray, *, noisy: bool) -
         yield Attempt("variational", fill)
         yield Attempt("flat", faired(fill, around, 1))
     yield Attempt("flat", triangulated(around))
+
+
+def crease_attempts(around: Surroundings, *, noisy: bool) -> Iterator[Attempt]:
+    """Fill a hole with the creases that run into it continued, if there are any; see `smooth_attempts`."""
+    for found in crease_fills(around, noisy=noisy):
+        if isinstance(found, str):
+            yield Attempt("creases", None, found)
+        else:
+            yield Attempt("creases", found.fill, parts=found.parts, creases=found.creases)
 
 
 def paper_attempts(around: Surroundings, normals: FloatArray, alpha: float, *, noisy: bool) -> Iterator[Attempt]:

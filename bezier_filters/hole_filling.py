@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from numbers import Real
 from typing import Literal, get_args
 
@@ -12,7 +13,7 @@ from bezier_filters.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.errors import CancelledError, InvalidParameterError
 from bezier_filters.estimation import estimate_vertex_geometry
-from bezier_filters.fill_methods import Attempt, paper_attempts, smooth_attempts
+from bezier_filters.fill_methods import Attempt, crease_attempts, paper_attempts, smooth_attempts
 from bezier_filters.fill_placement import (
     Piece,
     count_cuts,
@@ -49,6 +50,7 @@ def fill_holes(
     holes: Sequence[int] | None = None,
     selected: BoolArray | None = None,
     outer_rims: bool = False,
+    creases: bool = True,
     noise: float | None = None,
     alpha: float = 0.8,
     threads: int | None = None,
@@ -85,6 +87,8 @@ def fill_holes(
     outer_rims : bool
         Whether to fill the outer rims of open sheets, too: loops whose total geodesic curvature, as the sheet
         sees it, exceeds pi. It is 2 pi around a flat sheet, 0 at the ends of a tube and -2 pi around a hole.
+    creases : bool
+        Whether sharp edges that end at a hole are continued through it.
     noise : float, optional
         Standard deviation of the noise along the normal, a length, if it is known better than it can be
         learned; 0 interpolates.
@@ -153,9 +157,10 @@ def fill_holes(
         around = surroundings_of(mesh, adjacency, hole.loops, RINGS, joined)
         noisy = noise is not None and noise > NOISE * float(around.sizes.mean())
         if method == "paper":
-            attempts = paper_attempts(around, normals[around.ids], float(alpha), noisy=noisy)
+            attempts: Iterable[Attempt] = paper_attempts(around, normals[around.ids], float(alpha), noisy=noisy)
         else:
-            attempts = smooth_attempts(around, normals[around.ids], noisy=noisy)
+            smooth = smooth_attempts(around, normals[around.ids], noisy=noisy)
+            attempts = chain(crease_attempts(around, noisy=noisy), smooth) if creases else smooth
         obstacles = [piece_of_mesh(mesh, near.row(done)), *pieces]
         done += 1
         accepted = _best(attempts, mesh, hole, around, obstacles, vertex_count)

@@ -10,7 +10,7 @@ fitted and not followed.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_solve, cholesky, solve_triangular
+from scipy.linalg import LinAlgError, block_diag, cho_solve, cholesky, solve_triangular
 from scipy.spatial.distance import cdist
 
 from bezier_filters.arrays import BoolArray, FloatArray
@@ -93,7 +93,7 @@ class ImplicitSurface:
 
 
 def fit_implicit_surface(
-    points: FloatArray, normals: FloatArray, offset: float, *, noisy: bool
+    points: FloatArray, normals: FloatArray, offset: float, *, noisy: bool, others: FloatArray | None = None
 ) -> ImplicitSurface | None:
     """Fit a surface to points (n, 3) and unit normals (n, 3).
 
@@ -105,6 +105,8 @@ def fit_implicit_surface(
         Length e at which the function is told its values off the surface: about that of an edge.
     noisy : bool
         Whether the points have errors; otherwise they are interpolated.
+    others : (k, 3) float64, optional
+        Further points of the surface, with unknown normals.
 
     Returns
     -------
@@ -128,14 +130,15 @@ def fit_implicit_surface(
         return None
     step = offset / scale
     surface = (points - origin) / scale
-    centers = np.vstack([surface, surface + step * normals, surface - step * normals])
-    values = np.repeat([0.0, step, -step], len(points))
+    further = np.empty((0, 3)) if others is None else (others - origin) / scale
+    centers = np.vstack([surface, surface + step * normals, surface - step * normals, further])
+    values = np.concatenate([np.repeat([0.0, step, -step], len(points)), np.zeros(len(further))])
     polynomials = _quadratics(centers)
     reflections, triangle = _householder(polynomials)
     if np.abs(np.diag(triangle)).min() < 1e-12:
         return None
     target = _reflected(reflections, values[:, np.newaxis])[:, 0]
-    errors = _reflected(reflections, _reflected(reflections, _error_covariance(len(points))).T)
+    errors = _reflected(reflections, _reflected(reflections, _error_covariance(len(points), len(further))).T)
     best: tuple[float, ImplicitSurface] | None = None
     distances = cdist(centers, centers)
     for power in POWERS:
@@ -183,10 +186,10 @@ def _reflected(vectors: FloatArray, columns: FloatArray) -> FloatArray:
     return columns
 
 
-def _error_covariance(count: int) -> FloatArray:
+def _error_covariance(count: int, others: int) -> FloatArray:
     """Covariance of the errors of the values at some points and beside them: what moves a point moves both."""
-    common = np.tile(np.eye(count), (3, 3))
-    return common + SIDE_ERRORS * np.eye(3 * count)
+    common = block_diag(np.tile(np.eye(count), (3, 3)), np.eye(others))
+    return np.asarray(common + SIDE_ERRORS * np.eye(3 * count + others), dtype=np.float64)
 
 
 def _restricted_likelihood(

@@ -11,10 +11,10 @@ import numpy as np
 
 from bezier_filters.arrays import FloatArray
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.fill_topology import Fill, refined
+from bezier_filters.fill_topology import Fill
 from bezier_filters.fitting import PatchFit, fit_patch
-from bezier_filters.loop_geometry import is_simple, plane_axes
-from bezier_filters.loop_triangulation import triangulate_loop
+from bezier_filters.flat_fill import flat_fill
+from bezier_filters.loop_geometry import plane_axes
 from bezier_filters.surroundings import Surroundings
 from bezier_filters.variational_fill import shifted
 
@@ -47,19 +47,13 @@ def paper_fill(around: Surroundings, alpha: float) -> Fill | str:
     if frame is None:
         return "the surroundings have no mean normal"
     origin, axes = frame
-    flat = (around.vertices[: around.rim_count] - origin) @ axes.T
-    flat[:, 2] = 0.0
-    rim = around.loops[0]
-    if not is_simple(flat[rim, :2]) or not _angles(flat[rim]).sum() < np.pi * (len(rim) - 1):
-        return "the rim does not project injectively to the plane of its surroundings"
+    fill = flat_fill(around, origin, axes)
+    if isinstance(fill, str):
+        return fill
     try:
         patch = fit_patch(around.vertices[area], origin, axes, PatchFit(3, alpha, "paper"))
     except InvalidParameterError as error:
         return str(error)
-    faces = triangulate_loop(flat[rim], rim, np.zeros((len(rim), 3)), _angles(flat[rim]), around.rim_edges)
-    if faces is None or not _covers(flat, faces):
-        return "the rim cannot be triangulated in the plane of its surroundings"
-    fill = refined(Fill(flat, around.sizes, faces, around.rim_count), around.rim_edges)
     lifted = patch.evaluate(*patch.rectangle.parameters(fill.points[:, 0], fill.points[:, 1]))
     residual = around.vertices[: around.rim_count] - lifted[: around.rim_count]
     points = lifted + shifted(fill.points, fill.faces, residual)
@@ -81,18 +75,3 @@ def _frame(around: Surroundings) -> tuple[FloatArray, FloatArray] | None:
         return None
     turn = np.array([[x, y, 0.0], [-y, x, 0.0], [0.0, 0.0, length]]) / length
     return origin, turn @ axes
-
-
-def _angles(polygon: FloatArray) -> FloatArray:
-    """Angles inside a flat polygon (k, 3) at its corners: in all pi (k - 2) if it runs counter-clockwise."""
-    ahead, behind = np.roll(polygon, -1, axis=0) - polygon, np.roll(polygon, 1, axis=0) - polygon
-    sine = ahead[:, 0] * behind[:, 1] - ahead[:, 1] * behind[:, 0]
-    cosine = np.einsum("ij,ij->i", ahead, behind)
-    return np.asarray(np.arctan2(sine, cosine) % (2.0 * np.pi), dtype=np.float64)
-
-
-def _covers(flat: FloatArray, faces: np.ndarray) -> bool:
-    """Whether no triangle in the plane is turned over."""
-    a, b, c = (flat[faces[:, k], :2] for k in range(3))
-    u, v = b - a, c - a
-    return bool((u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] > -1e-12 * np.square(u).sum(axis=1)).all())

@@ -20,15 +20,18 @@ ROUNDS = 3
 """Of evening out the triangles on the surface."""
 
 
-def first_fill(around: Surroundings) -> Fill | None:
-    """Triangulate, refine and fair a hole; None if no triangulation of its rim makes a manifold."""
+def first_fill(around: Surroundings, order: int = 2) -> Fill | None:
+    """Triangulate, refine and fair a hole; None if no triangulation of its rim makes a manifold.
+
+    `order` is the power of the Laplacian that vanishes: 2, or 1 where there are no faces beyond a part of the rim,
+    whose tangent planes could be continued.
+    """
     fill = triangulated(around)
     if fill is None:
         return None
-    fill = refined(fill, around.rim_edges)
-    fill = faired(fill, around, 2)
-    fill = refined(fill, around.rim_edges)
-    return faired(fill, around, 2)
+    for _ in range(2):
+        fill = faired(refined(fill, around.rim_edges), around, order)
+    return fill
 
 
 def triangulated(around: Surroundings) -> Fill | None:
@@ -100,15 +103,16 @@ def together(fill: Fill, around: Surroundings) -> tuple[FloatArray, IntArray]:
 
 
 def surface_around(
-    around: Surroundings, normals: FloatArray, known: BoolArray, *, noisy: bool
+    around: Surroundings, normals: FloatArray, known: BoolArray, *, noisy: bool, others: FloatArray | None = None
 ) -> ImplicitSurface | None:
-    """Fit a surface to the points of the surroundings whose normals (b, 3) are known."""
+    """Fit a surface to the points of the surroundings whose normals (b, 3) are known, and to others (k, 3)."""
     ids = np.flatnonzero(known)
     most = NOISY_POINTS if noisy else int(np.clip(POINTS_PER_EDGE * around.rim_count, FEWEST_POINTS, MOST_POINTS))
     if len(ids) > most:
         order = np.random.default_rng(0).permutation(len(ids))
         ids = np.sort(ids[order[:most] if noisy else _thinned(around.rings[ids], most)])
-    return fit_implicit_surface(around.vertices[ids], normals[ids], float(around.sizes.mean()), noisy=noisy)
+    step = float(around.sizes.mean())
+    return fit_implicit_surface(around.vertices[ids], normals[ids], step, noisy=noisy, others=others)
 
 
 def _thinned(rings: IntArray, most: int) -> IntArray:
@@ -136,17 +140,25 @@ def on_surface(fill: Fill, around: Surroundings, surface: ImplicitSurface) -> Fi
 
 
 def evened(fill: Fill) -> Fill:
-    """Move every new vertex to the mean of its neighbours."""
+    """Move every new vertex to the mean of its neighbours, unless that turns a triangle over."""
     ends = np.vstack([fill.faces[:, [0, 1]], fill.faces[:, [1, 2]], fill.faces[:, [2, 0]]])
     n = len(fill.points)
     count = np.bincount(ends[:, 0], minlength=n)
-    sums = np.stack(
-        [np.bincount(ends[:, 0], weights=fill.points[ends[:, 1], k], minlength=n) for k in range(3)], axis=1
-    )
-    points = fill.points.copy()
-    new = slice(fill.rim_count, None)
-    points[new] = sums[new] / count[new, np.newaxis]
-    return replace(fill, points=points)
+    sums = [np.bincount(ends[:, 0], weights=fill.points[ends[:, 1], k], minlength=n) for k in range(3)]
+    goals = np.stack(sums, axis=1) / np.maximum(count, 1)[:, np.newaxis]
+    moving = np.arange(n) >= fill.rim_count
+    before = _normals(fill.points, fill.faces)
+    while True:
+        points = np.where(moving[:, np.newaxis], goals, fill.points)
+        turned = fill.faces[np.einsum("ij,ij->i", before, _normals(points, fill.faces)) < 0.0]
+        if not moving[turned].any():
+            return replace(fill, points=points)
+        moving[turned] = False
+
+
+def _normals(points: FloatArray, faces: IntArray) -> FloatArray:
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    return np.cross(b - a, c - a)
 
 
 def meeting_rim(fill: Fill, around: Surroundings, surface: ImplicitSurface) -> Fill:

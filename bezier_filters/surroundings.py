@@ -30,6 +30,8 @@ class Surroundings:
         The rims of the hole and of its islands, in the direction of the faces that fill it.
     joined : frozenset of (int, int)
         Pairs of rim vertices that are joined outside these faces, by the fill of another hole; the smaller first.
+    wanted_sizes : (r,) float64, optional
+        Edge lengths that are wanted at the rim vertices, if not those of the faces.
     """
 
     ids: IntArray
@@ -38,6 +40,7 @@ class Surroundings:
     faces: IntArray
     loops: tuple[IntArray, ...]
     joined: frozenset[tuple[int, int]] = frozenset()
+    wanted_sizes: FloatArray | None = None
 
     @property
     def rim_count(self) -> int:
@@ -62,7 +65,9 @@ class Surroundings:
 
     @cached_property
     def sizes(self) -> FloatArray:
-        """Mean length of the edges at each rim vertex."""
+        """Edge length that is wanted at each rim vertex: the mean of its edges."""
+        if self.wanted_sizes is not None:
+            return self.wanted_sizes
         ends = self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
         ends = np.unique(np.sort(ends, axis=1), axis=0)
         lengths = np.linalg.norm(self.vertices[ends[:, 0]] - self.vertices[ends[:, 1]], axis=1)
@@ -80,11 +85,12 @@ class Surroundings:
         return result
 
     def normals_beyond(self, loop: IntArray) -> FloatArray:
-        """Unit normal of the face beyond the edge that begins at each vertex of a rim, (k, 3)."""
+        """Unit normal of the face beyond the edge that begins at each vertex of a rim, zero without one, (k, 3)."""
         start, end = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel()
         face_of = {(a, b): k // 3 for k, (a, b) in enumerate(zip(start.tolist(), end.tolist(), strict=True))}
         backwards = zip(np.roll(loop, -1).tolist(), loop.tolist(), strict=True)
-        return self.face_normals[[face_of[pair] for pair in backwards]]
+        beyond = np.array([face_of.get(pair, -1) for pair in backwards])
+        return np.asarray(np.where((beyond >= 0)[:, np.newaxis], self.face_normals[beyond], 0.0), dtype=np.float64)
 
 
 def surroundings_of(

@@ -17,8 +17,10 @@ neighbourhoods frames fitting uncertainty diagnosis ply_columns orientation lane
 creases kernel_input lane_algebra
 loop_geometry self_intersections loop_triangulation surroundings implicit_surface variational_fill
 hole_detection fill_topology hole_result
-hole_choice smooth_fill paper_fill
-fill_methods fill_placement
+hole_choice smooth_fill flat_fill rim_creases
+paper_fill
+crease_curves
+fill_placement
 lane_workspace lane_errors lane_frames lane_results local_frames vertex_patch field_files point_cloud
 scalar_kernel lane_kernel
 neighbourhood_samples
@@ -39,7 +41,10 @@ scale_space
 stein noise_levels
 low_pass
 automatic_smoothing smoothing_result
-smoothing hole_filling
+smoothing
+crease_fill
+fill_methods
+hole_filling
 meshset
 mesh_attributes mesh_colors mesh_files
 vertex_filter
