@@ -41,7 +41,7 @@ class Attempt:
     creases: IntArray | None = None
 
 
-def smooth_attempts(around: Surroundings, normals: FloatArray, *, noisy: bool) -> Iterator[Attempt]:
+def smooth_attempts(around: Surroundings, normals: FloatArray, *, noisy: bool, threads: int = 1) -> Iterator[Attempt]:
     """Fill a hole in a smooth surface, in ever simpler ways.
 
     Parameters
@@ -52,13 +52,15 @@ def smooth_attempts(around: Surroundings, normals: FloatArray, *, noisy: bool) -
         Unit normals of its vertices, zero where they are not known.
     noisy : bool
         Whether its points have errors that should not be followed.
+    threads : int
+        Number of threads.
     """
     fill = first_fill(around)
     if fill is None:
         yield Attempt("flat", None, "every triangulation of the rim would join vertices that are joined already")
         return
     if len(fill.points) > fill.rim_count:
-        yield _continued(fill, around, normals, noisy=noisy)
+        yield _continued(fill, around, normals, noisy=noisy, threads=threads)
         yield Attempt("variational", faired(fill, around, 2 if noisy else 3))
         yield Attempt("variational", fill)
         yield Attempt("flat", faired(fill, around, 1))
@@ -74,19 +76,21 @@ def crease_attempts(around: Surroundings, *, noisy: bool) -> Iterator[Attempt]:
             yield Attempt("creases", found.fill, parts=found.parts, creases=found.creases)
 
 
-def paper_attempts(around: Surroundings, normals: FloatArray, alpha: float, *, noisy: bool) -> Iterator[Attempt]:
+def paper_attempts(
+    around: Surroundings, normals: FloatArray, alpha: float, *, noisy: bool, threads: int = 1
+) -> Iterator[Attempt]:
     """Fill a hole in the paper's way, or else as a smooth one; see `smooth_attempts`."""
     fill = paper_fill(around, alpha)
     yield Attempt("paper", None, fill) if isinstance(fill, str) else Attempt("paper", fill)
-    yield from smooth_attempts(around, normals, noisy=noisy)
+    yield from smooth_attempts(around, normals, noisy=noisy, threads=threads)
 
 
-def _continued(fill: Fill, around: Surroundings, normals: FloatArray, *, noisy: bool) -> Attempt:
+def _continued(fill: Fill, around: Surroundings, normals: FloatArray, *, noisy: bool, threads: int) -> Attempt:
     known = np.einsum("ij,ij->i", normals, normals) > 0.25
     if np.count_nonzero(known) < FEWEST_POINTS:
         return Attempt("surface", None, "too few vertices around the hole to fit a surface")
     surface = surface_around(around, normals, known, noisy=noisy)
-    moved = None if surface is None else on_surface(fill, around, surface)
+    moved = None if surface is None else on_surface(fill, around, surface, threads=threads)
     if surface is None or moved is None:
         return Attempt("surface", None, "the surface around the hole does not continue into it")
     return Attempt("surface", meeting_rim(moved, around, surface))

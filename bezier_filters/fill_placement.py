@@ -90,10 +90,11 @@ def count_cuts(piece: Piece, others: Sequence[Piece]) -> int:
 def rim_dihedral(fill: Fill, around: Surroundings) -> float:
     """Mean angle between the faces on both sides of the rim, in degrees."""
     inside = {}
-    corners = fill.points[fill.faces]
+    at_rim = fill.faces[np.count_nonzero(fill.faces < fill.rim_count, axis=1) > 1]
+    corners = fill.points[at_rim]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-    for f, (a, b, c) in enumerate(fill.faces.tolist()):
+    for f, (a, b, c) in enumerate(at_rim.tolist()):
         inside.update({(a, b): f, (b, c): f, (c, a): f})
     angles: list[float] = []
     for loop in around.loops:

@@ -156,11 +156,12 @@ def fill_holes(
             raise CancelledError("cancelled by the progress callback; nothing was changed")
         around = surroundings_of(mesh, adjacency, hole.loops, RINGS, joined)
         noisy = noise is not None and noise > NOISE * float(around.sizes.mean())
+        known = normals[around.ids]
         if method == "paper":
-            attempts: Iterable[Attempt] = paper_attempts(around, normals[around.ids], float(alpha), noisy=noisy)
+            attempts = paper_attempts(around, known, float(alpha), noisy=noisy, threads=threads)
         else:
-            smooth = smooth_attempts(around, normals[around.ids], noisy=noisy)
-            attempts = chain(crease_attempts(around, noisy=noisy), smooth) if creases else smooth
+            attempts = smooth_attempts(around, known, noisy=noisy, threads=threads)
+            attempts = chain(crease_attempts(around, noisy=noisy), attempts) if creases else attempts
         obstacles = [piece_of_mesh(mesh, near.row(done)), *pieces]
         done += 1
         accepted = _best(attempts, mesh, hole, around, obstacles, vertex_count)

@@ -80,16 +80,19 @@ class ImplicitSurface:
         (n, 3) float64, (n,) bool
             Where they end, and which of them are on the surface.
         """
-        points = points.copy()
+        points, found = points.copy(), np.zeros(len(points), dtype=np.bool_)
+        active = np.arange(len(points))
         for _ in range(STEPS):
-            values, gradients = self.values_and_gradients(points, threads=threads)
+            values, gradients = self.values_and_gradients(points[active], threads=threads)
             slopes = np.linalg.norm(gradients, axis=1)
             steps = values / np.maximum(slopes, SMALLEST_SLOPE)
-            near = np.abs(steps) < 1e-7 * self.scale
-            if near.all():
+            points[active] -= (steps / np.maximum(slopes, SMALLEST_SLOPE))[:, np.newaxis] * gradients
+            # Newton's steps shrink quadratically: after a short one the rest is shorter still.
+            found[active] = (np.abs(steps) < 1e-4 * self.scale) & (slopes > SMALLEST_SLOPE)
+            active = active[~found[active]]
+            if len(active) == 0:
                 break
-            points -= steps[:, np.newaxis] * gradients / np.maximum(slopes, SMALLEST_SLOPE)[:, np.newaxis]
-        return points, (np.abs(values) < 1e-4 * self.scale) & (slopes > SMALLEST_SLOPE)
+        return points, found
 
 
 def fit_implicit_surface(
@@ -134,56 +137,59 @@ def fit_implicit_surface(
     centers = np.vstack([surface, surface + step * normals, surface - step * normals, further])
     values = np.concatenate([np.repeat([0.0, step, -step], len(points)), np.zeros(len(further))])
     polynomials = _quadratics(centers)
-    reflections, triangle = _householder(polynomials)
+    vectors, factors, triangle = _householder(polynomials)
     if np.abs(np.diag(triangle)).min() < 1e-12:
         return None
-    target = _reflected(reflections, values[:, np.newaxis])[:, 0]
-    errors = _reflected(reflections, _reflected(reflections, _error_covariance(len(points), len(further))).T)
+    target = _reflected(vectors, factors, values)
+    errors = _turned(vectors, factors, _error_covariance(len(points), len(further))) if noisy else None
     best: tuple[float, ImplicitSurface] | None = None
     distances = cdist(centers, centers)
     for power in POWERS:
         sign = 1.0 if power == 3 else -1.0  # conditionally positive definite
         kernel = sign * distances**power
-        turned = _reflected(reflections, _reflected(reflections, kernel).T)
+        turned = _turned(vectors, factors, kernel)
         projected = turned[TERMS:, TERMS:]
         size = float(np.linalg.norm(projected))
         for ratio in NOISE_RATIOS if noisy else (CLEAN,):
-            nugget = ratio * size * errors if noisy else ratio * size * np.eye(len(target))
+            nugget = ratio * size * (np.eye(len(target)) if errors is None else errors)
             solved = _restricted_likelihood(projected, target[TERMS:], nugget[TERMS:, TERMS:])
             if solved is None or (best is not None and solved[0] >= best[0]):
                 continue
             rest = target[:TERMS] - (turned + nugget)[:TERMS, TERMS:] @ solved[1]
             quadratic = solve_triangular(triangle, rest)
-            weights = _reflected(reflections[::-1], np.concatenate([np.zeros(TERMS), solved[1]])[:, np.newaxis])[:, 0]
+            weights = _reflected(vectors, factors.T, np.concatenate([np.zeros(TERMS), solved[1]]))
             found = ImplicitSurface(origin, scale, centers, sign * weights, quadratic, power, float(ratio))
             best = solved[0], found
     return best[1] if best else None
 
 
-def _householder(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Unit vectors of the reflections that turn some columns into a triangle, (k, n), and the triangle, (k, k).
+def _householder(columns: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Reflections that turn k columns (n, k) into a triangle: V (n, k) and T (k, k) of I - V T V^T, and the triangle.
 
     In the directions that the first k axes do not take, polynomials vanish: the contrasts of REML.
     """
     columns = columns.copy()
     count = columns.shape[1]
-    vectors = np.zeros((count, len(columns)))
+    vectors, weights = np.zeros(columns.shape), np.zeros((count, count))
     for k in range(count):
-        vector = vectors[k]
+        vector = vectors[:, k]
         vector[k:] = columns[k:, k]
         vector[k] += np.copysign(np.linalg.norm(vector), vector[k])
-        length = np.linalg.norm(vector)
-        if length > 0.0:
-            vector /= length
-        columns = _reflected(vectors[k : k + 1], columns)
-    return vectors, np.triu(columns[:count])
+        vector /= max(float(np.linalg.norm(vector)), 1e-300)
+        columns -= np.outer(2.0 * vector, vector @ columns)
+        weights[k, :k] = -2.0 * (vector @ vectors[:, :k]) @ weights[:k, :k]
+        weights[k, k] = 2.0
+    return vectors, weights, np.triu(columns[:count])
 
 
-def _reflected(vectors: FloatArray, columns: FloatArray) -> FloatArray:
-    """Columns (n, c) after the reflections, the first one first."""
-    for vector in vectors:
-        columns = columns - np.outer(2.0 * vector, vector @ columns)
-    return columns
+def _reflected(vectors: FloatArray, weights: FloatArray, columns: FloatArray) -> FloatArray:
+    """Columns (n, c), or one column (n,), after the reflections; after those in the reverse order with weights.T."""
+    return columns - vectors @ (weights @ (vectors.T @ columns))
+
+
+def _turned(vectors: FloatArray, weights: FloatArray, matrix: FloatArray) -> FloatArray:
+    """A symmetric matrix (n, n) in the reflected axes."""
+    return _reflected(vectors, weights, _reflected(vectors, weights, matrix).T)
 
 
 def _error_covariance(count: int, others: int) -> FloatArray:

@@ -6,7 +6,7 @@ from bezier_filters.adjacency import Rows
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.lean import inner_njit, lean_njit
 
-CELLS = 32
+FEWEST_CELLS, MOST_CELLS = 16, 64
 """Per axis, in which boxes are looked up."""
 FOLDED = -0.9999
 """Cosine of the angle between two faces on one edge from which down they lie on each other."""
@@ -31,15 +31,14 @@ def faces_in_boxes(vertices: FloatArray, faces: IntArray, low: FloatArray, high:
     if count == 0 or len(faces) == 0:
         return Rows(np.zeros(count + 1, dtype=np.int32), np.empty(0, dtype=np.int32))
     origin, extent = low.min(axis=0), np.maximum(np.ptp(np.vstack([low, high]), axis=0), 1e-300)
-    first, last = (np.clip((corner - origin) / extent * CELLS, 0, CELLS - 1).astype(np.int32) for corner in (low, high))
-    sizes = np.prod(last - first + 1, axis=1)
-    # The boxes of every cell.
-    box_of = np.repeat(np.arange(count, dtype=np.int32), sizes)
-    cells = np.concatenate([_cells_between(*corners) for corners in zip(first, last, strict=True)])
-    order = np.argsort(cells, kind="stable")
-    pointer = np.searchsorted(cells[order], np.arange(CELLS**3 + 1)).astype(np.int32)
+    cells = int(np.clip(round(count**0.5), FEWEST_CELLS, MOST_CELLS))
+    pointer = np.zeros(cells**3 + 1, dtype=np.int32)
+    _count_cells(low, high, origin, extent, cells, pointer[1:])
+    np.cumsum(pointer, out=pointer)
+    boxes = np.empty(pointer[-1], dtype=np.int32)
+    _fill_cells(low, high, origin, extent, cells, pointer[:-1].copy(), boxes)
     counts, met = np.zeros(count, dtype=np.int32), np.full(count, -1, dtype=np.int32)
-    arguments = (vertices, faces, low, high, origin, extent, pointer, box_of[order])
+    arguments = (vertices, faces, low, high, origin, extent, cells, pointer, boxes)
     _collect(*arguments, met, counts, np.empty(0, dtype=np.int32), np.empty(0, dtype=np.int32))
     indptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
     indices = np.empty(indptr[-1], dtype=np.int32)
@@ -48,11 +47,42 @@ def faces_in_boxes(vertices: FloatArray, faces: IntArray, low: FloatArray, high:
     return Rows(indptr, indices)
 
 
-def _cells_between(first: IntArray, last: IntArray) -> IntArray:
-    """Numbers of the cells from one corner to the opposite one."""
-    i, j, k = np.meshgrid(*(np.arange(a, b + 1) for a, b in zip(first, last, strict=True)), indexing="ij")
-    result: IntArray = ((i * CELLS + j) * CELLS + k).ravel()
-    return result
+@lean_njit()
+def _count_cells(
+    low: FloatArray, high: FloatArray, origin: FloatArray, extent: FloatArray, cells: int, counts: IntArray
+) -> None:
+    """Count the boxes that reach each cell."""
+    for box in range(low.shape[0]):
+        x, end_x = _cells(low[box, 0], high[box, 0], origin[0], extent[0], cells)
+        y, end_y = _cells(low[box, 1], high[box, 1], origin[1], extent[1], cells)
+        z, end_z = _cells(low[box, 2], high[box, 2], origin[2], extent[2], cells)
+        for i in range(x, end_x):
+            for j in range(y, end_y):
+                for k in range(z, end_z):
+                    counts[(i * cells + j) * cells + k] += 1
+
+
+@lean_njit()
+def _fill_cells(
+    low: FloatArray,
+    high: FloatArray,
+    origin: FloatArray,
+    extent: FloatArray,
+    cells: int,
+    fill: IntArray,
+    boxes: IntArray,
+) -> None:
+    """List the boxes that reach each cell, from where `fill` says."""
+    for box in range(low.shape[0]):
+        x, end_x = _cells(low[box, 0], high[box, 0], origin[0], extent[0], cells)
+        y, end_y = _cells(low[box, 1], high[box, 1], origin[1], extent[1], cells)
+        z, end_z = _cells(low[box, 2], high[box, 2], origin[2], extent[2], cells)
+        for i in range(x, end_x):
+            for j in range(y, end_y):
+                for k in range(z, end_z):
+                    cell = (i * cells + j) * cells + k
+                    boxes[fill[cell]] = box
+                    fill[cell] += 1
 
 
 @lean_njit()
@@ -63,6 +93,7 @@ def _collect(
     high: FloatArray,
     origin: FloatArray,
     extent: FloatArray,
+    cells: int,
     pointer: IntArray,
     boxes: IntArray,
     met: IntArray,
@@ -73,13 +104,13 @@ def _collect(
     """Count the faces in every box, and list them if there is room; `met` is -1 at first."""
     for f in range(faces.shape[0]):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        begin_x, end_x = _cells(vertices, a, b, c, 0, origin, extent)
-        begin_y, end_y = _cells(vertices, a, b, c, 1, origin, extent)
-        begin_z, end_z = _cells(vertices, a, b, c, 2, origin, extent)
+        begin_x, end_x = _cells_of_face(vertices, a, b, c, 0, origin, extent, cells)
+        begin_y, end_y = _cells_of_face(vertices, a, b, c, 1, origin, extent, cells)
+        begin_z, end_z = _cells_of_face(vertices, a, b, c, 2, origin, extent, cells)
         for i in range(begin_x, end_x):
             for j in range(begin_y, end_y):
                 for k in range(begin_z, end_z):
-                    cell = (i * CELLS + j) * CELLS + k
+                    cell = (i * cells + j) * cells + k
                     for q in range(pointer[cell], pointer[cell + 1]):
                         box = boxes[q]
                         if met[box] == f or not _in_box(vertices, a, b, c, low, high, box):
@@ -91,17 +122,23 @@ def _collect(
 
 
 @inner_njit()
-def _cells(
-    vertices: FloatArray, a: int, b: int, c: int, axis: int, origin: FloatArray, extent: FloatArray
+def _cells_of_face(
+    vertices: FloatArray, a: int, b: int, c: int, axis: int, origin: FloatArray, extent: FloatArray, cells: int
 ) -> tuple[int, int]:
-    """Range of cells along an axis that a triangle reaches, empty if it is outside."""
+    """Range of cells along an axis that a triangle reaches."""
     least = min(vertices[a, axis], vertices[b, axis], vertices[c, axis])
     most = max(vertices[a, axis], vertices[b, axis], vertices[c, axis])
-    if most < origin[axis] or least > origin[axis] + extent[axis]:
+    return _cells(least, most, origin[axis], extent[axis], cells)
+
+
+@inner_njit()
+def _cells(least: float, most: float, origin: float, extent: float, cells: int) -> tuple[int, int]:
+    """Range of cells along an axis that an interval reaches, empty if it is outside."""
+    if most < origin or least > origin + extent:
         return 0, 0
-    first = (least - origin[axis]) / extent[axis] * CELLS
-    last = (most - origin[axis]) / extent[axis] * CELLS
-    return int(min(max(first, 0.0), CELLS - 1.0)), int(min(max(last, 0.0), CELLS - 1.0)) + 1
+    first = (least - origin) / extent * cells
+    last = (most - origin) / extent * cells
+    return int(min(max(first, 0.0), cells - 1.0)), int(min(max(last, 0.0), cells - 1.0)) + 1
 
 
 @inner_njit()
@@ -125,48 +162,22 @@ def cut_faces(vertices: FloatArray, faces: IntArray, new: int) -> BoolArray:
     >>> cut_faces(points, np.array([[0, 1, 2], [3, 4, 5]], dtype=np.int32), 1)
     array([ True])
     """
-    corners = vertices[faces]
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    axis = int(np.argmax(np.ptp(low[len(faces) - new :], axis=0))) if new else 0
-    order = np.argsort(low[:, axis], kind="stable").astype(np.int32)
-    starts = low[order, axis]
-    widest = float((high - low)[:, axis].max(initial=0.0))
-    result = np.zeros(new, dtype=np.bool_)
     first = len(faces) - new
-    begin = np.searchsorted(starts, low[first:, axis] - widest, side="left").astype(np.int32)
-    end = np.searchsorted(starts, high[first:, axis], side="right").astype(np.int32)
-    _find_cuts(vertices, faces, low, high, order, begin, end, first, result)
+    corners = vertices[faces[first:]]
+    near = faces_in_boxes(vertices, faces, corners.min(axis=1), corners.max(axis=1))
+    result = np.zeros(new, dtype=np.bool_)
+    _find_cuts(vertices, faces, near.indptr, near.indices, first, result)
     return result
 
 
 @lean_njit()
 def _find_cuts(
-    vertices: FloatArray,
-    faces: IntArray,
-    low: FloatArray,
-    high: FloatArray,
-    order: IntArray,
-    begin: IntArray,
-    end: IntArray,
-    first: int,
-    result: BoolArray,
+    vertices: FloatArray, faces: IntArray, near_ptr: IntArray, near: IntArray, first: int, result: BoolArray
 ) -> None:
-    """Mark the faces from the first on that cut another one among those that begin near them along an axis."""
+    """Mark the faces from the first on that cut another one among those near them."""
     for q in range(result.shape[0]):
-        f = first + q
-        for p in range(begin[q], end[q]):
-            g = order[p]
-            if (
-                g == f
-                or low[g, 0] > high[f, 0]
-                or high[g, 0] < low[f, 0]
-                or low[g, 1] > high[f, 1]
-                or high[g, 1] < low[f, 1]
-                or low[g, 2] > high[f, 2]
-                or high[g, 2] < low[f, 2]
-            ):
-                continue
-            if _cut(vertices, faces, f, g):
+        for p in range(near_ptr[q], near_ptr[q + 1]):
+            if near[p] != first + q and _cut(vertices, faces, first + q, near[p]):
                 result[q] = True
                 break
 

@@ -16,6 +16,8 @@ POINTS_PER_EDGE, FEWEST_POINTS, MOST_POINTS = 5, 80, 300
 """Points that the surface is fitted to, by the number of edges of the rim."""
 NOISY_POINTS = 350
 """The same for any rim on noisy meshes, where more points tell more."""
+MOST_AT_ONCE = 200
+"""Edges of a rim up to which the fill is faired at its final resolution."""
 ROUNDS = 3
 """Of evening out the triangles on the surface."""
 
@@ -24,14 +26,16 @@ def first_fill(around: Surroundings, order: int = 2) -> Fill | None:
     """Triangulate, refine and fair a hole; None if no triangulation of its rim makes a manifold.
 
     `order` is the power of the Laplacian that vanishes: 2, or 1 where there are no faces beyond a part of the rim,
-    whose tangent planes could be continued.
+    whose tangent planes could be continued. Fills of large holes are faired coarsely and then refined.
     """
     fill = triangulated(around)
     if fill is None:
         return None
-    for _ in range(2):
-        fill = faired(refined(fill, around.rim_edges), around, order)
-    return fill
+    coarse = max(1.0, around.rim_count / MOST_AT_ONCE)
+    fill = replace(fill, sizes=coarse * fill.sizes)
+    fill = faired(refined(fill, around.rim_edges), around, order)
+    fill = refined(replace(fill, sizes=fill.sizes / coarse), around.rim_edges)
+    return fill if coarse > 1.0 else faired(fill, around, order)
 
 
 def triangulated(around: Surroundings) -> Fill | None:
@@ -125,12 +129,12 @@ def _thinned(rings: IntArray, most: int) -> IntArray:
     return np.concatenate([near, np.random.default_rng(0).permutation(far)[: most - len(near)]]).astype(np.int32)
 
 
-def on_surface(fill: Fill, around: Surroundings, surface: ImplicitSurface) -> Fill | None:
+def on_surface(fill: Fill, around: Surroundings, surface: ImplicitSurface, *, threads: int = 1) -> Fill | None:
     """Move the new vertices of a fill onto a surface and even out its triangles; None if that does not work."""
     new = slice(fill.rim_count, None)
     for round_ in range(ROUNDS + 1):
         points = fill.points.copy()
-        points[new], found = surface.project(points[new])
+        points[new], found = surface.project(points[new], threads=threads)
         if not found.all():
             return None
         fill = replace(fill, points=points)
