@@ -28,6 +28,8 @@ from hole_peers import Filler, fillers
 
 RESULTS = Path(__file__).parent / "results"
 SAMPLES = 10_000
+SMALLEST = 0.01
+"""RMS, in percent, that counts as no error in ratios: blocks are continued exactly."""
 
 
 class Case(NamedTuple):
@@ -217,8 +219,9 @@ def summary(rows: list[dict[str, object]], names: list[str]) -> None:
     for name in names:
         own = [by_key[case, name] for case, filler in by_key if filler == name]
         good = [row for row in own if row["valid"] and by_key[row["case"], "ours"]["valid"]]
-        ratios = [float(row["rms"]) / float(by_key[row["case"], "ours"]["rms"]) for row in good]
-        ratio = np.exp(np.log(np.maximum(ratios, 1e-9)).mean()) if ratios else float("nan")
+        pairs = np.array([(row["rms"], by_key[row["case"], "ours"]["rms"]) for row in good]).reshape(-1, 2)
+        theirs, own_rms = np.log(np.maximum(pairs, SMALLEST)).T
+        ratio = np.exp((theirs - own_rms).mean()) if len(good) else float("nan")
         mean = {key: np.mean([row[key] for row in good]) for key in ("rim_angle", "true_rim_angle", "angle", "seconds")}
         valid, clean = sum(bool(r["valid"]) for r in own), sum(bool(r["valid"]) and r["cuts"] == 0 for r in own)
         counts = f"{valid:5}/{len(own)}{clean:11}/{len(own)}"
