@@ -18,8 +18,9 @@ from bezier_filters.estimation import estimate_vertex_geometry
 from bezier_filters.fill_topology import Fill
 from bezier_filters.flat_fill import lifted_fill
 from bezier_filters.implicit_surface import ImplicitSurface
-from bezier_filters.rim_creases import CreaseEnd, SharpEdges, crease_ends, sectors, sharp_edges
+from bezier_filters.rim_creases import crease_ends, sharp_edges
 from bezier_filters.smooth_fill import first_fill, meeting_rim, on_surface, surface_around
+from bezier_filters.sub_holes import CutHole, border, cut_hole, sub_hole
 from bezier_filters.surroundings import Surroundings
 
 STRAIGHT = 0.3
@@ -94,81 +95,61 @@ def crease_fills(around: Surroundings, *, noisy: bool) -> Iterator[CreaseFill | 
         joined = sorted(k for group in groups for k in group)
         chosen = [ends[k] for k in joined]
         renumbered = [tuple(joined.index(k) for k in group) for group in groups]
-        yield _filled(around, sharp, chosen, renumbered, noisy=noisy)
+        yield _filled(cut_hole(around, sharp, chosen, renumbered), noisy=noisy)
 
 
-def _filled(
-    around: Surroundings, sharp: SharpEdges, ends: list[CreaseEnd], groups: list[tuple[int, ...]], *, noisy: bool
-) -> CreaseFill | str:
+def _filled(cut: CutHole, *, noisy: bool) -> CreaseFill | str:
     """Fill a hole whose creases are joined in groups of ends."""
-    sector_of_face = sectors(around, sharp, [end.position for end in ends])
-    part_of_sector = _parts(groups, len(ends))
-    count = max(part_of_sector) + 1
-    sides = [
-        _side(around, np.isin(sector_of_face, [s for s, p in enumerate(part_of_sector) if p == part]))
-        for part in range(count)
-    ]
-    surfaces = _surfaces(around, sides, [], noisy=noisy)
+    around = cut.around
+    normals = [_side(around, cut.part_of_face == part) for part in range(cut.part_count)]
+    surfaces = _surfaces(around, normals, [], noisy=noisy)
     if surfaces is None:
         return "too few faces on one side of a crease"
-    corners, curves = _first_curves(around, ends, groups, part_of_sector, surfaces)
+    corners, curves = _first_curves(cut, surfaces)
     # What bends little is taken as it is; it tells the surfaces, and these tell where the other curves run.
     limit = FARTHEST * float(np.linalg.norm(np.ptp(around.vertices[: around.rim_count], axis=0)))
     edge = float(around.sizes.mean())
-    surfaces = _surfaces(around, sides, [curve for curve in curves if curve.is_straight], noisy=noisy) or surfaces
+    surfaces = _surfaces(around, normals, [curve for curve in curves if curve.is_straight], noisy=noisy) or surfaces
     curves = [curve if curve.is_straight else _on_surfaces(curve, surfaces, limit, edge) for curve in curves]
-    surfaces = _surfaces(around, sides, curves, noisy=noisy) or surfaces
-    # All vertices but those inside the parts: rim, corners, points of the curves.
-    first_of_curve = np.cumsum([around.rim_count + len(corners), *(len(curve.points) for curve in curves)])
+    surfaces = _surfaces(around, normals, curves, noisy=noisy) or surfaces
+    return _with_parts(cut, corners, curves, surfaces)
+
+
+def _with_parts(
+    cut: CutHole, corners: FloatArray, curves: Sequence[_Curve], surfaces: Sequence[ImplicitSurface]
+) -> CreaseFill | str:
+    """Fill the parts between the curves, each on the surface of its side."""
+    around = cut.around
+    # The vertices but those inside the parts: rim, corners, points of the curves.
     points = np.vstack([around.vertices[: around.rim_count], corners, *(curve.points for curve in curves)])
-    paths = [
-        np.array([curve.ends[0], *range(first, first + len(curve.points)), curve.ends[1]], dtype=np.int32)
-        for curve, first in zip(curves, first_of_curve, strict=False)
-    ]
-    creases = np.vstack([np.stack([path[:-1], path[1:]], axis=1) for path in paths])
-    size = float(around.sizes.mean())
-    sizes = np.concatenate([around.sizes, np.full(len(points) - around.rim_count, size)])
+    sizes = np.concatenate([around.sizes, np.full(len(points) - around.rim_count, around.sizes.mean())])
+    paths = []
+    first = around.rim_count + len(corners)
+    for curve in curves:
+        inner = range(first, first + len(curve.points))
+        paths.append(np.array([curve.ends[0], *inner, curve.ends[1]], dtype=np.int32))
+        first = inner.stop
+    shared = len(points)
+    faces: list[IntArray] = []
     taken = set(around.rim_edges)
-    faces, new_points, new_sizes = [], [points], [sizes]
     for part, surface in enumerate(surfaces):
-        loop = _loop(around.loops[0], ends, groups, part_of_sector, paths, part)
+        loop = border(cut, paths, part)
         if len(np.unique(loop)) < len(loop) or len(loop) < 3:
             return "creases meet before they cross the hole"
-        mine = np.isin(sector_of_face, [s for s, p in enumerate(part_of_sector) if p == part])
-        side = _sub_hole(around, points, sizes, loop, mine, taken)
+        side = sub_hole(cut, part, points, sizes, loop, taken)
         fill = lifted_fill(side) or first_fill(side, order=1)
         if fill is None:
             return "a part of the hole cannot be triangulated"
         moved = on_surface(fill, side, surface) if len(fill.points) > fill.rim_count else fill
         fill = fill if moved is None else meeting_rim(moved, side, surface)
-        names = np.concatenate(
-            [side.ids[: side.rim_count], sum(map(len, new_points)) + np.arange(len(fill.points) - side.rim_count)]
-        )
-        faces.append(names[fill.faces])
-        new_points.append(fill.points[side.rim_count :])
-        new_sizes.append(fill.sizes[side.rim_count :])
-        edges = np.sort(names[fill.faces[:, [0, 1, 1, 2, 2, 0]]].reshape(-1, 2), axis=1)
-        taken |= {(a, b) for a, b in edges[edges[:, 1] < len(points)].tolist()}
-    whole = Fill(np.vstack(new_points), np.concatenate(new_sizes), np.vstack(faces).astype(np.int32), around.rim_count)
-    return CreaseFill(whole, creases, count)
-
-
-def _parts(groups: list[tuple[int, ...]], count: int) -> list[int]:
-    """Number of the sub-hole that each sector of the rim belongs to.
-
-    Sector k begins at end k. Where it reaches the next end, the border of its sub-hole goes back, along the
-    creases of that end's group, to the end of the group before, where another sector begins.
-    """
-    before = {group[k]: group[k - 1] for group in groups for k in range(len(group))}
-    result = [-1] * count
-    parts = 0
-    for first in range(count):
-        sector = first
-        while result[sector] < 0:
-            result[sector] = parts
-            sector = before[(sector + 1) % count]
-        parts = max(result) + 1
-    return result
+        new = np.arange(len(points), len(points) + len(fill.points) - fill.rim_count)
+        faces.append(np.concatenate([side.ids[: fill.rim_count], new])[fill.faces].astype(np.int32))
+        points = np.vstack([points, fill.points[fill.rim_count :]])
+        sizes = np.concatenate([sizes, fill.sizes[fill.rim_count :]])
+        edges = np.sort(faces[-1][:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        taken |= {(a, b) for a, b in edges[edges[:, 1] < shared].tolist()}
+    creases = np.vstack([np.stack([path[:-1], path[1:]], axis=1) for path in paths])
+    return CreaseFill(Fill(points, sizes, np.vstack(faces), around.rim_count), creases, cut.part_count)
 
 
 def _side(around: Surroundings, faces: BoolArray) -> FloatArray:
@@ -198,20 +179,15 @@ def _surfaces(
     return result
 
 
-def _first_curves(
-    around: Surroundings,
-    ends: list[CreaseEnd],
-    groups: list[tuple[int, ...]],
-    part_of_sector: list[int],
-    surfaces: Sequence[ImplicitSurface],
-) -> tuple[FloatArray, list[_Curve]]:
+def _first_curves(cut: CutHole, surfaces: Sequence[ImplicitSurface]) -> tuple[FloatArray, list[_Curve]]:
     """Corners (c, 3), and cubic curves between ends, or from ends to corners."""
+    around, ends, part_of_sector = cut.around, cut.ends, cut.part_of_sector
     rim = around.loops[0]
     names = [int(rim[end.position]) for end in ends]
     edge = float(around.sizes.mean())
     corners: list[FloatArray] = []
     curves: list[_Curve] = []
-    for group in groups:
+    for group in cut.groups:
         places = [around.vertices[names[k]] for k in group]
         if len(group) == 2:
             targets = [(group[0], names[group[1]], places[1], -ends[group[1]].tangent)]
@@ -240,57 +216,3 @@ def _on_surfaces(curve: _Curve, surfaces: Sequence[ImplicitSurface], limit: floa
 
 def _unit(vector: FloatArray) -> FloatArray:
     return np.asarray(vector / max(float(np.linalg.norm(vector)), 1e-300), dtype=np.float64)
-
-
-def _loop(
-    rim: IntArray,
-    ends: list[CreaseEnd],
-    groups: list[tuple[int, ...]],
-    part_of_sector: list[int],
-    paths: list[IntArray],
-    part: int,
-) -> IntArray:
-    """Border of a sub-hole: sectors of the rim, and curves back from the end of each to the beginning of the next."""
-    before = {group[k]: group[k - 1] for group in groups for k in range(len(group))}
-    path_from = {int(path[0]): path for path in paths}
-    path_to = {int(path[-1]): path for path in paths}
-    first = part_of_sector.index(part)
-    pieces: list[IntArray] = []
-    sector = first
-    while True:
-        arriving = (sector + 1) % len(ends)
-        start, stop = ends[sector].position, ends[arriving].position
-        stop = stop if stop > start else stop + len(rim)
-        pieces.append(rim[np.arange(start, stop) % len(rim)])
-        here, sector = int(rim[ends[arriving].position]), before[arriving]
-        there = int(rim[ends[sector].position])
-        path = path_from[here] if here in path_from else path_to[here][::-1]
-        if path[-1] != there:  # by way of a corner
-            path = np.concatenate([path, path_from[there][::-1][1:]])
-        pieces.append(path[:-1])
-        if sector == first:
-            return np.concatenate(pieces).astype(np.int32)
-
-
-def _sub_hole(
-    around: Surroundings,
-    points: FloatArray,
-    sizes: FloatArray,
-    loop: IntArray,
-    mine: BoolArray,
-    taken: set[tuple[int, int]],
-) -> Surroundings:
-    """Surroundings of a sub-hole: the faces on its side. Its `ids` are rows of `points`, then places in `around`."""
-    others = np.setdiff1d(around.faces[mine], loop)
-    ids = np.concatenate([loop, others]).astype(np.int32)
-    rings = np.concatenate([np.zeros(len(loop)), np.maximum(around.rings[others], 1)]).astype(np.int32)
-    place = {vertex: k for k, vertex in enumerate(ids.tolist())}
-    faces = np.array([place[v] for v in around.faces[mine].ravel().tolist()], dtype=np.int32).reshape(-1, 3)
-    joined = frozenset(
-        (min(place[a], place[b]), max(place[a], place[b])) for a, b in taken if a in place and b in place
-    )
-    vertices = np.vstack([points[loop], around.vertices[others]])
-    return replace(
-        Surroundings(ids, rings, vertices, faces, (np.arange(len(loop), dtype=np.int32),), joined),
-        wanted_sizes=sizes[loop],
-    )

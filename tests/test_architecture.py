@@ -18,7 +18,7 @@ creases kernel_input lane_algebra
 loop_geometry self_intersections loop_triangulation surroundings implicit_surface variational_fill
 hole_detection fill_topology hole_result
 hole_choice smooth_fill flat_fill rim_creases
-paper_fill
+paper_fill sub_holes
 crease_curves
 fill_placement
 lane_workspace lane_errors lane_frames lane_results local_frames vertex_patch field_files point_cloud
