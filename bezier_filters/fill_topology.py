@@ -10,9 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.boundary import half_edge_twins
 from bezier_filters.lean import inner_njit, lean_njit
-from bezier_filters.mesh import TriangleMesh
 
 DENSITY = float(np.sqrt(2.0))
 """Triangles are split while their centroid is farther from their corners than the wanted edge length over this."""
@@ -85,9 +83,15 @@ def flipped(fill: Fill, existing: AbstractSet[tuple[int, int]]) -> Fill:
 
 
 def face_neighbours(faces: IntArray, n: int) -> IntArray:
-    """Face beyond the edge from corner k to the next, -1 at the border, (m, 3)."""
-    twin = half_edge_twins(TriangleMesh(np.empty((n, 3)), faces))
-    return np.where(twin < 0, -1, twin // 3).astype(np.int32).reshape(-1, 3)
+    """Face beyond the edge from corner k to the next, -1 at the border, (m, 3), of faces that are manifold."""
+    start, end = faces.ravel().astype(np.int64), np.roll(faces, -1, axis=1).ravel()
+    edges = np.minimum(start, end) * n + np.maximum(start, end)
+    order = np.argsort(edges, kind="stable")
+    twins = np.flatnonzero(np.diff(edges[order]) == 0)
+    first, second = order[twins], order[twins + 1]
+    result = np.full(len(edges), -1, dtype=np.int32)
+    result[first], result[second] = second // 3, first // 3
+    return result.reshape(-1, 3)
 
 
 def _keys(pairs: AbstractSet[tuple[int, int]]) -> IntArray:

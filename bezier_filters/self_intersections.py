@@ -6,7 +6,7 @@ from bezier_filters.adjacency import Rows
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.lean import inner_njit, lean_njit
 
-FEWEST_CELLS, MOST_CELLS = 16, 64
+FEWEST_CELLS, MOST_CELLS = 16, 128
 """Per axis, in which boxes are looked up."""
 FOLDED = -0.9999
 """Cosine of the angle between two faces on one edge from which down they lie on each other."""

@@ -18,6 +18,8 @@ NOISY_POINTS = 350
 """The same for any rim on noisy meshes, where more points tell more."""
 MOST_AT_ONCE = 200
 """Edges of a rim up to which the fill is faired at its final resolution."""
+SMALLEST_GAP = 1e-4
+"""Of an edge, between rim and surface, that is worth a shift: less turns no face by more than that angle."""
 ROUNDS = 3
 """Of evening out the triangles on the surface."""
 
@@ -170,7 +172,7 @@ def meeting_rim(fill: Fill, around: Surroundings, surface: ImplicitSurface) -> F
     rim = fill.points[: fill.rim_count]
     on_it, found = surface.project(rim)
     shift = np.where(found[:, np.newaxis], rim - on_it, 0.0)
-    if np.abs(shift).max(initial=0.0) < 1e-9 * around.sizes.mean():
+    if np.abs(shift).max(initial=0.0) < SMALLEST_GAP * around.sizes.mean():
         return fill
     points = fill.points + shifted(fill.points, fill.faces, shift)
     points[: fill.rim_count] = rim
