@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import degrees
 
 import numpy as np
@@ -41,7 +42,7 @@ class Piece:
         ends = ends[(ends < limit).all(axis=1)]
         return {(min(a, b), max(a, b)) for a, b in ends.tolist()}
 
-    @property
+    @cached_property
     def box(self) -> tuple[FloatArray, FloatArray]:
         """Lowest and highest corner, each (3,)."""
         return self.points.min(axis=0), self.points.max(axis=0)

@@ -146,7 +146,7 @@ def fill_holes(
     reports: list[HoleReport] = []
     pieces: list[Piece] = []
     vertex_count, face_count = mesh.vertex_count, mesh.face_count
-    joined: set[tuple[int, int]] = set()
+    joined: dict[int, set[int]] = {}
     done = 0
     for hole, refusal in zip(found, refusals, strict=True):
         if refusal:
@@ -170,7 +170,9 @@ def fill_holes(
             continue
         reports.append(_report(hole, around, accepted, vertex_count, face_count))
         pieces.append(accepted.piece)
-        joined |= accepted.piece.chords(mesh.vertex_count)
+        for a, b in accepted.piece.chords(mesh.vertex_count):
+            joined.setdefault(a, set()).add(b)
+            joined.setdefault(b, set()).add(a)
         vertex_count += len(reports[-1].new_vertices)
         face_count += len(reports[-1].new_faces)
     return HoleFillingResult(

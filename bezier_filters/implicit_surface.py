@@ -143,10 +143,11 @@ def fit_implicit_surface(
     target = _reflected(vectors, factors, values)
     errors = _turned(vectors, factors, _error_covariance(len(points), len(further))) if noisy else None
     best: tuple[float, ImplicitSurface] | None = None
-    distances = cdist(centers, centers)
+    squares = cdist(centers, centers, "sqeuclidean")
+    cubes = squares * np.sqrt(squares)
     for power in POWERS:
         sign = 1.0 if power == 3 else -1.0  # conditionally positive definite
-        kernel = sign * distances**power
+        kernel = sign * cubes if power == 3 else sign * cubes * squares
         turned = _turned(vectors, factors, kernel)
         projected = turned[TERMS:, TERMS:]
         size = float(np.linalg.norm(projected))

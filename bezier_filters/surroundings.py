@@ -1,6 +1,6 @@
 """The part of a mesh around a hole, as a small mesh of its own."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import pi
@@ -86,8 +86,12 @@ class Surroundings:
 
     def normals_beyond(self, loop: IntArray) -> FloatArray:
         """Unit normal of the face beyond the edge that begins at each vertex of a rim, zero without one, (k, 3)."""
-        start, end = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel()
-        face_of = {(a, b): k // 3 for k, (a, b) in enumerate(zip(start.tolist(), end.tolist(), strict=True))}
+        at_rim = np.flatnonzero(np.count_nonzero(self.faces < self.rim_count, axis=1) > 1)
+        face_of = {
+            (a, b): face
+            for face, (i, j, k) in zip(at_rim.tolist(), self.faces[at_rim].tolist(), strict=True)
+            for a, b in ((i, j), (j, k), (k, i))
+        }
         backwards = zip(np.roll(loop, -1).tolist(), loop.tolist(), strict=True)
         beyond = np.array([face_of.get(pair, -1) for pair in backwards])
         return np.asarray(np.where((beyond >= 0)[:, np.newaxis], self.face_normals[beyond], 0.0), dtype=np.float64)
@@ -98,7 +102,7 @@ def surroundings_of(
     adjacency: Adjacency,
     loops: tuple[IntArray, ...],
     rings: int,
-    joined: Iterable[tuple[int, int]] = (),
+    joined: Mapping[int, Iterable[int]] | None = None,
 ) -> Surroundings:
     """Collect some rings around loops of vertices, of which some pairs may be joined outside the mesh, too.
 
@@ -134,6 +138,10 @@ def surroundings_of(
 
     faces = local(mesh.faces[face_ids])
     place_of = {vertex: k for k, vertex in enumerate(level[0].tolist())}
-    known_pairs = ((place_of[a], place_of[b]) for a, b in joined if a in place_of and b in place_of)
-    pairs = frozenset((min(a, b), max(a, b)) for a, b in known_pairs)
+    pairs = frozenset(
+        (k, place_of[other])
+        for vertex, k in place_of.items()
+        for other in (joined or {}).get(vertex, ())
+        if place_of.get(other, -1) > k
+    )
     return Surroundings(ids, ring, mesh.vertices[ids], faces, tuple(local(loop) for loop in loops), pairs)
