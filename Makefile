@@ -28,6 +28,7 @@ bench: .venv-dev/bench-ready  ## accuracy, stability and speed next to MeshLab a
 	.venv-dev/bin/python benchmarks/reduction.py --slow
 	.venv-dev/bin/python benchmarks/red_blood_cell.py
 	.venv-dev/bin/python benchmarks/uneven_shape.py
+	.venv-dev/bin/python benchmarks/holes.py
 	.venv-dev/bin/python benchmarks/speed.py
 
 bench-kernels: .venv-dev/bench-ready  ## times of the stages, next to the last run of this target

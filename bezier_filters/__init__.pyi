@@ -19,6 +19,9 @@ from .filters import compute_normal_by_bezier_patch_per_vertex as compute_normal
 from .filters import compute_torsion_by_bezier_patch_per_vertex as compute_torsion_by_bezier_patch_per_vertex
 from .fitting import PatchFit as PatchFit
 from .fitting import fit_patch as fit_patch
+from .hole_filling import fill_holes as fill_holes
+from .hole_result import HoleFillingResult as HoleFillingResult
+from .hole_result import HoleReport as HoleReport
 from .mesh import MeshReport as MeshReport
 from .mesh import TriangleMesh as TriangleMesh
 from .mesh import inspect_mesh as inspect_mesh

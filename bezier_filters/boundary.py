@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from bezier_filters.arrays import IntArray
+from bezier_filters.arrays import BoolArray, IntArray
 from bezier_filters.errors import InvalidMeshError
 from bezier_filters.mesh import TriangleMesh
 
@@ -32,8 +32,8 @@ def boundary_loops(mesh: TriangleMesh) -> list[IntArray]:
     """
     twin = half_edge_twins(mesh)
     start = mesh.faces.ravel()
-    successor = _boundary_successors(twin)
     boundary = np.flatnonzero(twin < 0)
+    successor = _boundary_successors(twin)
     order = boundary[np.argsort(start[boundary], kind="stable")]
     loops: list[IntArray] = []
     seen = np.zeros(len(start), dtype=bool)
@@ -47,6 +47,30 @@ def boundary_loops(mesh: TriangleMesh) -> list[IntArray]:
         if loop:
             loops.append(np.array(loop, dtype=np.int32))
     return loops
+
+
+def border_half_edges(mesh: TriangleMesh, on_boundary: BoolArray) -> tuple[IntArray, IntArray]:
+    """Start and end, each (b,), of the half-edges without another face, found among the faces at the boundary.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    on_boundary : (n,) bool
+        As in `Adjacency.on_boundary`.
+
+    Raises
+    ------
+    InvalidMeshError
+        If one of these faces has an edge with more than two faces, or with two that run through it the same way.
+    """
+    a, b, c = mesh.faces.T
+    near = (on_boundary[a] | on_boundary[b] | on_boundary[c]) & (a != b) & (b != c) & (c != a)
+    faces = mesh.faces[near]
+    twin = half_edge_twins(TriangleMesh(mesh.vertices, faces))
+    start, end = faces.ravel(), faces[:, [1, 2, 0]].ravel()
+    # Where the other face of an edge was left out, one of its ends is not on the boundary.
+    borders = (twin < 0) & on_boundary[start] & on_boundary[end]
+    return start[borders], end[borders]
 
 
 def half_edge_twins(mesh: TriangleMesh) -> IntArray:

@@ -127,7 +127,8 @@ def grow(
 def _saved(plan: FitPlan, leaf: Leaf) -> float:
     """Logarithm of what a leaf's own plan takes off the predicted error of another; -inf if it has no such ring."""
     before = plan_for(plan, leaf.surface)
-    return -np.inf if before is None else float(np.log(before.error / leaf.chosen.error))
+    smallest = np.finfo(np.float64).tiny  # on exact planes there is no error at all
+    return -np.inf if before is None else float(np.log(max(before.error, smallest) / max(leaf.chosen.error, smallest)))
 
 
 def leaves(tree: Leaf | Split) -> list[Leaf]:

@@ -15,6 +15,12 @@ mesh polynomials smoothness patch differential_geometry jets vertex_geometry sur
 adjacency boundary fields harmonics spatial_order
 neighbourhoods frames fitting uncertainty diagnosis ply_columns orientation lanes
 creases kernel_input lane_algebra
+loop_geometry self_intersections loop_triangulation surroundings implicit_surface variational_fill
+hole_detection fill_topology hole_result
+hole_choice smooth_fill flat_fill rim_creases
+paper_fill sub_holes
+crease_curves
+fill_placement
 lane_workspace lane_errors lane_frames lane_results local_frames vertex_patch field_files point_cloud
 scalar_kernel lane_kernel
 neighbourhood_samples
@@ -40,6 +46,9 @@ low_pass
 surface_estimates
 automatic_smoothing smoothing_result
 smoothing
+crease_fill
+fill_methods
+hole_filling
 meshset
 mesh_attributes mesh_colors mesh_coordinates mesh_files
 mesh_growth

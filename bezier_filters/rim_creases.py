@@ -1,0 +1,152 @@
+"""Creases that end at the rim of a hole, and the one-sided parts of its surroundings between them."""
+
+from dataclasses import dataclass
+from math import radians
+
+import numpy as np
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.boundary import half_edge_twins
+from bezier_filters.mesh import TriangleMesh
+from bezier_filters.surroundings import Surroundings
+
+SHARP = radians(40.0)
+"""Angle between two faces from which on their edge may be a crease."""
+TIMES_USUAL = 4.0
+"""A crease is more than this many times as sharp as most edges around the hole."""
+SHORTEST, LONGEST = 2, 6
+"""Edges of a crease that are followed from the rim: one alone is no crease."""
+STRAIGHT = 0.5
+"""Least cosine of the angle between two edges of a crease that follow each other."""
+
+
+@dataclass(frozen=True)
+class CreaseEnd:
+    """Where a crease meets the rim.
+
+    Attributes
+    ----------
+    position : int
+        Place of the vertex in the rim loop.
+    tangent : (3,) float64
+        Unit vector along the crease into the hole.
+    is_convex : bool
+        Whether the crease is a ridge, not a valley, seen from outside.
+    """
+
+    position: int
+    tangent: FloatArray
+    is_convex: bool
+
+
+@dataclass(frozen=True)
+class SharpEdges:
+    """Edges around a hole that may be creases.
+
+    Attributes
+    ----------
+    is_sharp : (3 m,) bool
+        By half-edge; 3 f + k runs from corner k of face f to the next.
+    is_convex : (3 m,) bool
+        Whether the faces bend away from the outside.
+    twins : (3 m,) int32
+        Opposite half-edges, -1 at the border.
+    """
+
+    is_sharp: BoolArray
+    is_convex: BoolArray
+    twins: IntArray
+
+
+def sharp_edges(around: Surroundings) -> SharpEdges:
+    """Find the edges that are much sharper than most."""
+    faces = around.faces
+    twins = half_edge_twins(TriangleMesh(around.vertices, faces))
+    inner = np.flatnonzero(twins >= 0)
+    normals = around.face_normals
+    own, other = normals[inner // 3], normals[twins[inner] // 3]
+    angles = 2.0 * np.arcsin(np.minimum(0.5 * np.linalg.norm(own - other, axis=1), 1.0))
+    limit = max(SHARP, TIMES_USUAL * float(np.median(angles))) if len(angles) else SHARP
+    is_sharp, is_convex = np.zeros((2, 3 * len(faces)), dtype=np.bool_)
+    known = own.any(axis=1) & other.any(axis=1)
+    is_sharp[inner] = known & (angles > limit)
+    tips = np.roll(faces, -2, axis=1).ravel()
+    beyond = around.vertices[tips[twins[inner]]] - around.vertices[faces.ravel()[inner]]
+    is_convex[inner] = np.einsum("ij,ij->i", beyond, own) < 0.0
+    return SharpEdges(is_sharp, is_convex, twins)
+
+
+def crease_ends(around: Surroundings, sharp: SharpEdges) -> list[CreaseEnd]:
+    """Ends of creases at the rim, in its order."""
+    start, end = around.faces.ravel(), np.roll(around.faces, -1, axis=1).ravel()
+    leaving: dict[int, list[int]] = {}
+    convex: dict[tuple[int, int], bool] = {}
+    for half_edge in np.flatnonzero(sharp.is_sharp).tolist():
+        a, b = int(start[half_edge]), int(end[half_edge])
+        leaving.setdefault(a, []).append(b)
+        convex[a, b] = bool(sharp.is_convex[half_edge])
+    result = []
+    for position, vertex in enumerate(around.loops[0].tolist()):
+        chains = [_chain(around.vertices, leaving, [vertex, other]) for other in leaving.get(vertex, [])]
+        chain = max(chains, key=len, default=[])
+        if len(chain) > SHORTEST:
+            tangent = _tangent(around.vertices[chain])
+            result.append(CreaseEnd(position, tangent, convex[chain[0], chain[1]]))
+    return result
+
+
+def _chain(points: FloatArray, leaving: dict[int, list[int]], chain: list[int]) -> list[int]:
+    """Follow a crease as long as it goes straight on."""
+    while len(chain) <= LONGEST:
+        before, tip = chain[-2:]
+        ahead = points[tip] - points[before]
+        best, straightest = -1, STRAIGHT
+        for other in leaving.get(tip, []):
+            step = points[other] - points[tip]
+            cosine = float(ahead @ step / max(np.linalg.norm(ahead) * np.linalg.norm(step), 1e-300))
+            if other not in chain and cosine > straightest:
+                best, straightest = other, cosine
+        if best < 0:
+            break
+        chain.append(best)
+    return chain
+
+
+def _tangent(points: FloatArray) -> FloatArray:
+    """Unit tangent, backwards, at the first of some points of a curve: that of a parabola through it."""
+    lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])[1:]
+    terms = np.stack([lengths, lengths**2], axis=1)[:, : 1 + (len(lengths) > 2)]
+    slope = np.linalg.lstsq(terms, points[1:] - points[0], rcond=None)[0][0]
+    return np.asarray(-slope / max(float(np.linalg.norm(slope)), 1e-300), dtype=np.float64)
+
+
+def sectors(around: Surroundings, sharp: SharpEdges, positions: list[int]) -> IntArray:
+    """Number of the crease end, before it along the rim, whose side each face is on, (m,); -1 if none reaches it.
+
+    Faces are reached from the rim without crossing a sharp edge.
+    """
+    faces = around.faces
+    rim = around.loops[0]
+    owner = np.searchsorted(positions, np.arange(len(rim)), side="right") - 1
+    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    sector_of_edge = {
+        (b, a): int(owner[k]) % len(positions)
+        for k, (a, b) in enumerate(zip(rim.tolist(), np.roll(rim, -1).tolist(), strict=True))
+    }
+    result = np.full(len(faces), -1, dtype=np.int32)
+    front = []
+    for half_edge in np.flatnonzero(sharp.twins < 0).tolist():
+        sector = sector_of_edge.get((int(start[half_edge]), int(end[half_edge])), -1)
+        if sector >= 0 and result[half_edge // 3] < 0:
+            result[half_edge // 3] = sector
+            front.append(half_edge // 3)
+    while front:
+        reached = []
+        for face in front:
+            for half_edge in range(3 * face, 3 * face + 3):
+                other = int(sharp.twins[half_edge]) // 3
+                if sharp.twins[half_edge] >= 0 and not sharp.is_sharp[half_edge] and result[other] < 0:
+                    result[other] = result[face]
+                    reached.append(other)
+        front = reached
+    return result

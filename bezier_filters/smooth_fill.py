@@ -1,0 +1,179 @@
+"""Fill a hole where the surface is smooth: triangles as large as those around it, on a surface that goes on."""
+
+from collections.abc import Set as AbstractSet
+from dataclasses import replace
+
+import numpy as np
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.fill_topology import Fill, flipped, refined
+from bezier_filters.implicit_surface import ImplicitSurface, fit_implicit_surface
+from bezier_filters.loop_triangulation import triangulate_loop
+from bezier_filters.surroundings import Surroundings
+from bezier_filters.variational_fill import shifted, without_tension
+
+POINTS_PER_EDGE, FEWEST_POINTS, MOST_POINTS = 5, 80, 300
+"""Points that the surface is fitted to, by the number of edges of the rim."""
+NOISY_POINTS = 350
+"""The same for any rim on noisy meshes, where more points tell more."""
+MOST_AT_ONCE = 200
+"""Edges of a rim up to which the fill is faired at its final resolution."""
+SMALLEST_GAP = 1e-4
+"""Of an edge, between rim and surface, that is worth a shift: less turns no face by more than that angle."""
+ROUNDS = 3
+"""Of evening out the triangles on the surface."""
+
+
+def first_fill(around: Surroundings, order: int = 2) -> Fill | None:
+    """Triangulate, refine and fair a hole; None if no triangulation of its rim makes a manifold.
+
+    `order` is the power of the Laplacian that vanishes: 2, or 1 where there are no faces beyond a part of the rim,
+    whose tangent planes could be continued. Fills of large holes are faired coarsely and then refined.
+    """
+    fill = triangulated(around)
+    if fill is None:
+        return None
+    coarse = max(1.0, around.rim_count / MOST_AT_ONCE)
+    fill = replace(fill, sizes=coarse * fill.sizes)
+    fill = faired(refined(fill, around.rim_edges), around, order)
+    fill = refined(replace(fill, sizes=fill.sizes / coarse), around.rim_edges)
+    return fill if coarse > 1.0 else faired(fill, around, order)
+
+
+def triangulated(around: Surroundings) -> Fill | None:
+    """Join the vertices of the rim, or join them to one more vertex if they are joined elsewhere already."""
+    polygon, normals, gaps = _polygon(around)
+    points = around.vertices[: around.rim_count]
+    faces = triangulate_loop(points[polygon], polygon, normals, gaps, _forbidden(around, polygon))
+    sizes = around.sizes
+    if faces is not None and not _is_manifold(faces):  # where islands touch, two triangles may want one edge
+        faces = None
+    if faces is None and len(polygon) > around.rim_count:
+        return None
+    if faces is None:
+        hub = np.full(len(polygon), around.rim_count)
+        faces = np.stack([polygon, np.roll(polygon, -1), hub], axis=1).astype(np.int32)
+        points = np.vstack([points, points[polygon].mean(axis=0)])
+        sizes = np.append(sizes, sizes.mean())
+    return Fill(points, sizes, faces, around.rim_count)
+
+
+def _is_manifold(faces: IntArray) -> bool:
+    """Whether no edge is run through twice in one direction and no face names a vertex twice."""
+    edges = np.vstack([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    return len(np.unique(edges, axis=0)) == len(edges) and bool((edges[:, 0] != edges[:, 1]).all())
+
+
+def _polygon(around: Surroundings) -> tuple[IntArray, FloatArray, FloatArray]:
+    """All loops as one, joined by the shortest bridges, with the normals beyond its edges and the gaps."""
+    polygon = around.loops[0]
+    normals = around.normals_beyond(polygon)
+    for loop in around.loops[1:]:
+        points = around.vertices
+        distances = np.linalg.norm(points[polygon][:, np.newaxis] - points[loop], axis=2)
+        i, j = np.unravel_index(np.argmin(distances), distances.shape)
+        beyond = around.normals_beyond(loop)
+        zero = np.zeros((1, 3))
+        turned, turned_normals = np.roll(loop, -j), np.roll(beyond, -j, axis=0)
+        if polygon[i] == loop[j]:  # the island touches: ..., loop[j], ..., polygon[i], ...
+            polygon = np.concatenate([polygon[:i], turned, polygon[i:]])
+            normals = np.vstack([normals[:i], turned_normals, normals[i:]])
+            continue
+        # ... polygon[i], loop[j], ..., loop[j], polygon[i], ...; the normal at a corner is that of the edge after it.
+        polygon = np.concatenate([polygon[: i + 1], turned, turned[:1], polygon[i:]])
+        normals = np.vstack([normals[:i], zero, turned_normals, zero, normals[i:]])
+    count = np.bincount(polygon, minlength=around.rim_count)
+    return polygon, normals, (around.gaps / np.maximum(count, 1))[polygon]
+
+
+def _forbidden(around: Surroundings, polygon: IntArray) -> AbstractSet[tuple[int, int]]:
+    """Pairs that must not be joined by a chord: those that are joined already, and the bridges."""
+    following = np.roll(polygon, -1)
+    own = {(int(min(a, b)), int(max(a, b))) for a, b in zip(polygon, following, strict=True)}
+    return around.rim_edges | own
+
+
+def faired(fill: Fill, around: Surroundings, order: int) -> Fill:
+    """Move the new vertices to where the Laplacian to a power vanishes; see `without_tension`."""
+    points, faces = together(fill, around)
+    free = np.arange(len(around.ids), len(points), dtype=np.int32)
+    moved = without_tension(points, faces, free, order)
+    return replace(fill, points=np.vstack([fill.points[: fill.rim_count], moved[len(around.ids) :]]))
+
+
+def together(fill: Fill, around: Surroundings) -> tuple[FloatArray, IntArray]:
+    """Vertices and faces of the surroundings, with the new vertices and the faces of the fill after them."""
+    shift = len(around.ids) - fill.rim_count
+    faces = np.where(fill.faces < fill.rim_count, fill.faces, fill.faces + shift)
+    return np.vstack([around.vertices, fill.points[fill.rim_count :]]), np.vstack([around.faces, faces])
+
+
+def surface_around(
+    around: Surroundings, normals: FloatArray, known: BoolArray, *, noisy: bool, others: FloatArray | None = None
+) -> ImplicitSurface | None:
+    """Fit a surface to the points of the surroundings whose normals (b, 3) are known, and to others (k, 3)."""
+    ids = np.flatnonzero(known)
+    most = NOISY_POINTS if noisy else int(np.clip(POINTS_PER_EDGE * around.rim_count, FEWEST_POINTS, MOST_POINTS))
+    if len(ids) > most:
+        order = np.random.default_rng(0).permutation(len(ids))
+        ids = np.sort(ids[order[:most] if noisy else _thinned(around.rings[ids], most)])
+    step = float(around.sizes.mean())
+    return fit_implicit_surface(around.vertices[ids], normals[ids], step, noisy=noisy, others=others)
+
+
+def _thinned(rings: IntArray, most: int) -> IntArray:
+    """Places of some points: the rim and the first ring as far as there is room for three quarters, others at random.
+
+    The nearest points settle how the fill joins, the others how the surface curves.
+    """
+    near, far = np.flatnonzero(rings <= 1), np.flatnonzero(rings > 1)
+    near = near[:: max(-(-len(near) * 4 // (3 * most)), 1)]
+    return np.concatenate([near, np.random.default_rng(0).permutation(far)[: most - len(near)]]).astype(np.int32)
+
+
+def on_surface(fill: Fill, around: Surroundings, surface: ImplicitSurface, *, threads: int = 1) -> Fill | None:
+    """Move the new vertices of a fill onto a surface and even out its triangles; None if that does not work."""
+    new = slice(fill.rim_count, None)
+    for round_ in range(ROUNDS + 1):
+        points = fill.points.copy()
+        points[new], found = surface.project(points[new], threads=threads)
+        if not found.all():
+            return None
+        fill = replace(fill, points=points)
+        if round_ < ROUNDS:
+            fill = evened(flipped(fill, around.rim_edges))
+    return fill
+
+
+def evened(fill: Fill) -> Fill:
+    """Move every new vertex to the mean of its neighbours, unless that turns a triangle over."""
+    ends = np.vstack([fill.faces[:, [0, 1]], fill.faces[:, [1, 2]], fill.faces[:, [2, 0]]])
+    n = len(fill.points)
+    count = np.bincount(ends[:, 0], minlength=n)
+    sums = [np.bincount(ends[:, 0], weights=fill.points[ends[:, 1], k], minlength=n) for k in range(3)]
+    goals = np.stack(sums, axis=1) / np.maximum(count, 1)[:, np.newaxis]
+    moving = np.arange(n) >= fill.rim_count
+    before = _normals(fill.points, fill.faces)
+    while True:
+        points = np.where(moving[:, np.newaxis], goals, fill.points)
+        turned = fill.faces[np.einsum("ij,ij->i", before, _normals(points, fill.faces)) < 0.0]
+        if not moving[turned].any():
+            return replace(fill, points=points)
+        moving[turned] = False
+
+
+def _normals(points: FloatArray, faces: IntArray) -> FloatArray:
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    return np.cross(b - a, c - a)
+
+
+def meeting_rim(fill: Fill, around: Surroundings, surface: ImplicitSurface) -> Fill:
+    """Shift a fill on a surface so that it ends at its rim, which noise may have moved off the surface."""
+    rim = fill.points[: fill.rim_count]
+    on_it, found = surface.project(rim)
+    shift = np.where(found[:, np.newaxis], rim - on_it, 0.0)
+    if np.abs(shift).max(initial=0.0) < SMALLEST_GAP * around.sizes.mean():
+        return fill
+    points = fill.points + shifted(fill.points, fill.faces, shift)
+    points[: fill.rim_count] = rim
+    return replace(fill, points=points)

@@ -1,0 +1,156 @@
+import numpy as np
+import pytest
+from hole_cases import assert_filled, sheet, without_faces_near
+
+from bezier_filters import fill_holes
+from bezier_filters.crease_curves import bending_energy, corner_of, evenly_spaced, groupings, hermite_curve
+from bezier_filters.rim_creases import CreaseEnd
+from bezier_filters.surfaces import block_with_sharp_edges
+
+
+def off_the_cube(points):
+    """Distance from the surface of the cube [-1/2, 1/2]^3 of points near it."""
+    return np.abs(np.abs(points).max(axis=1) - 0.5)
+
+
+def cube(resolution=24):
+    """A cube without the notch of the block: its corner at (-1/2, -1/2, -1/2) and what is near it."""
+    vertices, faces = block_with_sharp_edges(resolution=resolution)
+    return vertices, faces
+
+
+def filled_hole(result):
+    (hole,) = [hole for hole in result.holes if hole.filled]
+    return hole
+
+
+@pytest.mark.parametrize(
+    ("center", "radius", "parts"),
+    [((-0.5, -0.5, 0.0), 0.2, 2), ((-0.5, -0.5, -0.5), 0.2, 3), ((-0.5, 0.0, 0.0), 0.2, 1)],
+)
+def test_edges_and_corners_of_a_block_are_continued(center, radius, parts):
+    vertices, faces = cube()
+    faces = without_faces_near(vertices, faces, np.array(center), radius)
+    result = fill_holes(vertices, faces)
+    assert_filled(vertices, faces, result)
+    hole = filled_hole(result)
+    assert hole.parts == parts
+    assert hole.method == ("creases" if parts > 1 else "surface")
+    assert off_the_cube(result.vertices[len(vertices) :]).max() < 1e-6
+    on_crease = result.vertices[np.unique(hole.creases)] if parts > 1 else np.empty((0, 3))
+    assert (np.count_nonzero(np.abs(np.abs(on_crease) - 0.5) < 1e-6, axis=1) >= 2).all()
+    if parts == 3:
+        assert np.linalg.norm(result.vertices + 0.5, axis=1)[len(vertices) :].min() < 1e-6
+
+
+def test_creases_are_edges_of_the_new_mesh():
+    vertices, faces = cube()
+    faces = without_faces_near(vertices, faces, np.array([-0.5, -0.5, -0.5]), 0.25)
+    result = fill_holes(vertices, faces)
+    new = np.sort(result.faces[len(faces) :][:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    edges, count = np.unique(new, axis=0, return_counts=True)
+    inner = {tuple(edge) for edge in edges[count == 2].tolist()}
+    creases = {tuple(edge) for edge in np.sort(filled_hole(result).creases, axis=1).tolist()}
+    assert len(creases) >= 6
+    assert creases <= inner
+
+
+def test_creases_can_be_left_alone():
+    vertices, faces = cube()
+    faces = without_faces_near(vertices, faces, np.array([-0.5, -0.5, 0.0]), 0.2)
+    result = fill_holes(vertices, faces, creases=False)
+    assert_filled(vertices, faces, result)
+    assert filled_hole(result).method != "creases"
+    assert len(filled_hole(result).creases) == 0
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_ridges_and_valleys_are_continued(sign):
+    vertices, faces = sheet(24, 24)
+    vertices = (vertices - 12.0) / 12.0
+    vertices[:, 2] = -sign * np.abs(vertices[:, 0])
+    faces = without_faces_near(vertices, faces, np.zeros(3), 0.4)
+    result = fill_holes(vertices, faces)
+    assert_filled(vertices, faces, result)
+    x, _, z = result.vertices[len(vertices) :].T
+    assert filled_hole(result).method == "creases"
+    np.testing.assert_allclose(z, -sign * np.abs(x), atol=1e-6)
+
+
+def test_a_curved_crease_is_continued_on_both_surfaces():
+    """A cone on a plane: the crease is a circle of radius 1."""
+    vertices, faces = sheet(40, 40)
+    vertices = (vertices - 20.0) / 10.0
+    radius = np.linalg.norm(vertices[:, :2], axis=1)
+    near = np.abs(radius - 1.0) < 0.06
+    vertices[near, :2] /= radius[near, np.newaxis]  # a ring of edges near the circle
+    from scipy.spatial import Delaunay
+
+    angle = 2 * np.pi * np.arange(63) / 63
+    circle = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(63)])
+    points = np.vstack([circle, vertices[np.abs(radius - 1.0) > 0.06]])
+    faces = Delaunay(points[:, :2]).simplices.astype(np.int32)
+    a, b, c = points[faces].transpose(1, 0, 2)
+    turned = np.cross(b - a, c - a)[:, 2] < 0
+    faces[turned] = faces[turned][:, ::-1]
+    points[:, 2] = np.maximum(1.0 - np.linalg.norm(points[:, :2], axis=1), 0.0) * 2.0
+    faces = without_faces_near(points, faces, np.array([1.0, 0.0, 0.0]), 0.3)
+    result = fill_holes(points, faces)
+    assert_filled(points, faces, result)
+    hole = filled_hole(result)
+    assert hole.method == "creases"
+    on_crease = result.vertices[np.unique(hole.creases)]
+    np.testing.assert_allclose(np.linalg.norm(on_crease, axis=1), 1.0, atol=5e-3)
+    new = result.vertices[len(points) :]
+    heights = np.maximum(1.0 - np.linalg.norm(new[:, :2], axis=1), 0.0) * 2.0
+    assert np.abs(new[:, 2] - heights).max() < 0.02
+
+
+def ends_at(points, tangents, convex):
+    return [
+        CreaseEnd(k, np.array(t) / np.linalg.norm(t), c) for k, (t, c) in enumerate(zip(tangents, convex, strict=True))
+    ]
+
+
+def test_ends_are_joined_where_curves_bend_least_and_do_not_cross():
+    """Four ends around a square, two parallel creases: the short way is across, by straight lines."""
+    points = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    tangents = [[1, 0, 0], [-1, 0, 0], [-1, 0, 0], [1, 0, 0]]
+    assert groupings(ends_at(points, tangents, [True] * 4), points) == [[(0, 1), (2, 3)]]
+    turned = [[0, 1, 0], [0, 1, 0], [0, -1, 0], [0, -1, 0]]
+    assert groupings(ends_at(points, turned, [True] * 4), points) == [[(0, 3), (1, 2)]]
+    assert groupings(ends_at(points[:2], tangents[:2], [True, False]), points[:2]) == []
+    assert groupings(ends_at(points[:1], tangents[:1], [True]), points[:1]) == []
+    assert groupings([], np.empty((0, 3))) == []
+
+
+def test_three_ends_meet_in_a_corner_or_two_are_joined():
+    points = np.array([[-1.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    assert groupings(ends_at(points, -points, [True, True, True]), points) == [[(0, 1, 2)], [(0, 1)]]
+
+
+def test_a_corner_is_where_most_lines_meet():
+    corner, tangents = np.array([1.0, 2.0, 3.0]), np.eye(3)
+    points = corner - 2.0 * tangents
+    np.testing.assert_allclose(corner_of(points, tangents, [], 1e-6), corner, atol=1e-5)
+    bent = points + np.array([[0.0, 0, 0], [0, 0, 0], [0.5, 0.3, 0]])
+    np.testing.assert_allclose(corner_of(bent, tangents, [], 1e-6), corner, atol=1e-3)
+
+
+def test_hermite_curves_leave_along_their_tangents():
+    start, stop = np.zeros(3), np.array([2.0, 0.0, 0.0])
+    up, down = np.array([1.0, 1.0, 0.0]) / np.sqrt(2), np.array([1.0, -1.0, 0.0]) / np.sqrt(2)
+    curve = hermite_curve(start, up, stop, down, 0.01)
+    np.testing.assert_allclose(curve[0] / np.linalg.norm(curve[0]), up, atol=0.02)
+    np.testing.assert_allclose((stop - curve[-1]) / np.linalg.norm(stop - curve[-1]), down, atol=0.02)
+    spaces = np.linalg.norm(np.diff(np.vstack([start, curve, stop]), axis=0), axis=1)
+    assert spaces.max() < 1.05 * spaces.min()
+    assert len(evenly_spaced(np.array([start, stop]), 0.5)) == 3
+
+
+@pytest.mark.parametrize("angle", [0.05, 0.2, 0.4])
+def test_bending_energy_of_an_arc_is_the_squared_angle(angle):
+    """A circular arc of unit length that turns by an angle has the curvature, and the energy, angle and angle^2."""
+    start, stop = np.zeros(3), np.array([1.0, 0.0, 0.0])
+    leaves, arrives = (np.array([np.cos(angle / 2), s * np.sin(angle / 2), 0.0]) for s in (1.0, -1.0))
+    assert bending_energy(start, leaves, stop, arrives) == pytest.approx(angle**2, rel=0.05)

@@ -1,0 +1,125 @@
+import numpy as np
+import pytest
+from hole_cases import sheet, without_faces_near, without_squares
+
+from bezier_filters import InvalidMeshError, boundary_loops, triangle_mesh, vertex_adjacency
+from bezier_filters.boundary import border_half_edges
+from bezier_filters.hole_detection import find_holes, simple_loops
+from bezier_filters.surfaces import cylinder, punched_patch, sphere
+
+
+def holes_of(vertices, faces):
+    mesh = triangle_mesh(vertices, faces)
+    return find_holes(mesh, vertex_adjacency(mesh))
+
+
+def as_cycles(loops):
+    """Loops as sets of directed edges, which do not depend on where a loop begins."""
+    return {frozenset(zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True)) for loop in loops}
+
+
+@pytest.mark.parametrize("make", [punched_patch, cylinder])
+def test_borders_found_near_the_boundary_are_all(make):
+    surface = make()
+    mesh = triangle_mesh(surface.vertices, surface.faces)
+    start, end = border_half_edges(mesh, vertex_adjacency(mesh).on_boundary)
+    pairs = set(zip(start.tolist(), end.tolist(), strict=True))
+    assert pairs == frozenset().union(*as_cycles(boundary_loops(mesh)))
+
+
+def test_turning_of_flat_loops_is_a_full_turn():
+    vertices, faces = sheet(9, 9)
+    faces = without_squares(vertices, faces, lambda x, y: (x > 3) & (x < 6) & (y > 3) & (y < 6))
+    outer, hole = holes_of(vertices, faces)
+    np.testing.assert_allclose([outer.turning, hole.turning], [2 * np.pi, -2 * np.pi], atol=1e-12)
+    assert (outer.is_outer_rim, hole.is_outer_rim) == (True, False)
+    assert (hole.edge_count, hole.perimeter, round(hole.diameter, 12)) == (12, 12.0, round(np.sqrt(18), 12))
+
+
+@pytest.mark.parametrize(("height", "outer"), [(0.9, True), (0.3, False), (-0.5, False), (-0.9, False)])
+def test_a_dome_has_a_rim_and_a_ball_has_a_hole(height, outer):
+    """The total geodesic curvature of a parallel of the sphere at height z, seen from the cap above, is 2 pi z."""
+    ball = sphere(resolution=20)
+    faces = ball.faces[ball.vertices[ball.faces].mean(axis=1)[:, 2] > height]
+    (loop,) = holes_of(ball.vertices, faces)
+    assert loop.is_outer_rim == outer
+    assert loop.turning == pytest.approx(2 * np.pi * height, abs=0.7)
+
+
+def test_ends_of_a_tube_are_holes():
+    tube = cylinder()
+    ends = holes_of(tube.vertices, tube.faces)
+    np.testing.assert_allclose([end.turning for end in ends], 0.0, atol=1e-9)
+    assert not any(end.is_outer_rim for end in ends)
+
+
+def test_rims_run_as_their_fill_does():
+    vertices, faces = sheet(5, 5)
+    faces = without_squares(vertices, faces, lambda x, y: (x > 2) & (x < 3) & (y > 2) & (y < 3))
+    hole = holes_of(vertices, faces)[1]
+    a, b, c = vertices[hole.rim[:3]]
+    assert np.cross(b - a, c - b)[2] > 0.0
+
+
+def test_holes_that_meet_at_a_vertex_are_apart():
+    vertices, faces = sheet(6, 6)
+    faces = without_squares(
+        vertices, faces, lambda x, y: ((x > 2) & (x < 3) & (y > 2) & (y < 3)) | ((x > 3) & (x < 4) & (y > 3) & (y < 4))
+    )
+    rims = [set(hole.rim.tolist()) for hole in holes_of(vertices, faces)[1:]]
+    assert [len(rim) for rim in rims] == [4, 4]
+    assert len(rims[0] & rims[1]) == 1
+
+
+def test_sheets_that_touch_at_a_vertex_keep_their_rims():
+    vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]]
+    assert sorted(len(h.rim) for h in holes_of(vertices, [[0, 1, 2], [0, 3, 4]])) == [3, 3]
+
+
+def test_a_loop_that_crosses_itself_twice_is_cut_twice():
+    parts = simple_loops(np.array([0, 1, 2, 3, 4, 2, 5, 0, 6, 7], dtype=np.int32))
+    assert sorted(part.tolist() for part in parts) == [[0, 1, 2, 5], [0, 6, 7], [2, 3, 4]]
+
+
+def test_an_island_that_touches_is_one_loop_with_the_rim():
+    vertices, faces = sheet(9, 9)
+    touching = without_squares(vertices, faces, lambda x, y: (abs(x - 4) < 2) & (abs(y - 4) < 2) & ((x != y) | (x > 4)))
+    outer, hole = holes_of(vertices, touching)
+    assert outer.is_outer_rim
+    assert len(hole.rim) == len(set(hole.rim.tolist())) + 1
+
+
+def test_an_island_belongs_to_the_smallest_hole_around_it():
+    vertices, faces = sheet(12, 12)
+    faces = without_squares(vertices, faces, lambda x, y: (np.maximum(abs(x - 6), abs(y - 6)) - 3) ** 2 < 1)
+    outer, hole = holes_of(vertices, faces)
+    assert outer.is_outer_rim
+    assert [len(loop) for loop in hole.loops] == [32, 16]
+    assert hole.perimeter == 48.0
+    lifted = vertices.copy()
+    lifted[np.abs(vertices[:, :2] - 6).max(axis=1) <= 2, 2] = 9.0
+    assert [len(h.loops) for h in holes_of(lifted, faces)] == [1, 1, 1]
+    upside_down = faces.copy()
+    island = (np.abs(vertices[faces].mean(axis=1)[:, :2] - 6) < 2).all(axis=1)
+    upside_down[island] = upside_down[island][:, ::-1]
+    assert [len(h.loops) for h in holes_of(vertices, upside_down)] == [1, 1, 1]
+
+
+def test_holes_do_not_depend_on_the_order_of_faces():
+    ball = sphere(resolution=10)
+    faces = without_faces_near(ball.vertices, ball.faces, np.array([0.0, 0.0, 1.0]), 0.5)
+    shuffled = np.random.default_rng(0).permutation(faces)
+    (one,), (other,) = holes_of(ball.vertices, faces), holes_of(ball.vertices, shuffled)
+    assert as_cycles(one.loops) == as_cycles(other.loops)
+
+
+def test_a_non_manifold_edge_at_a_hole_is_refused_and_elsewhere_is_not():
+    vertices, faces = sheet(8, 8)
+    vertices = np.vstack([vertices, [[0.5, 0.5, 1.0], [4.5, 4.5, 1.0]]])
+    with pytest.raises(InvalidMeshError, match="run through twice"):
+        holes_of(vertices, np.vstack([faces, [[0, 1, 81]]]))
+    # A double-sided fin inside the sheet has no border but its own three edges' worth of faces.
+    inside = np.vstack([faces, [[40, 41, 82], [41, 40, 82]]])
+    with pytest.raises(InvalidMeshError, match="run through twice"):
+        boundary_loops(triangle_mesh(vertices, inside))
+    assert [hole.is_outer_rim for hole in holes_of(vertices, inside)] == [True]
