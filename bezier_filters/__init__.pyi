@@ -20,6 +20,7 @@ from .filters import compute_torsion_by_bezier_patch_per_vertex as compute_torsi
 from .fitting import PatchFit as PatchFit
 from .fitting import fit_patch as fit_patch
 from .hole_filling import fill_holes as fill_holes
+from .hole_filter import meshing_close_holes_by_bezier_patch as meshing_close_holes_by_bezier_patch
 from .hole_result import HoleFillingResult as HoleFillingResult
 from .hole_result import HoleReport as HoleReport
 from .mesh import MeshReport as MeshReport

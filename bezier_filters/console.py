@@ -16,6 +16,9 @@ from bezier_filters.mesh import MeshReport, TriangleMesh
 from bezier_filters.parallel import Progress as ProgressCallback
 from bezier_filters.status import FitStatus
 
+MOST_HOLES = 20
+"""That are listed one by one."""
+
 err = Console(stderr=True, highlight=False, soft_wrap=True)
 out = Console(highlight=False, soft_wrap=True)
 
@@ -73,12 +76,40 @@ def print_smoothing(report: dict[str, Any], source: str) -> None:
     out.print(table)
 
 
+def print_holes(report: dict[str, Any], source: str) -> None:
+    """Say what was done to the holes of a mesh."""
+    out.print(f"[bold]{escape(source)}[/]")
+    if not report["holes"]:
+        out.print("  no holes")
+        return
+    table = Table(box=None, padding=(0, 2, 0, 2))
+    for column in ("edges", "diameter", "fill", "new faces", "rim angle"):
+        table.add_column(column, justify="right" if column != "fill" else "left")
+    table.add_column("remarks")
+    for hole in sorted(report["holes"], key=lambda hole: -hole["edge_count"])[:MOST_HOLES]:
+        angle = f"{hole['rim_dihedral']:.1f}\u00b0" if hole["filled"] else ""
+        method = hole["method"] or "no"
+        table.add_row(
+            f"{hole['edge_count']:,}",
+            f"{hole['diameter']:.3g}",
+            method,
+            f"{hole['new_faces']:,}",
+            angle,
+            hole["reason"],
+        )
+    out.print(table)
+    if len(report["holes"]) > MOST_HOLES:
+        out.print(f"  and {len(report['holes']) - MOST_HOLES:,} smaller ones")
+    out.print(
+        f"  {report['closed_holes']:,} filled with {report['new_faces']:,} faces, {report['open_holes']:,} left open"
+    )
+
+
 def print_statistics(report: dict[str, Any], label: str) -> None:
     """Say what the values of a quality are."""
-    if report["statistics"]:
-        unit = f" [{report['unit']}]" if report["unit"] else ""
-        numbers = ", ".join(f"{name} {value:.4g}" for name, value in report["statistics"].items())
-        out.print(f"{label}{escape(unit)}: {numbers}")
+    unit = f" [{report['unit']}]" if report["unit"] else ""
+    numbers = ", ".join(f"{name} {value:.4g}" for name, value in report["statistics"].items())
+    out.print(f"{label}{escape(unit)}: {numbers}")
 
 
 def print_written(report: dict[str, Any], target: str) -> None:

@@ -5,11 +5,13 @@ from bezier_filters.filters import (
     compute_normal_by_bezier_patch_per_vertex,
     compute_torsion_by_bezier_patch_per_vertex,
 )
+from bezier_filters.hole_filter import meshing_close_holes_by_bezier_patch
 from bezier_filters.meshset import BezierFilterError, MeshSet
 from bezier_filters.smoothing_filter import apply_coord_bezier_patch_smoothing
 
 FILTERS = (
     apply_coord_bezier_patch_smoothing,
+    meshing_close_holes_by_bezier_patch,
     compute_normal_by_bezier_patch_per_vertex,
     compute_curvature_by_bezier_patch_per_vertex,
     compute_torsion_by_bezier_patch_per_vertex,

@@ -54,11 +54,12 @@ mesh_attributes mesh_colors mesh_coordinates mesh_files
 mesh_growth
 vertex_output
 vertex_filter
-filters smoothing_filter
+filters smoothing_filter hole_filter
 registration
 rendering sheets
 render
-pictures demo console cli_options
+pictures demo console cli_options cli_app
+cli_filters
 cli
 __main__
 """

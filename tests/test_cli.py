@@ -85,6 +85,18 @@ def test_smoothing(tmp_path):
     assert 0 < abs(report["volume_ratio"] - 1.0) < 0.05
 
 
+def test_filling_holes(tmp_path):
+    target = tmp_path / "closed.ply"
+    result = run("fill-holes", SAMPLES / "punched_patch.ply", target)
+    assert result.returncode == 0
+    assert "left open" in result.stdout
+    report = json.loads(run("fill-holes", SAMPLES / "punched_patch.ply", target, "--outer-rims", "--json").stdout)
+    assert report["open_holes"] == 0
+    assert load(target).get_topological_measures()["boundary_edges"] == 0
+    result = run("fill-holes", SAMPLES / "sphere.ply", target)
+    assert "no holes" in result.stdout
+
+
 def test_formats_without_quality_are_written_with_a_note(tmp_path):
     result = run("curvature", SAMPLES / "waves.ply", tmp_path / "w.obj")
     assert result.returncode == 0

@@ -1,0 +1,270 @@
+"""The commands that run a filter on a file and write another one."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from bezier_filters import console
+from bezier_filters.cli_app import app
+from bezier_filters.cli_options import (
+    Alpha,
+    Color,
+    ColorMapName,
+    Degree,
+    Json,
+    Percentile,
+    Quiet,
+    Radius,
+    Rings,
+    Robust,
+    SmoothnessName,
+    Source,
+    Target,
+    Threads,
+    length,
+)
+
+
+@app.command(epilog="Example: bezier-filters normals scan.ply smooth_normals.ply")
+def normals(
+    source: Source,
+    target: Target,
+    quality: Annotated[
+        str, typer.Option(help="Quality to set: angle (to the old normal, degrees), x, y or z.")
+    ] = "angle",
+    rings: Rings = "auto",
+    radius: Radius = None,
+    alpha: Alpha = "auto",
+    degree: Degree = "auto",
+    smoothness: SmoothnessName = "third_order",
+    robust: Robust = False,
+    color: Color = True,
+    colormap: ColorMapName = "Turbo",
+    percentile: Percentile = 2.0,
+    threads: Threads = None,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Set the vertex normals to those of the fitted patches."""
+    from bezier_filters.filters import NORMAL_FIELDS, compute_normal_by_bezier_patch_per_vertex
+
+    fit = {"rings": rings, "radius": radius, "alpha": alpha, "degree": degree, "smoothness": smoothness}
+    colors = {"color": color, "colormap": colormap, "percentile": percentile}
+    _filter_file(
+        compute_normal_by_bezier_patch_per_vertex,
+        source,
+        target,
+        fit | colors | {"quality": quality, "robust": robust, "threads": threads},
+        label=NORMAL_FIELDS[quality].label if quality in NORMAL_FIELDS else quality,
+        quiet=quiet,
+        json=json,
+    )
+
+
+@app.command(epilog="Example: bezier-filters curvature bunny.ply curved.ply --quality gaussian --colormap 'French RGB'")
+def curvature(
+    source: Source,
+    target: Target,
+    quality: Annotated[
+        str, typer.Option(help="Quality to set: mean, gaussian, min, max, curvedness, shape_index or std.")
+    ] = "mean",
+    rings: Rings = "auto",
+    radius: Radius = None,
+    alpha: Alpha = "auto",
+    degree: Degree = "auto",
+    smoothness: SmoothnessName = "third_order",
+    robust: Robust = False,
+    color: Color = True,
+    colormap: ColorMapName = "Turbo",
+    percentile: Percentile = 2.0,
+    threads: Threads = None,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Compute mean, Gaussian and principal curvatures and directions; one of them becomes the quality."""
+    from bezier_filters.fields import CURVATURE_FIELDS
+    from bezier_filters.filters import compute_curvature_by_bezier_patch_per_vertex
+
+    fit = {"rings": rings, "radius": radius, "alpha": alpha, "degree": degree, "smoothness": smoothness}
+    colors = {"color": color, "colormap": colormap, "percentile": percentile}
+    _filter_file(
+        compute_curvature_by_bezier_patch_per_vertex,
+        source,
+        target,
+        fit | colors | {"quality": quality, "robust": robust, "threads": threads},
+        label=CURVATURE_FIELDS[quality].label if quality in CURVATURE_FIELDS else quality,
+        quiet=quiet,
+        json=json,
+    )
+
+
+@app.command(epilog="Example: bezier-filters torsion bunny.ply twisted.ply")
+def torsion(
+    source: Source,
+    target: Target,
+    rings: Rings = "auto",
+    radius: Radius = None,
+    alpha: Alpha = "auto",
+    degree: Degree = "auto",
+    smoothness: SmoothnessName = "third_order",
+    robust: Robust = False,
+    color: Color = True,
+    colormap: ColorMapName = "Turbo",
+    percentile: Percentile = 2.0,
+    threads: Threads = None,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Set the quality to the principal geodesic torsion (k_max - k_min) / 2."""
+    from bezier_filters.fields import TORSION_FIELD
+    from bezier_filters.filters import compute_torsion_by_bezier_patch_per_vertex
+
+    fit = {"rings": rings, "radius": radius, "alpha": alpha, "degree": degree, "smoothness": smoothness}
+    colors = {"color": color, "colormap": colormap, "percentile": percentile}
+    _filter_file(
+        compute_torsion_by_bezier_patch_per_vertex,
+        source,
+        target,
+        fit | colors | {"robust": robust, "threads": threads},
+        label=TORSION_FIELD.label,
+        quiet=quiet,
+        json=json,
+    )
+
+
+@app.command(epilog="Example: bezier-filters smooth scan.ply clean.ply")
+def smooth(
+    source: Source,
+    target: Target,
+    method: Annotated[str, typer.Option(help="auto (learns what to do from the mesh) or paper.")] = "auto",
+    iterations: Annotated[int, typer.Option(help="How often to smooth; with auto once is enough.", min=1)] = 1,
+    noise: Annotated[
+        Any,
+        typer.Option(
+            help="Standard deviation of the noise; learned if left out. With % of the diagonal of the bounding box.",
+            parser=length,
+            metavar="LENGTH|PERCENT%",
+        ),
+    ] = None,
+    borders: Annotated[str, typer.Option(help="curve (smoothed along the border) or fixed.")] = "curve",
+    keep_volume: Annotated[
+        bool | None, typer.Option("--keep-volume/--no-keep-volume", help="Keep what closed parts enclose.")
+    ] = None,
+    rings: Annotated[int, typer.Option(help="Size of the neighbourhoods in edges; for the paper's method.")] = 2,
+    alpha: Annotated[float, typer.Option(help="Weight of the points, in (0, 1]; for the paper's method.")] = 0.8,
+    quality: Annotated[
+        str | None, typer.Option(help="Quality to set: displacement or sharpness; the old one stays if left out.")
+    ] = None,
+    color: Annotated[
+        bool, typer.Option("--color/--no-color", help="Colour the vertices by the quality; needs one.")
+    ] = False,
+    colormap: ColorMapName = "Turbo",
+    percentile: Percentile = 2.0,
+    threads: Threads = None,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Take the noise off a mesh and keep its shape, its volume and its edges."""
+    from bezier_filters.smoothing_filter import SMOOTHING_FIELDS, apply_coord_bezier_patch_smoothing
+
+    options = {"method": method, "iterations": iterations, "noise": noise, "borders": borders}
+    colors = {"color": color, "colormap": colormap, "percentile": percentile}
+    _filter_file(
+        apply_coord_bezier_patch_smoothing,
+        source,
+        target,
+        options
+        | colors
+        | {"keepvolume": keep_volume, "rings": rings, "alpha": alpha, "quality": quality, "threads": threads},
+        label=SMOOTHING_FIELDS[quality].label if quality in SMOOTHING_FIELDS else "",
+        verb="smoothing",
+        show=console.print_smoothing,
+        needs_quality=quality is not None,
+        quiet=quiet,
+        json=json,
+    )
+
+
+@app.command("fill-holes", epilog="Example: bezier-filters fill-holes scan.ply closed.ply --max-edges 300")
+def fill_holes(
+    source: Source,
+    target: Target,
+    method: Annotated[str, typer.Option(help="auto (continues the surface, sharp edges included) or paper.")] = "auto",
+    max_edges: Annotated[int | None, typer.Option(help="Leave holes with more edges open.", min=3)] = None,
+    max_diameter: Annotated[
+        Any,
+        typer.Option(
+            help="Leave larger holes open. With % of the diagonal of the bounding box.",
+            parser=length,
+            metavar="LENGTH|PERCENT%",
+        ),
+    ] = None,
+    outer_rims: Annotated[
+        bool, typer.Option("--outer-rims/--no-outer-rims", help="Fill where open sheets end, too.")
+    ] = False,
+    creases: Annotated[
+        bool, typer.Option("--creases/--no-creases", help="Continue sharp edges through the holes.")
+    ] = True,
+    alpha: Annotated[float, typer.Option(help="Weight of the points, in (0, 1]; for the paper's method.")] = 0.8,
+    threads: Threads = None,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Fill the holes of a mesh: smooth where the surface is smooth, sharp where it is sharp."""
+    from bezier_filters.hole_filter import meshing_close_holes_by_bezier_patch
+
+    _filter_file(
+        meshing_close_holes_by_bezier_patch,
+        source,
+        target,
+        {
+            "method": method,
+            "maxholesize": max_edges,
+            "maxdiameter": max_diameter,
+            "outerrims": outer_rims,
+            "creases": creases,
+            "alpha": alpha,
+            "threads": threads,
+        },
+        verb="filling",
+        show=console.print_holes,
+        needs_quality=False,
+        quiet=quiet,
+        json=json,
+    )
+
+
+def _filter_file(
+    run: Callable[..., dict[str, Any]],
+    source: Path,
+    target: Path,
+    options: dict[str, Any],
+    *,
+    quiet: bool,
+    json: bool,
+    label: str = "",
+    verb: str = "fitting",
+    show: Callable[[dict[str, Any], str], None] = console.print_status,
+    needs_quality: bool = True,
+) -> None:
+    """Load, filter, save and report."""
+    from bezier_filters.mesh_files import format_support, load_mesh, save_mesh
+
+    support = format_support(target)
+    ms = load_mesh(source)
+    with console.progress_bar(f"{verb} {source.name}", quiet=quiet or json) as progress:
+        report = run(ms, progress=progress, **options)
+    save_mesh(ms, target)
+    if json:
+        console.print_json({"input": str(source), "output": str(target), **report})
+    elif not quiet:
+        show(report, str(source))
+        if report.get("statistics"):
+            console.print_statistics(report, label)
+        console.print_written(report, str(target))
+    if needs_quality and not support.quality:
+        console.err.print(
+            f"note: {target.suffix} files hold no quality and no bz_* columns; write a PLY file to keep them"
+        )

@@ -1,0 +1,246 @@
+"""Filling holes in a MeshSet: what is added, what stays, what is refused."""
+
+import json
+
+import numpy as np
+import pymeshlab
+import pytest
+from meshset_state import attributes, changed, frozen, layer_state, mesh_state
+from test_filters import load
+
+from bezier_filters.boundary import boundary_loops
+from bezier_filters.errors import CancelledError
+from bezier_filters.hole_filling import fill_holes
+from bezier_filters.hole_filter import meshing_close_holes_by_bezier_patch
+from bezier_filters.mesh import triangle_mesh
+from bezier_filters.meshset import BezierFilterError
+from bezier_filters.status import FitStatus
+from bezier_filters.surfaces import torus
+
+NORMALS = {"vertex_normal_matrix", "face_normal_matrix"}
+
+
+@pytest.fixture
+def textured():
+    """The textured bunny with its five holes, in a MeshSet where everything that could get lost is set."""
+    ms = load("bunny10k_textured.obj")
+    ms.create_cube()
+    ms.set_current_mesh(0)
+    ms.set_matrix(transformmatrix=np.array([[0, -2, 0, 1], [2, 0, 0, 2], [0, 0, 2, 3], [0, 0, 0, 1.0]]), freeze=False)
+    ms.compute_scalar_by_function_per_vertex(q="x")
+    ms.compute_color_by_function_per_vertex(x="vi * 0.05", y="7", z="9")
+    ms.compute_selection_by_condition_per_vertex(condselect="y > 10")
+    ms.compute_selection_by_condition_per_face(condselect="fi < 3000")
+    ms.set_mesh_visibility(0, False)
+    mesh = ms.current_mesh()
+    mesh.set_label("my bunny")
+    rng = np.random.default_rng(1)
+    mesh.add_vertex_custom_scalar_attribute(rng.normal(size=mesh.vertex_number()), "mine")
+    mesh.add_vertex_custom_scalar_attribute(np.ones(mesh.vertex_number()), "bz_k_min")
+    mesh.add_vertex_custom_scalar_attribute(np.zeros(mesh.vertex_number()), "bz_fit_status")
+    mesh.add_vertex_custom_point_attribute(rng.normal(size=(mesh.vertex_number(), 3)), "minepoint")
+    mesh.add_face_custom_scalar_attribute(rng.normal(size=mesh.face_number()), "facemine")
+    return ms
+
+
+def arrays(ms):
+    mesh = ms.current_mesh()
+    return mesh.vertex_matrix(), mesh.face_matrix()
+
+
+def thawed(value):
+    kind, shape, data = value
+    return np.frombuffer(data, kind).reshape(shape)
+
+
+def punctured_torus(seam=False):
+    """A torus with a hole; with a seam, the vertices of a curve twice, as where textures are cut."""
+    surface = torus(resolution=24, jitter=0.3)
+    centers = surface.vertices[surface.faces].mean(axis=1)
+    faces = surface.faces[np.linalg.norm(centers - [1.0, 0.0, 0.4], axis=1) > 0.2]
+    vertices = surface.vertices
+    if seam:
+        upper = vertices[faces].mean(axis=1)[:, 1] > 0
+        shared = np.intersect1d(faces[upper], faces[~upper])
+        number = np.arange(len(vertices))
+        number[shared] = len(vertices) + np.arange(len(shared))
+        faces = np.where(upper[:, None], number[faces], faces)
+        vertices = np.vstack([vertices, vertices[shared]])
+    ms = pymeshlab.MeshSet()
+    ms.add_mesh(pymeshlab.Mesh(vertices, faces), "ring")
+    return ms
+
+
+def test_the_mesh_is_that_of_the_array_function(textured):
+    expected = fill_holes(*arrays(textured))
+    report = meshing_close_holes_by_bezier_patch(textured)
+    vertices, faces = arrays(textured)
+    np.testing.assert_array_equal(vertices, expected.vertices)
+    np.testing.assert_array_equal(faces, expected.faces)
+    assert report["closed_holes"] == expected.filled == 5
+    assert report["open_holes"] == 0
+    assert textured.get_topological_measures()["boundary_edges"] == 0
+
+
+def test_everything_old_stays(textured):
+    before = layer_state(textured.current_mesh()) | {k: frozen(v) for k, v in attributes(textured).items()}
+    others = {key: value for key, value in mesh_state(textured).items() if key.startswith("1: ")}
+    script = mesh_state(textured)["script"]
+    count = textured.current_mesh().vertex_number(), textured.current_mesh().face_number()
+    report = meshing_close_holes_by_bezier_patch(textured)
+    after = layer_state(textured.current_mesh()) | {k: frozen(v) for k, v in attributes(textured).items()}
+    assert report["lost_attributes"] == []
+    assert before.keys() == after.keys()
+    for key, old in before.items():
+        if key in NORMALS:
+            continue
+        if old != after[key]:  # then it has more rows
+            rows = thawed(old)
+            np.testing.assert_array_equal(thawed(after[key])[: len(rows)], rows, err_msg=key)
+            assert len(rows) in (*count, 3 * count[1]), key
+    state = mesh_state(textured)
+    assert state["script"] == script
+    assert state["current"] == report["id"]
+    assert {layer.id() for layer in textured} == {1, report["id"]}
+    assert others.items() <= state.items()
+
+
+def test_what_is_new_is_defined(textured):
+    n, m = textured.current_mesh().vertex_number(), textured.current_mesh().face_number()
+    quality = textured.current_mesh().vertex_scalar_array()
+    report = meshing_close_holes_by_bezier_patch(textured)
+    mesh = textured.current_mesh()
+    assert mesh.vertex_number() == n + report["new_vertices"] > n
+    assert mesh.face_number() == m + report["new_faces"]
+    new = slice(n, None)
+    assert np.isin(mesh.vertex_scalar_array()[new], quality).all()
+    assert (mesh.vertex_custom_scalar_attribute_array("bz_k_min")[new] == 0.0).all()
+    assert (mesh.vertex_custom_scalar_attribute_array("bz_fit_status")[new] == FitStatus.SKIPPED).all()
+    assert np.isin(
+        mesh.face_custom_scalar_attribute_array("facemine")[m:], mesh.face_custom_scalar_attribute_array("facemine")[:m]
+    ).all()
+    np.testing.assert_allclose(np.linalg.norm(mesh.vertex_normal_matrix(), axis=1), 1.0)
+
+
+def test_coincident_vertices_stay_apart():
+    ms = punctured_torus(seam=True)
+    vertices, faces = arrays(ms)
+    assert len(np.unique(vertices, axis=0)) < len(vertices)
+    expected = fill_holes(vertices, faces)
+    assert expected.filled
+    meshing_close_holes_by_bezier_patch(ms)
+    np.testing.assert_array_equal(ms.current_mesh().vertex_matrix(), expected.vertices)
+    np.testing.assert_array_equal(ms.current_mesh().face_matrix(), expected.faces)
+
+
+def test_new_faces_are_selected_on_request():
+    ms = punctured_torus()
+    ms.compute_selection_by_condition_per_vertex(condselect="x > 0")
+    m = ms.current_mesh().face_number()
+    meshing_close_holes_by_bezier_patch(ms, newfaceselected=True)
+    selection = ms.current_mesh().face_selection_array()
+    assert selection[m:].all()
+    assert not selection[:m].any()
+    assert not ms.current_mesh().vertex_selection_array().any()
+
+
+@pytest.mark.parametrize(
+    ("options", "closed"),
+    [
+        ({"maxholesize": 19}, 2),
+        ({"maxholesize": 22}, 4),
+        ({"maxdiameter": 2.5}, 3),
+        ({"maxdiameter": pymeshlab.PercentageValue(50)}, 5),
+        ({"maxperimeter": 1e-3}, 0),
+    ],
+)
+def test_which_holes(textured, options, closed):
+    before = mesh_state(textured)
+    report = meshing_close_holes_by_bezier_patch(textured, **options)
+    assert report["closed_holes"] == closed
+    assert report["closed_holes"] + report["open_holes"] == 5
+    assert all(hole["filled"] or hole["reason"] for hole in report["holes"])
+    if not closed:
+        assert changed(before, mesh_state(textured)) == set()
+
+
+def test_only_holes_at_the_selection(textured):
+    loop = boundary_loops(triangle_mesh(*arrays(textured)))[1]
+    textured.compute_selection_by_condition_per_vertex(condselect=f"vi == {loop[3]}")
+    report = meshing_close_holes_by_bezier_patch(textured, onselected=True)
+    assert [hole["edge_count"] for hole in report["holes"] if hole["filled"]] == [len(loop)]
+
+
+def test_report(textured):
+    report = meshing_close_holes_by_bezier_patch(textured)
+    assert json.loads(json.dumps(report)) == report
+    assert sum(hole["new_faces"] for hole in report["holes"]) == report["new_faces"]
+    assert {hole["rim_error"] for hole in report["holes"]} == {0.0}
+    assert {hole["edge_count"] for hole in report["holes"]} == {8, 19, 22, 38}
+
+
+def test_a_closed_mesh_stays_as_it_is():
+    ms = pymeshlab.MeshSet()
+    ms.create_sphere(subdiv=3)
+    before = mesh_state(ms)
+    report = meshing_close_holes_by_bezier_patch(ms)
+    assert report["holes"] == []
+    assert changed(before, mesh_state(ms)) == set()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"method": "flat"}, "method: got 'flat'"),
+        ({"maxholesize": 2}, "max_edges: got 2"),
+        ({"maxdiameter": -1.0}, "max_diameter: got -1.0"),
+        ({"noise": -1.0}, "noise: got -1.0"),
+        ({"alpha": 0.0}, "alpha: got 0.0"),
+        ({"threads": 0}, "threads: got 0"),
+    ],
+)
+def test_parameters_are_refused_and_all_stays(textured, options, message):
+    before = mesh_state(textured)
+    with pytest.raises(BezierFilterError, match=message):
+        meshing_close_holes_by_bezier_patch(textured, **options)
+    assert changed(before, mesh_state(textured)) == set()
+
+
+def test_a_point_cloud_is_refused():
+    ms = pymeshlab.MeshSet()
+    ms.add_mesh(pymeshlab.Mesh(np.random.default_rng(0).random((50, 3))))
+    with pytest.raises(BezierFilterError, match="has no faces"):
+        meshing_close_holes_by_bezier_patch(ms)
+
+
+def test_cancelling_leaves_all_as_it_was(textured):
+    before = mesh_state(textured)
+    with pytest.raises(CancelledError):
+        meshing_close_holes_by_bezier_patch(textured, progress=lambda done, total: False)
+    assert changed(before, mesh_state(textured)) == set()
+
+
+@pytest.mark.parametrize(
+    "when", ["generate_copy_of_current_mesh", "compute_coord_linear_morphing", "generate_by_merging_visible_meshes"]
+)
+def test_an_interrupt_while_writing_is_undone(when):
+    class Interrupted(pymeshlab.MeshSet):
+        armed = False
+
+        def interrupt(self, **options):
+            getattr(pymeshlab.MeshSet, when)(self, **options)
+            if self.armed:
+                self.armed = False
+                raise KeyboardInterrupt
+
+    setattr(Interrupted, when, Interrupted.interrupt)
+    ms = Interrupted()
+    source = punctured_torus()
+    ms.add_mesh(pymeshlab.Mesh(*arrays(source)))
+    ms.create_cube()
+    ms.set_current_mesh(0)
+    ms.armed = True
+    before = mesh_state(ms)
+    with pytest.raises(KeyboardInterrupt):
+        meshing_close_holes_by_bezier_patch(ms)
+    assert changed(before, mesh_state(ms)) == set()
