@@ -152,7 +152,7 @@ def estimate_vertex_geometry(
     else:
         adjacency, planes = point_cloud(mesh, None if outside is None else outside[order], threads=threads)
         stops = None
-    arrays = kernel_mesh(mesh, adjacency, planes, stops, order)
+    arrays = kernel_mesh(mesh, adjacency, planes, stops, ordered)
     ids = np.flatnonzero(mask[order]).astype(np.int32)
     geometry = empty_geometry(mesh.vertex_count)
     degrees = CANDIDATE_DEGREES if degree == "auto" else (int(degree),)

@@ -8,6 +8,7 @@ from bezier_filters.adjacency import Adjacency
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.frames import TangentPlanes
 from bezier_filters.mesh import TriangleMesh
+from bezier_filters.spatial_order import SpatialOrder
 
 # Outcomes of one fit.
 FITTED = 0
@@ -32,7 +33,8 @@ class KernelMesh(NamedTuple):
     normals: FloatArray
     safe_cosine: FloatArray
     stops: BoolArray  # where neighbourhoods end: see `collect_ring`
-    origin: IntArray  # row of each vertex in the results
+    origin: IntArray  # row of each vertex in the results,
+    rank: IntArray  # and vertex of each row
 
 
 def kernel_mesh(
@@ -40,9 +42,10 @@ def kernel_mesh(
     adjacency: Adjacency,
     planes: TangentPlanes,
     stops: BoolArray | None = None,
-    origin: IntArray | None = None,
+    ordered: SpatialOrder | None = None,
 ) -> KernelMesh:
-    """Collect the arrays for the kernels; without `origin`, vertices are in the order of the results."""
+    """Collect the arrays for the kernels; without `ordered`, vertices are in the order of the results."""
+    own_rows = np.arange(mesh.vertex_count, dtype=np.int32)
     return KernelMesh(
         mesh.vertices,
         mesh.faces,
@@ -53,7 +56,8 @@ def kernel_mesh(
         planes.normals,
         planes.safe_cosine,
         np.zeros(mesh.vertex_count, dtype=np.bool_) if stops is None else stops,
-        np.arange(mesh.vertex_count, dtype=np.int32) if origin is None else origin,
+        own_rows if ordered is None else ordered.order,
+        own_rows if ordered is None else ordered.rank,
     )
 
 

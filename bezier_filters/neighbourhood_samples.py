@@ -73,7 +73,7 @@ def sample_neighbourhoods(
     threads : int
         Number of threads.
     """
-    ids = _draw(mesh.normals, count, seed)
+    ids = _draw(mesh, count, seed)
     points = np.zeros((len(ids), most_points, 3))
     sizes = np.zeros((len(ids), rings + 1), dtype=np.int32)
     clear, usable = np.zeros((2, len(ids), rings + 1), dtype=np.bool_)
@@ -101,15 +101,16 @@ def sample_neighbourhoods(
     return NeighbourhoodSample(ids, points, sizes, clear, usable)
 
 
-def _draw(normals: FloatArray, count: int, seed: int) -> IntArray:
+def _draw(mesh: KernelMesh, count: int, seed: int) -> IntArray:
     """Up to `count` vertices that have a normal, in random order.
 
-    One is drawn from each of as many stretches of the mesh, so that in spatial order no region is missed.
+    One is drawn from each of as many stretches of the user's mesh, so that hardly a region is missed and
+    turning the mesh does not matter.
     """
     generator = np.random.default_rng(seed)
-    ids = _one_per_stretch(len(normals), count, generator)
-    if not normals[ids].any(axis=1).all():
-        candidates: IntArray = np.flatnonzero(normals.any(axis=1)).astype(np.int32)
+    ids = mesh.rank[_one_per_stretch(len(mesh.rank), count, generator)]
+    if not mesh.normals[ids].any(axis=1).all():
+        candidates = mesh.rank[mesh.normals[mesh.rank].any(axis=1)]
         ids = candidates[_one_per_stretch(len(candidates), count, generator)]
     return generator.permutation(ids)
 

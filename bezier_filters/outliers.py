@@ -21,10 +21,11 @@ GEOMETRIC_MEAN = np.exp(-0.5 * (np.euler_gamma + np.log(2.0)))
 def without_outliers(mesh: KernelMesh, *, threads: int = 1) -> KernelMesh:
     """The mesh with every vertex that is far off its own robust patch moved onto it."""
     n = len(mesh.vertices)
-    own = mesh._replace(origin=np.arange(n, dtype=np.int32))
+    every = np.arange(n, dtype=np.int32)
+    own = mesh._replace(origin=every, rank=every)
     geometry = empty_geometry(n)
     attempts = list(fallback_chain(RINGS, PatchFit()))
-    fit_with_fallbacks(own, own.origin, attempts, geometry, robust=True, threads=threads)
+    fit_with_fallbacks(own, every, attempts, geometry, robust=True, threads=threads)
     distances = np.linalg.norm(geometry.displacements, axis=1)
     is_far = distances > FAR / GEOMETRIC_MEAN * _geometric_means(mesh, distances)
     vertices = np.where(is_far[:, np.newaxis], mesh.vertices + geometry.displacements, mesh.vertices)

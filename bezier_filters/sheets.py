@@ -78,7 +78,7 @@ def ticks(low: float, high: float, count: int = 5) -> tuple[list[float], list[st
     """
     places = np.linspace(low, high, count)
     exponent = math.floor(math.log10(max(abs(low), abs(high), 1e-300)))
-    exponent = 0 if -3 <= exponent <= 4 else exponent
+    exponent = 0 if -2 <= exponent <= 4 else exponent
     scaled = places / 10.0**exponent
     close = 0.005 * (scaled[1] - scaled[0])
     decimals = next((d for d in range(15) if np.all(np.abs(np.round(scaled, d) - scaled) <= close)), 15)

@@ -28,12 +28,13 @@ class SpatialOrder:
     ----------
     mesh : TriangleMesh
         The renumbered mesh.
-    order : (n,) int32
-        Vertex i of it was vertex order[i].
+    order, rank : (n,) int32
+        Vertex i of it was vertex order[i]; vertex j became vertex rank[j].
     """
 
     mesh: TriangleMesh
     order: IntArray
+    rank: IntArray
 
 
 def in_spatial_order(mesh: TriangleMesh, *, threads: int = 1) -> SpatialOrder:
@@ -66,7 +67,7 @@ def in_spatial_order(mesh: TriangleMesh, *, threads: int = 1) -> SpatialOrder:
     face_order = np.empty(m, dtype=np.int32)
     _sort_by_cell(cells[mesh.faces[:, 0]], ends, face_order)
     run_in_chunks(lambda: lambda a, b: _move_faces(mesh.faces, face_order, rank, a, b, faces), m, threads=threads)
-    return SpatialOrder(TriangleMesh(vertices, faces), order)
+    return SpatialOrder(TriangleMesh(vertices, faces), order, rank)
 
 
 @lean_njit()

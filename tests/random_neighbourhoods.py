@@ -96,6 +96,7 @@ def fit_stars(drawn, plan):
         np.full(total, 2.0),
         np.zeros(total, dtype=np.bool_),
         np.arange(total, dtype=np.int32),
+        np.arange(total, dtype=np.int32),
     )
     geometry = empty_geometry(total)
     fit_with_fallbacks(mesh, centers, list(planned_chain([plan], plan)), geometry)

@@ -60,3 +60,15 @@ def test_results_come_in_the_order_of_the_input(options):
     other = estimate_vertex_geometry(vertices, faces, **options)
     for name in ("mean_curvature", "gaussian_curvature", "residual", "status", "rings_used", "normals"):
         np.testing.assert_allclose(getattr(other, name)[rank], getattr(plain, name), rtol=1e-7, atol=1e-10)
+
+
+def test_turning_a_mesh_changes_nothing_that_is_learned_from_it():
+    surface = torus(resolution=30, jitter=0.3)
+    heights = 0.01 * np.random.default_rng(0).standard_normal(len(surface.vertices))
+    vertices = surface.vertices + heights[:, None] * surface.normals
+    turn, _ = np.linalg.qr(np.random.default_rng(1).standard_normal((3, 3)))
+    turn *= np.linalg.det(turn)
+    plain, turned = (estimate_vertex_geometry(points, surface.faces) for points in (vertices, vertices @ turn.T))
+    assert turned.fit.noise_sigma == pytest.approx(plain.fit.noise_sigma, rel=1e-9)
+    np.testing.assert_allclose(turned.mean_curvature, plain.mean_curvature, rtol=1e-6, atol=1e-7)
+    np.testing.assert_allclose(turned.normals, plain.normals @ turn.T, atol=1e-8)
