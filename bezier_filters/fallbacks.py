@@ -151,7 +151,8 @@ def fit_with_fallbacks(
 ) -> None:
     """Run the attempts on the vertices `ids` and write what they give into `geometry`, in rows ``mesh.origin[ids]``.
 
-    A vertex that no attempt fits keeps the normal of its faces or nearest points, and zero curvature.
+    A vertex that no attempt fits keeps what an earlier call found or, if there was none, has the normal of its faces
+    or nearest points, and zero curvature.
     If robust, points far off a fit lose their weight, except in the last resorts, which have too few to tell.
     """
     if not len(mesh.faces):
@@ -173,8 +174,9 @@ def fit_with_fallbacks(
         unsettled, outcomes = unsettled[~fitted], outcomes[~fitted]
         if not len(unsettled):
             return
-    geometry.normals[mesh.origin[unsettled]] = mesh.normals[unsettled]
-    geometry.status[mesh.origin[unsettled]] = FitStatus.NORMAL_ONLY
+    never_fitted = unsettled[geometry.status[mesh.origin[unsettled]] == FitStatus.SKIPPED]
+    geometry.normals[mesh.origin[never_fitted]] = mesh.normals[never_fitted]
+    geometry.status[mesh.origin[never_fitted]] = FitStatus.NORMAL_ONLY
 
 
 def _run(

@@ -54,6 +54,14 @@ def point_to_farthest(
         _break_ties(points, stride, most_points, most_neighbours, counts, neighbours, farthest, scale, frame)
     xx, xy, xz = load(frame, 0), load(frame, 1), load(frame, 2)
     nx, ny, nz = load(frame, 6), load(frame, 7), load(frame, 8)
+    rest = multiply_add(xx, nx, multiply_add(xy, ny, xz * nz))  # of the part along the normal, if that was nearly all
+    xx, xy, xz = xx - rest * nx, xy - rest * ny, xz - rest * nz
+    square = multiply_add(xx, xx, multiply_add(xy, xy, xz * xz))
+    scale = where_greater(square, zero, spread(1.0) / square_root(square), zero)
+    xx, xy, xz = xx * scale, xy * scale, xz * scale
+    store(frame, 0, xx)
+    store(frame, 1, xy)
+    store(frame, 2, xz)
     store(frame, 3, ny * xz - nz * xy)
     store(frame, 4, nz * xx - nx * xz)
     store(frame, 5, nx * xy - ny * xx)

@@ -1,5 +1,7 @@
 """The frame over which a neighbourhood is a height field, if it is one."""
 
+import numpy as np
+
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.frames import direction_to, farthest_direction, folds, mean_normal, turned_share
 from bezier_filters.kernel_input import FITTED, FOLDED, ILL_POSED, NO_FRAME, KernelFit, KernelMesh
@@ -59,6 +61,10 @@ def write_axes(
         xx, xy, xz = farthest_direction(mesh.vertices, members, neighbours, count, nx, ny, nz)
     if xx == 0.0 and xy == 0.0 and xz == 0.0:
         return ILL_POSED
+    rest = xx * nx + xy * ny + xz * nz  # of the edge's part along the normal, if that is nearly all of it
+    xx, xy, xz = xx - rest * nx, xy - rest * ny, xz - rest * nz
+    length = np.sqrt(xx * xx + xy * xy + xz * xz)
+    xx, xy, xz = xx / length, xy / length, xz / length
     frame[0], frame[1], frame[2] = xx, xy, xz
     frame[3], frame[4], frame[5] = ny * xz - nz * xy, nz * xx - nx * xz, nx * xy - ny * xx
     return FITTED

@@ -2,12 +2,16 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import InvalidMeshError
+
+LARGEST = 1e100
+"""Coordinates up to which areas and products of curvatures stay within floating point."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +53,7 @@ def triangle_mesh(vertices: ArrayLike, faces: ArrayLike) -> TriangleMesh:
     Raises
     ------
     InvalidMeshError
-        If a shape is wrong, a coordinate is not finite or an index is out of range.
+        If a shape is wrong, a coordinate is not finite or beyond `LARGEST`, or an index is out of range.
 
     Examples
     --------
@@ -59,12 +63,9 @@ def triangle_mesh(vertices: ArrayLike, faces: ArrayLike) -> TriangleMesh:
     """
     points = _real_array(vertices)
     triangles = _index_array(faces)
-    finite = np.isfinite(points)
-    if not finite.all():
-        bad = int(np.count_nonzero(~finite.all(axis=1)))
-        raise InvalidMeshError(
-            f"vertices: {bad} of {len(points)} have a coordinate that is NaN or infinite; remove them first"
-        )
+    largest = max(points.max(initial=0.0), -points.min(initial=0.0))
+    if not largest <= LARGEST:  # or NaN
+        _explain(points)
     if triangles.size and (triangles.min() < 0 or triangles.max() >= len(points)):
         raise InvalidMeshError(
             f"faces: indices run from {triangles.min()} to {triangles.max()}, "
@@ -134,6 +135,20 @@ def inspect_mesh(mesh: TriangleMesh) -> MeshReport:
         non_manifold_edges=int((count > 2).sum()),
         incoherent_edges=int(((count == 2) & (forward != 1)).sum()),
         mean_edge_length=float(lengths.mean()) if len(lengths) else 0.0,
+    )
+
+
+def _explain(points: FloatArray) -> NoReturn:
+    """Say what is wrong with coordinates."""
+    bad = int(np.count_nonzero(~np.isfinite(points).all(axis=1)))
+    if bad:
+        raise InvalidMeshError(
+            f"vertices: {bad} of {len(points)} have a coordinate that is NaN or infinite; remove them first"
+        )
+    bad = int(np.count_nonzero((np.abs(points) > LARGEST).any(axis=1)))
+    raise InvalidMeshError(
+        f"vertices: {bad} of {len(points)} have a coordinate beyond {LARGEST:g}, too large to compute with; "
+        "remove them, or scale the mesh"
     )
 
 

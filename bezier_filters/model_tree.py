@@ -57,18 +57,25 @@ class Split:
     high: "Leaf | Split"
 
 
+def _overflows() -> np.errstate:
+    """Where coordinates are of very different sizes, some plans have no finite error, and are left out."""
+    return np.errstate(over="ignore", invalid="ignore", divide="ignore")
+
+
 def leaf_of(analyses: Sequence[RingAnalysis], choices: Choices) -> Leaf | None:
     """One model for all; None if the analyses allow no plan."""
     if not any(analysis.degree > FREE_DEGREE for analysis in analyses):
         return None
-    surface = learn_model(analyses)
-    return best_leaf(surface, all_plans(surface, choices.degrees), choices)
+    with _overflows():
+        surface = learn_model(analyses)
+        return best_leaf(surface, all_plans(surface, choices.degrees), choices)
 
 
 def best_leaf(surface: SurfaceModel, plans: Sequence[FitPlan], choices: Choices) -> Leaf | None:
     """A leaf with the best of the plans that may be chosen; None if there is none."""
-    allowed = [plan for plan in plans if choices.rings in (None, plan.rings)]
-    return Leaf(surface, tuple(plans), best_plan(allowed)) if allowed else None
+    sound = tuple(plan for plan in plans if np.isfinite(plan.error))
+    allowed = [plan for plan in sound if choices.rings in (None, plan.rings)]
+    return Leaf(surface, sound, best_plan(allowed)) if allowed and np.isfinite(surface.sigma) else None
 
 
 def part_of(root: Leaf, analyses: Sequence[RingAnalysis], choices: Choices) -> Leaf | None:
@@ -78,9 +85,10 @@ def part_of(root: Leaf, analyses: Sequence[RingAnalysis], choices: Choices) -> L
     """
     if not any(analysis.degree > FREE_DEGREE for analysis in analyses):
         return None
-    surface = learn_model(analyses, root.surface)
-    own = plans_around(surface, choices.degrees, choices.rings or root.chosen.rings)
-    leaf = best_leaf(surface, own, choices)
+    with _overflows():
+        surface = learn_model(analyses, root.surface)
+        own = plans_around(surface, choices.degrees, choices.rings or root.chosen.rings)
+        leaf = best_leaf(surface, own, choices)
     others = (plan for plan in root.plans if plan.rings not in {plan.rings for plan in own})
     return None if leaf is None else replace(leaf, plans=(*own, *others))
 

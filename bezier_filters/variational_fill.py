@@ -83,7 +83,8 @@ def cotangent_matrix(points: FloatArray, faces: IntArray) -> tuple[csc_matrix, F
         i, j, tip = faces[:, k], faces[:, (k + 1) % 3], faces[:, (k + 2) % 3]
         u, v = points[i] - points[tip], points[j] - points[tip]
         twice = np.linalg.norm(np.cross(u, v), axis=1)
-        cotangent = np.einsum("ij,ij->i", u, v) / np.maximum(twice, 1e-300)
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # no area: clipped, and nan without edges
+            cotangent = np.nan_to_num(np.einsum("ij,ij->i", u, v) / twice)
         starts += [i, j]
         ends += [j, i]
         weights += [0.5 * np.clip(cotangent, -LARGEST_COTANGENT, LARGEST_COTANGENT)] * 2

@@ -1,0 +1,35 @@
+"""Every function on every bad mesh."""
+
+import numpy as np
+import pytest
+from bad_meshes import MAKERS
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mesh_mutations import mutated
+from survival import CHECKS
+
+from bezier_filters import estimate_vertex_geometry
+
+
+@pytest.mark.parametrize("check", CHECKS)
+@pytest.mark.parametrize("name", MAKERS)
+def test_bad_meshes(name, check):
+    CHECKS[check](*MAKERS[name]())
+
+
+@pytest.mark.parametrize("check", CHECKS)
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_mutated_meshes(check, seed):
+    CHECKS[check](*mutated(seed))
+
+
+@pytest.mark.parametrize("name", ["tiny", "huge", "far_away"])
+def test_size_and_place_do_not_matter(name):
+    vertices, faces = MAKERS[name]()
+    plain = estimate_vertex_geometry(*MAKERS["ring"](), rings=2, alpha=0.8)
+    scale = {"tiny": 1e30, "huge": 1e-30, "far_away": 1.0}[name]
+    geometry = estimate_vertex_geometry(vertices, faces, rings=2, alpha=0.8)
+    # A billion away, coordinates are rounded to a ten-millionth.
+    tolerance = 1e-4 if name == "far_away" else 1e-9
+    np.testing.assert_allclose(geometry.mean_curvature / scale, plain.mean_curvature, rtol=tolerance, atol=tolerance)
