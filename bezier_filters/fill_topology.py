@@ -14,6 +14,9 @@ from bezier_filters.lean import inner_njit, lean_njit
 
 DENSITY = float(np.sqrt(2.0))
 """Triangles are split while their centroid is farther from their corners than the wanted edge length over this."""
+FEW_FACES = 2_000
+"""Of a fill, and twice the square of its rim's number of edges, some twelve times as many as a round hole needs:
+where a rim has edges of very different lengths, triangles stay larger than they would be."""
 MOST_PASSES = 60
 MOST_FLIPS = 30
 """Passes over all edges."""
@@ -57,8 +60,11 @@ def refined(fill: Fill, existing: AbstractSet[tuple[int, int]]) -> Fill:
     neighbours = face_neighbours(faces, len(points))
     keys = _keys(existing | fill.fixed)
     fixed = _fixed_edges(faces, fill.fixed)
+    most = FEW_FACES + 2 * fill.rim_count**2
     for _ in range(MOST_PASSES):
         n, m = len(points), len(faces)
+        if m > most:
+            break
         points, sizes = np.vstack([points, np.zeros((m, 3))]), np.concatenate([sizes, np.zeros(m)])
         room = np.zeros((2 * m, 3), dtype=np.int32)
         faces, neighbours = np.vstack([faces, room]), np.vstack([neighbours, room])
@@ -269,10 +275,13 @@ def _is_listed(pairs: IntArray, a: int, b: int) -> bool:
 
 @inner_njit()
 def _are_joined(faces: IntArray, neighbours: IntArray, start: int, c: int, d: int) -> bool:
-    """Whether an edge joins c and d: turn around c, from a face at it, one way and, at the rim, the other."""
+    """Whether an edge joins c and d: turn around c, from a face at it, one way and, at the rim, the other.
+
+    Where faces meet in ways that no turn ends, the answer is yes.
+    """
     for way in range(2):
         f = start
-        while True:
+        for turn in range(faces.shape[0] + 1):
             k = 0 if faces[f, 0] == c else 1 if faces[f, 1] == c else 2
             if faces[f, (k + 1) % 3] == d or faces[f, (k + 2) % 3] == d:
                 return True
@@ -281,4 +290,6 @@ def _are_joined(faces: IntArray, neighbours: IntArray, start: int, c: int, d: in
                 return False
             if f < 0:
                 break
+            if turn == faces.shape[0]:
+                return True
     return False

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import InvalidMeshError
 
-LARGEST = 1e100
-"""Coordinates up to which areas and products of curvatures stay within floating point."""
+SMALLEST, LARGEST = 1e-40, 1e40
+"""Sizes of the largest coordinate between which fourth powers of lengths and of curvatures are floating point numbers."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,8 @@ def triangle_mesh(vertices: ArrayLike, faces: ArrayLike) -> TriangleMesh:
     Raises
     ------
     InvalidMeshError
-        If a shape is wrong, a coordinate is not finite or beyond `LARGEST`, or an index is out of range.
+        If a shape is wrong, a coordinate is not finite or beyond `LARGEST`, all are below `SMALLEST`, or an index is
+        out of range.
 
     Examples
     --------
@@ -66,6 +67,11 @@ def triangle_mesh(vertices: ArrayLike, faces: ArrayLike) -> TriangleMesh:
     largest = max(points.max(initial=0.0), -points.min(initial=0.0))
     if not largest <= LARGEST:  # or NaN
         _explain(points)
+    if 0.0 < largest < SMALLEST:
+        raise InvalidMeshError(
+            f"vertices: no coordinate is larger than {largest:g}, too small to compute with; scale the mesh to at "
+            f"least {SMALLEST:g}"
+        )
     if triangles.size and (triangles.min() < 0 or triangles.max() >= len(points)):
         raise InvalidMeshError(
             f"faces: indices run from {triangles.min()} to {triangles.max()}, "

@@ -248,7 +248,8 @@ def _calibrated(surface: SurfaceModel, ring: RingModel, plan: FitPlan) -> FitPla
     """The plan with the noise that makes its standard errors those that are predicted cautiously."""
     equations = _equations(surface, ring, plan)
     expected, claimed = squared_errors(equations, ring.cautious), claimed_variances(equations)
-    normal, curvature = (float(np.sqrt(e / c)) for e, c in zip(expected, claimed, strict=True))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        normal, curvature = (float(np.nan_to_num(np.sqrt(e / c))) for e, c in zip(expected, claimed, strict=True))
     return replace(plan, normal_noise=normal, curvature_noise=curvature)
 
 

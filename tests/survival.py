@@ -11,7 +11,7 @@ from meshset_state import changed, mesh_state
 
 from bezier_filters import estimate_vertex_geometry, fill_holes, smooth
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
-from bezier_filters.mesh import LARGEST
+from bezier_filters.mesh import LARGEST, SMALLEST
 from bezier_filters.meshset import BezierFilterError
 from bezier_filters.registration import FILTERS
 from bezier_filters.status import FitStatus
@@ -35,7 +35,8 @@ def attempt(function, *arguments, **options):
 
 
 def are_sound(vertices):
-    return bool(np.isfinite(vertices).all() and np.abs(vertices).max(initial=0.0) <= LARGEST)
+    largest = np.abs(vertices).max(initial=0.0)
+    return bool(np.isfinite(vertices).all() and (largest == 0.0 or SMALLEST <= largest <= LARGEST))
 
 
 def check_estimate(vertices, faces, mode):
