@@ -11,7 +11,7 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import InvalidMeshError
 
 SMALLEST, LARGEST = 1e-40, 1e40
-"""Sizes of the largest coordinate between which fourth powers of lengths and of curvatures are floating point numbers."""
+"""Sizes of the largest coordinate between which fourth powers of lengths and curvatures are floating point numbers."""
 
 
 @dataclass(frozen=True)
