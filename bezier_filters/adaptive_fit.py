@@ -10,12 +10,9 @@ from bezier_filters.fallbacks import fit_with_fallbacks, planned_chain
 from bezier_filters.kernel_input import KernelMesh
 from bezier_filters.model_tree import Leaf, grow, leaf_numbers, leaves
 from bezier_filters.parallel import Progress
-from bezier_filters.plans import Choices, FitPlan, plan_for
+from bezier_filters.plans import THRIFT, Choices, FitPlan, plan_for
 from bezier_filters.ring_analysis import RingAnalysis
 from bezier_filters.vertex_geometry import FitChoice, FitPart, VertexGeometry
-
-GOOD_ENOUGH = 1.15
-"""A part keeps the first fit if its predicted error is within this factor of that of its own plan."""
 
 
 def fit_adaptively(
@@ -30,7 +27,7 @@ def fit_adaptively(
     threads: int = 1,
     progress: Progress | None = None,
 ) -> FitChoice:
-    """Fit the vertices `ids` with one plan for all, then those again that belong to a part with a better one.
+    """Fit the vertices `ids` with one plan for all, then those again that belong to a part with a plan worth its time.
 
     The sampled vertices are fitted, too, so that the parts do not depend on `ids`; what is
     written there means nothing.
@@ -81,7 +78,7 @@ def fit_adaptively(
     for number, leaf in enumerate(leaves(tree)):
         part = ids[numbers == number]
         plan, there = leaf.chosen, plan_for(root.chosen, leaf.surface)
-        if there is not None and there.error <= GOOD_ENOUGH * plan.error:
+        if there is not None and there.error <= plan.error * (1.0 + plan.cost / there.cost) ** THRIFT:
             plan = there
             _rescale_errors(geometry, mesh.origin[part], root.chosen, plan)
         else:

@@ -26,8 +26,8 @@ STRONGEST_PRIOR = 1e5
 """Times what the points say of a term: leaves nothing of it, and the normal equations well conditioned."""
 LEAST_WEIGHT_RADIUS = 0.3
 """Of the radius of the neighbourhood, lest a fit have too few points."""
-THRIFT = 0.15
-"""Power of the cost that the predicted error is multiplied by: twice the time must take a tenth off the error."""
+THRIFT = 0.18
+"""Power of the cost that the predicted error is multiplied by: twice the time must take an eighth off the error."""
 MUCH_WORSE = 1.3
 """Once a lower degree, or another ring, has raised the predicted error by this factor, none beyond it is tried."""
 Candidate = TypeVar("Candidate")

@@ -108,8 +108,8 @@ def plan_with(rings, degree, error):
     return FitPlan(rings, degree, 1.0, 1.0, np.zeros(0), np.inf, error, error)
 
 
-@pytest.mark.parametrize(("rings", "times_faster", "factor"), [(8, 4, 0.81), (16, 16, 0.66)])
-def test_twice_the_time_must_take_a_tenth_off_the_error(rings, times_faster, factor):
+@pytest.mark.parametrize(("rings", "times_faster", "factor"), [(8, 4, 0.78), (16, 16, 0.61)])
+def test_twice_the_time_must_take_an_eighth_off_the_error(rings, times_faster, factor):
     fast = plan_with(4, 4, 1.0)
     slow = plan_with(rings, 4, 0.97 * factor)
     assert slow.cost == times_faster * fast.cost
