@@ -58,7 +58,7 @@ class LowPass:
         Of the filters that are mixed.
     shares : (n, s) float32
         Share of each at each vertex.
-    normals : (n, 3) float64
+    normals : (n, 3) float32
         Of the smooth surface at the vertices.
     residuals, leverages : (n,) float32
         Of the mixture, see `Estimates`; the leverages by the probes that chose it.
@@ -69,7 +69,7 @@ class LowPass:
     order: int
     strengths: FloatArray
     shares: SingleArray
-    normals: FloatArray
+    normals: SingleArray
     residuals: SingleArray
     leverages: SingleArray
 
@@ -187,7 +187,9 @@ def fit_low_pass(
     """
     umbrella = choice.make_umbrella(mesh, mesh, adjacency)
     normals, shape = _smooth_shape(mesh, adjacency, umbrella, choice.first, threads)
-    laplacian = choice.make_laplacian(mesh, shape, adjacency)
+    plain = choice.make_laplacian is choice.make_umbrella
+    laplacian = umbrella if plain else choice.make_laplacian(mesh, shape, adjacency)
+    del shape
     lowest = choice.best + AROUND
     shares = np.ones((1, 1), dtype=np.float32)
     while lowest > 0 and np.mean(shares[:, 0] > 0.5) > SELDOM:  # there, even weaker filters may be better
@@ -200,7 +202,9 @@ def fit_low_pass(
     residuals, leverages = (
         np.einsum("ns,ns->n", shares, values[:, :used]) for values in (estimates.residuals, estimates.leverages)
     )
-    return LowPass(umbrella, laplacian, choice.order, strengths[:used], shares, normals, residuals, leverages)
+    return LowPass(
+        umbrella, laplacian, choice.order, strengths[:used], shares, normals.astype(np.float32), residuals, leverages
+    )
 
 
 def _smooth_shape(

@@ -18,7 +18,7 @@ STRENGTHS: FloatArray = np.concatenate([[0.0], 10.0 ** np.arange(-1.0, 6.1, 0.5)
 """Of the filters; 0 leaves everything as it is."""
 ORDER = 4
 """Of the filters, where nothing else is said."""
-TERMS = 5.36
+TERMS = 4.6
 """Of a series, times the square root of half the range of the eigenvalues over the end of the pass band, over the
 sine of half the angle at which the poles of the filter lie: series converge the slower, the nearer these are."""
 

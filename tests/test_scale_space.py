@@ -7,7 +7,7 @@ from numba import config
 from bezier_filters.adjacency import vertex_adjacency
 from bezier_filters.clusters import clusters_of
 from bezier_filters.laplacian import cotangent_laplacian, umbrella_laplacian
-from bezier_filters.low_pass import choose_low_pass
+from bezier_filters.low_pass import ORDERS, choose_low_pass
 from bezier_filters.mesh import triangle_mesh
 from bezier_filters.mesh_parts import sampled_parts
 from bezier_filters.scale_space import ORDER, diffused, filtered, filtered_evenly
@@ -83,7 +83,7 @@ def test_border_vertices_follow_whom_they_should(sheet, borders):
             assert adjacency.on_boundary[followed].all()
 
 
-@pytest.mark.parametrize("order", [4, 6, 8])
+@pytest.mark.parametrize("order", ORDERS)
 def test_series_are_the_filters_that_they_stand_for(ball, order):
     mesh, adjacency, _ = ball
     laplacian = umbrella_laplacian(mesh, adjacency, "curve")
