@@ -23,7 +23,7 @@ POWERS = (0.0, 0.5, 1.0)
 """Of cotangent Laplacians, see `cotangent_laplacian`."""
 ORDERS = (ORDER, 6)
 """Of filters: steeper ones suit surfaces whose detail ends at some size, as that of analytic surfaces does."""
-AROUND = 4
+AROUND = 3
 """Strengths on both sides of the one that is best for the mesh as a whole that its parts may take."""
 STRONGER = 6
 """Steps of the strength beyond that of the umbrella Laplacian up to which others are tried."""
