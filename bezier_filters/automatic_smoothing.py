@@ -4,6 +4,7 @@ There are several estimates of the surface, from smooth to sharp (`surface_estim
 risk tells what is best around each vertex, and which of them are worth their while at all.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,19 +13,19 @@ from bezier_filters.adjacency import Adjacency
 from bezier_filters.arrays import FloatArray, SingleArray
 from bezier_filters.clusters import Clusters, clusters_of
 from bezier_filters.laplacian import Borders
-from bezier_filters.low_pass import LowPass, choose_low_pass, fit_low_pass
+from bezier_filters.low_pass import Choice, LowPass, choose_low_pass, fit_low_pass
 from bezier_filters.mesh import TriangleMesh
 from bezier_filters.mesh_parts import sampled_parts
 from bezier_filters.noise_levels import noise_levels
 from bezier_filters.parallel import Progress, report
 from bezier_filters.stein import WIDTH, Estimates, local_risks, local_shares
-from bezier_filters.surface_estimates import GENTLE, KINDS, Estimate, sharper_estimates, smooth_estimate
+from bezier_filters.surface_estimates import GENTLE, KINDS, Estimate, surface_estimates
 
 DETAIL = 0.01
 """Times the mean edge: fine relief of clean scans, in which neighbours differ, too, and which is left alone."""
 SMALLEST_NOISE = 1e-4
 """Times the mean edge: below that there is nothing to take off."""
-GAIN = 3e-4
+GAIN = 1e-3
 """Times sigma^2: mean decrease of the risk around a vertex below which a further estimate is left out."""
 SHARPNESS = np.array([0.0, 0.0, 0.33, 0.67, 1.0])
 """Of the kinds of estimates, as reported."""
@@ -79,8 +80,11 @@ def denoise(
     least = (DETAIL + SMALLEST_NOISE) * unit
     if not sigma > least:
         return Denoised(mesh.vertices.copy(), np.zeros(mesh.vertex_count))
-    center = mesh.vertices.mean(axis=0)  # far from the origin, digits would be lost
-    mesh = TriangleMesh(mesh.vertices - center, mesh.faces)
+    center = mesh.vertices.mean(axis=0)
+    if np.abs(center).max() > np.ptp(mesh.vertices, axis=0).max():  # so far from the origin, digits would be lost
+        mesh = TriangleMesh(mesh.vertices - center, mesh.faces)
+    else:
+        center = np.zeros(3)
     clusters = clusters_of(mesh, adjacency)
     levels = np.maximum(noise_levels(mesh, adjacency, clusters, sigma, unit, threads=threads), least)
     levels = np.sqrt(levels**2 - (DETAIL * unit) ** 2)
@@ -92,13 +96,11 @@ def denoise(
     report(progress, 2, STEPS)
     kinds = frozenset(KINDS)
     if parts.mesh is not mesh:  # which estimates are worthwhile is found out on parts, among them the roughest
-        parts = sampled_parts(mesh, adjacency, (_roughest(low_pass, clusters, threads),), threads=threads)
-        around = clusters_of(parts.mesh, parts.adjacency)
-        of_parts = levels[parts.vertices]
-        low = fit_low_pass(parts.mesh, parts.adjacency, around, of_parts, choice, threads=threads)
-        found, _ = _worthwhile(parts.mesh, parts.adjacency, around, low, of_parts, kinds, threads, None)
-        kinds = frozenset(estimate.kind for estimate in found)
-    found, shares = _worthwhile(mesh, adjacency, clusters, low_pass, levels, kinds, threads, progress)
+        roughest = _roughest(low_pass, clusters, threads)
+        kinds = _kinds_on_parts(mesh, adjacency, levels, choice, roughest, threads)
+    estimates = surface_estimates(mesh, adjacency, low_pass, levels, kinds, threads=threads)
+    del low_pass, parts  # for large meshes, memory counts
+    found, shares = _worthwhile(estimates, clusters, threads, progress)
     result = mesh.vertices + center
     for k, estimate in enumerate(found):
         result += shares[:, [k]] * estimate.moves
@@ -113,28 +115,39 @@ def _roughest(low_pass: LowPass, clusters: Clusters, threads: int) -> int:
     return int(np.flatnonzero(clusters.of_vertex == risks.argmax())[0])
 
 
+def _kinds_on_parts(
+    mesh: TriangleMesh, adjacency: Adjacency, levels: FloatArray, choice: Choice, roughest: int, threads: int
+) -> frozenset[int]:
+    """Kinds of estimates that are worthwhile on parts of a mesh, one of them around a given vertex."""
+    parts = sampled_parts(mesh, adjacency, (roughest,), threads=threads)
+    clusters, of_parts = clusters_of(parts.mesh, parts.adjacency), levels[parts.vertices]
+    low_pass = fit_low_pass(parts.mesh, parts.adjacency, clusters, of_parts, choice, threads=threads)
+    estimates = surface_estimates(parts.mesh, parts.adjacency, low_pass, of_parts, frozenset(KINDS), threads=threads)
+    found, _ = _worthwhile(estimates, clusters, threads, None)
+    return frozenset(estimate.kind for estimate in found)
+
+
 def _worthwhile(
-    mesh: TriangleMesh,
-    adjacency: Adjacency,
-    clusters: Clusters,
-    low_pass: LowPass,
-    levels: FloatArray,
-    kinds: frozenset[int],
-    threads: int,
-    progress: Progress | None,
+    estimates: Iterator[Estimate], clusters: Clusters, threads: int, progress: Progress | None
 ) -> tuple[list[Estimate], SingleArray]:
-    """Estimates that lower the risk somewhere, out of some kinds, and their shares at every vertex."""
-    found = [smooth_estimate(mesh, low_pass, threads=threads)]
-    shares = np.ones((mesh.vertex_count, 1), dtype=np.float32)
-    for estimate in sharper_estimates(mesh, adjacency, low_pass, levels, kinds, threads=threads):
+    """The first estimate and those that lower the risk somewhere, and their shares at every vertex."""
+    found = [next(estimates)]
+    chosen = np.zeros((len(clusters.sizes), 1))
+    for estimate in estimates:
         report(progress, min(2 + estimate.kind, STEPS - 1), STEPS)
-        residuals = np.column_stack([e.residuals for e in [*found, estimate]])
-        leverages = np.column_stack([e.leverages for e in [*found, estimate]])
-        risks = local_risks(Estimates(residuals, leverages).rescaled(), clusters, threads=threads)
+        risks = local_risks(_together([*found, estimate]).rescaled(), clusters, threads=threads)
         gains = np.maximum(risks[:, :-1].min(axis=1) - risks[:, -1], 0.0)
         if float(clusters.mean_over_all(gains[:, np.newaxis])[0]) > GAIN:
             found.append(estimate)
-            shares = local_shares(risks, clusters, threads=threads)
+            chosen = risks
         elif estimate.kind > GENTLE:
             break
-    return found, shares
+    return found, local_shares(chosen, clusters, threads=threads)
+
+
+def _together(estimates: list[Estimate]) -> Estimates:
+    """Residuals and leverages of some estimates, side by side."""
+    return Estimates(
+        np.column_stack([estimate.residuals for estimate in estimates]),
+        np.column_stack([estimate.leverages for estimate in estimates]),
+    )

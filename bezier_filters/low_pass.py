@@ -1,6 +1,6 @@
-"""The low-pass filter that suits a mesh, vertex by vertex: its Laplacian and its strength.
+"""The low-pass filter that suits a mesh, vertex by vertex: its Laplacian, its order and its strength.
 
-Which Laplacian, and which strength on the whole, is tried out on parts of the mesh (`mesh_parts`).
+Which Laplacian and order, and which strength on the whole, is tried out on parts of the mesh (`mesh_parts`).
 """
 
 from collections.abc import Callable
@@ -16,12 +16,14 @@ from bezier_filters.frames import tangent_planes
 from bezier_filters.laplacian import Borders, Laplacian, cotangent_laplacian, umbrella_laplacian
 from bezier_filters.mesh import TriangleMesh
 from bezier_filters.mesh_parts import SampledParts
-from bezier_filters.scale_space import STRENGTHS, Signals, filtered, filtered_evenly, series
+from bezier_filters.scale_space import ORDER, STRENGTHS, Signals, filtered, filtered_evenly, series
 from bezier_filters.stein import Estimates, local_risks, local_shares
 
 POWERS = (0.0, 0.5, 1.0)
 """Of cotangent Laplacians, see `cotangent_laplacian`."""
-AROUND = 4
+ORDERS = (ORDER, 6)
+"""Of filters: steeper ones suit surfaces whose detail ends at some size, as that of analytic surfaces does."""
+AROUND = 3
 """Strengths on both sides of the one that is best for the mesh as a whole that its parts may take."""
 STRONGER = 6
 """Steps of the strength beyond that of the umbrella Laplacian up to which others are tried."""
@@ -50,11 +52,13 @@ class LowPass:
         Plain means of neighbours.
     laplacian : Laplacian
         That of the filter.
+    order : int
+        Of the filter.
     strengths : (s,) float64
         Of the filters that are mixed.
     shares : (n, s) float32
         Share of each at each vertex.
-    normals : (n, 3) float64
+    normals : (n, 3) float32
         Of the smooth surface at the vertices.
     residuals, leverages : (n,) float32
         Of the mixture, see `Estimates`; the leverages by the probes that chose it.
@@ -62,22 +66,23 @@ class LowPass:
 
     umbrella: Laplacian
     laplacian: Laplacian
+    order: int
     strengths: FloatArray
     shares: SingleArray
-    normals: FloatArray
+    normals: SingleArray
     residuals: SingleArray
     leverages: SingleArray
 
     def smoothed(self, signals: Signals, *, threads: int = 1) -> Signals:
         """Signals (n, c) after the filter."""
-        return filtered(self.laplacian, signals, self.strengths, self.shares, threads=threads)
+        return filtered(self.laplacian, signals, self.strengths, self.shares, self.order, threads=threads)
 
     def slightly_less_smoothed(self, signals: Signals, *, threads: int = 1) -> Signals:
         """Signals (n, c) after the next weaker filters, for where another one follows that takes off noise, too."""
         weaker = np.roll(self.shares, -1, axis=1)
         weaker[:, -1] = 0.0
         weaker[:, 0] += self.shares[:, 0]
-        return filtered(self.laplacian, signals, self.strengths, weaker, threads=threads)
+        return filtered(self.laplacian, signals, self.strengths, weaker, self.order, threads=threads)
 
     def weakly_smoothed(self, signals: Signals, *, threads: int = 1) -> Signals:
         """Signals (n, c) with just enough noise taken off for another filter to know them by."""
@@ -97,6 +102,8 @@ class Choice:
         Number of the best strength of the umbrella Laplacian.
     make_laplacian : callable
         Makes the best Laplacian.
+    order : int
+        The best order of its filters.
     best : int
         Number of its best strength.
     strengths : (s,) float64
@@ -106,6 +113,7 @@ class Choice:
     make_umbrella: MakeLaplacian
     first: int
     make_laplacian: MakeLaplacian
+    order: int
     best: int
     strengths: FloatArray
 
@@ -113,7 +121,7 @@ class Choice:
 def choose_low_pass(
     parts: SampledParts, sigma: FloatArray, borders: Borders, unit: float, *, threads: int = 1
 ) -> Choice:
-    """Find the Laplacian and the strength with the least risk on some parts of a mesh.
+    """Find the Laplacian, the order and the strength with the least risk on some parts of a mesh.
 
     Parameters
     ----------
@@ -130,10 +138,11 @@ def choose_low_pass(
     mesh, adjacency, levels = parts.mesh, parts.adjacency, sigma[parts.vertices]
     umbrella = umbrella_laplacian(mesh, adjacency, borders, threads=threads)
 
-    def risks(laplacian: Laplacian, normals: FloatArray, strengths: FloatArray) -> FloatArray:
-        return _estimates(laplacian, mesh.vertices, normals, levels, strengths, threads).mean_risks(parts.core)
+    def risks(laplacian: Laplacian, order: int, normals: FloatArray, strengths: FloatArray) -> FloatArray:
+        return _estimates(laplacian, order, mesh.vertices, normals, levels, strengths, threads).mean_risks(parts.core)
 
-    first = int(risks(umbrella, tangent_planes(mesh, adjacency, threads=threads).normals, STRENGTHS).argmin())
+    rough = tangent_planes(mesh, adjacency, threads=threads).normals
+    first = int(risks(umbrella, ORDER, rough, STRENGTHS).argmin())
     normals, shape = _smooth_shape(mesh, adjacency, umbrella, first, threads)
     strengths = STRENGTHS[: first + STRONGER + 1]
 
@@ -144,9 +153,11 @@ def choose_low_pass(
         return lambda _, shape, adjacency: cotangent_laplacian(shape, adjacency, borders, power, unit, threads=threads)
 
     makers = [plain, *map(with_power, POWERS)]
-    tried = [risks(make(mesh, shape, adjacency), normals, strengths) for make in makers]
-    chosen = int(np.argmin([r.min() for r in tried]))
-    return Choice(plain, first, makers[chosen], int(tried[chosen].argmin()), strengths)
+    laplacians = [make(mesh, shape, adjacency) for make in makers]
+    chosen = int(np.argmin([risks(laplacian, ORDER, normals, strengths).min() for laplacian in laplacians]))
+    by_order = np.array([risks(laplacians[chosen], order, normals, strengths) for order in ORDERS])
+    steepness, best = np.unravel_index(by_order.argmin(), by_order.shape)
+    return Choice(plain, first, makers[chosen], ORDERS[steepness], int(best), strengths)
 
 
 def fit_low_pass(
@@ -176,20 +187,24 @@ def fit_low_pass(
     """
     umbrella = choice.make_umbrella(mesh, mesh, adjacency)
     normals, shape = _smooth_shape(mesh, adjacency, umbrella, choice.first, threads)
-    laplacian = choice.make_laplacian(mesh, shape, adjacency)
+    plain = choice.make_laplacian is choice.make_umbrella
+    laplacian = umbrella if plain else choice.make_laplacian(mesh, shape, adjacency)
+    del shape
     lowest = choice.best + AROUND
     shares = np.ones((1, 1), dtype=np.float32)
     while lowest > 0 and np.mean(shares[:, 0] > 0.5) > SELDOM:  # there, even weaker filters may be better
         lowest = max(lowest - 2 * AROUND, 0)
         strengths = choice.strengths[lowest : choice.best + AROUND + 1]
-        estimates = _estimates(laplacian, mesh.vertices, normals, sigma, strengths, threads)
+        estimates = _estimates(laplacian, choice.order, mesh.vertices, normals, sigma, strengths, threads)
         shares = local_shares(local_risks(estimates, clusters, threads=threads), clusters, threads=threads)
     used = int(np.flatnonzero(shares.mean(axis=0, dtype=np.float64) > RARE)[-1]) + 1
     shares = shares[:, :used] / shares[:, :used].sum(axis=1, keepdims=True)
     residuals, leverages = (
         np.einsum("ns,ns->n", shares, values[:, :used]) for values in (estimates.residuals, estimates.leverages)
     )
-    return LowPass(umbrella, laplacian, strengths[:used], shares, normals, residuals, leverages)
+    return LowPass(
+        umbrella, laplacian, choice.order, strengths[:used], shares, normals.astype(np.float32), residuals, leverages
+    )
 
 
 def _smooth_shape(
@@ -208,6 +223,7 @@ def _smooth_shape(
 
 def _estimates(
     laplacian: Laplacian,
+    order: int,
     points: FloatArray,
     normals: FloatArray,
     sigma: FloatArray,
@@ -216,7 +232,7 @@ def _estimates(
 ) -> Estimates:
     """Residuals and leverages of filters; a leverage is the mean of sign times filtered sign over random signs."""
     n = len(points)
-    rows = series(strengths, laplacian.bound)
+    rows = series(strengths, laplacian.bound, order)
     rng = np.random.default_rng(0)
     signals, directions = np.empty((n, WIDTH)), np.empty((n, WIDTH), dtype=np.float32)
     signals[:, :3], directions[:, :3] = points, normals / sigma[:, np.newaxis]

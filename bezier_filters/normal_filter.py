@@ -32,17 +32,16 @@ class NoisyNormals:
 
     Attributes
     ----------
-    mesh, probe : TriangleMesh
-        Whose normals they are, or were; the second has vertices moved a little.
+    faces : (m, 3) int32
+        Vertices of the faces.
     both : (m, 8) float32
-        Normal of the first, twice the area of the face, normal of the second, variance of the normal around the face.
+        Normal of the mesh, twice the area of the face, normal of the probe, variance of the normal around the face.
         Normals of faces without area are zero.
     samples : (m, k, 3) float32
         Changes of the normals by k samples of the noise, radians.
     """
 
-    mesh: TriangleMesh
-    probe: TriangleMesh
+    faces: IntArray
     both: SingleArray
     samples: SingleArray
 
@@ -68,7 +67,7 @@ def noisy_normals(mesh: TriangleMesh, probe: TriangleMesh, noise: SingleArray, *
         )
 
     run_in_chunks(make_task, m, threads=threads)
-    return NoisyNormals(mesh, probe, both, samples)
+    return NoisyNormals(mesh.faces, both, samples)
 
 
 def filter_normals(
@@ -112,18 +111,19 @@ def filter_normals(
         def make_task(old: NoisyNormals = old, new: NoisyNormals = new) -> RangeTask:
             around, weights = np.empty(most, dtype=np.int32), np.empty((most, 2), dtype=np.float32)
             return lambda start, stop: _filter(
-                old.mesh.faces, *rows, old.both, old.samples, start, stop, around, weights, new.both, new.samples
+                old.faces, *rows, old.both, old.samples, start, stop, around, weights, new.both, new.samples
             )
 
-        run_in_chunks(make_task, state.mesh.face_count, threads=threads)
+        run_in_chunks(make_task, len(state.faces), threads=threads)
         state, result = result, state
     return state
 
 
 def _write_variances(state: NoisyNormals, faces_at: Rows, tolerance: float, threads: int) -> None:
     """Write the mean squared change of the normals around each face, times the squared tolerance."""
-    mesh, both = state.mesh, state.both
-    values = np.zeros(mesh.vertex_count, dtype=np.float32)
+    faces, both = state.faces, state.both
+    m, n = len(faces), len(faces_at.lengths)
+    values = np.zeros(n, dtype=np.float32)
     squared, least = np.float32(tolerance**2), np.float32(SMALLEST_VARIANCE)
 
     def of_samples(start: int, stop: int) -> None:
@@ -133,12 +133,12 @@ def _write_variances(state: NoisyNormals, faces_at: Rows, tolerance: float, thre
         _to_vertices(faces_at.indptr, faces_at.indices, both, start, stop, values)
 
     def to_faces(start: int, stop: int) -> None:
-        _to_faces(mesh.faces, values, least * squared, start, stop, both)
+        _to_faces(faces, values, least * squared, start, stop, both)
 
-    run_in_chunks(lambda: of_samples, mesh.face_count, threads=threads)
+    run_in_chunks(lambda: of_samples, m, threads=threads)
     for _ in range(2):
-        run_in_chunks(lambda: to_vertices, mesh.vertex_count, threads=threads)
-        run_in_chunks(lambda: to_faces, mesh.face_count, threads=threads)
+        run_in_chunks(lambda: to_vertices, n, threads=threads)
+        run_in_chunks(lambda: to_faces, m, threads=threads)
 
 
 @lean_njit()

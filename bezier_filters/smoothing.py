@@ -120,8 +120,6 @@ def smooth(
         movable = movable & ~adjacency.on_boundary
     announce_first_compilation(fit_in_lanes)
     noise_before = noise if noise is not None else noise_of(mesh, adjacency, threads=threads)
-    parts = closed_parts(mesh, adjacency)
-    before = bad_faces(mesh, adjacency, threads=threads)
     points, sharpness = mesh.vertices, np.zeros(mesh.vertex_count)
     for k in range(iterations):
         current = TriangleMesh(points, mesh.faces)
@@ -134,6 +132,8 @@ def smooth(
             denoised = denoise(current, adjacency, sigma or 0.0, unit, borders, threads=threads, progress=report)
             points, sharpness = denoised.vertices, np.maximum(sharpness, denoised.sharpness)
         points = np.where(movable[:, np.newaxis], points, mesh.vertices)
+    parts = closed_parts(mesh, adjacency)
+    before = bad_faces(mesh, adjacency, threads=threads)
     if method == "auto":
         points = _finished(mesh, adjacency, parts, points, before, movable, keep_volume is not False, threads)
     elif keep_volume:

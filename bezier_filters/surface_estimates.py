@@ -44,6 +44,15 @@ class Estimate(NamedTuple):
     """How far it follows each vertex, (n,)."""
 
 
+class _Start(NamedTuple):
+    """Vertices before they follow the normals."""
+
+    moves: SingleArray
+    """How far the filter moved each of them, (n, 3),"""
+    probe: SingleArray
+    """and the probing steps from there, (n, 3)."""
+
+
 class Smoother(Protocol):
     """A method of `LowPass`."""
 
@@ -51,15 +60,7 @@ class Smoother(Protocol):
         """Signals (n, c) after the filter."""
 
 
-def smooth_estimate(mesh: TriangleMesh, low_pass: LowPass, *, threads: int = 1) -> Estimate:
-    """The low-pass filter's."""
-    signs = _signs(mesh.vertex_count)
-    smooth = low_pass.smoothed(np.column_stack([mesh.vertices, signs]), threads=threads)
-    moves = (smooth[:, :3] - mesh.vertices).astype(np.float32)
-    return Estimate(SMOOTH, moves, low_pass.residuals, (signs * smooth[:, 3]).astype(np.float32))
-
-
-def sharper_estimates(
+def surface_estimates(
     mesh: TriangleMesh,
     adjacency: Adjacency,
     low_pass: LowPass,
@@ -68,7 +69,7 @@ def sharper_estimates(
     *,
     threads: int = 1,
 ) -> Iterator[Estimate]:
-    """The other estimates, ever sharper ones.
+    """Estimates, ever sharper ones, of which the first is the low-pass filter's.
 
     Parameters
     ----------
@@ -77,56 +78,76 @@ def sharper_estimates(
     adjacency : Adjacency
         Of the same mesh.
     low_pass : LowPass
-        What every estimate starts with, more or less of it.
+        What every estimate starts with, more or less of it. Nothing holds on to it once the last one has begun.
     levels : (n,) float64
         Standard deviation of the noise around every vertex.
     kinds : frozenset of int
-        Those that are wanted.
+        Those that are wanted besides the first.
     threads : int
         Number of threads.
     """
     normals, signs = low_pass.normals, _signs(mesh.vertex_count)
 
-    def estimate(kind: int, state: NoisyNormals) -> Estimate:
+    def moves(start: SingleArray, goal: SingleArray) -> SingleArray:
         movable = ~adjacency.on_boundary  # those at borders stay
-        moved, probed = (
-            start.vertices - mesh.vertices + move_to_normals(start, adjacency, goal, movable, threads=threads)
-            for start, goal in ((state.mesh, state.normals), (state.probe, state.probed_normals))
-        )
+        result = move_to_normals(_moved(mesh, start), adjacency, goal, movable, threads=threads)
+        result += start
+        return result
+
+    def estimate(kind: int, start: _Start, state: NoisyNormals) -> Estimate:
+        moved = moves(start.moves, state.normals)
+        probed = moves(start.moves + start.probe, state.probed_normals)
         residuals = -np.einsum("ij,ij->i", moved, normals) / levels
         leverages = np.einsum("ij,ij->i", probed - moved, normals) * signs / (PROBE * levels)
-        return Estimate(kind, *(x.astype(np.float32) for x in (moved, residuals, leverages)))
+        return Estimate(kind, moved, residuals.astype(np.float32), leverages.astype(np.float32))
 
+    yield _smooth_estimate(mesh, low_pass, signs, threads)
     if GENTLE in kinds:
-        gentle = _start(mesh, low_pass.slightly_less_smoothed, normals, levels, threads)
-        yield estimate(GENTLE, filter_normals(gentle, adjacency.faces, 1, GENTLE_TOLERANCE, threads=threads))
-        del gentle
+        start, state = _start(mesh, low_pass.slightly_less_smoothed, normals, levels, threads)
+        state = filter_normals(state, adjacency.faces, 1, GENTLE_TOLERANCE, threads=threads)
+        yield estimate(GENTLE, start, state)
+        del start, state
     if max(kinds, default=SMOOTH) <= GENTLE:
         return
-    sharp = _start(mesh, low_pass.weakly_smoothed, normals, levels, threads)
+    start, state = _start(mesh, low_pass.weakly_smoothed, normals, levels, threads)
+    del low_pass  # what follows is the hungriest part
     done = 0
     for kind, rounds in enumerate(SHARP_ROUNDS[: max(kinds) - GENTLE], start=GENTLE + 1):
-        sharp = filter_normals(sharp, adjacency.faces, rounds - done, SHARP_TOLERANCE, threads=threads)
+        state = filter_normals(state, adjacency.faces, rounds - done, SHARP_TOLERANCE, threads=threads)
         done = rounds
-        yield estimate(kind, sharp)
+        if kind in kinds:
+            yield estimate(kind, start, state)
 
 
-def _signs(n: int) -> FloatArray:
-    return np.random.default_rng(1).choice(np.array([-1.0, 1.0]), n)
+def _smooth_estimate(mesh: TriangleMesh, low_pass: LowPass, signs: SingleArray, threads: int) -> Estimate:
+    smooth = low_pass.smoothed(np.column_stack([mesh.vertices, signs]), threads=threads)
+    moves = (smooth[:, :3] - mesh.vertices).astype(np.float32)
+    return Estimate(SMOOTH, moves, low_pass.residuals, (signs * smooth[:, 3]).astype(np.float32))
 
 
-def _start(mesh: TriangleMesh, smooth: Smoother, normals: FloatArray, levels: FloatArray, threads: int) -> NoisyNormals:
-    """Normals of the filtered vertices, without and with the probing steps, and what samples of the noise do to them.
+def _signs(n: int) -> SingleArray:
+    return np.random.default_rng(1).choice(np.array([-1.0, 1.0]), n).astype(np.float32)
 
-    The first sample is that of the probe.
+
+def _start(
+    mesh: TriangleMesh, smooth: Smoother, normals: SingleArray, levels: FloatArray, threads: int
+) -> tuple[_Start, NoisyNormals]:
+    """Filtered vertices and their normals, without and with the probing steps, and what noise does to these.
+
+    The first sample of the noise is that of the probe.
     """
     n = mesh.vertex_count
     count = int(np.clip(FEWEST_SAMPLED // n, 2, 6))
     heights = np.random.default_rng(2).standard_normal((n, count), dtype=np.float32)
     heights[:, 0] = _signs(n)
     heights *= levels.astype(np.float32)[:, np.newaxis]
-    vectors: SingleArray = heights[:, :, np.newaxis] * normals.astype(np.float32)[:, np.newaxis]
+    vectors: SingleArray = heights[:, :, np.newaxis] * normals[:, np.newaxis]
     noise = smooth(vectors.reshape(n, -1), threads=threads).reshape(n, count, 3)
-    points = smooth(mesh.vertices, threads=threads)
-    probe = TriangleMesh(points + PROBE * noise[:, 0], mesh.faces)
-    return noisy_normals(TriangleMesh(points, mesh.faces), probe, noise, threads=threads)
+    moves = (smooth(mesh.vertices, threads=threads) - mesh.vertices).astype(np.float32)
+    probe = np.float32(PROBE) * noise[:, 0]
+    both = _moved(mesh, moves), _moved(mesh, moves + probe)
+    return _Start(moves, probe), noisy_normals(*both, noise, threads=threads)
+
+
+def _moved(mesh: TriangleMesh, moves: SingleArray) -> TriangleMesh:
+    return TriangleMesh(mesh.vertices + moves, mesh.faces)

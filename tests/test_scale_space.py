@@ -2,15 +2,18 @@
 
 import numpy as np
 import pytest
+from numba import config
 
 from bezier_filters.adjacency import vertex_adjacency
 from bezier_filters.clusters import clusters_of
 from bezier_filters.laplacian import cotangent_laplacian, umbrella_laplacian
+from bezier_filters.low_pass import ORDERS, choose_low_pass
 from bezier_filters.mesh import triangle_mesh
-from bezier_filters.scale_space import diffused, filtered, filtered_evenly
+from bezier_filters.mesh_parts import sampled_parts
+from bezier_filters.scale_space import ORDER, diffused, filtered, filtered_evenly
 from bezier_filters.smoothing import mean_edge
 from bezier_filters.stein import Estimates, local_risks, local_shares
-from bezier_filters.surfaces import bumpy_star, sphere, waves
+from bezier_filters.surfaces import bumpy_star, sphere, torus, waves
 
 
 def dense(laplacian):
@@ -80,15 +83,25 @@ def test_border_vertices_follow_whom_they_should(sheet, borders):
             assert adjacency.on_boundary[followed].all()
 
 
-def test_series_are_the_filters_that_they_stand_for(ball):
+@pytest.mark.parametrize("order", ORDERS)
+def test_series_are_the_filters_that_they_stand_for(ball, order):
     mesh, adjacency, _ = ball
     laplacian = umbrella_laplacian(mesh, adjacency, "curve")
     matrix = dense(laplacian)
     signals = np.random.default_rng(0).standard_normal((mesh.vertex_count, 2))
+    everywhere = np.ones((mesh.vertex_count, 1), dtype=np.float32)
     for strength in (0.0, 1.0, 100.0):
-        expected = np.linalg.solve(np.eye(len(matrix)) + strength * np.linalg.matrix_power(matrix, 4), signals)
-        assert np.abs(filtered_evenly(laplacian, signals, strength) - expected).max() < 1e-3
-    values, vectors = np.linalg.eig(matrix)
+        powers = np.linalg.matrix_power(strength**0.25 * matrix, order)
+        expected = np.linalg.solve(np.eye(len(matrix)) + powers, signals)
+        result = filtered(laplacian, signals, np.array([strength]), everywhere, order)
+        assert np.abs(result - expected).max() < 1e-3
+
+
+def test_heat_flows_as_long_as_it_should(ball):
+    mesh, adjacency, _ = ball
+    laplacian = umbrella_laplacian(mesh, adjacency, "curve")
+    values, vectors = np.linalg.eig(dense(laplacian))
+    signals = np.random.default_rng(0).standard_normal((mesh.vertex_count, 2))
     heat = (vectors * np.exp(-5.0 * values)) @ np.linalg.solve(vectors, signals)
     assert np.abs(diffused(laplacian, signals, 5.0) - heat.real).max() < 1e-6
 
@@ -103,6 +116,31 @@ def test_mixtures_are_taken_vertex_by_vertex(ball):
     mixed = filtered(laplacian, mesh.vertices, strengths, shares)
     for rows, strength in ((slice(None, half), 1.0), (slice(half, None), 100.0)):
         assert np.allclose(mixed[rows], filtered_evenly(laplacian, mesh.vertices, strength)[rows], atol=1e-3)
+
+
+@pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
+def test_the_order_suits_the_detail():
+    ring = torus(resolution=40, jitter=0.2)  # whose detail ends at some size
+    assert chosen_order(ring.vertices, ring.normals, ring.faces) > ORDER
+    ball = sphere(resolution=20)  # with detail of all sizes, whose spectrum x^-4 Wiener's filter of order 4 suits best
+    mesh = triangle_mesh(ball.vertices, ball.faces)
+    laplacian = umbrella_laplacian(mesh, vertex_adjacency(mesh), "curve")
+    roughness = np.random.default_rng(1).standard_normal((mesh.vertex_count, 1))
+    for _ in range(2):  # over x + 0.01 twice, so that even the largest detail is finite
+        roughness = np.linalg.solve(dense(laplacian) + 0.01 * np.eye(mesh.vertex_count), roughness)
+    rough = ball.vertices * (1.0 + 0.02 * roughness / roughness.std())
+    assert chosen_order(rough, ball.normals, ball.faces) == ORDER
+
+
+def chosen_order(vertices, normals, faces):
+    """The order of the filter that noise of a fifth of the mean edge leads to."""
+    clean = triangle_mesh(vertices, faces)
+    adjacency = vertex_adjacency(clean)
+    unit = mean_edge(clean, adjacency)
+    heights = 0.2 * unit * np.random.default_rng(0).standard_normal(len(vertices))
+    noisy = triangle_mesh(vertices + heights[:, np.newaxis] * normals, faces)
+    sigma = np.full(len(vertices), 0.2 * unit)
+    return choose_low_pass(sampled_parts(noisy, adjacency), sigma, "curve", unit).order
 
 
 def test_what_is_constant_stays(ball):
