@@ -157,6 +157,24 @@ def test_outer_rims_are_left_open_unless_asked_for():
     assert_filled(dome, faces, closed)
 
 
+def test_an_outer_rim_gives_way_to_the_holes_of_its_sheet():
+    surface = punched_patch()
+    result = fill_holes(surface.vertices, surface.faces, outer_rims=True)
+    assert [hole.is_outer_rim for hole in result.holes] == [True, False, False, False]
+    assert [hole.method for hole in result.holes[1:]] == 3 * ["surface"]
+    assert [hole.self_intersections for hole in result.holes[1:]] == 3 * [0]
+    assert len(border_edges(result.faces)) == 0
+    without = fill_holes(surface.vertices, surface.faces)
+    for own, other in zip(result.holes[1:], without.holes[1:], strict=True):
+        np.testing.assert_array_equal(result.faces[own.new_faces], without.faces[other.new_faces])
+    for attribute, rows in (("new_vertices", result.vertices), ("new_faces", result.faces)):
+        ranges = [getattr(hole, attribute) for hole in (*result.holes[1:], result.holes[0])]
+        assert [part.start for part in ranges[1:]] == [part.stop for part in ranges[:-1]]
+        assert ranges[-1].stop == len(rows)
+    lid = result.holes[0]
+    assert set(result.faces[lid.new_faces].ravel()) == {*lid.rim, *lid.new_vertices}
+
+
 def test_holes_are_chosen():
     surface = punched_patch()
     holes = fill_holes(surface.vertices, surface.faces, holes=[]).holes
