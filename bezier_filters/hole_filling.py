@@ -149,10 +149,11 @@ def fill_holes(
     pieces: list[Piece] = []
     vertex_count, face_count = mesh.vertex_count, mesh.face_count
     joined: dict[int, set[int]] = {}
+    places = np.full(mesh.vertex_count, -1, dtype=np.int32)
     for done, (number, hole) in enumerate(zip(numbers, chosen, strict=True)):
         if progress is not None and progress(done, len(chosen)) is False:
             raise CancelledError("cancelled by the progress callback; nothing was changed")
-        around = surroundings_of(mesh, adjacency, hole.loops, RINGS, joined)
+        around = surroundings_of(mesh, adjacency, hole.loops, RINGS, joined, places)
         noisy = noise is not None and noise > NOISE * float(around.sizes.mean())
         known = normals[around.ids]
         if method == "paper":

@@ -63,8 +63,9 @@ def triangulated(around: Surroundings) -> Fill | None:
 
 def _is_manifold(faces: IntArray) -> bool:
     """Whether no edge is run through twice in one direction and no face names a vertex twice."""
-    edges = np.vstack([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    return len(np.unique(edges, axis=0)) == len(edges) and bool((edges[:, 0] != edges[:, 1]).all())
+    starts, ends = faces.ravel().astype(np.int64), np.roll(faces, -1, axis=1).ravel()
+    edges = np.sort(starts * (int(faces.max()) + 1) + ends)
+    return bool((np.diff(edges) > 0).all() and (starts != ends).all())
 
 
 def _polygon(around: Surroundings) -> tuple[IntArray, FloatArray, FloatArray]:
@@ -98,17 +99,19 @@ def _forbidden(around: Surroundings, polygon: IntArray) -> AbstractSet[tuple[int
 
 def faired(fill: Fill, around: Surroundings, order: int) -> Fill:
     """Move the new vertices to where the Laplacian to a power vanishes; see `without_tension`."""
-    points, faces = together(fill, around)
-    free = np.arange(len(around.ids), len(points), dtype=np.int32)
+    points, faces, rings = together(fill, around, max(order - 1, 1))
+    free = np.arange(rings, len(points), dtype=np.int32)
     moved = without_tension(points, faces, free, order)
-    return replace(fill, points=np.vstack([fill.points[: fill.rim_count], moved[len(around.ids) :]]))
+    return replace(fill, points=np.vstack([fill.points[: fill.rim_count], moved[rings:]]))
 
 
-def together(fill: Fill, around: Surroundings) -> tuple[FloatArray, IntArray]:
-    """Vertices and faces of the surroundings, with the new vertices and the faces of the fill after them."""
-    shift = len(around.ids) - fill.rim_count
+def together(fill: Fill, around: Surroundings, rings: int) -> tuple[FloatArray, IntArray, int]:
+    """Some rings with the new vertices and the faces of the fill after them, and how many vertices the rings have."""
+    count = int(np.searchsorted(around.rings, rings, side="right"))
+    shift = count - fill.rim_count
     faces = np.where(fill.faces < fill.rim_count, fill.faces, fill.faces + shift)
-    return np.vstack([around.vertices, fill.points[fill.rim_count :]]), np.vstack([around.faces, faces])
+    own = around.faces[(around.faces < count).all(axis=1)]
+    return np.vstack([around.vertices[:count], fill.points[fill.rim_count :]]), np.vstack([own, faces]), count
 
 
 def surface_around(
