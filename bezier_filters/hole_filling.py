@@ -146,7 +146,7 @@ def fill_holes(
     boxes = np.array([hole_box(mesh, hole) for hole in chosen]).reshape(-1, 2, 3)
     near = faces_in_boxes(mesh.vertices, mesh.faces, boxes[:, 0], boxes[:, 1])
     reports = [_left_open(hole, refusal) for hole, refusal in zip(found, refusals, strict=True)]
-    pieces: list[Piece] = []
+    pieces: dict[int, Piece] = {}
     vertex_count, face_count = mesh.vertex_count, mesh.face_count
     joined: dict[int, set[int]] = {}
     places = np.full(mesh.vertex_count, -1, dtype=np.int32)
@@ -161,21 +161,23 @@ def fill_holes(
         else:
             attempts = smooth_attempts(around, known, noisy=noisy, threads=threads)
             attempts = chain(crease_attempts(around, noisy=noisy), attempts) if creases else attempts
-        obstacles = [piece_of_mesh(mesh, near.row(done)), *pieces]
+        low, high = boxes[done]
+        meeting = np.flatnonzero(((boxes[:done, 0] <= high) & (boxes[:done, 1] >= low)).all(axis=1))
+        obstacles = [piece_of_mesh(mesh, near.row(done)), *(pieces[k] for k in meeting.tolist() if k in pieces)]
         accepted = _best(attempts, mesh, hole, around, obstacles, vertex_count)
         if accepted.piece is None:
             reports[number] = _left_open(hole, accepted.reason)
             continue
         reports[number] = _report(hole, around, accepted, vertex_count, face_count)
-        pieces.append(accepted.piece)
+        pieces[done] = accepted.piece
         for a, b in accepted.piece.chords(mesh.vertex_count):
             joined.setdefault(a, set()).add(b)
             joined.setdefault(b, set()).add(a)
         vertex_count += len(reports[number].new_vertices)
         face_count += len(reports[number].new_faces)
     return HoleFillingResult(
-        np.vstack([mesh.vertices, *(piece.points[piece.ids >= mesh.vertex_count] for piece in pieces)]),
-        np.vstack([mesh.faces, *(piece.ids[piece.faces] for piece in pieces)]).astype(np.int32),
+        np.vstack([mesh.vertices, *(piece.points[piece.ids >= mesh.vertex_count] for piece in pieces.values())]),
+        np.vstack([mesh.faces, *(piece.ids[piece.faces] for piece in pieces.values())]).astype(np.int32),
         tuple(reports),
         noise,
     )

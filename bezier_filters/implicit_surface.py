@@ -141,7 +141,9 @@ def fit_implicit_surface(
     if np.abs(np.diag(triangle)).min() < 1e-12:
         return None
     target = _reflected(vectors, factors, values)
-    errors = _turned(vectors, factors, _error_covariance(len(points), len(further))) if noisy else None
+    errors = np.eye(len(target))
+    if noisy:
+        errors = _turned(vectors, factors, _error_covariance(len(points), len(further)))
     best: tuple[float, ImplicitSurface] | None = None
     squares = cdist(centers, centers, "sqeuclidean")
     cubes = squares * np.sqrt(squares)
@@ -152,11 +154,11 @@ def fit_implicit_surface(
         projected = turned[TERMS:, TERMS:]
         size = float(np.linalg.norm(projected))
         for ratio in NOISE_RATIOS if noisy else (CLEAN,):
-            nugget = ratio * size * (np.eye(len(target)) if errors is None else errors)
-            solved = _restricted_likelihood(projected, target[TERMS:], nugget[TERMS:, TERMS:])
+            solved = _restricted_likelihood(projected, target[TERMS:], errors[TERMS:, TERMS:], ratio * size)
             if solved is None or (best is not None and solved[0] >= best[0]):
                 continue
-            rest = target[:TERMS] - (turned + nugget)[:TERMS, TERMS:] @ solved[1]
+            across = turned[:TERMS, TERMS:] + ratio * size * errors[:TERMS, TERMS:]
+            rest = target[:TERMS] - across @ solved[1]
             quadratic = solve_triangular(triangle, rest)
             weights = _reflected(vectors, factors.T, np.concatenate([np.zeros(TERMS), solved[1]]))
             found = ImplicitSurface(origin, scale, centers, sign * weights, quadratic, power, float(ratio))
@@ -200,18 +202,19 @@ def _error_covariance(count: int, others: int) -> FloatArray:
 
 
 def _restricted_likelihood(
-    covariance: FloatArray, target: FloatArray, nugget: FloatArray
+    covariance: FloatArray, target: FloatArray, errors: FloatArray, variance: float
 ) -> tuple[float, FloatArray] | None:
     """-2 log of the restricted likelihood, up to a constant, and the weights.
 
-    None if the matrix is not positive definite, whatever is added within reason.
+    Errors are added with their variance, and with up to a thousand times as much if the matrix is not positive
+    definite otherwise; None if it still is not.
     """
     for _ in range(4):
         try:
-            factor = cholesky(covariance + nugget, lower=True, check_finite=False)
+            factor = cholesky(covariance + variance * errors, lower=True, check_finite=False)
             break
         except LinAlgError:
-            nugget = 10.0 * nugget
+            variance *= 10.0
     else:
         return None
     weights = cho_solve((factor, True), target, check_finite=False)
