@@ -191,8 +191,13 @@ def _reflected(vectors: FloatArray, weights: FloatArray, columns: FloatArray) ->
 
 
 def _turned(vectors: FloatArray, weights: FloatArray, matrix: FloatArray) -> FloatArray:
-    """A symmetric matrix (n, n) in the reflected axes."""
-    return _reflected(vectors, weights, _reflected(vectors, weights, matrix).T)
+    """A symmetric matrix K (n, n) in the reflected axes.
+
+    With Q = I - V T V^T, Q K Q^T is K - V B^T - B V^T for B = A - V (T V^T A) / 2, where A = K V T^T.
+    """
+    half = matrix @ (vectors @ weights.T)
+    half -= 0.5 * vectors @ (weights @ (vectors.T @ half))
+    return np.asarray(matrix - np.hstack([vectors, half]) @ np.hstack([half, vectors]).T, dtype=np.float64)
 
 
 def _error_covariance(count: int, others: int) -> FloatArray:
