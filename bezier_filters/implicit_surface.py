@@ -141,9 +141,7 @@ def fit_implicit_surface(
     if np.abs(np.diag(triangle)).min() < 1e-12:
         return None
     target = _reflected(vectors, factors, values)
-    errors = np.eye(len(target))
-    if noisy:
-        errors = _turned(vectors, factors, _error_covariance(len(points), len(further)))
+    errors = _turned(vectors, factors, _error_covariance(len(points), len(further))) if noisy else None
     best: tuple[float, ImplicitSurface] | None = None
     squares = cdist(centers, centers, "sqeuclidean")
     cubes = squares * np.sqrt(squares)
@@ -154,10 +152,13 @@ def fit_implicit_surface(
         projected = turned[TERMS:, TERMS:]
         size = float(np.linalg.norm(projected))
         for ratio in NOISE_RATIOS if noisy else (CLEAN,):
-            solved = _restricted_likelihood(projected, target[TERMS:], errors[TERMS:, TERMS:], ratio * size)
+            own_errors = None if errors is None else errors[TERMS:, TERMS:]
+            solved = _restricted_likelihood(projected, target[TERMS:], own_errors, ratio * size)
             if solved is None or (best is not None and solved[0] >= best[0]):
                 continue
-            across = turned[:TERMS, TERMS:] + ratio * size * errors[:TERMS, TERMS:]
+            across = turned[:TERMS, TERMS:]
+            if errors is not None:
+                across = across + ratio * size * errors[:TERMS, TERMS:]
             rest = target[:TERMS] - across @ solved[1]
             quadratic = solve_triangular(triangle, rest)
             weights = _reflected(vectors, factors.T, np.concatenate([np.zeros(TERMS), solved[1]]))
@@ -207,16 +208,21 @@ def _error_covariance(count: int, others: int) -> FloatArray:
 
 
 def _restricted_likelihood(
-    covariance: FloatArray, target: FloatArray, errors: FloatArray, variance: float
+    covariance: FloatArray, target: FloatArray, errors: FloatArray | None, variance: float
 ) -> tuple[float, FloatArray] | None:
     """-2 log of the restricted likelihood, up to a constant, and the weights.
 
-    Errors are added with their variance, and with up to a thousand times as much if the matrix is not positive
-    definite otherwise; None if it still is not.
+    Errors, independent ones if no covariance is given, are added with their variance, and with up to a thousand times
+    as much if the matrix is not positive definite otherwise; None if it still is not.
     """
     for _ in range(4):
         try:
-            factor = cholesky(covariance + variance * errors, lower=True, check_finite=False)
+            matrix = np.array(covariance, order="F")
+            if errors is None:
+                np.fill_diagonal(matrix, matrix.diagonal() + variance)
+            else:
+                matrix += variance * errors
+            factor = cholesky(matrix, lower=True, overwrite_a=True, check_finite=False)
             break
         except LinAlgError:
             variance *= 10.0
