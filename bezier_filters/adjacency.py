@@ -30,6 +30,10 @@ class Rows:
         """Entries of row i, a view."""
         return self.indices[self.indptr[i] : self.indptr[i + 1]]
 
+    def lengths_of(self, rows: IntArray) -> IntArray:
+        """Number of entries of some rows, (k,)."""
+        return self.indptr[rows + 1] - self.indptr[rows]
+
     @property
     def lengths(self) -> IntArray:
         """Number of entries of every row, shape (n,)."""

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from math import degrees
 
 import numpy as np
@@ -42,11 +41,6 @@ class Piece:
         ends = ends[(ends < limit).all(axis=1)]
         return {(min(a, b), max(a, b)) for a, b in ends.tolist()}
 
-    @cached_property
-    def box(self) -> tuple[FloatArray, FloatArray]:
-        """Lowest and highest corner, each (3,)."""
-        return self.points.min(axis=0), self.points.max(axis=0)
-
 
 def piece_of_mesh(mesh: TriangleMesh, face_ids: IntArray) -> Piece:
     """Some faces of a mesh."""
@@ -78,9 +72,7 @@ def problem_with(piece: Piece, mesh: TriangleMesh, hole: Hole) -> str:
 
 def count_cuts(piece: Piece, others: Sequence[Piece]) -> int:
     """Number of faces of a piece that cut one of the others or each other."""
-    low, high = piece.box
-    near = [other for other in others if ((other.box[0] <= high) & (other.box[1] >= low)).all()]
-    pieces = [*near, piece]
+    pieces = [*others, piece]
     _, first, place = np.unique(np.concatenate([p.ids for p in pieces]), return_index=True, return_inverse=True)
     points = np.vstack([p.points for p in pieces])[first]
     starts = np.cumsum([0, *(len(p.ids) for p in pieces)])

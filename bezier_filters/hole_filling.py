@@ -139,22 +139,21 @@ def fill_holes(
     found = find_holes(mesh, adjacency)
     choice.check(mesh.vertex_count, len(found))
     refusals = [choice.refusal(k, hole) for k, hole in enumerate(found)]
-    chosen = [hole for hole, refusal in zip(found, refusals, strict=True) if not refusal]
+    # The lid of a sheet that is not flat may go through the holes in it: it must give way to their fills.
+    numbers = sorted(np.flatnonzero([not refusal for refusal in refusals]), key=lambda k: found[k].is_outer_rim)
+    chosen = [found[k] for k in numbers]
     normals, noise = _normals_and_noise(mesh, adjacency, chosen, noise, threads)
     boxes = np.array([hole_box(mesh, hole) for hole in chosen]).reshape(-1, 2, 3)
     near = faces_in_boxes(mesh.vertices, mesh.faces, boxes[:, 0], boxes[:, 1])
-    reports: list[HoleReport] = []
-    pieces: list[Piece] = []
+    reports = [_left_open(hole, refusal) for hole, refusal in zip(found, refusals, strict=True)]
+    pieces: dict[int, Piece] = {}
     vertex_count, face_count = mesh.vertex_count, mesh.face_count
     joined: dict[int, set[int]] = {}
-    done = 0
-    for hole, refusal in zip(found, refusals, strict=True):
-        if refusal:
-            reports.append(_left_open(hole, refusal))
-            continue
+    places = np.full(mesh.vertex_count, -1, dtype=np.int32)
+    for done, (number, hole) in enumerate(zip(numbers, chosen, strict=True)):
         if progress is not None and progress(done, len(chosen)) is False:
             raise CancelledError("cancelled by the progress callback; nothing was changed")
-        around = surroundings_of(mesh, adjacency, hole.loops, RINGS, joined)
+        around = surroundings_of(mesh, adjacency, hole.loops, RINGS, joined, places)
         noisy = noise is not None and noise > NOISE * float(around.sizes.mean())
         known = normals[around.ids]
         if method == "paper":
@@ -162,22 +161,23 @@ def fill_holes(
         else:
             attempts = smooth_attempts(around, known, noisy=noisy, threads=threads)
             attempts = chain(crease_attempts(around, noisy=noisy), attempts) if creases else attempts
-        obstacles = [piece_of_mesh(mesh, near.row(done)), *pieces]
-        done += 1
+        low, high = boxes[done]
+        meeting = np.flatnonzero(((boxes[:done, 0] <= high) & (boxes[:done, 1] >= low)).all(axis=1))
+        obstacles = [piece_of_mesh(mesh, near.row(done)), *(pieces[k] for k in meeting.tolist() if k in pieces)]
         accepted = _best(attempts, mesh, hole, around, obstacles, vertex_count)
         if accepted.piece is None:
-            reports.append(_left_open(hole, accepted.reason))
+            reports[number] = _left_open(hole, accepted.reason)
             continue
-        reports.append(_report(hole, around, accepted, vertex_count, face_count))
-        pieces.append(accepted.piece)
+        reports[number] = _report(hole, around, accepted, vertex_count, face_count)
+        pieces[done] = accepted.piece
         for a, b in accepted.piece.chords(mesh.vertex_count):
             joined.setdefault(a, set()).add(b)
             joined.setdefault(b, set()).add(a)
-        vertex_count += len(reports[-1].new_vertices)
-        face_count += len(reports[-1].new_faces)
+        vertex_count += len(reports[number].new_vertices)
+        face_count += len(reports[number].new_faces)
     return HoleFillingResult(
-        np.vstack([mesh.vertices, *(piece.points[piece.ids >= mesh.vertex_count] for piece in pieces)]),
-        np.vstack([mesh.faces, *(piece.ids[piece.faces] for piece in pieces)]).astype(np.int32),
+        np.vstack([mesh.vertices, *(piece.points[piece.ids >= mesh.vertex_count] for piece in pieces.values())]),
+        np.vstack([mesh.faces, *(piece.ids[piece.faces] for piece in pieces.values())]).astype(np.int32),
         tuple(reports),
         noise,
     )

@@ -37,7 +37,7 @@ class HoleReport:
     creases : (e, 2) int32
         Edges of the new mesh, within the hole, that are creases.
     new_vertices, new_faces : range
-        Rows of the result that belong to the fill.
+        Rows of the result that belong to the fill. Outer rims are filled last: theirs are the last rows.
     rim_error : float
         Largest distance between a rim vertex before and after: 0.
     rim_dihedral : float

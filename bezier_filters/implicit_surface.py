@@ -152,11 +152,14 @@ def fit_implicit_surface(
         projected = turned[TERMS:, TERMS:]
         size = float(np.linalg.norm(projected))
         for ratio in NOISE_RATIOS if noisy else (CLEAN,):
-            nugget = ratio * size * (np.eye(len(target)) if errors is None else errors)
-            solved = _restricted_likelihood(projected, target[TERMS:], nugget[TERMS:, TERMS:])
+            own_errors = None if errors is None else errors[TERMS:, TERMS:]
+            solved = _restricted_likelihood(projected, target[TERMS:], own_errors, ratio * size)
             if solved is None or (best is not None and solved[0] >= best[0]):
                 continue
-            rest = target[:TERMS] - (turned + nugget)[:TERMS, TERMS:] @ solved[1]
+            across = turned[:TERMS, TERMS:]
+            if errors is not None:
+                across = across + ratio * size * errors[:TERMS, TERMS:]
+            rest = target[:TERMS] - across @ solved[1]
             quadratic = solve_triangular(triangle, rest)
             weights = _reflected(vectors, factors.T, np.concatenate([np.zeros(TERMS), solved[1]]))
             found = ImplicitSurface(origin, scale, centers, sign * weights, quadratic, power, float(ratio))
@@ -189,8 +192,13 @@ def _reflected(vectors: FloatArray, weights: FloatArray, columns: FloatArray) ->
 
 
 def _turned(vectors: FloatArray, weights: FloatArray, matrix: FloatArray) -> FloatArray:
-    """A symmetric matrix (n, n) in the reflected axes."""
-    return _reflected(vectors, weights, _reflected(vectors, weights, matrix).T)
+    """A symmetric matrix K (n, n) in the reflected axes.
+
+    With Q = I - V T V^T, Q K Q^T is K - V B^T - B V^T for B = A - V (T V^T A) / 2, where A = K V T^T.
+    """
+    half = matrix @ (vectors @ weights.T)
+    half -= 0.5 * vectors @ (weights @ (vectors.T @ half))
+    return np.asarray(matrix - np.hstack([vectors, half]) @ np.hstack([half, vectors]).T, dtype=np.float64)
 
 
 def _error_covariance(count: int, others: int) -> FloatArray:
@@ -200,18 +208,24 @@ def _error_covariance(count: int, others: int) -> FloatArray:
 
 
 def _restricted_likelihood(
-    covariance: FloatArray, target: FloatArray, nugget: FloatArray
+    covariance: FloatArray, target: FloatArray, errors: FloatArray | None, variance: float
 ) -> tuple[float, FloatArray] | None:
     """-2 log of the restricted likelihood, up to a constant, and the weights.
 
-    None if the matrix is not positive definite, whatever is added within reason.
+    Errors, independent ones if no covariance is given, are added with their variance, and with up to a thousand times
+    as much if the matrix is not positive definite otherwise; None if it still is not.
     """
     for _ in range(4):
         try:
-            factor = cholesky(covariance + nugget, lower=True, check_finite=False)
+            matrix = np.array(covariance, order="F")
+            if errors is None:
+                np.fill_diagonal(matrix, matrix.diagonal() + variance)
+            else:
+                matrix += variance * errors
+            factor = cholesky(matrix, lower=True, overwrite_a=True, check_finite=False)
             break
         except LinAlgError:
-            nugget = 10.0 * nugget
+            variance *= 10.0
     else:
         return None
     weights = cho_solve((factor, True), target, check_finite=False)

@@ -8,12 +8,15 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.fill_topology import Fill, flipped, refined
 from bezier_filters.implicit_surface import ImplicitSurface, fit_implicit_surface
+from bezier_filters.lean import lean_njit
 from bezier_filters.loop_triangulation import triangulate_loop
 from bezier_filters.surroundings import Surroundings
 from bezier_filters.variational_fill import shifted, without_tension
 
-POINTS_PER_EDGE, FEWEST_POINTS, MOST_POINTS = 5, 80, 300
+POINTS_PER_EDGE, FEWEST_POINTS, MOST_POINTS = 3, 60, 300
 """Points that the surface is fitted to, by the number of edges of the rim."""
+NEAR = 0.75
+"""Share of these that the rim and the first ring may take."""
 NOISY_POINTS = 350
 """The same for any rim on noisy meshes, where more points tell more."""
 MOST_AT_ONCE = 200
@@ -60,8 +63,9 @@ def triangulated(around: Surroundings) -> Fill | None:
 
 def _is_manifold(faces: IntArray) -> bool:
     """Whether no edge is run through twice in one direction and no face names a vertex twice."""
-    edges = np.vstack([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    return len(np.unique(edges, axis=0)) == len(edges) and bool((edges[:, 0] != edges[:, 1]).all())
+    starts, ends = faces.ravel().astype(np.int64), np.roll(faces, -1, axis=1).ravel()
+    edges = np.sort(starts * (int(faces.max()) + 1) + ends)
+    return bool((np.diff(edges) > 0).all() and (starts != ends).all())
 
 
 def _polygon(around: Surroundings) -> tuple[IntArray, FloatArray, FloatArray]:
@@ -95,17 +99,19 @@ def _forbidden(around: Surroundings, polygon: IntArray) -> AbstractSet[tuple[int
 
 def faired(fill: Fill, around: Surroundings, order: int) -> Fill:
     """Move the new vertices to where the Laplacian to a power vanishes; see `without_tension`."""
-    points, faces = together(fill, around)
-    free = np.arange(len(around.ids), len(points), dtype=np.int32)
+    points, faces, rings = together(fill, around, max(order - 1, 1))
+    free = np.arange(rings, len(points), dtype=np.int32)
     moved = without_tension(points, faces, free, order)
-    return replace(fill, points=np.vstack([fill.points[: fill.rim_count], moved[len(around.ids) :]]))
+    return replace(fill, points=np.vstack([fill.points[: fill.rim_count], moved[rings:]]))
 
 
-def together(fill: Fill, around: Surroundings) -> tuple[FloatArray, IntArray]:
-    """Vertices and faces of the surroundings, with the new vertices and the faces of the fill after them."""
-    shift = len(around.ids) - fill.rim_count
+def together(fill: Fill, around: Surroundings, rings: int) -> tuple[FloatArray, IntArray, int]:
+    """Some rings with the new vertices and the faces of the fill after them, and how many vertices the rings have."""
+    count = int(np.searchsorted(around.rings, rings, side="right"))
+    shift = count - fill.rim_count
     faces = np.where(fill.faces < fill.rim_count, fill.faces, fill.faces + shift)
-    return np.vstack([around.vertices, fill.points[fill.rim_count :]]), np.vstack([around.faces, faces])
+    own = around.faces[(around.faces < count).all(axis=1)]
+    return np.vstack([around.vertices[:count], fill.points[fill.rim_count :]]), np.vstack([own, faces]), count
 
 
 def surface_around(
@@ -115,20 +121,50 @@ def surface_around(
     ids = np.flatnonzero(known)
     most = NOISY_POINTS if noisy else int(np.clip(POINTS_PER_EDGE * around.rim_count, FEWEST_POINTS, MOST_POINTS))
     if len(ids) > most:
-        order = np.random.default_rng(0).permutation(len(ids))
-        ids = np.sort(ids[order[:most] if noisy else _thinned(around.rings[ids], most)])
+        near = np.flatnonzero(around.rings[ids] <= (-1 if noisy else 1)).astype(np.int32)
+        ids = ids[thinned(around.vertices[ids], near, most)]
     step = float(around.sizes.mean())
     return fit_implicit_surface(around.vertices[ids], normals[ids], step, noisy=noisy, others=others)
 
 
-def _thinned(rings: IntArray, most: int) -> IntArray:
-    """Places of some points: the rim and the first ring as far as there is room for three quarters, others at random.
+def thinned(points: FloatArray, near: IntArray, most: int) -> IntArray:
+    """Places of `most` of some points, far from each other: first those that are near, up to a share, then all others.
 
-    The nearest points settle how the fill joins, the others how the surface curves.
+    The nearest points settle how the fill joins, the others how the surface curves. Each further point is the one that
+    is farthest from those taken before, so that the choice follows from where the points are, not from their order.
+
+    Examples
+    --------
+    >>> line = np.arange(6.0)[:, np.newaxis] * [1.0, 0.0, 0.0]
+    >>> thinned(line, np.array([0, 1], dtype=np.int32), 3)
+    array([0, 1, 5], dtype=int32)
     """
-    near, far = np.flatnonzero(rings <= 1), np.flatnonzero(rings > 1)
-    near = near[:: max(-(-len(near) * 4 // (3 * most)), 1)]
-    return np.concatenate([near, np.random.default_rng(0).permutation(far)[: most - len(near)]]).astype(np.int32)
+    distances = np.square(points - points.mean(axis=0)).sum(axis=1)
+    taken = np.zeros(len(points), dtype=np.bool_)
+    _take_farthest(points, near, min(int(NEAR * most), len(near)), distances, taken)
+    everywhere = np.arange(len(points), dtype=np.int32)
+    _take_farthest(points, everywhere, most - int(np.count_nonzero(taken)), distances, taken)
+    return np.flatnonzero(taken).astype(np.int32)
+
+
+@lean_njit()
+def _take_farthest(
+    points: FloatArray, candidates: IntArray, count: int, distances: FloatArray, taken: BoolArray
+) -> None:
+    """Take some of the candidates; `distances` are those to the points taken before, squared."""
+    for _ in range(count):
+        farthest = -1
+        for i in candidates:
+            if not taken[i] and (farthest < 0 or distances[i] > distances[farthest]):
+                farthest = i
+        taken[farthest] = True
+        for i in range(points.shape[0]):
+            x, y, z = (
+                points[i, 0] - points[farthest, 0],
+                points[i, 1] - points[farthest, 1],
+                points[i, 2] - points[farthest, 2],
+            )
+            distances[i] = min(distances[i], x * x + y * y + z * z)
 
 
 def on_surface(fill: Fill, around: Surroundings, surface: ImplicitSurface, *, threads: int = 1) -> Fill | None:

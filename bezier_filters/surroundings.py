@@ -9,6 +9,7 @@ import numpy as np
 
 from bezier_filters.adjacency import Adjacency
 from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.lean import lean_njit
 from bezier_filters.mesh import TriangleMesh
 
 
@@ -68,8 +69,9 @@ class Surroundings:
         """Edge length that is wanted at each rim vertex: the mean of its edges."""
         if self.wanted_sizes is not None:
             return self.wanted_sizes
-        ends = self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-        ends = np.unique(np.sort(ends, axis=1), axis=0)
+        starts, ends = self.faces.ravel().astype(np.int64), np.roll(self.faces, -1, axis=1).ravel()
+        edges = np.unique(np.minimum(starts, ends) * len(self.ids) + np.maximum(starts, ends))
+        ends = np.stack(np.divmod(edges, len(self.ids)), axis=1)
         lengths = np.linalg.norm(self.vertices[ends[:, 0]] - self.vertices[ends[:, 1]], axis=1)
         count = np.bincount(ends.ravel(), minlength=len(self.ids))
         total = np.bincount(ends.ravel(), weights=np.repeat(lengths, 2), minlength=len(self.ids))
@@ -103,8 +105,11 @@ def surroundings_of(
     loops: tuple[IntArray, ...],
     rings: int,
     joined: Mapping[int, Iterable[int]] | None = None,
+    places: IntArray | None = None,
 ) -> Surroundings:
     """Collect some rings around loops of vertices, of which some pairs may be joined outside the mesh, too.
+
+    `places`, -1 for every vertex of the mesh, is work space that many calls can share; it is left as it was.
 
     Examples
     --------
@@ -119,24 +124,24 @@ def surroundings_of(
     >>> around.rings.max(), around.rim_count == len(end)
     (np.int32(2), True)
     """
-    level = [np.unique(np.concatenate(loops))]
-    known = level[0]
+    places = np.full(mesh.vertex_count, -1, dtype=np.int32) if places is None else places
+    level = [np.unique(np.concatenate(loops)).astype(np.int32)]
+    count = len(level[0])
+    places[level[0]] = np.arange(count)
+    neighbours, own_faces = adjacency.vertices, adjacency.faces
     for _ in range(rings):
-        if len(level[-1]) == 0:
-            break
-        reached = np.unique(np.concatenate([adjacency.vertices.row(i) for i in level[-1]]))
-        level.append(np.setdiff1d(reached, known, assume_unique=True))
-        known = np.union1d(known, level[-1])
-    ids = np.concatenate(level).astype(np.int32)
+        room = np.empty(int(neighbours.lengths_of(level[-1]).sum()), dtype=np.int32)
+        reached = _reach(neighbours.indptr, neighbours.indices, level[-1], count, places, room)
+        level.append(room[:reached])
+        count += reached
+    ids = np.concatenate(level)
     ring = np.repeat(np.arange(len(level), dtype=np.int32), [len(part) for part in level])
     inner = ids[ring < max(rings, 1)]
-    face_ids = np.unique(np.concatenate([adjacency.faces.row(i) for i in inner]))
-    place, order = np.sort(ids), np.argsort(ids)
-
-    def local(vertices: IntArray) -> IntArray:
-        return order[np.searchsorted(place, vertices)].astype(np.int32)
-
-    faces = local(mesh.faces[face_ids])
+    room = np.empty(int(own_faces.lengths_of(inner).sum()), dtype=np.int32)
+    face_ids = np.sort(room[: _first_met(own_faces.indptr, own_faces.indices, mesh.faces, inner, places, room)])
+    faces = places[mesh.faces[face_ids]]
+    local_loops = tuple(places[loop] for loop in loops)
+    places[ids] = -1
     place_of = {vertex: k for k, vertex in enumerate(level[0].tolist())}
     pairs = frozenset(
         (k, place_of[other])
@@ -144,4 +149,33 @@ def surroundings_of(
         for other in (joined or {}).get(vertex, ())
         if place_of.get(other, -1) > k
     )
-    return Surroundings(ids, ring, mesh.vertices[ids], faces, tuple(local(loop) for loop in loops), pairs)
+    return Surroundings(ids, ring, mesh.vertices[ids], faces, local_loops, pairs)
+
+
+@lean_njit()
+def _reach(
+    indptr: IntArray, indices: IntArray, level: IntArray, count: int, places: IntArray, reached: IntArray
+) -> int:
+    """List the neighbours of some vertices that have no place yet, and give them the next ones from `count` on."""
+    found = 0
+    for i in level:
+        for j in indices[indptr[i] : indptr[i + 1]]:
+            if places[j] < 0:
+                places[j] = count + found
+                reached[found] = j
+                found += 1
+    return found
+
+
+@lean_njit()
+def _first_met(
+    indptr: IntArray, indices: IntArray, faces: IntArray, ids: IntArray, places: IntArray, met: IntArray
+) -> int:
+    """List the faces at some vertices, each at the first of its corners."""
+    found = 0
+    for i in ids:
+        for f in indices[indptr[i] : indptr[i + 1]]:
+            if places[i] == min(places[faces[f, 0]], places[faces[f, 1]], places[faces[f, 2]]):
+                met[found] = f
+                found += 1
+    return found

@@ -4,12 +4,19 @@ With k = 2 the fill continues the tangent planes around the hole, with k = 3 the
 Kobbelt, "An intuitive framework for real-time freeform modeling", SIGGRAPH 2004).
 """
 
+from typing import TypeAlias
+
 import numpy as np
-from scipy.sparse import csc_matrix, csr_matrix, diags
+from scipy.sparse import csc_matrix, csr_matrix, diags, issparse
 from scipy.sparse.linalg import splu
 
 from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.lean import lean_njit
 
+Matrix: TypeAlias = FloatArray | csr_matrix
+
+MOST_DENSE = 300
+"""Vertices up to which matrices are dense."""
 LEAST_COTANGENT, LARGEST_COTANGENT = 0.02, 5.0
 """Bounds of the weights: slivers do not rule, and there is always one solution."""
 
@@ -42,10 +49,9 @@ def without_tension(points: FloatArray, faces: IntArray, free: IntArray, order: 
     if len(free) == 0:
         return points.copy()
     stiffness, areas = cotangent_matrix(points, faces)
-    power = stiffness
+    rows = stiffness[free]
     for _ in range(order - 1):
-        power = stiffness @ diags(1.0 / areas) @ power
-    rows = power.tocsr()[free]
+        rows = (rows @ diags(1.0 / areas) if issparse(rows) else rows / areas) @ stiffness
     fixed = np.ones(len(points), dtype=np.bool_)
     fixed[free] = False
     result = points.copy()
@@ -62,35 +68,69 @@ def shifted(points: FloatArray, faces: IntArray, shift: FloatArray) -> FloatArra
     if len(points) == count:
         return shift.copy()
     stiffness, _ = cotangent_matrix(points, faces)
-    rows = stiffness.tocsr()[count:]
+    rows = stiffness[count:]
     return np.vstack([shift, solved(rows[:, count:], -(rows[:, :count] @ shift))])
 
 
-def solved(matrix: csr_matrix, right: FloatArray) -> FloatArray:
-    """Solution (n, c) of a symmetric, positive definite sparse system with right-hand sides (n, c)."""
+def solved(matrix: Matrix, right: FloatArray) -> FloatArray:
+    """Solution (n, c) of a symmetric, positive definite system with right-hand sides (n, c)."""
+    if not issparse(matrix):
+        return np.linalg.solve(matrix, right)
     # Without pivoting, in an order for symmetric matrices: several times as fast as for any matrix.
     options = {"SymmetricMode": True}
     factor = splu(csc_matrix(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
     return np.asarray(factor.solve(np.ascontiguousarray(right)), dtype=np.float64)
 
 
-def cotangent_matrix(points: FloatArray, faces: IntArray) -> tuple[csc_matrix, FloatArray]:
-    """Positive semidefinite cotangent matrix (n, n) and the areas of the vertices (n,), all positive."""
+def cotangent_matrix(points: FloatArray, faces: IntArray) -> tuple[Matrix, FloatArray]:
+    """Positive semidefinite cotangent matrix (n, n) and the areas of the vertices (n,), all positive.
+
+    The matrix is dense if it is small: that takes a tenth of the time then.
+    """
     n = len(points)
-    starts, ends, weights = [], [], []
-    areas = np.zeros(n)
-    for k in range(3):
-        i, j, tip = faces[:, k], faces[:, (k + 1) % 3], faces[:, (k + 2) % 3]
-        u, v = points[i] - points[tip], points[j] - points[tip]
-        twice = np.linalg.norm(np.cross(u, v), axis=1)
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # no area: clipped, and nan without edges
-            cotangent = np.nan_to_num(np.einsum("ij,ij->i", u, v) / twice)
-        starts += [i, j]
-        ends += [j, i]
-        weights += [0.5 * np.clip(cotangent, -LARGEST_COTANGENT, LARGEST_COTANGENT)] * 2
-        areas += np.bincount(tip, weights=twice / 6.0, minlength=n)
-    shape = (n, n)
-    off = csc_matrix((np.concatenate(weights), (np.concatenate(starts), np.concatenate(ends))), shape=shape)
+    areas, weights = np.zeros(n), np.zeros((len(faces), 3))
+    _measure(points, faces, areas, weights)
+    areas = np.maximum(areas, 1e-3 * max(float(areas.mean()), 1e-300))
+    off: Matrix
+    if n <= MOST_DENSE:
+        off = np.zeros((n, n))
+        _add_weights(faces, weights, off)
+        return np.diag(off.sum(axis=1)) - off, areas
+    starts, ends = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    places = np.concatenate([starts, ends]), np.concatenate([ends, starts])
+    off = csr_matrix((np.tile(weights.ravel(), 2), places), shape=(n, n))
     off.data = np.maximum(off.data, LEAST_COTANGENT)
-    total = np.asarray(off.sum(axis=1)).ravel()
-    return diags(total).tocsc() - off, np.maximum(areas, 1e-3 * max(float(areas.mean()), 1e-300))
+    return (diags(np.asarray(off.sum(axis=1)).ravel()) - off).tocsr(), areas
+
+
+@lean_njit()
+def _measure(points: FloatArray, faces: IntArray, areas: FloatArray, weights: FloatArray) -> None:
+    """Add the areas of faces to their vertices, and write half the cotangents opposite their edges.
+
+    Edge k of a face runs from its corner k to the next.
+    """
+    for f in range(faces.shape[0]):
+        for k in range(3):
+            i, j, tip = faces[f, k], faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
+            ux, uy, uz = points[i, 0] - points[tip, 0], points[i, 1] - points[tip, 1], points[i, 2] - points[tip, 2]
+            vx, vy, vz = points[j, 0] - points[tip, 0], points[j, 1] - points[tip, 1], points[j, 2] - points[tip, 2]
+            x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+            twice = np.sqrt(x * x + y * y + z * z)
+            cotangent = (ux * vx + uy * vy + uz * vz) / max(twice, 1e-300)
+            weights[f, k] = 0.5 * min(max(cotangent, -LARGEST_COTANGENT), LARGEST_COTANGENT)
+            areas[tip] += twice / 6.0
+
+
+@lean_njit()
+def _add_weights(faces: IntArray, weights: FloatArray, matrix: FloatArray) -> None:
+    """Add the weights of edges to both of their entries, of which none is left too small."""
+    for f in range(faces.shape[0]):
+        for k in range(3):
+            i, j = faces[f, k], faces[f, (k + 1) % 3]
+            matrix[i, j] += weights[f, k]
+            matrix[j, i] += weights[f, k]
+    for f in range(faces.shape[0]):
+        for k in range(3):
+            i, j = faces[f, k], faces[f, (k + 1) % 3]
+            matrix[i, j] = max(matrix[i, j], LEAST_COTANGENT)
+            matrix[j, i] = max(matrix[j, i], LEAST_COTANGENT)

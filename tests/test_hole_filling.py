@@ -6,7 +6,13 @@ from hypothesis import strategies as st
 from surface_cases import area_vectors, border_edges, corner_angles
 
 from bezier_filters import CancelledError, InvalidMeshError, InvalidParameterError, fill_holes
+from bezier_filters.adjacency import vertex_adjacency
+from bezier_filters.estimation import estimate_vertex_geometry
+from bezier_filters.hole_detection import find_holes
+from bezier_filters.mesh import triangle_mesh
+from bezier_filters.smooth_fill import surface_around
 from bezier_filters.surfaces import cylinder, punched_patch, sphere, torus, waves
+from bezier_filters.surroundings import surroundings_of
 
 TOP = np.array([0.0, 0.0, 1.0])
 
@@ -38,6 +44,31 @@ def test_a_torus_is_continued(center):
     assert_filled(shape.vertices, faces, result)
     x, y, z = new_points(result, shape.vertices).T
     assert np.abs(np.hypot(np.hypot(x, y) - 1.0, z) - 0.4).max() < 5e-3
+
+
+def surface_around_hole(vertices, faces, noisy):
+    mesh = triangle_mesh(vertices, faces)
+    adjacency = vertex_adjacency(mesh)
+    (hole,) = (hole for hole in find_holes(mesh, adjacency) if not hole.is_outer_rim)
+    around = surroundings_of(mesh, adjacency, hole.loops, 5)
+    normals = estimate_vertex_geometry(vertices, faces).normals[around.ids]
+    return surface_around(around, normals, normals.any(axis=1), noisy=noisy)
+
+
+@pytest.mark.parametrize("noisy", [False, True])
+def test_the_surface_does_not_depend_on_the_numbering(noisy):
+    rng = np.random.default_rng(1)
+    sampled = waves(resolution=40, jitter=0.3)
+    vertices, size = sampled.vertices, 0.6
+    faces = without_faces_near(vertices, sampled.faces, vertices.mean(axis=0), size)
+    number = rng.permutation(len(vertices))
+    shuffled = np.empty_like(vertices)
+    shuffled[number] = vertices
+    inside = vertices[np.linalg.norm(vertices - vertices.mean(axis=0), axis=1) < size]
+    first = surface_around_hole(vertices, faces, noisy)
+    second = surface_around_hole(shuffled, rng.permutation(number[faces]), noisy)
+    for ours, other in zip(first.values_and_gradients(inside), second.values_and_gradients(inside), strict=True):
+        np.testing.assert_allclose(ours, other, rtol=0, atol=5e-5)
 
 
 def test_new_triangles_are_like_those_around():
@@ -155,6 +186,24 @@ def test_outer_rims_are_left_open_unless_asked_for():
     closed = fill_holes(dome, faces, outer_rims=True)
     assert len(border_edges(closed.faces)) == 0
     assert_filled(dome, faces, closed)
+
+
+def test_an_outer_rim_gives_way_to_the_holes_of_its_sheet():
+    surface = punched_patch()
+    result = fill_holes(surface.vertices, surface.faces, outer_rims=True)
+    assert [hole.is_outer_rim for hole in result.holes] == [True, False, False, False]
+    assert [hole.method for hole in result.holes[1:]] == 3 * ["surface"]
+    assert [hole.self_intersections for hole in result.holes[1:]] == 3 * [0]
+    assert len(border_edges(result.faces)) == 0
+    without = fill_holes(surface.vertices, surface.faces)
+    for own, other in zip(result.holes[1:], without.holes[1:], strict=True):
+        np.testing.assert_array_equal(result.faces[own.new_faces], without.faces[other.new_faces])
+    for attribute, rows in (("new_vertices", result.vertices), ("new_faces", result.faces)):
+        ranges = [getattr(hole, attribute) for hole in (*result.holes[1:], result.holes[0])]
+        assert [part.start for part in ranges[1:]] == [part.stop for part in ranges[:-1]]
+        assert ranges[-1].stop == len(rows)
+    lid = result.holes[0]
+    assert set(result.faces[lid.new_faces].ravel()) == {*lid.rim, *lid.new_vertices}
 
 
 def test_holes_are_chosen():

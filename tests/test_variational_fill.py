@@ -1,0 +1,38 @@
+import numpy as np
+import pytest
+
+from bezier_filters import variational_fill
+from bezier_filters.surfaces import sphere
+from bezier_filters.variational_fill import cotangent_matrix, shifted, without_tension
+
+
+def test_dense_and_sparse_matrices_give_the_same_fill(monkeypatch):
+    ball = sphere(resolution=5)
+    free = np.flatnonzero(ball.vertices[:, 2] > 0.6)
+    order = np.concatenate([np.flatnonzero(ball.vertices[:, 2] <= 0.6), free])
+    points = ball.vertices[order]
+    faces = np.argsort(order)[ball.faces].astype(np.int32)
+    free = np.arange(len(points) - len(free), len(points))
+    shift = np.random.default_rng(0).standard_normal((free[0], 3))
+    assert len(points) <= variational_fill.MOST_DENSE
+    dense = cotangent_matrix(points, faces), [without_tension(points, faces, free, k) for k in (1, 2, 3)]
+    dense_shift = shifted(points, faces, shift)
+    monkeypatch.setattr(variational_fill, "MOST_DENSE", 0)
+    (matrix, areas), fills = (
+        cotangent_matrix(points, faces),
+        [without_tension(points, faces, free, k) for k in (1, 2, 3)],
+    )
+    np.testing.assert_allclose(dense[0][0], matrix.toarray(), atol=1e-12)
+    np.testing.assert_array_equal(dense[0][1], areas)
+    np.testing.assert_allclose(dense[1], fills, atol=1e-9)
+    np.testing.assert_allclose(dense_shift, shifted(points, faces, shift), atol=1e-9)
+
+
+def test_areas_of_a_closed_mesh_sum_up_to_its_area():
+    ball = sphere(resolution=5)
+    matrix, areas = cotangent_matrix(ball.vertices, ball.faces)
+    a, b, c = ball.vertices[ball.faces].transpose(1, 0, 2)
+    assert areas.sum() == pytest.approx(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    # The matrix is the gradient of the area with fixed angles: x^T L x is twice the area.
+    energy = np.einsum("ik,ij,jk->", ball.vertices, matrix, ball.vertices)
+    assert energy == pytest.approx(2.0 * areas.sum())
