@@ -45,6 +45,8 @@ def folder(tmp_path_factory):
     vertices = ms.current_mesh().vertex_matrix()
     ms.add_mesh(pymeshlab.Mesh(vertices))
     ms.save_current_mesh(str(folder / "points.ply"))
+    (folder / "scans").mkdir()
+    shutil.copy(folder / "scan.ply", folder / "scans")
     assert CliRunner().invoke(app, ["curvature", str(folder / "scan.ply"), str(folder / "curved.ply")]).exit_code == 0
     return folder
 
