@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from bezier_filters import read_fields
+from bezier_filters.cli import main
 from bezier_filters.worker_processes import run_in_processes
 
 SAMPLES = Path(__file__).parent.parent / "sample_meshes"
@@ -102,12 +103,15 @@ def test_an_interrupted_batch_goes_on_where_it_was(tmp_path):
         (["smooth", "a.ply", "--out", "out", "--options", "--colour"], "No such option"),
     ],
 )
-def test_mistakes_are_refused_before_anything_is_done(arguments, message, tmp_path):
+def test_mistakes_are_refused_before_anything_is_done(arguments, message, tmp_path, monkeypatch, capsys):
     shutil.copy(SAMPLES / "waves.ply", tmp_path / "a.ply")
     (tmp_path / "a.obj").touch()
-    result = run("batch", *arguments, cwd=tmp_path)
-    assert result.returncode == 2
-    assert message in " ".join(result.stderr.split())
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["bezier-filters", "batch", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert message in " ".join(capsys.readouterr().err.split())
     assert not (tmp_path / "out").exists()
 
 
