@@ -4,7 +4,7 @@ MESH ?=
 OUT ?= out
 SOURCES := pyproject.toml
 
-.PHONY: help demo test test-slow check bench bench-kernels clean
+.PHONY: help demo test test-slow check docs bench bench-kernels clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
@@ -22,6 +22,9 @@ check: .venv-dev/ready  ## style (ruff) and types (mypy)
 	.venv-dev/bin/ruff check .
 	.venv-dev/bin/ruff format --check .
 	.venv-dev/bin/mypy
+
+docs: .venv-dev/docs-ready  ## the documentation site in build/site; warnings are errors
+	NO_MKDOCS_2_WARNING=1 .venv-dev/bin/mkdocs build --strict
 
 bench: .venv-dev/bench-ready  ## accuracy, stability and speed next to MeshLab and libigl
 	.venv-dev/bin/python benchmarks/accuracy.py
@@ -49,6 +52,10 @@ clean:  ## remove environments, caches and outputs
 	$(PYTHON) -m venv .venv-dev
 	.venv-dev/bin/python -m pip install --quiet --upgrade pip
 	.venv-dev/bin/python -m pip install --quiet -e '.[dev]'
+	@touch $@
+
+.venv-dev/docs-ready: .venv-dev/ready
+	.venv-dev/bin/python -m pip install --quiet -e '.[docs]'
 	@touch $@
 
 .venv-dev/bench-ready: .venv-dev/ready

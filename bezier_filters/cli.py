@@ -5,11 +5,11 @@ from typing import Annotated
 
 import typer
 
-from bezier_filters import cli_filters, console
+from bezier_filters import cli_batch, cli_filters, console
 from bezier_filters.cli_app import app
 from bezier_filters.cli_options import Json, Percentile, Quiet, Source
 
-__all__ = ["app", "cli_filters", "main"]
+__all__ = ["app", "cli_batch", "cli_filters", "main"]
 
 
 @app.command(epilog="Example: bezier-filters render curved.ply curved.png --view front --view back")
@@ -27,15 +27,23 @@ def render(
     size: Annotated[int, typer.Option(help="Largest side of one image in pixels.", min=50, max=4000)] = 600,
     up: Annotated[str, typer.Option(help="Axis that points up: auto, x, y, z, -x, -y or -z.")] = "auto",
     quiet: Quiet = False,
+    json: Json = False,
 ) -> None:
     """Draw a mesh with its quality or other fields as a PNG with colour bar, without any display."""
     from bezier_filters.mesh_files import load_mesh
     from bezier_filters.pictures import field_panels
     from bezier_filters.render import render_panels
 
-    panels = field_panels(load_mesh(source), source, field or ["quality"], colormap, percentile)
-    render_panels(picture, panels, views=view or ["front", "back"], size=(size, size), up=up)
-    if not quiet:
+    fields, views = field or ["quality"], view or ["front", "back"]
+    panels = field_panels(load_mesh(source), source, fields, colormap, percentile)
+    render_panels(picture, panels, views=views, size=(size, size), up=up)
+    if json:
+        shown = [
+            {"field": name, "label": panel.label, "unit": panel.unit, "limits": panel.limits}
+            for name, panel in zip(fields, panels, strict=True)
+        ]
+        console.print_json({"input": str(source), "output": str(picture), "views": views, "panels": shown})
+    elif not quiet:
         console.out.print(f"wrote [bold]{picture}[/]")
 
 
@@ -64,17 +72,23 @@ def demo(
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the files.")] = Path("out"),
     quiet: Quiet = False,
+    json: Json = False,
 ) -> None:
     """Write normals, mean and Gaussian curvature and torsion of a mesh as coloured PLYs and one picture."""
     from bezier_filters.demo import picture_path, run_demo
 
+    files = []
     for number, step in enumerate(run_demo(out, source)):
-        if not quiet and number == 0:
+        files.append({"output": str(step.path), **step.report})
+        if quiet or json:
+            continue
+        if number == 0:
             console.print_status(step.report, str(source or "bunny"))
-        if not quiet:
-            console.print_statistics(step.report, step.field.label)
-            console.print_written(step.report, str(step.path))
-    if not quiet:
+        console.print_statistics(step.report, step.field.label)
+        console.print_written(step.report, str(step.path))
+    if json:
+        console.print_json({"files": files, "picture": str(picture_path(out, source))})
+    elif not quiet:
         console.out.print(f"wrote [bold]{picture_path(out, source)}[/]; open the PLY files in MeshLab")
 
 

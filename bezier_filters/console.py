@@ -117,6 +117,33 @@ def print_written(report: dict[str, Any], target: str) -> None:
     out.print(f"wrote [bold]{escape(target)}[/] ({sum(report['seconds'].values()):.2f} s)")
 
 
+def print_batch(summary: dict[str, Any]) -> None:
+    """Say what became of the files of a batch."""
+    width = max(len(file["input"]) for file in summary["files"])
+    for file in summary["files"]:
+        seconds = "" if file["result"] == "skipped" else f"{file['seconds']:.2f} s"
+        remark = file["error"] or _remark(file["report"] or {})
+        out.print(f"{file['input']:<{width}}  {file['result']:<7}  {seconds:>9}  {remark}".rstrip(), markup=False)
+    numbers = ", ".join(f"{summary[result]:,} {result}" for result in ("done", "skipped", "failed"))
+    out.print(f"{summary['command']}: {numbers} ({summary['seconds']:.1f} s)")
+
+
+def _remark(report: dict[str, Any]) -> str:
+    """The most telling numbers of a filter's report."""
+    if "closed_holes" in report:
+        return f"{report['closed_holes']:,} holes filled, {report['open_holes']:,} left open"
+    if "noise_before" in report:
+        before, after = (f"{report[key]:.3g}" if report[key] is not None else "unknown" for key in _NOISE)
+        return f"noise {before} before, {after} after [length]"
+    if "statistics" in report:
+        unit = f" [{report['unit']}]" if report["unit"] else ""
+        return f"{report['quality']}: median {report['statistics']['median']:.4g}{unit}"
+    return ""
+
+
+_NOISE = ("noise_before", "noise_after")
+
+
 def mesh_summary(mesh: TriangleMesh, report: MeshReport, topology: dict[str, Any]) -> dict[str, Any]:
     """What `info` tells, as one dict."""
     low, high = (mesh.vertices.min(axis=0), mesh.vertices.max(axis=0))

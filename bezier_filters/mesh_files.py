@@ -1,6 +1,8 @@
 """Mesh files: load one into a MeshSet, save the current mesh whole or not at all, with one-line errors."""
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -88,7 +90,8 @@ def load_mesh(path: str | os.PathLike[str]) -> MeshSet:
         raise BezierFilterError(f"cannot read {path}: the file is empty")
     meshset = MeshSet()
     try:
-        meshset.load_new_mesh(str(path))
+        with _same_working_directory():
+            meshset.load_new_mesh(str(path))
     except (PyMeshLabException, RuntimeError) as error:
         raise BezierFilterError(f"cannot read {path}: {_reason(error)}") from error
     if meshset.current_mesh().vertex_number() == 0:
@@ -128,7 +131,8 @@ def save_mesh(ms: MeshSet, path: str | os.PathLike[str], *, binary: bool = True,
         with atomic_write(target) as temporary, TemporaryDirectory(prefix=".", dir=target.parent) as folder:
             # The name inside the folder is the final one: an OBJ file names its MTL file after itself.
             staged = Path(folder) / target.name
-            ms.save_current_mesh(str(staged), **_save_options(ms, staged, support, binary, attributes))
+            with _same_working_directory():
+                ms.save_current_mesh(str(staged), **_save_options(ms, staged, support, binary, attributes))
             if not staged.is_file():
                 raise BezierFilterError(f"cannot write {path}: pymeshlab wrote no file")
             _move_companions(staged, target.parent)
@@ -139,6 +143,16 @@ def save_mesh(ms: MeshSet, path: str | os.PathLike[str], *, binary: bool = True,
         raise BezierFilterError(f"cannot write {path}: {error.strerror}" if error.strerror else str(error)) from error
     except (PyMeshLabException, RuntimeError) as error:
         raise BezierFilterError(f"cannot write {path}: {_reason(error)}") from error
+
+
+@contextmanager
+def _same_working_directory() -> Iterator[None]:
+    """Go back afterwards: pymeshlab works in the directory of the file, and stays there when it fails."""
+    before = os.getcwd()
+    try:
+        yield
+    finally:
+        os.chdir(before)
 
 
 def _save_options(ms: MeshSet, path: Path, support: FormatSupport, binary: bool, attributes: bool) -> dict[str, Any]:

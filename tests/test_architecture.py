@@ -58,8 +58,9 @@ filters smoothing_filter hole_filter
 registration
 rendering sheets
 render
-pictures demo console cli_options cli_app
+pictures demo console cli_options cli_app worker_processes
 cli_filters
+cli_batch
 cli
 __main__
 """

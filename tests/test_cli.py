@@ -13,7 +13,7 @@ from bezier_filters import estimate_vertex_geometry, read_fields
 from bezier_filters._version import __version__
 
 SAMPLES = Path(__file__).parent.parent / "sample_meshes"
-COMMANDS = ["normals", "curvature", "torsion", "render", "info", "demo"]
+COMMANDS = ["normals", "curvature", "torsion", "smooth", "fill-holes", "batch", "render", "info", "demo"]
 
 
 def run(*arguments, command=(sys.executable, "-m", "bezier_filters")):
@@ -244,15 +244,21 @@ def test_render_draws_several_fields(tmp_path):
     curved, picture = tmp_path / "curved.ply", tmp_path / "picture.png"
     run("curvature", SAMPLES / "bumpy_star.ply", curved)
     fields = ["--field", "quality", "--field", "bz_shape_index", "--field", "color"]
-    result = run("render", curved, picture, *fields, "--view", "iso", "--size", 200)
+    result = run("render", curved, picture, *fields, "--view", "iso", "--size", 200, "--json")
     assert result.returncode == 0, result.stderr
+    panels = json.loads(result.stdout)["panels"]
+    assert [panel["field"] for panel in panels] == ["quality", "bz_shape_index", "color"]
+    assert panels[0]["limits"][0] < panels[0]["limits"][1]
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert picture.stat().st_size > 10_000
 
 
 def test_demo_of_a_mesh_writes_four_meshes_and_a_picture(tmp_path):
-    result = run("demo", SAMPLES / "bumpy_star.ply", "--out", tmp_path / "new" / "folder")
+    result = run("demo", SAMPLES / "bumpy_star.ply", "--out", tmp_path / "new" / "folder", "--json")
     assert result.returncode == 0, result.stderr
+    report = json.loads(result.stdout)
+    assert all(Path(file["output"]).is_file() and file["statistics"] for file in report["files"])
+    assert Path(report["picture"]).is_file()
     names = sorted(path.name for path in (tmp_path / "new" / "folder").iterdir())
     quantities = ["gaussian_curvature", "geodesic_torsion", "mean_curvature", "normal_angle"]
     assert names == sorted(["bumpy_star.png", *(f"bumpy_star_{q}.ply" for q in quantities)])

@@ -170,6 +170,15 @@ class TestSaving:
         assert (tmp_path / "out.ply").read_bytes() == b"old"
 
 
+def test_a_file_that_cannot_be_read_leaves_the_working_directory(tmp_path, monkeypatch):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "bad.ply").write_text("no header")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(BezierFilterError, match="cannot read"):
+        load_mesh("folder/bad.ply")
+    assert Path.cwd() == tmp_path
+
+
 def test_only_ply_holds_quality_and_columns():
     for suffix in SAVE_SUFFIXES:
         support = format_support(f"x{suffix.upper()}")

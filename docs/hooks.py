@@ -1,0 +1,86 @@
+"""Pages of the site that are generated when it is built: gallery, command line, decisions."""
+
+import ast
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from mkdocs.structure.files import File, Files
+
+ROOT = Path(__file__).parent.parent
+EXAMPLES = sorted((ROOT / "examples").glob("ex*.py"))
+RESULTS = ROOT / "benchmarks" / "results"
+LATER = {"holes.md": {"Holes": "holes.md"}}
+"""Pages that get an entry beside the other measurements when they exist."""
+
+
+def on_config(config: Any) -> None:
+    """Complete the navigation with the pages that are there."""
+    docs = Path(config.docs_dir)
+    for section in config.nav:
+        if "Measured" in section:
+            section["Measured"] += [entry for page, entry in LATER.items() if (docs / page).exists()]
+    decisions = [f"decisions/{path.name}" for path in sorted((docs / "decisions").glob("*.md"))]
+    config.nav.insert(-2, {"Decisions": decisions})
+    config.watch += [str(ROOT / "examples"), str(ROOT / "bezier_filters")]
+
+
+def on_files(files: Files, *, config: Any) -> Files:
+    """Add the gallery with its pictures, the command line, and plots of the benchmarks."""
+    files.append(File.generated(config, "command_line.md", content=command_line()))
+    files.append(File.generated(config, "gallery.md", content=gallery()))
+    for name, picture in pictures():
+        files.append(File.generated(config, f"gallery/{name}", content=picture))
+    for plot in RESULTS.glob("*.png"):
+        files.append(File.generated(config, f"results/{plot.name}", content=plot.read_bytes()))
+    return files
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Pages name plots of the benchmarks where the tree has them; the site has its own folder."""
+    return markdown.replace("](../benchmarks/results/", "](results/")
+
+
+def pictures() -> Iterator[tuple[str, bytes]]:
+    """The pictures of all examples, by name."""
+    sys.path.insert(0, str(ROOT / "examples"))
+    try:
+        for path in EXAMPLES:
+            with tempfile.TemporaryDirectory() as folder:
+                import_module(path.stem).main(Path(folder))
+                yield from ((picture.name, picture.read_bytes()) for picture in sorted(Path(folder).glob("*.png")))
+    finally:
+        sys.path.remove(str(ROOT / "examples"))
+
+
+def gallery() -> str:
+    """What every example shows, and its code."""
+    parts = ["# Gallery", "Short scripts to start from, in `examples/`; `python examples/NAME.py FOLDER` runs one."]
+    for path in EXAMPLES:
+        code = path.read_text(encoding="utf-8")
+        heading, _, text = (ast.get_docstring(ast.parse(code)) or "").partition("\n")
+        shown = re.findall(r'out / "(\w+\.png)"', code)
+        parts += [f"## {heading.rstrip('.')}", text.replace("``", "`").strip()]
+        parts += [f"![{heading}](gallery/{name})" for name in shown]
+        parts.append(f'??? example "{path.name}"\n\n    ```python\n{_indented(code)}\n    ```')
+    return "\n\n".join(parts)
+
+
+def _indented(code: str) -> str:
+    return "\n".join(f"    {line}".rstrip() for line in code.strip().splitlines())
+
+
+def command_line() -> str:
+    """Every command with its arguments and options, as typer documents them."""
+    command = [sys.executable, "-m", "typer", "bezier_filters.cli", "utils", "docs"]
+    command += ["--name", "bezier-filters", "--title", "Command line"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
+    completion = "`bezier-filters --install-completion` makes the shell complete commands and options."
+    return re.sub(r"^Example: (.*)$", r"Example:\n\n    \1", done.stdout, flags=re.MULTILINE).replace(
+        "**Usage**", f"{completion}\n\n**Usage**", 1
+    )

@@ -1,0 +1,37 @@
+"""Curvature as colours that open in MeshLab.
+
+One sees a blob with bumps and dents: red where it is convex (positive mean curvature), blue where it is dented,
+green where it is flat or a saddle. ``curvature.ply`` holds the colours, the mean curvature as vertex quality and all
+other curvatures as ``bz_*`` columns; ``curvature.png`` is the picture of it, with a colour bar in 1/length.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import bezier_filters as bf
+from bezier_filters.mesh_files import save_mesh
+from common import arrays, load, run
+
+
+def main(out: Path) -> dict[str, Any]:
+    """Write curvature.ply and curvature.png; the filter's report."""
+    ms = load("bumpy_star.ply")
+    report = bf.compute_curvature_by_bezier_patch_per_vertex(ms, quality="mean", color=True)
+    save_mesh(ms, out / "curvature.ply")
+
+    fields = bf.read_fields(out / "curvature.ply")  # pymeshlab writes bz_* columns and does not read them
+    vertices, faces = arrays(ms)
+    panels = [
+        bf.Panel(vertices, faces, fields[column], label=label, unit=unit, signed=True, title=label)
+        for column, label, unit in [
+            ("quality", "mean curvature", "1/length"),
+            ("bz_gaussian_curvature", "Gaussian curvature", "1/length^2"),
+            ("bz_shape_index", "shape index", ""),
+        ]
+    ]
+    bf.render_panels(out / "curvature.png", panels, views=["iso"], size=(400, 400))
+    return report
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,140 @@
+"""Batches in processes of their own: the real command line on many files."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bezier_filters import read_fields
+from bezier_filters.cli import main
+from bezier_filters.worker_processes import run_in_processes
+
+SAMPLES = Path(__file__).parent.parent / "sample_meshes"
+MODULE = [sys.executable, "-m", "bezier_filters"]
+
+
+def run(*arguments, cwd):
+    return subprocess.run([*MODULE, *map(str, arguments)], capture_output=True, text=True, cwd=cwd)
+
+
+def results(summary):
+    return {file["input"]: file["result"] for file in summary["files"]}
+
+
+@pytest.fixture
+def scans(tmp_path):
+    """Three meshes, one of them in a folder below, and three files that are none."""
+    folder = tmp_path / "scans"
+    (folder / "below").mkdir(parents=True)
+    shutil.copy(SAMPLES / "torus.ply", folder / "a.ply")
+    shutil.copy(SAMPLES / "waves.ply", folder / "below" / "a.ply")
+    shutil.copy(SAMPLES / "sphere.ply", folder / "z.ply")
+    (folder / "empty.ply").touch()
+    (folder / "garbage.ply").write_bytes(os.urandom(1000))
+    (folder / "cut.ply").write_bytes((SAMPLES / "torus.ply").read_bytes()[:2000])
+    return folder
+
+
+def test_bad_files_do_not_stop_the_others_and_the_next_run_goes_on(scans, tmp_path):
+    command = ("batch", "curvature", "scans/**/*.ply", "--out", "out", "--options", "--quality gaussian --no-color")
+    first = run(*command, "--json", cwd=tmp_path)
+    assert first.returncode == 1
+    summary = json.loads(first.stdout)
+    good, bad = {"scans/a.ply", "scans/below/a.ply", "scans/z.ply"}, {"scans/empty.ply", "scans/garbage.ply"}
+    found = results(summary)
+    assert {name for name in found if found[name] == "done"} == good
+    assert bad | {"scans/cut.ply"} == {name for name in found if found[name] == "failed"}
+    assert all(("cannot read" in file["error"]) == (file["input"] not in good) for file in summary["files"])
+    written = {str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*.*")}
+    assert written == {"a.ply", "below/a.ply", "z.ply"}
+
+    single = tmp_path / "single.ply"
+    run("curvature", scans / "below" / "a.ply", single, "--quality", "gaussian", "--no-color", cwd=tmp_path)
+    np.testing.assert_array_equal(read_fields(single)["quality"], read_fields(tmp_path / "out/below/a.ply")["quality"])
+
+    shutil.copy(SAMPLES / "waves.ply", scans / "empty.ply")  # mended
+    os.utime(scans / "z.ply")  # changed
+    second = run(*command, cwd=tmp_path)
+    assert second.returncode == 1
+    lines = {line.split()[0]: line for line in second.stdout.splitlines()}
+    assert "skipped" in lines["scans/a.ply"]
+    assert "done" in lines["scans/empty.ply"]
+    assert "done" in lines["scans/z.ply"]
+    assert "cannot read" in lines["scans/cut.ply"]
+    assert "curvature: 2 done, 2 skipped, 2 failed" in second.stdout
+
+
+def test_an_interrupted_batch_goes_on_where_it_was(tmp_path):
+    (tmp_path / "scans").mkdir()
+    for k in range(12):
+        shutil.copy(SAMPLES / "bumpy_star.ply", tmp_path / "scans" / f"{k:02}.ply")
+    command = [*MODULE, "batch", "smooth", "scans/*.ply", "--out", "out", "--jobs", "2"]
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    end = time.monotonic() + 120
+    while not list(tmp_path.glob("out/*.ply")) and time.monotonic() < end:
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    assert process.wait(timeout=60) != 0
+    before = {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("out/*.ply")}
+    assert 0 < len(before) < 12
+    summary = json.loads(run(*command[3:], "--json", cwd=tmp_path).stdout)
+    assert (summary["done"], summary["skipped"], summary["failed"]) == (12 - len(before), len(before), 0)
+    after = {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("out/*")}
+    assert len(after) == 12
+    assert before.items() <= after.items()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["render", "a.ply", "--out", "out"], "command: got 'render', expected one of normals"),
+        (["smooth", "b*.ply", "--out", "out"], "files: nothing matches 'b*.ply'"),
+        (["smooth", "a.ply", "--out", "."], "out: a.ply is one of the inputs"),
+        (["smooth", "a.ply", "a.obj", "--out", "out"], "files: a.ply and a.obj would both become out/a.ply"),
+        (["smooth", "a.ply", "--out", "out", "--suffix", "ply"], "suffix: got 'ply'"),
+        (["smooth", "a.ply", "--out", "out", "--options", "--json"], "options: got --json"),
+        (["smooth", "a.ply", "--out", "out", "--options", "--colour"], "No such option"),
+    ],
+)
+def test_mistakes_are_refused_before_anything_is_done(arguments, message, tmp_path, monkeypatch, capsys):
+    shutil.copy(SAMPLES / "waves.ply", tmp_path / "a.ply")
+    (tmp_path / "a.obj").touch()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["bezier-filters", "batch", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert message in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_job_that_ends_its_process_costs_nothing_but_itself():
+    jobs = [0, signal.SIGKILL, 0, signal.SIGABRT, 0]  # raising 0 does nothing
+    outcomes = dict(run_in_processes(signal.raise_signal, jobs, processes=2))
+    assert [outcomes[k].error for k in (0, 2, 4)] == ["", "", ""]
+    assert "SIGKILL" in outcomes[1].error
+    assert "SIGABRT" in outcomes[3].error
+
+
+@pytest.mark.slow
+def test_two_hundred_files_some_of_them_broken(tmp_path):
+    (tmp_path / "scans").mkdir()
+    names = ("torus.ply", "waves.ply", "block.ply", "ellipsoid.ply")
+    for k in range(200):
+        target = tmp_path / "scans" / f"{k:03}.ply"
+        if k % 20:
+            shutil.copy(SAMPLES / names[k % len(names)], target)
+        else:
+            target.write_text("broken")
+    summary = json.loads(run("batch", "torsion", "scans/*.ply", "--out", "out", "--json", cwd=tmp_path).stdout)
+    assert (summary["done"], summary["skipped"], summary["failed"]) == (190, 0, 10)
+    assert len(list((tmp_path / "out").iterdir())) == 190
+    summary = json.loads(run("batch", "torsion", "scans/*.ply", "--out", "out", "--json", cwd=tmp_path).stdout)
+    assert (summary["done"], summary["skipped"], summary["failed"]) == (0, 190, 10)

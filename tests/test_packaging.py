@@ -1,0 +1,89 @@
+"""What is built can be installed and used outside of the tree."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+import tarfile
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from bezier_filters import __version__
+
+ROOT = Path(__file__).parent.parent
+
+
+OUTSIDE = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+"""Variables that do not lead back to this tree."""
+
+
+def run(*command, cwd, status=0):
+    """Run a program in an environment without this tree; its output, or what it says when it fails as expected."""
+    done = subprocess.run([*map(str, command)], cwd=cwd, env=OUTSIDE, capture_output=True, text=True)
+    assert done.returncode == status, done.stderr + done.stdout
+    return done.stderr if status else done.stdout
+
+
+def python(folder):
+    """A fresh virtual environment: its Python and the folder of its programs."""
+    venv.create(folder, with_pip=True)
+    programs = folder / ("Scripts" if sys.platform == "win32" else "bin")
+    return programs / "python", programs
+
+
+def pip_install(interpreter, *packages):
+    run(interpreter, "-m", "pip", "install", "--quiet", *packages, cwd=interpreter.parent)
+
+
+def test_the_citation_names_this_version():
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert re.findall(r"^version: (.*)$", citation, re.MULTILINE) == [__version__]
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """Folder with the wheel and the sdist; the wheel is built from the sdist."""
+    folder = tmp_path_factory.mktemp("built")
+    interpreter, _ = python(folder / "venv")
+    pip_install(interpreter, "build")
+    run(interpreter, "-m", "build", "--outdir", folder / "dist", ROOT, cwd=folder)
+    return folder / "dist"
+
+
+@pytest.mark.slow
+def test_the_wheel_and_the_sdist_hold_what_they_should(built):
+    (wheel,), (sdist,) = built.glob("*.whl"), built.glob("*.tar.gz")
+    with zipfile.ZipFile(wheel) as archive:
+        names = archive.namelist()
+    assert {name.split("/")[0] for name in names} == {
+        "bezier_filters",
+        f"bezier_filters-{__version__}.dist-info",
+    }
+    assert {"bezier_filters/py.typed", "bezier_filters/__init__.pyi"} <= set(names)
+    modules = {f"bezier_filters/{p.relative_to(ROOT / 'bezier_filters')}" for p in ROOT.glob("bezier_filters/**/*.py")}
+    assert modules <= set(names)
+    with tarfile.open(sdist) as archive:
+        names = {name.split("/", 1)[-1] for name in archive.getnames()}
+    assert {"LICENSE", "README.md", "CITATION.cff", "tests/test_packaging.py", "sample_meshes/torus.ply"} <= names
+
+
+@pytest.mark.slow
+def test_the_wheel_works_outside_of_the_tree(built, tmp_path):
+    interpreter, programs = python(tmp_path / "venv")
+    pip_install(interpreter, *built.glob("*.whl"))
+    origin = run(interpreter, "-c", "import bezier_filters; print(bezier_filters.__file__)", cwd=tmp_path)
+    assert Path(origin.strip()).is_relative_to(tmp_path / "venv")
+    command = programs / "bezier-filters"
+    assert run(command, "--version", cwd=tmp_path) == f"bezier-filters {__version__}\n"
+    torus = ROOT / "sample_meshes" / "torus.ply"
+    assert json.loads(run(command, "info", torus, "--json", cwd=tmp_path))["genus"] == 1
+    report = json.loads(run(command, "curvature", torus, "curved.ply", "--json", cwd=tmp_path))
+    assert report["status"] == {"OK": 1440}
+    assert (tmp_path / "curved.ply").is_file()
+    # Without the extra, one line says what to install.
+    message = run(command, "render", "curved.ply", "curved.png", cwd=tmp_path, status=2)
+    assert 'pip install "bezier-filters[viz]"' in message
