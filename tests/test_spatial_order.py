@@ -24,7 +24,7 @@ def as_set(vertices, faces):
     return sorted(vertices[faces].reshape(len(faces), 9).tolist())
 
 
-@given(st.integers(0, 60), st.floats(1e-300, 1e300), st.floats(-1e3, 1e3), st.integers(1, 3), st.integers(0, 2**32 - 1))
+@given(st.integers(0, 60), st.floats(1e-30, 1e30), st.floats(-1e3, 1e3), st.integers(1, 3), st.integers(0, 2**32 - 1))
 def test_it_is_the_same_mesh(n, scale, offset, threads, seed):
     generator = np.random.default_rng(seed)
     vertices = scale * (generator.standard_normal((n, 3)) + offset)
@@ -36,8 +36,8 @@ def test_it_is_the_same_mesh(n, scale, offset, threads, seed):
     assert as_set(ordered.mesh.vertices, ordered.mesh.faces) == as_set(mesh.vertices, mesh.faces)
 
 
-@pytest.mark.parametrize("size", [1e308, 0.0])
-def test_extents_beyond_numbers_and_of_nothing_are_no_obstacle(size):
+@pytest.mark.parametrize("size", [1e39, 0.0])
+def test_extents_of_any_size_and_of_nothing_are_no_obstacle(size):
     mesh = triangle_mesh(size * np.array([[-1.0, 0, 0], [1.0, 0, 0], [0, 1.0, 0]]), [[0, 1, 2]])
     assert sorted(in_spatial_order(mesh).order.tolist()) == [0, 1, 2]
 
