@@ -4,7 +4,7 @@ MESH ?=
 OUT ?= out
 SOURCES := pyproject.toml
 
-.PHONY: help demo test test-slow check docs bench bench-kernels clean
+.PHONY: help demo test test-slow check docs bench bench-kernels fuzz clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
@@ -37,6 +37,9 @@ bench: .venv-dev/bench-ready  ## accuracy, stability and speed next to MeshLab a
 bench-kernels: .venv-dev/bench-ready  ## times of the stages, next to the last run of this target
 	.venv-dev/bin/python -m pytest -q -W default benchmarks/bench_kernels.py --benchmark-autosave --benchmark-compare \
 	    --benchmark-columns=min,median --benchmark-sort=name
+
+fuzz: .venv-dev/ready  ## damage 100,000 meshes at random and run everything on them
+	.venv-dev/bin/python benchmarks/fuzz.py
 
 clean:  ## remove environments, caches and outputs
 	rm -rf .venv .venv-dev out build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
