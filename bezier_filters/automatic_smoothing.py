@@ -78,13 +78,14 @@ def denoise(
         Called after each of a few steps.
     """
     least = (DETAIL + SMALLEST_NOISE) * unit
-    if not sigma > least:
+    if not (sigma > least and unit > 0.0):
         return Denoised(mesh.vertices.copy(), np.zeros(mesh.vertex_count))
-    center = mesh.vertices.mean(axis=0)
-    if np.abs(center).max() > np.ptp(mesh.vertices, axis=0).max():  # so far from the origin, digits would be lost
-        mesh = TriangleMesh(mesh.vertices - center, mesh.faces)
-    else:
+    measured, center = mesh.vertices, mesh.vertices.mean(axis=0)
+    if np.abs(center).max() <= np.ptp(measured, axis=0).max():  # not so far from the origin that digits would be lost
         center = np.zeros(3)
+    scale = float(2.0 ** -np.round(np.log2(unit)))  # single precision has few exponents
+    mesh, sigma, unit = TriangleMesh((measured - center) * scale, mesh.faces), sigma * scale, unit * scale
+    least *= scale
     clusters = clusters_of(mesh, adjacency)
     levels = np.maximum(noise_levels(mesh, adjacency, clusters, sigma, unit, threads=threads), least)
     levels = np.sqrt(levels**2 - (DETAIL * unit) ** 2)
@@ -101,9 +102,9 @@ def denoise(
     estimates = surface_estimates(mesh, adjacency, low_pass, levels, kinds, threads=threads)
     del low_pass, parts  # for large meshes, memory counts
     found, shares = _worthwhile(estimates, clusters, threads, progress)
-    result = mesh.vertices + center
+    result = measured.copy()
     for k, estimate in enumerate(found):
-        result += shares[:, [k]] * estimate.moves
+        result += shares[:, [k]] * (estimate.moves / scale)
     report(progress, STEPS, STEPS)
     return Denoised(result, shares @ SHARPNESS[[estimate.kind for estimate in found]])
 
