@@ -57,7 +57,7 @@ def in_spatial_order(mesh: TriangleMesh, *, threads: int = 1) -> SpatialOrder:
     _find_bounds(mesh.vertices, low, high)
     size = max(float(high[k]) - float(low[k]) for k in range(3))
     scale = (1 << bits) / size if 0.0 < size < np.inf else 0.0
-    cells, order, rank = np.empty((3, n), dtype=np.int32)
+    cells, order, rank = (np.empty(n, dtype=np.int32) for _ in range(3))  # not one block, as the cells are let go
     run_in_chunks(lambda: lambda a, b: _find_cells(mesh.vertices, low, scale, bits, a, b, cells), n, threads=threads)
     ends = np.zeros((1 << 3 * bits) + 1, dtype=np.int32)
     _sort_by_cell(cells, ends, order)
