@@ -5,14 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.arrays import ByteArray, FloatArray, IntArray
 from bezier_filters.fallbacks import fit_with_fallbacks, planned_chain
 from bezier_filters.kernel_input import KernelMesh
-from bezier_filters.model_tree import Leaf, grow, leaf_numbers, leaves
+from bezier_filters.model_tree import Leaf, Split, grow, leaf_numbers, leaves
 from bezier_filters.parallel import Progress
 from bezier_filters.plans import THRIFT, Choices, FitPlan, plan_for
 from bezier_filters.ring_analysis import RingAnalysis
 from bezier_filters.vertex_geometry import FitChoice, FitPart, VertexGeometry
+
+BUNCH = 1 << 16
+"""Vertices whose features are held at a time."""
 
 
 def fit_adaptively(
@@ -73,7 +76,7 @@ def fit_adaptively(
     tree = grow(root, analyses, lambda centers: _features(geometry, mesh.origin[centers]), choices)
     if isinstance(tree, Leaf):
         return choice
-    numbers = leaf_numbers(tree, _features(geometry, mesh.origin[ids]))
+    numbers = _parts_of(tree, geometry, mesh.origin, ids)
     parts = []
     for number, leaf in enumerate(leaves(tree)):
         part = ids[numbers == number]
@@ -98,6 +101,15 @@ def fit_adaptively(
 def _features(geometry: VertexGeometry, rows: IntArray) -> FloatArray:
     """What the parts are told apart by, from the first fit: curvedness, but for a factor, and residual."""
     return np.column_stack([np.hypot(geometry.k_min[rows], geometry.k_max[rows]), geometry.residual[rows]])
+
+
+def _parts_of(tree: Leaf | Split, geometry: VertexGeometry, origin: IntArray, ids: IntArray) -> ByteArray:
+    """The number of the leaf that each vertex belongs to, (k,); a bunch at a time, as features take room."""
+    numbers = np.empty(len(ids), dtype=np.int8)
+    for start in range(0, len(ids), BUNCH):
+        bunch = slice(start, start + BUNCH)
+        numbers[bunch] = leaf_numbers(tree, _features(geometry, origin[ids[bunch]]))
+    return numbers
 
 
 def _rescale_errors(geometry: VertexGeometry, rows: IntArray, before: FitPlan, after: FitPlan) -> None:

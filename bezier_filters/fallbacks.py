@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numba import config
 
-from bezier_filters.arrays import IntArray
+from bezier_filters.arrays import BoolArray, ByteArray, IntArray
 from bezier_filters.fitting import PatchFit
 from bezier_filters.jets import GraphGeometry
 from bezier_filters.kernel_input import FITTED, FOLDED, ILL_POSED, OUTCOMES, KernelFit, KernelMesh
@@ -157,17 +157,17 @@ def fit_with_fallbacks(
     """
     if not len(mesh.faces):
         attempts = [without_faces(attempt) for attempt in attempts]
-    has_normal = np.einsum("ij,ij->i", mesh.normals, mesh.normals)[ids] > 0.0
+    has_normal = (mesh.normals != 0.0).any(axis=1)[ids]
     geometry.status[mesh.origin[ids[~has_normal]]] = FitStatus.ISOLATED
-    unsettled = ids[has_normal]
-    outcomes = np.full(len(unsettled), FITTED, dtype=np.int32)
+    unsettled = _where(has_normal, ids)
+    outcomes = np.full(len(unsettled), FITTED, dtype=np.int8)
     tried = 0
     for attempt in attempts:
         concerned = np.array([outcome in attempt.after for outcome in OUTCOMES])[outcomes]
         if not concerned.any():
             continue
         report = _overall_progress(progress, tried, len(ids))
-        outcomes[concerned] = _run(attempt, mesh, unsettled[concerned], geometry, robust, threads, report)
+        outcomes[concerned] = _run(attempt, mesh, _where(concerned, unsettled), geometry, robust, threads, report)
         tried = len(ids)
         fitted = concerned & (outcomes == FITTED)
         geometry.status[mesh.origin[unsettled[fitted]]] = attempt.status
@@ -179,6 +179,11 @@ def fit_with_fallbacks(
     geometry.status[mesh.origin[never_fitted]] = FitStatus.NORMAL_ONLY
 
 
+def _where(mask: BoolArray, ids: IntArray) -> IntArray:
+    """The numbers where a mask is true; no copy if that is everywhere."""
+    return ids if mask.all() else ids[mask]
+
+
 def _run(
     attempt: Attempt,
     mesh: KernelMesh,
@@ -187,12 +192,12 @@ def _run(
     robust: bool,
     threads: int,
     progress: Progress | None,
-) -> IntArray:
+) -> ByteArray:
     """Run the kernel on the vertices `ids`; return their outcomes."""
     n = len(mesh.vertices)
     if attempt.over_creases:
         mesh = mesh._replace(stops=np.zeros(n, dtype=np.bool_))
-    outcomes = np.empty(len(ids), dtype=np.int32)
+    outcomes = np.empty(len(ids), dtype=np.int8)
     fit = kernel_fit(attempt, robust=robust)
     result = GraphGeometry(
         geometry.normals,

@@ -6,7 +6,7 @@ from math import cos, radians, sin
 import numpy as np
 
 from bezier_filters.adjacency import Adjacency
-from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.arrays import FloatArray, IntArray, SingleArray
 from bezier_filters.lean import inner_njit, lean_njit, variable
 from bezier_filters.mesh import TriangleMesh
 from bezier_filters.parallel import RangeTask, run_in_chunks
@@ -14,6 +14,8 @@ from bezier_filters.parallel import RangeTask, run_in_chunks
 STEEPEST = radians(89.0)
 """A face that leans further than this from the plane makes its points coincide: a fold."""
 FOLD_COSINE, STEEPEST_SINE = cos(STEEPEST), sin(STEEPEST)
+ROUNDING = 2e-7
+"""More than a bound up to 2 may lose in single precision."""
 TIE = 1e-6
 """Relative difference below which lengths count as equal: far above rounding, far below irregularity."""
 
@@ -26,20 +28,20 @@ class TangentPlanes:
     ----------
     normals : (n, 3) float64
         Mean of the unit normals of the faces at each vertex, normalised; zero without any.
-    safe_cosine : (n,) float64
+    safe_cosine : (n,) float32
         If the cosine between a direction and the normal is larger than this, no face at the
         vertex folds when projected along that direction; 2 if there is no such bound.
     """
 
     normals: FloatArray
-    safe_cosine: FloatArray
+    safe_cosine: SingleArray
 
 
 def tangent_planes(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> TangentPlanes:
     """Tangent planes from the adjacent unit face normals, as in the paper."""
     of_faces = np.empty((mesh.face_count, 3))
     normals = np.zeros((mesh.vertex_count, 3))
-    safe_cosine = np.full(mesh.vertex_count, 2.0)
+    safe_cosine = np.full(mesh.vertex_count, 2.0, dtype=np.float32)
     rows = adjacency.faces
 
     def face_task() -> RangeTask:
@@ -89,7 +91,7 @@ def _vertex_planes(
     start: int,
     stop: int,
     normals: FloatArray,
-    safe_cosine: FloatArray,
+    safe_cosine: SingleArray,
 ) -> None:
     """Normal of vertices start .. stop-1 and the bound that its cone of face normals gives."""
     for i in range(start, stop):
@@ -111,7 +113,8 @@ def _vertex_planes(
         # Every face leans at most `cone`, of this cosine, from the normal, so a direction at less than
         # STEEPEST - cone from the normal sees them all from the front.
         if cosine > FOLD_COSINE:
-            safe_cosine[i] = FOLD_COSINE * cosine + STEEPEST_SINE * np.sqrt(1.0 - cosine * cosine)
+            bound = FOLD_COSINE * cosine + STEEPEST_SINE * np.sqrt(1.0 - cosine * cosine)
+            safe_cosine[i] = bound + ROUNDING
 
 
 @lean_njit()
@@ -121,7 +124,7 @@ def folds(
     face_ptr: IntArray,
     face_indices: IntArray,
     normals: FloatArray,
-    safe_cosine: FloatArray,
+    safe_cosine: SingleArray,
     members: IntArray,
     count: int,
     nx: float,

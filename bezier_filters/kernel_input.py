@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bezier_filters.adjacency import Adjacency
-from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from bezier_filters.frames import TangentPlanes
 from bezier_filters.mesh import TriangleMesh
 from bezier_filters.spatial_order import SpatialOrder
@@ -31,7 +31,7 @@ class KernelMesh(NamedTuple):
     ring_ptr: IntArray
     ring_indices: IntArray
     normals: FloatArray
-    safe_cosine: FloatArray
+    safe_cosine: SingleArray
     stops: BoolArray  # where neighbourhoods end: see `collect_ring`
     origin: IntArray  # row of each vertex in the results,
     rank: IntArray  # and vertex of each row
@@ -45,7 +45,9 @@ def kernel_mesh(
     ordered: SpatialOrder | None = None,
 ) -> KernelMesh:
     """Collect the arrays for the kernels; without `ordered`, vertices are in the order of the results."""
-    own_rows = np.arange(mesh.vertex_count, dtype=np.int32)
+    if ordered is None:
+        own_rows: IntArray = np.arange(mesh.vertex_count, dtype=np.int32)
+        ordered = SpatialOrder(mesh, own_rows, own_rows)
     return KernelMesh(
         mesh.vertices,
         mesh.faces,
@@ -56,8 +58,8 @@ def kernel_mesh(
         planes.normals,
         planes.safe_cosine,
         np.zeros(mesh.vertex_count, dtype=np.bool_) if stops is None else stops,
-        own_rows if ordered is None else ordered.order,
-        own_rows if ordered is None else ordered.rank,
+        ordered.order,
+        ordered.rank,
     )
 
 

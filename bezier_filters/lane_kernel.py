@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from bezier_filters.jets import GraphGeometry
 from bezier_filters.kernel_input import FITTED, KernelFit, KernelMesh
 from bezier_filters.lane_algebra import (
@@ -44,14 +44,14 @@ def lane_task(
     errors: StandardErrors,
     residuals: FloatArray,
     rings_used: IntArray,
-    outcomes: IntArray,
+    outcomes: ByteArray,
 ) -> RangeTask:
     """Task for one thread: fit the vertices ids[start:stop]; write their geometry and outcomes[start:stop].
 
     The same as `scalar_kernel.scalar_task`, up to rounding, but without reweighting by residuals.
     """
     n = len(mesh.vertices)
-    visited, members = np.full(n, -1, dtype=np.int32), np.empty(n + 1, dtype=np.int32)
+    visited, members = np.zeros(n, dtype=np.bool_), np.empty(n + 1, dtype=np.int32)
     work = lane_workspace(fit, max(FEWEST, ROOM * 3 * fit.rings * (fit.rings + 1)))
 
     def run(start: int, stop: int) -> None:
@@ -61,7 +61,6 @@ def lane_task(
                 mesh, fit, ids, start, stop, visited, members, work, result, errors, residuals, rings_used, outcomes
             )
             if start < stop:  # there a block needs more room, and is collected once more
-                visited.fill(-1)
                 work = lane_workspace(fit, 2 * needed)
 
     return run
@@ -74,14 +73,14 @@ def fit_in_lanes(
     ids: IntArray,
     start: int,
     stop: int,
-    visited: IntArray,
+    visited: BoolArray,
     members: IntArray,
     work: LaneWorkspace,
     result: GraphGeometry,
     errors: StandardErrors,
     residuals: FloatArray,
     rings_used: IntArray,
-    outcomes: IntArray,
+    outcomes: ByteArray,
 ) -> tuple[int, int]:
     """Fit the vertices ids[start:stop] as far as there is room; return how far, and the room that is needed next."""
     capacity = work.points.shape[0] // (4 * LANES)
@@ -107,11 +106,11 @@ def _collect(
     mesh: KernelMesh,
     fit: KernelFit,
     block: IntArray,
-    visited: IntArray,
+    visited: BoolArray,
     members: IntArray,
     capacity: int,
     work: LaneWorkspace,
-    outcomes: IntArray,
+    outcomes: ByteArray,
 ) -> tuple[int, int]:
     """Collect the neighbourhoods of a block and choose their planes; return their most points and the capacity needed.
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.arrays import ByteArray, FloatArray, IntArray
 from bezier_filters.jets import GraphGeometry
 from bezier_filters.kernel_input import FITTED, ILL_POSED, KernelFit
 from bezier_filters.lane_errors import standard_errors
@@ -23,7 +23,7 @@ def write_block(
     origin: IntArray,
     block: IntArray,
     work: LaneWorkspace,
-    outcomes: IntArray,
+    outcomes: ByteArray,
     result: GraphGeometry,
     errors: StandardErrors,
     residuals: FloatArray,

@@ -9,7 +9,7 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.frames import farthest_direction, mean_normal, turned_share
 from bezier_filters.kernel_input import KernelMesh
 from bezier_filters.lean import inner_njit, lean_njit, variable
-from bezier_filters.neighbourhoods import next_ring
+from bezier_filters.neighbourhoods import forget, next_ring
 from bezier_filters.parallel import RangeTask, run_in_chunks
 
 CHUNK = 32
@@ -80,7 +80,7 @@ def sample_neighbourhoods(
     n = len(mesh.vertices)
 
     def make_task() -> RangeTask:
-        members, visited = np.empty(n + 1, np.int32), np.full(n, -1, np.int32)
+        members, visited = np.empty(n + 1, np.int32), np.zeros(n, np.bool_)
         return lambda start, stop: _project_sample(
             mesh,
             adjacency.on_boundary,
@@ -130,7 +130,7 @@ def _project_sample(
     start: int,
     stop: int,
     members: IntArray,
-    visited: IntArray,
+    visited: BoolArray,
     points: FloatArray,
     sizes: IntArray,
     clear: BoolArray,
@@ -141,12 +141,12 @@ def _project_sample(
     for row in range(start, stop):
         i = ids[row]
         members[0] = i
-        visited[i] = i
+        visited[i] = True
         inner, count, plane_count = variable(0), variable(1), variable(0)
         open_ring = False
         for k in range(1, rings + 1):
             before, inner = inner, count
-            count = next_ring(mesh.ring_ptr, mesh.ring_indices, mesh.stops, i, before, inner, visited, members)
+            count = next_ring(mesh.ring_ptr, mesh.ring_indices, mesh.stops, before, inner, visited, members)
             sizes[row, k] = count
             for a in range(before, inner):
                 open_ring = open_ring or on_boundary[members[a]] or mesh.stops[members[a]]
@@ -160,6 +160,7 @@ def _project_sample(
                 continue
             usable[row, k] = True
             plane_count = count
+        forget(visited, members, count)
         if plane_count > 0:
             _project(mesh, members, plane_count, points[row])
 

@@ -42,7 +42,13 @@ def k_rings(adjacency: Adjacency, rings: int) -> Rows:
 
 @lean_njit()
 def collect_ring(
-    indptr: IntArray, indices: IntArray, stops: BoolArray, center: int, rings: int, visited: IntArray, members: IntArray
+    indptr: IntArray,
+    indices: IntArray,
+    stops: BoolArray,
+    center: int,
+    rings: int,
+    visited: BoolArray,
+    members: IntArray,
 ) -> tuple[int, int]:
     """Breadth-first search from one vertex, as far as `rings` edges.
 
@@ -54,8 +60,8 @@ def collect_ring(
         Vertices that the search reaches but does not go on from, unless it starts there.
     center, rings : int
         Where to start, how far to go.
-    visited : (n,) int32
-        Work space, at first filled with -1; holds the last center that met each vertex.
+    visited : (n,) bool
+        Work space, false everywhere before and after the search.
     members : (n + 1,) int32
         Receives the vertices, the center first, ordered by distance in edges; what comes after is overwritten.
 
@@ -65,12 +71,20 @@ def collect_ring(
         How many vertices were written, and how many of them lie within ``rings - 1`` edges.
     """
     members[0] = center
-    visited[center] = center
+    visited[center] = True
     inner, count = variable(0), variable(1)
     for _ in range(rings):
         start, inner = inner, count
-        count = next_ring(indptr, indices, stops, center, start, count, visited, members)
+        count = next_ring(indptr, indices, stops, start, count, visited, members)
+    forget(visited, members, count)
     return count, inner
+
+
+@inner_njit()
+def forget(visited: BoolArray, members: IntArray, count: int) -> None:
+    """Make the marks at members[:count] false again."""
+    for a in range(count):
+        visited[np.uint32(members[a])] = False
 
 
 @inner_njit()
@@ -78,10 +92,9 @@ def next_ring(
     indptr: IntArray,
     indices: IntArray,
     stops: BoolArray,
-    center: int,
     start: int,
     stop: int,
-    visited: IntArray,
+    visited: BoolArray,
     members: IntArray,
 ) -> int:
     """Take the search of `collect_ring` one edge further, from members[start:stop]; return the new count."""
@@ -94,8 +107,8 @@ def next_ring(
             k = indices[np.uint32(q)]
             # Without a branch, as nobody can predict it: what was met before is written over.
             members[np.uint64(count)] = k
-            count += visited[np.uint32(k)] != center
-            visited[np.uint32(k)] = center
+            count += not visited[np.uint32(k)]
+            visited[np.uint32(k)] = True
     return count
 
 
@@ -107,7 +120,7 @@ def collect_ball(
     stops: BoolArray,
     center: int,
     radius: float,
-    visited: IntArray,
+    visited: BoolArray,
     members: IntArray,
 ) -> tuple[int, int, int, int]:
     """Breadth-first search from one vertex that does not leave the ball of a radius around it.
@@ -131,7 +144,7 @@ def collect_ball(
         the center, within one, and the number of rings that the search went through.
     """
     members[0] = center
-    visited[center] = center
+    visited[center] = True
     count, inner, neighbours, rings = 1, 0, 0, 0
     x, y, z = vertices[center]
     while True:
@@ -142,14 +155,18 @@ def collect_ball(
                 continue
             for q in range(indptr[j], indptr[j + 1]):
                 k = indices[q]
-                if visited[k] == center:
+                if visited[k]:
                     continue
-                visited[k] = center
+                visited[k] = True
                 dx, dy, dz = vertices[k, 0] - x, vertices[k, 1] - y, vertices[k, 2] - z
                 if dx * dx + dy * dy + dz * dz <= radius * radius:
                     members[count] = k
                     count += 1
         if count == stop:
+            for a in range(count):
+                row = indices[indptr[members[a]] : indptr[members[a] + 1]]  # what was met outside of the ball, too
+                forget(visited, row, row.shape[0])
+            visited[center] = False
             return count, inner, neighbours, rings
         inner = stop
         rings += 1
@@ -163,12 +180,10 @@ def _k_rings(indptr: IntArray, indices: IntArray, rings: int) -> tuple[IntArray,
     n = indptr.shape[0] - 1
     members = np.empty(n + 1, np.int32)
     ptr = np.zeros(n + 1, np.int32)
-    visited = np.full(n, -1, np.int32)
-    stops = np.zeros(n, np.bool_)
+    visited, stops = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
     for i in range(n):
         ptr[i + 1] = ptr[i] + collect_ring(indptr, indices, stops, i, rings, visited, members)[0]
     result = np.empty(ptr[n], np.int32)
-    visited[:] = -1
     for i in range(n):
         collect_ring(indptr, indices, stops, i, rings, visited, members)
         for a in range(ptr[i + 1] - ptr[i]):

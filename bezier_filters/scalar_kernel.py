@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from bezier_filters.dense import cholesky_solve, dot, powers
 from bezier_filters.jets import (
     GraphGeometry,
@@ -63,11 +63,11 @@ def scalar_task(
     errors: StandardErrors,
     residuals: FloatArray,
     rings_used: IntArray,
-    outcomes: IntArray,
+    outcomes: ByteArray,
 ) -> RangeTask:
     """Task for one thread: fit the vertices ids[start:stop]; write their geometry and outcomes[start:stop]."""
     n = len(mesh.vertices)
-    visited, members = np.full(n, -1, dtype=np.int32), np.empty(n + 1, dtype=np.int32)
+    visited, members = np.zeros(n, dtype=np.bool_), np.empty(n + 1, dtype=np.int32)
     return lambda start, stop: fit_vertices(
         mesh, fit, ids, start, stop, visited, members, result, errors, residuals, rings_used, outcomes
     )
@@ -80,18 +80,17 @@ def fit_vertices(
     ids: IntArray,
     start: int,
     stop: int,
-    visited: IntArray,
+    visited: BoolArray,
     members: IntArray,
     result: GraphGeometry,
     errors: StandardErrors,
     residuals: FloatArray,
     rings_used: IntArray,
-    outcomes: IntArray,
+    outcomes: ByteArray,
 ) -> None:
     """Fit the vertices ids[start:stop]; write their geometry and outcomes[start:stop].
 
-    `visited` (filled with -1 before its first use in an attempt) and `members`, both (n,), are
-    the work space of `collect_ring`.
+    `visited` (n,) and `members` (n + 1,) are the work space of `collect_ring`.
     """
     work = _workspace(fit, 64)
     for row in range(start, stop):

@@ -61,8 +61,7 @@ def vertex_patch(
     normal = tangent_planes(mesh, adjacency).normals[vertex]
     members = np.empty(mesh.vertex_count + 1, dtype=np.int32)
     rows = adjacency.vertices
-    visited = np.full(mesh.vertex_count, -1, dtype=np.int32)
-    stops = np.zeros(mesh.vertex_count, dtype=np.bool_)
+    visited, stops = np.zeros((2, mesh.vertex_count), dtype=np.bool_)
     count, _ = collect_ring(rows.indptr, rows.indices, stops, vertex, rings, visited, members)
     valence = len(rows.row(vertex))
     x_axis = np.array(farthest_direction(mesh.vertices, members, valence, count, *normal))

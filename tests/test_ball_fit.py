@@ -79,8 +79,9 @@ def test_a_ball_holds_what_is_reached_inside_it():
 
     def ball(center, radius, stops=()):
         stop_here = np.isin(np.arange(6), stops)
-        visited, members = np.full(6, -1), np.full(6, -1)
+        visited, members = np.zeros(6, dtype=bool), np.full(7, -1)
         count, *rest = collect_ball(vertices, indptr, indices, stop_here, center, radius, visited, members)
+        assert not visited.any()
         return members[:count].tolist(), *rest
 
     assert ball(0, 1.5) == ([0, 1], 1, 1, 1)
