@@ -9,7 +9,7 @@ from bezier_filters.fitting import PatchFit
 from bezier_filters.kernel_input import KernelMesh
 from bezier_filters.learning import CANDIDATE_RINGS, MOST_TURNED, learn_surface
 from bezier_filters.model_tree import Leaf, leaf_of
-from bezier_filters.neighbourhood_samples import sample_neighbourhoods
+from bezier_filters.neighbourhood_samples import draw_from_mesh, sample_neighbourhoods
 from bezier_filters.parallel import Progress
 from bezier_filters.plans import Choices
 from bezier_filters.ring_analysis import FEWEST_SAMPLES
@@ -82,8 +82,9 @@ def _learn(
 
 def nearest_rings(mesh: KernelMesh, adjacency: Adjacency, radius: float, *, seed: int = 0, threads: int = 1) -> int:
     """Number of rings, as many as can be analysed at most, whose median radius is nearest to a length."""
+    ids = draw_from_mesh(mesh, SAMPLES, seed)
     sample = sample_neighbourhoods(
-        mesh, adjacency, rings=max(CANDIDATE_RINGS), count=SAMPLES, most_turned=MOST_TURNED, seed=seed, threads=threads
+        mesh, adjacency, ids, rings=max(CANDIDATE_RINGS), most_turned=MOST_TURNED, threads=threads
     )
     distances = np.sqrt(np.square(sample.points[..., :2]).sum(axis=2))
     best, smallest = 1, np.inf

@@ -7,26 +7,28 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bezier_filters.adaptive_fit import fit_adaptively
+from bezier_filters.adaptive_fit import choose_fit, first_features, fit_parts, with_parts
 from bezier_filters.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.ball_fit import fit_in_balls
 from bezier_filters.compilation import announce_first_compilation
 from bezier_filters.creases import crease_vertices
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.fallbacks import fallback_chain, fit_with_fallbacks
+from bezier_filters.fallbacks import fit_with_fallbacks
 from bezier_filters.fitting import PatchFit
 from bezier_filters.frames import tangent_planes
 from bezier_filters.kernel_input import KernelMesh, kernel_mesh
 from bezier_filters.lane_kernel import fit_in_lanes
 from bezier_filters.learning import learn_surface
 from bezier_filters.mesh import TriangleMesh, triangle_mesh
+from bezier_filters.model_tree import Leaf
 from bezier_filters.outliers import without_outliers
 from bezier_filters.parallel import Progress, thread_count
 from bezier_filters.plans import CANDIDATE_DEGREES, Choices
 from bezier_filters.point_cloud import point_cloud
+from bezier_filters.ring_analysis import RingAnalysis
 from bezier_filters.smoothness import Smoothness
-from bezier_filters.spatial_order import in_spatial_order
+from bezier_filters.spatial_order import SpatialOrder, in_spatial_order
 from bezier_filters.status import FitStatus
 from bezier_filters.vertex_geometry import FitChoice, VertexGeometry, empty_geometry
 
@@ -133,12 +135,7 @@ def estimate_vertex_geometry(
     mesh = triangle_mesh(vertices, [] if faces is None else faces)
     outside = _outside(normals, mesh)
     _check_radius(radius, rings)
-    if smoothness == "paper":
-        rings, alpha = (2 if rings == "auto" else rings), (0.8 if alpha == "auto" else alpha)
-    _check_rings(rings)
-    fixed = None if alpha == "auto" else PatchFit(3 if degree == "auto" else degree, alpha, smoothness)
-    if fixed is None:
-        _check_choices(degree, smoothness)
+    rings, fixed, degrees = fit_options(rings, alpha, degree, smoothness)
     mask = _selected_mask(selected, mesh.vertex_count)
     threads = thread_count(threads)
 
@@ -146,16 +143,12 @@ def estimate_vertex_geometry(
     ordered = in_spatial_order(mesh, threads=threads)
     mesh, order = ordered.mesh, ordered.order
     if mesh.face_count:
-        adjacency = vertex_adjacency(mesh, threads=threads)
-        planes = tangent_planes(mesh, adjacency, threads=threads)
-        stops = crease_vertices(mesh, adjacency, planes, threads=threads) if fixed is None else None
+        arrays, adjacency = fitted_mesh(mesh, ordered, creases=fixed is None, threads=threads)
     else:
         adjacency, planes = point_cloud(mesh, None if outside is None else outside[order], threads=threads)
-        stops = None
-    arrays = kernel_mesh(mesh, adjacency, planes, stops, ordered)
+        arrays = kernel_mesh(mesh, adjacency, planes, None, ordered)
     ids = np.flatnonzero(mask[order]).astype(np.int32)
     geometry = empty_geometry(mesh.vertex_count)
-    degrees = CANDIDATE_DEGREES if degree == "auto" else (int(degree),)
     if radius is None:
         choice = _fit(arrays, adjacency, ids, rings, fixed, degrees, geometry, robust, threads, progress)
     else:
@@ -176,6 +169,36 @@ def estimate_vertex_geometry(
     return replace(geometry, fit=choice)
 
 
+def fit_options(
+    rings: object, alpha: object, degree: object, smoothness: Smoothness
+) -> tuple[int | Automatic, PatchFit | None, tuple[int, ...]]:
+    """What the user's options leave open: rings, the patch or None, and the degrees if the data choose.
+
+    Raises
+    ------
+    InvalidParameterError
+        If an option is out of range.
+    """
+    if smoothness == "paper":
+        rings, alpha = (2 if rings == "auto" else rings), (0.8 if alpha == "auto" else alpha)
+    checked = _checked_rings(rings)
+    if alpha == "auto":
+        _check_choices(degree, smoothness)
+        return checked, None, CANDIDATE_DEGREES if degree == "auto" else (int(degree),)  # type: ignore[call-overload]
+    fixed = PatchFit(3 if degree == "auto" else degree, alpha, smoothness)  # type: ignore[arg-type]
+    return checked, fixed, CANDIDATE_DEGREES if degree == "auto" else (fixed.degree,)
+
+
+def fitted_mesh(
+    mesh: TriangleMesh, ordered: SpatialOrder | None = None, *, creases: bool, threads: int = 1
+) -> tuple[KernelMesh, Adjacency]:
+    """Neighbours, planes and creases of a mesh, ready for the kernels."""
+    adjacency = vertex_adjacency(mesh, threads=threads)
+    planes = tangent_planes(mesh, adjacency, threads=threads)
+    stops = crease_vertices(mesh, adjacency, planes, threads=threads) if creases else None
+    return kernel_mesh(mesh, adjacency, planes, stops, ordered), adjacency
+
+
 def _fit(
     arrays: KernelMesh,
     adjacency: Adjacency,
@@ -188,24 +211,30 @@ def _fit(
     threads: int,
     progress: Progress | None,
 ) -> FitChoice:
-    """Choose how to fit what the user left open, and do it."""
-    root, sigma = None, None
-    if fixed is None or rings == "auto":
-        choices = Choices(None if rings == "auto" else rings, degrees)
+    """Choose how to fit what the user left open, and do it.
+
+    The sampled vertices are fitted, too, so that the parts do not depend on `ids`; what is written there means nothing.
+    """
+
+    def learn(choices: Choices) -> tuple[list[RingAnalysis], Leaf | None]:
         learned_from = without_outliers(arrays, threads=threads) if robust else arrays
-        analyses, root = learn_surface(learned_from, adjacency, choices, threads=threads)
-    if root is not None:
-        sigma = root.surface.sigma
-        if fixed is None:
-            return fit_adaptively(
-                arrays, ids, root, analyses, choices, geometry, robust=robust, threads=threads, progress=progress
-            )
-    if rings == "auto":
-        rings = 2 if root is None else root.chosen.rings
-    fit = fixed or PatchFit()
-    attempts = list(fallback_chain(rings, fit))
-    fit_with_fallbacks(arrays, ids, attempts, geometry, robust=robust, threads=threads, progress=progress)
-    return FitChoice(rings, fit.degree, fit.alpha, sigma)
+        return learn_surface(learned_from, adjacency, choices, threads=threads)
+
+    fit, learned = choose_fit(learn, rings, fixed, degrees)
+    first = ids if learned is None else _union(ids, learned.centers, len(arrays.vertices))
+    of_wanted = None if progress is None else lambda done, _: progress(min(done, len(ids)), len(ids))
+    fit_with_fallbacks(arrays, first, fit.attempts, geometry, robust=robust, threads=threads, progress=of_wanted)
+    if learned is not None:
+        fit = with_parts(fit, learned, lambda centers: first_features(geometry, arrays.origin[centers]))
+    return fit_parts(arrays, ids, fit, geometry, robust=robust, threads=threads, progress=progress)
+
+
+def _union(ids: IntArray, others: IntArray, n: int) -> IntArray:
+    """Numbers below n that are in one of two arrays, in ascending order."""
+    present = np.zeros(n, dtype=np.bool_)
+    present[ids] = True
+    present[others] = True
+    return np.flatnonzero(present).astype(np.int32)
 
 
 def _outside(normals: ArrayLike | None, mesh: TriangleMesh) -> FloatArray | None:
@@ -225,9 +254,12 @@ def _outside(normals: ArrayLike | None, mesh: TriangleMesh) -> FloatArray | None
     return vectors
 
 
-def _check_rings(rings: object) -> None:
-    if rings != "auto" and (isinstance(rings, bool) or not isinstance(rings, Integral) or rings < 1):
+def _checked_rings(rings: object) -> int | Automatic:
+    if rings == "auto":
+        return "auto"
+    if isinstance(rings, bool) or not isinstance(rings, Integral) or rings < 1:
         raise InvalidParameterError(f"rings: got {rings!r}, expected an integer of 1 or more, or 'auto'")
+    return int(rings)
 
 
 def _check_radius(radius: object, rings: object) -> None:

@@ -1,11 +1,12 @@
 """Learns a surface from its neighbourhoods: ring after ring, as long as they promise something."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from bezier_filters.adjacency import Adjacency
 from bezier_filters.kernel_input import KernelMesh
 from bezier_filters.model_tree import Leaf, best_leaf, leaf_of
-from bezier_filters.neighbourhood_samples import sample_neighbourhoods
+from bezier_filters.neighbourhood_samples import NeighbourhoodSample, draw_from_mesh, sample_neighbourhoods
 from bezier_filters.plans import Choices
 from bezier_filters.ring_analysis import RingAnalysis, analyse_rings
 
@@ -20,6 +21,9 @@ USABLE_SHARE = 0.8
 """A ring that folds at more than the rest of the sampled vertices is too wide."""
 HOPELESS = 10.0
 """Wider rings are not tried once the predicted error has grown by this factor."""
+
+Sampler = Callable[[int, int], NeighbourhoodSample]
+"""Gives neighbourhoods out to some rings of some number of vertices."""
 
 
 def learn_surface(
@@ -46,6 +50,30 @@ def learn_surface(
     root : Leaf or None
         The model; None if the analyses allow no plan.
     """
+
+    def sample(rings: int, count: int) -> NeighbourhoodSample:
+        ids = draw_from_mesh(mesh, count, seed)
+        return sample_neighbourhoods(mesh, adjacency, ids, rings=rings, most_turned=MOST_TURNED, threads=threads)
+
+    return learn_from_samples(sample, len(mesh.vertices), choices, threads=threads)
+
+
+def learn_from_samples(
+    sampler: Sampler, vertex_count: int, choices: Choices, *, threads: int = 1
+) -> tuple[list[RingAnalysis], Leaf | None]:
+    """The same for a mesh of which only samples are known.
+
+    Parameters
+    ----------
+    sampler : callable
+        ``sampler(rings, count)`` gives neighbourhoods, the same vertices for the same count.
+    vertex_count : int
+        Number of vertices of the mesh.
+    choices : Choices
+        What is allowed.
+    threads : int
+        Number of threads.
+    """
     rings = sorted({*CANDIDATE_RINGS, *(() if choices.rings is None else (choices.rings,))})
     stages = [[k for k in rings if k <= NEAR_RINGS], *([k] for k in rings if k > NEAR_RINGS)]
     analyses: list[RingAnalysis] = []
@@ -54,15 +82,13 @@ def learn_surface(
         if not promising and choices.rings not in stage:
             continue
         count = SAMPLES[2] if stage is stages[0] else SAMPLES[6]
-        sample = sample_neighbourhoods(
-            mesh, adjacency, rings=stage[-1], count=count, most_turned=MOST_TURNED, seed=seed, threads=threads
-        )
+        sample = sampler(stage[-1], count)
         most: dict[int, int] = {}
         for k in stage:
             promising = promising and sample.usable[:, k].sum() >= USABLE_SHARE * sample.clear[:, k].sum()
             if promising or k == choices.rings or not (analyses or most):
                 most[k] = SAMPLES.get(k, SAMPLES[10])
-        found = analyse_rings(sample, most, vertex_count=len(mesh.vertices), threads=threads)
+        found = analyse_rings(sample, most, vertex_count=vertex_count, threads=threads)
         if found:
             analyses += found
             whole = leaf_of(analyses, replace(choices, rings=None))

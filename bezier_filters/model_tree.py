@@ -7,6 +7,7 @@ sides, and where the predicted error drops, the split stays.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Generic, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -16,6 +17,8 @@ from bezier_filters.plans import Choices, FitPlan, all_plans, best_plan, plan_fo
 from bezier_filters.ring_analysis import FREE_DEGREE, RingAnalysis
 from bezier_filters.surface_model import SurfaceModel, learn_model
 
+Kind = TypeVar("Kind")
+Other = TypeVar("Other")
 Features = Callable[[IntArray], FloatArray]
 """Gives the features (k, F) of vertices (k,)."""
 
@@ -48,13 +51,17 @@ class Leaf:
 
 
 @dataclass(frozen=True)
-class Split:
+class Split(Generic[Kind]):
     """Two parts: vertices whose feature is at most the threshold, and the others."""
 
     feature: int
     threshold: float
-    low: "Leaf | Split"
-    high: "Leaf | Split"
+    low: "Kind | Split[Kind]"
+    high: "Kind | Split[Kind]"
+
+
+Tree: TypeAlias = Kind | Split[Kind]
+"""Splits, and something of one kind at every leaf."""
 
 
 def _overflows() -> np.errstate:
@@ -95,7 +102,7 @@ def part_of(root: Leaf, analyses: Sequence[RingAnalysis], choices: Choices) -> L
 
 def grow(
     root: Leaf, analyses: Sequence[RingAnalysis], features: Features, choices: Choices, depth: int = DEEPEST
-) -> Leaf | Split:
+) -> Tree[Leaf]:
     """Split a leaf as long as that is worthwhile.
 
     Parameters
@@ -139,14 +146,22 @@ def _saved(plan: FitPlan, leaf: Leaf) -> float:
     return -np.inf if before is None else float(np.log(max(before.error, smallest) / max(leaf.chosen.error, smallest)))
 
 
-def leaves(tree: Leaf | Split) -> list[Leaf]:
+def leaves(tree: Tree[Kind]) -> list[Kind]:
     """The leaves, from left to right."""
-    return [tree] if isinstance(tree, Leaf) else leaves(tree.low) + leaves(tree.high)
+    return leaves(tree.low) + leaves(tree.high) if isinstance(tree, Split) else [tree]
 
 
-def leaf_numbers(tree: Leaf | Split, features: FloatArray) -> IntArray:
+def at_leaves(tree: Tree[Kind], function: Callable[[Kind], Other]) -> Tree[Other]:
+    """The same tree with something else at every leaf."""
+    if not isinstance(tree, Split):
+        return function(tree)
+    low, high = at_leaves(tree.low, function), at_leaves(tree.high, function)
+    return Split(tree.feature, tree.threshold, low, high)
+
+
+def leaf_numbers(tree: Tree[Kind], features: FloatArray) -> IntArray:
     """Which of the `leaves` each row of features (n, F) belongs to, (n,)."""
-    if isinstance(tree, Leaf):
+    if not isinstance(tree, Split):
         return np.zeros(len(features), dtype=np.int32)
     low, high = leaf_numbers(tree.low, features), leaf_numbers(tree.high, features)
     is_low: BoolArray = features[:, tree.feature] <= tree.threshold

@@ -1,5 +1,6 @@
 """A sample of neighbourhoods in local coordinates, from which the surface is learned."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,38 +43,50 @@ class NeighbourhoodSample:
     usable: BoolArray
 
 
+@dataclass(frozen=True)
+class Population:
+    """Vertices to draw from, numbered in the user's order, wherever they are kept.
+
+    Attributes
+    ----------
+    size : int
+        How many there are.
+    members : callable
+        Gives the vertices of some numbers (k,), (k,) int32.
+    """
+
+    size: int
+    members: Callable[[IntArray], IntArray]
+
+
 def sample_neighbourhoods(
     mesh: KernelMesh,
     adjacency: Adjacency,
+    ids: IntArray,
     *,
     rings: int,
-    count: int,
     most_turned: float,
     most_points: int = 450,
-    seed: int = 0,
     threads: int = 1,
 ) -> NeighbourhoodSample:
-    """Draw vertices at random and project their neighbourhoods onto their tangent planes.
+    """Project the neighbourhoods of some vertices onto their tangent planes.
 
     Parameters
     ----------
     mesh : KernelMesh
     adjacency : Adjacency
         Of the same mesh.
+    ids : (N,) int32
+        The vertices, see `draw_vertices`.
     rings : int
         Widest ring.
-    count : int
-        Number of vertices to draw; fewer if the mesh has fewer with faces.
     most_turned : float
         Share of turned vertices above which a ring is not usable.
     most_points : int
         Rings with more points count as not usable.
-    seed : int
-        Of the draw.
     threads : int
         Number of threads.
     """
-    ids = _draw(mesh, count, seed)
     points = np.zeros((len(ids), most_points, 3))
     sizes = np.zeros((len(ids), rings + 1), dtype=np.int32)
     clear, usable = np.zeros((2, len(ids), rings + 1), dtype=np.bool_)
@@ -101,18 +114,53 @@ def sample_neighbourhoods(
     return NeighbourhoodSample(ids, points, sizes, clear, usable)
 
 
-def _draw(mesh: KernelMesh, count: int, seed: int) -> IntArray:
+def draw_from_mesh(mesh: KernelMesh, count: int, seed: int = 0) -> IntArray:
+    """Up to `count` vertices of a mesh that have a normal, in random order: see `draw_vertices`."""
+
+    def has_normal(ids: IntArray) -> BoolArray:
+        result: BoolArray = np.asarray(mesh.normals[ids].any(axis=1))
+        return result
+
+    def with_normals() -> Population:
+        candidates = mesh.rank[has_normal(mesh.rank)]
+        return Population(len(candidates), candidates.__getitem__)
+
+    every = Population(len(mesh.rank), mesh.rank.__getitem__)
+    return draw_vertices(every, has_normal, with_normals, count, seed)
+
+
+def draw_vertices(
+    every: Population,
+    has_normal: Callable[[IntArray], BoolArray],
+    with_normals: Callable[[], Population],
+    count: int,
+    seed: int = 0,
+) -> IntArray:
     """Up to `count` vertices that have a normal, in random order.
 
     One is drawn from each of as many stretches of the user's mesh, so that hardly a region is missed and
     turning the mesh does not matter.
+
+    Parameters
+    ----------
+    every : Population
+        All vertices.
+    has_normal : callable
+        Tells which of some vertices (k,) have a normal, (k,) bool.
+    with_normals : callable
+        Finds those that have one; called only if a vertex without one was drawn.
+    count : int
+        Number of vertices to draw; fewer if there are fewer.
+    seed : int
+        Of the draw.
     """
     generator = np.random.default_rng(seed)
-    ids = mesh.rank[_one_per_stretch(len(mesh.rank), count, generator)]
-    if not mesh.normals[ids].any(axis=1).all():
-        candidates = mesh.rank[mesh.normals[mesh.rank].any(axis=1)]
-        ids = candidates[_one_per_stretch(len(candidates), count, generator)]
-    return generator.permutation(ids)
+    ids = every.members(_one_per_stretch(every.size, count, generator))
+    if not has_normal(ids).all():
+        candidates = with_normals()
+        ids = candidates.members(_one_per_stretch(candidates.size, count, generator))
+    result: IntArray = generator.permutation(ids)
+    return result
 
 
 def _one_per_stretch(n: int, count: int, generator: np.random.Generator) -> IntArray:
