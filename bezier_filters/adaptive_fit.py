@@ -14,13 +14,10 @@ from bezier_filters.fallbacks import Attempt, fallback_chain, fit_with_fallbacks
 from bezier_filters.fitting import PatchFit
 from bezier_filters.kernel_input import KernelMesh
 from bezier_filters.model_tree import Features, Leaf, Tree, at_leaves, grow, leaf_numbers, leaves
-from bezier_filters.parallel import Progress
+from bezier_filters.parallel import Progress, run_in_chunks
 from bezier_filters.plans import THRIFT, Choices, plan_for
 from bezier_filters.ring_analysis import RingAnalysis
 from bezier_filters.vertex_geometry import FitChoice, FitPart, VertexGeometry
-
-BUNCH = 1 << 16
-"""Vertices whose features are held at a time."""
 
 Learn = Callable[[Choices], tuple[list[RingAnalysis], Leaf | None]]
 """Learns a surface, as `learning.learn_surface` does."""
@@ -211,11 +208,13 @@ def fit_parts(
 
 
 def _part_numbers(parts: Tree[PartFit], geometry: VertexGeometry, origin: IntArray, ids: IntArray) -> ByteArray:
-    """The number of the part that each vertex belongs to, (k,); a bunch at a time, as features take room."""
+    """The number of the part that each vertex belongs to, (k,); some at a time, as features take room."""
     numbers = np.empty(len(ids), dtype=np.int8)
-    for start in range(0, len(ids), BUNCH):
-        bunch = slice(start, start + BUNCH)
-        numbers[bunch] = leaf_numbers(parts, first_features(geometry, origin[ids[bunch]]))
+
+    def number(start: int, stop: int) -> None:
+        numbers[start:stop] = leaf_numbers(parts, first_features(geometry, origin[ids[start:stop]]))
+
+    run_in_chunks(lambda: number, len(ids), threads=1)
     return numbers
 
 

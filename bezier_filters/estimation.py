@@ -11,7 +11,7 @@ from bezier_filters.adaptive_fit import choose_fit, first_features, fit_parts, w
 from bezier_filters.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.ball_fit import fit_in_balls
-from bezier_filters.compilation import announce_first_compilation
+from bezier_filters.compilation import first_compilation
 from bezier_filters.creases import crease_vertices
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.fallbacks import fit_with_fallbacks
@@ -139,34 +139,34 @@ def estimate_vertex_geometry(
     mask = _selected_mask(selected, mesh.vertex_count)
     threads = thread_count(threads)
 
-    announce_first_compilation(fit_in_lanes)
-    ordered = in_spatial_order(mesh, threads=threads)
-    mesh, order = ordered.mesh, ordered.order
-    if mesh.face_count:
-        arrays, adjacency = fitted_mesh(mesh, ordered, creases=fixed is None, threads=threads)
-    else:
-        adjacency, planes = point_cloud(mesh, None if outside is None else outside[order], threads=threads)
-        arrays = kernel_mesh(mesh, adjacency, planes, None, ordered)
-    ids = np.flatnonzero(mask[order]).astype(np.int32)
-    geometry = empty_geometry(mesh.vertex_count)
-    if radius is None:
-        choice = _fit(arrays, adjacency, ids, rings, fixed, degrees, geometry, robust, threads, progress)
-    else:
-        choice = fit_in_balls(
-            arrays,
-            adjacency,
-            ids,
-            float(radius),
-            fixed,
-            degrees,
-            geometry,
-            robust=robust,
-            threads=threads,
-            progress=progress,
-        )
-    if len(ids) < mesh.vertex_count:
-        _clear(geometry, ~mask)
-    return replace(geometry, fit=choice)
+    with first_compilation(fit_in_lanes):
+        ordered = in_spatial_order(mesh, threads=threads)
+        mesh, order = ordered.mesh, ordered.order
+        if mesh.face_count:
+            arrays, adjacency = fitted_mesh(mesh, ordered, creases=fixed is None, threads=threads)
+        else:
+            adjacency, planes = point_cloud(mesh, None if outside is None else outside[order], threads=threads)
+            arrays = kernel_mesh(mesh, adjacency, planes, None, ordered)
+        ids = np.flatnonzero(mask[order]).astype(np.int32)
+        geometry = empty_geometry(mesh.vertex_count)
+        if radius is None:
+            choice = _fit(arrays, adjacency, ids, rings, fixed, degrees, geometry, robust, threads, progress)
+        else:
+            choice = fit_in_balls(
+                arrays,
+                adjacency,
+                ids,
+                float(radius),
+                fixed,
+                degrees,
+                geometry,
+                robust=robust,
+                threads=threads,
+                progress=progress,
+            )
+        if len(ids) < mesh.vertex_count:
+            _clear(geometry, ~mask)
+        return replace(geometry, fit=choice)
 
 
 def fit_options(

@@ -170,13 +170,22 @@ def fit_with_fallbacks(
         outcomes[concerned] = _run(attempt, mesh, _where(concerned, unsettled), geometry, robust, threads, report)
         tried = len(ids)
         fitted = concerned & (outcomes == FITTED)
-        geometry.status[mesh.origin[unsettled[fitted]]] = attempt.status
+        _give_status(attempt.status, unsettled, fitted, mesh.origin, geometry)
         unsettled, outcomes = unsettled[~fitted], outcomes[~fitted]
         if not len(unsettled):
             return
     never_fitted = unsettled[geometry.status[mesh.origin[unsettled]] == FitStatus.SKIPPED]
     geometry.normals[mesh.origin[never_fitted]] = mesh.normals[never_fitted]
     geometry.status[mesh.origin[never_fitted]] = FitStatus.NORMAL_ONLY
+
+
+def _give_status(status: FitStatus, ids: IntArray, mask: BoolArray, origin: IntArray, geometry: VertexGeometry) -> None:
+    """Set the status of the vertices where a mask is true, some at a time, as their rows take room."""
+
+    def give(start: int, stop: int) -> None:
+        geometry.status[origin[ids[start:stop][mask[start:stop]]]] = status
+
+    run_in_chunks(lambda: give, len(ids), threads=1)
 
 
 def _where(mask: BoolArray, ids: IntArray) -> IntArray:

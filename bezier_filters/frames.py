@@ -57,7 +57,7 @@ def tangent_planes(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1
     return TangentPlanes(normals, safe_cosine)
 
 
-@lean_njit()
+@inner_njit()
 def face_normal(vertices: FloatArray, faces: IntArray, f: int) -> tuple[float, float, float]:
     """Normal of face f, twice its area long."""
     a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
@@ -66,7 +66,7 @@ def face_normal(vertices: FloatArray, faces: IntArray, f: int) -> tuple[float, f
     return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
 
-@lean_njit()
+@inner_njit()
 def unit_face_normal(vertices: FloatArray, faces: IntArray, f: int) -> tuple[float, float, float]:
     """Unit normal of face f, zero if its area is zero."""
     x, y, z = face_normal(vertices, faces, f)
@@ -117,7 +117,7 @@ def _vertex_planes(
             safe_cosine[i] = bound + ROUNDING
 
 
-@lean_njit()
+@inner_njit()
 def folds(
     vertices: FloatArray,
     faces: IntArray,
@@ -143,7 +143,7 @@ def folds(
     return False
 
 
-@lean_njit()
+@inner_njit()
 def turned_share(normals: FloatArray, members: IntArray, count: int, nx: float, ny: float, nz: float) -> float:
     """Share of members[:count] whose own normal turns away from (nx, ny, nz).
 
@@ -158,7 +158,7 @@ def turned_share(normals: FloatArray, members: IntArray, count: int, nx: float, 
     return turned / max(count, 1)
 
 
-@lean_njit()
+@inner_njit()
 def mean_normal(normals: FloatArray, members: IntArray, count: int) -> tuple[float, float, float]:
     """Normalised mean of the normals of members[:count], zero if they cancel out."""
     x, y, z = 0.0, 0.0, 0.0

@@ -33,8 +33,7 @@ class KernelMesh(NamedTuple):
     normals: FloatArray
     safe_cosine: SingleArray
     stops: BoolArray  # where neighbourhoods end: see `collect_ring`
-    origin: IntArray  # row of each vertex in the results,
-    rank: IntArray  # and vertex of each row
+    origin: IntArray  # row of each vertex in the results
 
 
 def kernel_mesh(
@@ -45,9 +44,6 @@ def kernel_mesh(
     ordered: SpatialOrder | None = None,
 ) -> KernelMesh:
     """Collect the arrays for the kernels; without `ordered`, vertices are in the order of the results."""
-    if ordered is None:
-        own_rows: IntArray = np.arange(mesh.vertex_count, dtype=np.int32)
-        ordered = SpatialOrder(mesh, own_rows, own_rows)
     return KernelMesh(
         mesh.vertices,
         mesh.faces,
@@ -58,8 +54,7 @@ def kernel_mesh(
         planes.normals,
         planes.safe_cosine,
         np.zeros(mesh.vertex_count, dtype=np.bool_) if stops is None else stops,
-        ordered.order,
-        ordered.rank,
+        np.arange(mesh.vertex_count, dtype=np.int32) if ordered is None else ordered.order,
     )
 
 

@@ -10,13 +10,13 @@ import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.lanes import load, multiply_add, spread, square_root, store, where_greater
-from bezier_filters.lean import inner_njit, lean_njit
+from bezier_filters.lean import inner_njit
 
 GROUP = 4
 """Sums side by side. Tables have this many rows, or points, more than are asked for."""
 
 
-@lean_njit()
+@inner_njit()
 def raise_powers(table: FloatArray, stride: int, count: int, highest: int) -> None:
     """Rows k = 1 .. highest of a table become row 0 times powers of what was row 1."""
     for p in range(count):
@@ -27,7 +27,7 @@ def raise_powers(table: FloatArray, stride: int, count: int, highest: int) -> No
             store(table, k * stride + p, power)
 
 
-@lean_njit()
+@inner_njit()
 def add_moments(
     left: FloatArray, right: FloatArray, stride: int, count: int, starts: IntArray, sums: FloatArray
 ) -> None:
@@ -89,7 +89,7 @@ def _store_group(sums: FloatArray, k: int, stop: int, s0: Any, s1: Any, s2: Any,
         store(sums, k + 3, s3)
 
 
-@lean_njit()
+@inner_njit()
 def factorise(matrix: FloatArray, rows: int, columns: int, smallest_pivot: float, sound: FloatArray) -> None:
     """Cholesky factors of eight symmetric positive semidefinite matrices, or of their first columns.
 
@@ -165,7 +165,7 @@ def _eliminate(matrix: FloatArray, place: int, s: Any, t: Any, scale_j: Any, acr
     store(matrix, place + 1, (load(matrix, place + 1) - t - x * across) * scale_l)
 
 
-@lean_njit()
+@inner_njit()
 def substitute_back(factors: FloatArray, order: int, last: int, solution: FloatArray) -> None:
     """Solve L^T x = b for factors from `factorise`, b being their row number `last`; 0 where a column of L is."""
     for i in range(order):
@@ -178,7 +178,7 @@ def substitute_back(factors: FloatArray, order: int, last: int, solution: FloatA
             store(solution, k, load(solution, k) - load(factors, row + k) * found)
 
 
-@lean_njit()
+@inner_njit()
 def solve_lanes(matrix: FloatArray, order: int, smallest_pivot: float, solution: FloatArray, sound: FloatArray) -> None:
     """Solve eight symmetric positive definite systems.
 
@@ -200,7 +200,7 @@ def solve_lanes(matrix: FloatArray, order: int, smallest_pivot: float, solution:
     substitute_back(matrix, order, order, solution)
 
 
-@lean_njit()
+@inner_njit()
 def add_squared_residuals(
     coefficients: FloatArray, starts: IntArray, points: FloatArray, stride: int, count: int, total: FloatArray
 ) -> None:
@@ -249,7 +249,7 @@ def add_squared_residuals(
     store(total, 0, (total0 + total1) + (total2 + total3))
 
 
-@lean_njit()
+@inner_njit()
 def differentiate(
     coefficients: FloatArray, exponents: IntArray, powers_s: FloatArray, powers_t: FloatArray, jets: FloatArray
 ) -> None:

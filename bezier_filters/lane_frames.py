@@ -7,10 +7,10 @@ import numpy as np
 from bezier_filters.arrays import FloatArray
 from bezier_filters.frames import TIE
 from bezier_filters.lanes import LANES, load, multiply_add, spread, square_root, store, where_greater
-from bezier_filters.lean import inner_njit, lean_njit
+from bezier_filters.lean import inner_njit
 
 
-@lean_njit()
+@inner_njit()
 def point_to_farthest(
     points: FloatArray,
     stride: int,

@@ -122,10 +122,12 @@ def draw_from_mesh(mesh: KernelMesh, count: int, seed: int = 0) -> IntArray:
         return result
 
     def with_normals() -> Population:
-        candidates = mesh.rank[has_normal(mesh.rank)]
+        candidates = vertex_of_row[has_normal(vertex_of_row)]
         return Population(len(candidates), candidates.__getitem__)
 
-    every = Population(len(mesh.rank), mesh.rank.__getitem__)
+    vertex_of_row = np.empty_like(mesh.origin)
+    vertex_of_row[mesh.origin] = np.arange(len(mesh.origin), dtype=np.int32)
+    every = Population(len(vertex_of_row), vertex_of_row.__getitem__)
     return draw_vertices(every, has_normal, with_normals, count, seed)
 
 

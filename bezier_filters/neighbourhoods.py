@@ -112,7 +112,7 @@ def next_ring(
     return count
 
 
-@lean_njit()
+@inner_njit()
 def collect_ball(
     vertices: FloatArray,
     indptr: IntArray,
@@ -145,33 +145,25 @@ def collect_ball(
     """
     members[0] = center
     visited[center] = True
-    count, inner, neighbours, rings = 1, 0, 0, 0
-    x, y, z = vertices[center]
-    while True:
-        start, stop = inner, count
-        for a in range(start, stop):
-            j = members[a]
-            if stops[j] and a > 0:
-                continue
-            for q in range(indptr[j], indptr[j + 1]):
-                k = indices[q]
-                if visited[k]:
-                    continue
-                visited[k] = True
-                dx, dy, dz = vertices[k, 0] - x, vertices[k, 1] - y, vertices[k, 2] - z
-                if dx * dx + dy * dy + dz * dz <= radius * radius:
-                    members[count] = k
-                    count += 1
-        if count == stop:
-            for a in range(count):
-                row = indices[indptr[members[a]] : indptr[members[a] + 1]]  # what was met outside of the ball, too
-                forget(visited, row, row.shape[0])
-            visited[center] = False
-            return count, inner, neighbours, rings
-        inner = stop
-        rings += 1
+    start, inner, count, neighbours, rings = variable(0), variable(0), variable(1), 0, 0
+    x, y, z = vertices[center, 0], vertices[center, 1], vertices[center, 2]
+    while inner < count:
+        start, inner = inner, count
+        met = next_ring(indptr, indices, stops, start, inner, visited, members)
+        for a in range(inner, met):
+            k = members[a]
+            dx, dy, dz = vertices[k, 0] - x, vertices[k, 1] - y, vertices[k, 2] - z
+            if dx * dx + dy * dy + dz * dz <= radius * radius:
+                members[count] = k
+                count += 1
+            else:
+                visited[k] = False
+        if count > inner:
+            rings += 1
         if rings == 1:
             neighbours = count - 1
+    forget(visited, members, count)
+    return count, start, neighbours, rings
 
 
 @njit(cache=True, nogil=True)

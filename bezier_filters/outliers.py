@@ -22,7 +22,7 @@ def without_outliers(mesh: KernelMesh, *, threads: int = 1) -> KernelMesh:
     """The mesh with every vertex that is far off its own robust patch moved onto it."""
     n = len(mesh.vertices)
     every = np.arange(n, dtype=np.int32)
-    own = mesh._replace(origin=every, rank=every)
+    own = mesh._replace(origin=every)
     geometry = empty_geometry(n)
     attempts = list(fallback_chain(RINGS, PatchFit()))
     fit_with_fallbacks(own, every, attempts, geometry, robust=True, threads=threads)

@@ -95,7 +95,7 @@ def analyse_in_lanes(
     terms, m = degrees.shape[0], sums.parts.shape[1]
     highest, stride = degrees[m - 1], points.shape[1]
     for first in range(start, stop, LANES):
-        count = 0
+        count = variable(0)
         for lane in range(LANES):
             row = first + lane
             n = sizes[row] if row < stop else 0
@@ -186,18 +186,18 @@ def _write_row(
 ) -> None:
     """Write parts, residuals and what is unexplained of one lane."""
     terms, m, highest = degrees.shape[0], sums.parts.shape[1], sums.residuals.shape[1] - 1
-    residuals, freedom = sums.residuals[row], sums.freedom[row]
-    residuals[:] = work.left[lane]
-    freedom[:] = size
+    for d in range(highest + 1):
+        sums.residuals[row, d] = work.left[lane]
+        sums.freedom[row, d] = size
     for t in range(m):
         reciprocal = work.gram[LANES * (row_starts[t] + t) + lane]
         part = work.gram[LANES * (row_starts[terms] + t) + lane]
         sums.parts[row, t] = part
         for d in range(highest + 1):
             if degrees[t] > d:  # the part that the fits of lower degree leave
-                residuals[d] += part * part
+                sums.residuals[row, d] += part * part
             elif reciprocal > 0.0:
-                freedom[d] -= 1.0
+                sums.freedom[row, d] -= 1.0
     for s in range(m, terms):
         unexplained = work.coefficients[LANES * s + lane]
         for t in range(m):

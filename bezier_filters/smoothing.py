@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 from bezier_filters.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.automatic_smoothing import denoise
-from bezier_filters.compilation import announce_first_compilation
+from bezier_filters.compilation import first_compilation
 from bezier_filters.creases import crease_vertices
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation import estimate_vertex_geometry
@@ -118,27 +118,27 @@ def smooth(
     adjacency = vertex_adjacency(mesh)
     if borders == "fixed":
         movable = movable & ~adjacency.on_boundary
-    announce_first_compilation(fit_in_lanes)
-    noise_before = noise if noise is not None else noise_of(mesh, adjacency, threads=threads)
-    points, sharpness = mesh.vertices, np.zeros(mesh.vertex_count)
-    for k in range(iterations):
-        current = TriangleMesh(points, mesh.faces)
-        report = _part_of(progress, k, iterations)
-        if method == "paper":
-            points = _onto_patches(current, rings, alpha, threads, report)
-        else:
-            sigma = noise_before if k == 0 else noise_of(current, adjacency, threads=threads)
-            unit = mean_edge(current, adjacency, threads=threads)
-            denoised = denoise(current, adjacency, sigma or 0.0, unit, borders, threads=threads, progress=report)
-            points, sharpness = denoised.vertices, np.maximum(sharpness, denoised.sharpness)
-        points = np.where(movable[:, np.newaxis], points, mesh.vertices)
-    parts = closed_parts(mesh, adjacency)
-    before = bad_faces(mesh, adjacency, threads=threads)
-    if method == "auto":
-        points = _finished(mesh, adjacency, parts, points, before, movable, keep_volume is not False, threads)
-    elif keep_volume:
-        points = _with_old_volumes(mesh, adjacency, parts, points, movable)
-    return _result(mesh, adjacency, parts, points, sharpness, noise_before, before, threads)
+    with first_compilation(fit_in_lanes):
+        noise_before = noise if noise is not None else noise_of(mesh, adjacency, threads=threads)
+        points, sharpness = mesh.vertices, np.zeros(mesh.vertex_count)
+        for k in range(iterations):
+            current = TriangleMesh(points, mesh.faces)
+            report = _part_of(progress, k, iterations)
+            if method == "paper":
+                points = _onto_patches(current, rings, alpha, threads, report)
+            else:
+                sigma = noise_before if k == 0 else noise_of(current, adjacency, threads=threads)
+                unit = mean_edge(current, adjacency, threads=threads)
+                denoised = denoise(current, adjacency, sigma or 0.0, unit, borders, threads=threads, progress=report)
+                points, sharpness = denoised.vertices, np.maximum(sharpness, denoised.sharpness)
+            points = np.where(movable[:, np.newaxis], points, mesh.vertices)
+        parts = closed_parts(mesh, adjacency)
+        before = bad_faces(mesh, adjacency, threads=threads)
+        if method == "auto":
+            points = _finished(mesh, adjacency, parts, points, before, movable, keep_volume is not False, threads)
+        elif keep_volume:
+            points = _with_old_volumes(mesh, adjacency, parts, points, movable)
+        return _result(mesh, adjacency, parts, points, sharpness, noise_before, before, threads)
 
 
 def noise_of(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> float | None:

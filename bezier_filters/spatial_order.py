@@ -28,13 +28,12 @@ class SpatialOrder:
     ----------
     mesh : TriangleMesh
         The renumbered mesh.
-    order, rank : (n,) int32
-        Vertex i of it was vertex order[i]; vertex j became vertex rank[j].
+    order : (n,) int32
+        Vertex i of it was vertex order[i].
     """
 
     mesh: TriangleMesh
     order: IntArray
-    rank: IntArray
 
 
 def in_spatial_order(mesh: TriangleMesh, *, threads: int = 1) -> SpatialOrder:
@@ -57,7 +56,7 @@ def in_spatial_order(mesh: TriangleMesh, *, threads: int = 1) -> SpatialOrder:
     _find_bounds(mesh.vertices, low, high)
     size = max(float(high[k]) - float(low[k]) for k in range(3))
     scale = (1 << bits) / size if 0.0 < size < np.inf else 0.0
-    cells, order, rank = (np.empty(n, dtype=np.int32) for _ in range(3))  # not one block, as the cells are let go
+    cells, order, rank = (np.empty(n, dtype=np.int32) for _ in range(3))  # not one block, as only the order is kept
     run_in_chunks(lambda: lambda a, b: _find_cells(mesh.vertices, low, scale, bits, a, b, cells), n, threads=threads)
     ends = np.zeros((1 << 3 * bits) + 1, dtype=np.int32)
     _sort_by_cell(cells, ends, order)
@@ -67,7 +66,7 @@ def in_spatial_order(mesh: TriangleMesh, *, threads: int = 1) -> SpatialOrder:
     face_order = np.empty(m, dtype=np.int32)
     _sort_by_cell(cells[mesh.faces[:, 0]], ends, face_order)
     run_in_chunks(lambda: lambda a, b: _move_faces(mesh.faces, face_order, rank, a, b, faces), m, threads=threads)
-    return SpatialOrder(TriangleMesh(vertices, faces), order, rank)
+    return SpatialOrder(TriangleMesh(vertices, faces), order)
 
 
 @lean_njit()

@@ -93,9 +93,8 @@ def fit_stars(drawn, plan):
         np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32),
         np.setdiff1d(np.arange(total), centers).astype(np.int32),
         np.tile([0.0, 0.0, 1.0], (total, 1)),
-        np.full(total, 2.0),
+        np.full(total, 2.0, dtype=np.float32),
         np.zeros(total, dtype=np.bool_),
-        np.arange(total, dtype=np.int32),
         np.arange(total, dtype=np.int32),
     )
     geometry = empty_geometry(total)

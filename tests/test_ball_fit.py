@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from compiled import from_python
 
 from bezier_filters import InvalidParameterError, estimate_vertex_geometry
 from bezier_filters.neighbourhoods import collect_ball
@@ -80,7 +81,7 @@ def test_a_ball_holds_what_is_reached_inside_it():
     def ball(center, radius, stops=()):
         stop_here = np.isin(np.arange(6), stops)
         visited, members = np.zeros(6, dtype=bool), np.full(7, -1)
-        count, *rest = collect_ball(vertices, indptr, indices, stop_here, center, radius, visited, members)
+        count, *rest = from_python(collect_ball)(vertices, indptr, indices, stop_here, center, radius, visited, members)
         assert not visited.any()
         return members[:count].tolist(), *rest
 

@@ -1,14 +1,17 @@
 """The first compilation is announced; a second process loads the cache in silence."""
 
+import gc
 import os
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import bezier_filters
+from bezier_filters.compilation import first_compilation
 
 CODE = """
 from bezier_filters import estimate_vertex_geometry
@@ -43,3 +46,26 @@ def test_first_compilation_is_announced_and_cached(tmp_path, writable):
     assert second.stderr == ""
     assert second.stdout.split() == ["1", "0"]
     assert bool(list((tmp_path / "home").rglob("*.nbi"))) == (not writable)
+
+
+def test_the_garbage_collector_is_held_back_while_compiling_only(tmp_path):
+    class NeverCompiled:
+        """What is looked at of a compiled function."""
+
+        signatures = ()
+        stats = SimpleNamespace(cache_path=str(tmp_path))
+        py_func = run
+
+    before, during = gc.get_threshold(), []
+
+    def fail():
+        during.append(gc.get_threshold())
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), first_compilation(NeverCompiled):
+        fail()
+    assert during[0][2] > before[2]
+    assert gc.get_threshold() == before
+    (tmp_path / "module.run-1.nbi").touch()
+    with first_compilation(NeverCompiled):
+        assert gc.get_threshold() == before

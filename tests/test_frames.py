@@ -1,4 +1,5 @@
 import numpy as np
+from compiled import from_python
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -49,10 +50,10 @@ def test_fold_test_finds_exactly_the_faces_that_turn_away(direction, seed):
     for vertex in range(0, mesh.vertex_count, 5):
         cosines = []
         for f in rows.row(vertex):
-            normal = np.array(face_normal(mesh.vertices, mesh.faces, f))
+            normal = np.array(from_python(face_normal)(mesh.vertices, mesh.faces, f))
             cosines.append(normal @ direction / np.linalg.norm(normal))
         members = np.array([vertex], dtype=np.int32)
-        found = folds(
+        found = from_python(folds)(
             mesh.vertices,
             mesh.faces,
             rows.indptr,
@@ -85,7 +86,7 @@ def test_x_axis_points_to_the_farthest_projection_in_any_numbering():
 
 def test_normals_that_cancel_out_have_no_mean():
     normals = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
-    assert mean_normal(normals, np.array([0, 1], dtype=np.int32), 2) == (0.0, 0.0, 0.0)
+    assert from_python(mean_normal)(normals, np.array([0, 1], dtype=np.int32), 2) == (0.0, 0.0, 0.0)
 
 
 def test_x_axis_among_equally_far_neighbours_follows_from_the_neighbourhood():

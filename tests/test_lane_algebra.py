@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from compiled import from_python
 from numba import config
 
 from bezier_filters.lane_algebra import (
@@ -44,7 +45,7 @@ def test_arrays_start_on_a_cache_line():
 def test_powers():
     values = table(5, 32)
     flat = lanes_of(values)
-    raise_powers(flat, 32, 7, 4)
+    from_python(raise_powers)(flat, 32, 7, 4)
     result = flat.reshape(values.shape)
     for k in range(1, 5):
         np.testing.assert_allclose(result[k, :7], values[0, :7] * values[1, :7] ** k, rtol=1e-14)
@@ -60,7 +61,7 @@ def test_moments_are_added(lengths, count):
     left, right = table(len(lengths), 32), table(max(lengths) + GROUP, 32)
     before = RANDOM.standard_normal((starts[-1] + GROUP, LANES))
     sums = lanes_of(before)
-    add_moments(lanes_of(left), lanes_of(right), 32, count, starts, sums)
+    from_python(add_moments)(lanes_of(left), lanes_of(right), 32, count, starts, sums)
     result = sums.reshape(before.shape)
     for a, length in enumerate(lengths):
         for b in range(length):
@@ -78,7 +79,7 @@ def test_solutions_and_factors(order):
     padded[:, :order, :order], padded[:, order, :order] = matrices, sides
     lower = np.tril_indices(order + 1 + GROUP)
     flat, solution, sound = lanes_of(padded[:, lower[0], lower[1]].T), aligned(order), aligned(1)
-    solve_lanes(flat, order, 1e-13, solution, sound)
+    from_python(solve_lanes)(flat, order, 1e-13, solution, sound)
     assert sound.tolist() == [1.0] * LANES
     for lane in range(LANES):
         expected = np.linalg.solve(matrices[lane], sides[lane])
@@ -98,7 +99,7 @@ def test_a_rank_deficient_system_does_not_disturb_the_others():
     padded[:, :3, :3], padded[:, 3, :3] = matrices, [1.0, 2.0, 3.0]
     lower = np.tril_indices(4 + GROUP)
     solution, sound = aligned(3), aligned(1)
-    solve_lanes(lanes_of(padded[:, lower[0], lower[1]].T), 3, 1e-6, solution, sound)
+    from_python(solve_lanes)(lanes_of(padded[:, lower[0], lower[1]].T), 3, 1e-6, solution, sound)
     assert sound.tolist() == [1.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0, 1.0]
     for lane in np.flatnonzero(sound):
         assert solution[lane::LANES].tolist() == [1.0, 2.0, 3.0]
@@ -113,7 +114,9 @@ def test_residuals_of_points_that_are_there(space, count):
     points[:, count : count + GROUP] = 0.0
     coefficients = RANDOM.standard_normal((space.dimension, LANES))
     total = lanes_of(np.full((1, LANES), 0.5))
-    add_squared_residuals(lanes_of(coefficients), row_starts(space.exponents), lanes_of(points), stride, count, total)
+    from_python(add_squared_residuals)(
+        lanes_of(coefficients), row_starts(space.exponents), lanes_of(points), stride, count, total
+    )
     a, b = space.exponents.T
     terms = points[0, :count, None] ** a[:, None] * points[1, :count, None] ** b[:, None]
     values = (terms * coefficients[lexicographic_places(space.exponents)]).sum(axis=1)
@@ -127,7 +130,7 @@ def test_derivatives(space):
     s, t = RANDOM.standard_normal((2, LANES))
     jets = aligned(16)
     powers = [lanes_of(x ** np.arange(13)[:, None]) for x in (s, t)]
-    differentiate(lanes_of(coefficients), space.exponents, *powers, jets)
+    from_python(differentiate)(lanes_of(coefficients), space.exponents, *powers, jets)
     side = space.exponents.max() + 1
     for lane in range(LANES):
         grid = np.zeros((side, side))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from compiled import from_python
 from numba import config
 
 from bezier_filters.frames import farthest_direction
@@ -47,5 +48,5 @@ def test_every_lane_has_the_axes_of_the_reference(kinds, seed):
         frame.reshape(3, 3, LANES)[2, :, lane] = normal
         x = np.array(farthest_direction(edges, np.arange(len(edges), dtype=np.int32), near, len(edges), *normal))
         expected.append([x, np.cross(normal, x), normal])
-    point_to_farthest(points, STRIDE, counts, neighbours, aligned(1), frame)
+    from_python(point_to_farthest)(points, STRIDE, counts, neighbours, aligned(1), frame)
     np.testing.assert_allclose(frame.reshape(3, 3, LANES), np.moveaxis(expected, 0, 2), atol=1e-9)
