@@ -36,6 +36,7 @@ fallbacks
 adaptive_fit ball_fit
 outliers
 estimation
+scale
 baselines
 laplacian volume flips normal_filter mesh_parts
 chebyshev
