@@ -49,7 +49,7 @@ def write_joined(
     n, m = source.vertex_count, source.face_count
     dtype = tiles[0].rows.dtype
     with atomic_write(Path(path)) as temporary, open(temporary, "wb") as stream:
-        stream.write(_header(dtype, n, m))
+        stream.write(ply_head(dtype, n, m))
         for start in range(0, n, ROWS):
             stop = min(start + ROWS, n)
             gathered(store, tiles, start, stop).tofile(stream)
@@ -76,7 +76,8 @@ def gathered(store: Store, tiles: Sequence[TileResult], start: int, stop: int) -
     return rows
 
 
-def _header(dtype: np.dtype[Any], n: int, m: int) -> bytes:
+def ply_head(dtype: np.dtype[Any], n: int, m: int) -> bytes:
+    """Header of a binary PLY file with n vertices of a type and m triangles of type `FACE`."""
     lines = ["ply", "format binary_little_endian 1.0", f"comment bezier_filters {__version__}", f"element vertex {n}"]
     lines += [f"property {_NAMES[dtype[name].str]} {name}" for name in dtype.names or ()]
     lines += [f"element face {m}", "property list uchar int vertex_indices", "end_header"]

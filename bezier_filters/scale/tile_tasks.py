@@ -3,6 +3,7 @@
 import os
 import sys
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -82,7 +83,11 @@ def run_tile(job: TileJob, tile: int) -> int:
     """Compute the results of a tile and write them; its number."""
     start = time.perf_counter()
     found = estimate_tile(job, tile)
-    rows = _displaced(found) if job.quantity == DISPLACED else _rows(job, found)
+    if job.quantity == DISPLACED:
+        rows = _displaced(found)
+    else:
+        columns = QUANTITIES[job.quantity](found.geometry)
+        rows = table_of(found.vertices, columns, job.quality, job.columns, job.coordinates)
     report = {
         "tile": tile,
         "vertices": len(rows),
@@ -121,17 +126,18 @@ def _displaced(found: TileGeometry) -> NDArray[Any]:
     return vertices.view([(axis, "<f8") for axis in "xyz"])[:, 0]
 
 
-def _rows(job: TileJob, found: TileGeometry) -> NDArray[Any]:
-    """Coordinates, quality and columns of every vertex."""
-    columns = QUANTITIES[job.quantity](found.geometry)
-    fields = [(axis, job.coordinates) for axis in "xyz"]
-    fields += [(QUALITY, "<f8")] * bool(job.quality) + [(name, "<f8") for name in job.columns]
-    rows = np.empty(len(found.vertices), dtype=fields)
+def table_of(
+    vertices: FloatArray, columns: Mapping[str, FloatArray], quality: str, names: Sequence[str], coordinates: str
+) -> NDArray[Any]:
+    """Rows of a PLY file: coordinates of some type, one of the columns as quality, if any, and some columns."""
+    fields = [(axis, coordinates) for axis in "xyz"]
+    fields += [(QUALITY, "<f8")] * bool(quality) + [(name, "<f8") for name in names]
+    rows = np.empty(len(vertices), dtype=fields)
     for k, axis in enumerate("xyz"):
-        rows[axis] = found.vertices[:, k]
-    if job.quality:
-        rows[QUALITY] = columns[job.quality]
-    for name in job.columns:
+        rows[axis] = vertices[:, k]
+    if quality:
+        rows[QUALITY] = columns[quality]
+    for name in names:
         rows[name] = columns[name]
     return rows
 
