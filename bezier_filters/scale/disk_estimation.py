@@ -129,6 +129,7 @@ def estimate_file(
     True
     """
     options = options or FitOptions()
+    creases = options.creases
     opened, stages = open_source(source), Stages(progress)
     chosen_quality, chosen = _columns(quantity, quality, columns)
     size, workers = tile_size(tile_vertices, memory_limit), worker_count(workers)
@@ -144,7 +145,7 @@ def estimate_file(
             mesh.folder.resolve(),
             results.resolve(),
             fit,
-            options.creases,
+            creases,
             options.robust,
             quantity,
             chosen_quality,

@@ -8,8 +8,10 @@ import numpy as np
 from bezier_filters.adaptive_fit import SurfaceFit, choose_fit, first_features, with_parts
 from bezier_filters.adjacency import vertex_adjacency
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation import fit_options, fitted_mesh
 from bezier_filters.fallbacks import Attempt, fit_with_fallbacks
+from bezier_filters.fitting import PatchFit
 from bezier_filters.frames import tangent_planes
 from bezier_filters.learning import MOST_TURNED, learn_from_samples
 from bezier_filters.model_tree import Leaf, leaves
@@ -32,6 +34,9 @@ from bezier_filters.vertex_geometry import empty_geometry
 CREASE_RINGS = 2
 """Around a vertex, within which faces decide about its plane and its creases."""
 
+MOST_RINGS = 100
+"""That tiles may be asked to have around them."""
+
 
 @dataclass(frozen=True)
 class FitOptions:
@@ -43,10 +48,23 @@ class FitOptions:
     smoothness: Smoothness = "third_order"
     robust: bool = False
 
+    def checked(self) -> tuple[int | Literal["auto"], PatchFit | None, tuple[int, ...]]:
+        """What they leave open, see `fit_options`.
+
+        Raises
+        ------
+        InvalidParameterError
+            If one is out of range.
+        """
+        rings, fixed, degrees = fit_options(self.rings, self.alpha, self.degree, self.smoothness)
+        if rings != "auto" and rings > MOST_RINGS:
+            raise InvalidParameterError(f"rings: got {rings}, expected {MOST_RINGS} at most for a mesh in tiles")
+        return rings, fixed, degrees
+
     @property
     def creases(self) -> bool:
         """Whether neighbourhoods end at creases."""
-        return fit_options(self.rings, self.alpha, self.degree, self.smoothness)[1] is None
+        return self.checked()[1] is None
 
 
 def learn_fit(store: Store, options: FitOptions, *, threads: int = 1) -> SurfaceFit:
@@ -57,7 +75,7 @@ def learn_fit(store: Store, options: FitOptions, *, threads: int = 1) -> Surface
     InvalidParameterError
         If an option is out of range.
     """
-    rings, fixed, degrees = fit_options(options.rings, options.alpha, options.degree, options.smoothness)
+    rings, fixed, degrees = options.checked()
 
     def learn(choices: Choices) -> tuple[list[RingAnalysis], Leaf | None]:
         def sample(rings: int, count: int) -> NeighbourhoodSample:
