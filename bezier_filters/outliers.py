@@ -3,7 +3,7 @@
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
-from bezier_filters.fallbacks import fallback_chain, fit_with_fallbacks
+from bezier_filters.fallbacks import MORE_RINGS, fallback_chain, fit_with_fallbacks
 from bezier_filters.fitting import PatchFit
 from bezier_filters.kernel_input import KernelMesh
 from bezier_filters.vertex_geometry import empty_geometry
@@ -14,6 +14,8 @@ FAR = 5.0
 """Standard deviations of the noise around a vertex."""
 SPREADS = 2
 """How many edges around a vertex its noise is told from."""
+REACH = RINGS + MORE_RINGS + SPREADS
+"""How many edges around a vertex decide whether it is far off."""
 GEOMETRIC_MEAN = np.exp(-0.5 * (np.euler_gamma + np.log(2.0)))
 """Of the absolute value of a standard normal variable."""
 

@@ -21,6 +21,47 @@ MOST_BITS = 8
 
 
 @dataclass(frozen=True)
+class Grid:
+    """The grid of cubes around a mesh.
+
+    Attributes
+    ----------
+    low : (3,) float64
+        Its lowest corner.
+    scale : float
+        Cells per length; 0 if all vertices lie in one.
+    bits : int
+        Of the number of cells along an axis.
+    """
+
+    low: FloatArray
+    scale: float
+    bits: int
+
+    @property
+    def cell_count(self) -> int:
+        """Number of cells."""
+        return 1 << 3 * self.bits
+
+    def cells(self, vertices: FloatArray, *, threads: int = 1) -> IntArray:
+        """Numbers of the cells along the curve that vertices (n, 3) lie in, (n,) int32."""
+        n, result = len(vertices), np.empty(len(vertices), dtype=np.int32)
+
+        def find(start: int, stop: int) -> None:
+            _find_cells(vertices, self.low, self.scale, self.bits, start, stop, result)
+
+        run_in_chunks(lambda: find, n, threads=threads)
+        return result
+
+
+def grid_around(low: FloatArray, high: FloatArray, vertex_count: int) -> Grid:
+    """The grid for a number of vertices between two corners (3,)."""
+    bits = int(np.clip(np.log2(max(vertex_count / PER_CELL, 1.0)) / 2.0, 1, MOST_BITS))
+    size = max(float(high[k]) - float(low[k]) for k in range(3))
+    return Grid(low, (1 << bits) / size if 0.0 < size < np.inf else 0.0, bits)
+
+
+@dataclass(frozen=True)
 class SpatialOrder:
     """A mesh in spatial order, and where its vertices came from.
 
@@ -51,14 +92,12 @@ def in_spatial_order(mesh: TriangleMesh, *, threads: int = 1) -> SpatialOrder:
     True
     """
     n, m = mesh.vertex_count, mesh.face_count
-    bits = int(np.clip(np.log2(max(n / PER_CELL, 1.0)) / 2.0, 1, MOST_BITS))
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    _find_bounds(mesh.vertices, low, high)
-    size = max(float(high[k]) - float(low[k]) for k in range(3))
-    scale = (1 << bits) / size if 0.0 < size < np.inf else 0.0
-    cells, order, rank = (np.empty(n, dtype=np.int32) for _ in range(3))  # not one block, as only the order is kept
-    run_in_chunks(lambda: lambda a, b: _find_cells(mesh.vertices, low, scale, bits, a, b, cells), n, threads=threads)
-    ends = np.zeros((1 << 3 * bits) + 1, dtype=np.int32)
+    widen_bounds(mesh.vertices, low, high)
+    grid = grid_around(low, high, n)
+    order, rank = np.empty(n, dtype=np.int32), np.empty(n, dtype=np.int32)  # not one block: only the order is kept
+    cells = grid.cells(mesh.vertices, threads=threads)
+    ends = np.zeros(grid.cell_count + 1, dtype=np.int32)
     _sort_by_cell(cells, ends, order)
     vertices, faces = np.empty_like(mesh.vertices), np.empty_like(mesh.faces)
     run_in_chunks(lambda: lambda a, b: _move_vertices(mesh.vertices, order, a, b, rank, vertices), n, threads=threads)
@@ -70,7 +109,7 @@ def in_spatial_order(mesh: TriangleMesh, *, threads: int = 1) -> SpatialOrder:
 
 
 @lean_njit()
-def _find_bounds(vertices: FloatArray, low: FloatArray, high: FloatArray) -> None:
+def widen_bounds(vertices: FloatArray, low: FloatArray, high: FloatArray) -> None:
     """Lower and raise bounds of the coordinates, so that they hold for all vertices."""
     for i in range(vertices.shape[0]):
         for k in range(3):

@@ -13,7 +13,7 @@ LAYERS = """
 _version arrays errors status bernstein dense lean parallel compilation atomic color_range
 mesh polynomials smoothness patch differential_geometry jets vertex_geometry surfaces
 adjacency boundary fields harmonics spatial_order
-neighbourhoods frames fitting uncertainty diagnosis ply_columns orientation lanes
+neighbourhoods frames fitting uncertainty diagnosis ply_header ply_columns orientation lanes
 creases kernel_input lane_algebra
 loop_geometry self_intersections loop_triangulation surroundings implicit_surface variational_fill
 hole_detection fill_topology hole_result
@@ -36,6 +36,7 @@ fallbacks
 adaptive_fit ball_fit
 outliers
 estimation
+scale
 baselines
 laplacian volume flips normal_filter mesh_parts
 chebyshev

@@ -1,0 +1,170 @@
+"""Meshes on disk in tiles: time, memory and truth at growing sizes, next to the same in memory.
+
+A torus is written straight to disk by its formula, some rows at a time, and estimated file to file by two
+workers of this machine with 2 GB each. Up to a size that fits, the same file is also read, estimated and written
+in one process with as many threads. The model at the end says what a billion vertices would take on 64 workers: the
+tasks with their measured times are handed out to workers one by one, as a scheduler does; the same simulation of
+the run on this machine is set next to what that took.
+"""
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from bezier_filters import estimate_vertex_geometry
+from bezier_filters.fields import CURVATURE_FIELDS, curvature_columns
+from bezier_filters.scale import estimate_file
+from bezier_filters.scale.joined_file import FACE, ply_head
+from bezier_filters.scale.mesh_source import open_source
+from bezier_filters.scale.tile_tasks import peak_bytes, table_of
+
+RESULTS = Path(__file__).parent / "results"
+MAJOR, MINOR = 1.0, 0.4
+SIZES = (1_000_000, 7_000_000, 50_000_000)
+LARGEST_IN_MEMORY = 8_000_000
+WORKERS, MEMORY_LIMIT = 2, 2_000_000_000
+ROWS = 1 << 18
+FAR, FAR_WORKERS = 1_000_000_000, 64
+
+
+def torus_size(n: int) -> tuple[int, int]:
+    """Rows around the axis and vertices in each of them, about n in all, with edges of about one length."""
+    minor = max(3, round(np.sqrt(n * MINOR / MAJOR)))
+    return max(3, round(n / minor)), minor
+
+
+def angles(ids: np.ndarray, rows: int, minor: int) -> tuple[np.ndarray, np.ndarray]:
+    """Where vertices are on the torus; every row is turned by half an edge."""
+    i, j = np.divmod(ids, minor)
+    return 2.0 * np.pi * i / rows, 2.0 * np.pi * (j + 0.5 * (i % 2)) / minor
+
+
+def write_torus(path: Path, n: int) -> int:
+    """Write a torus to a binary PLY file without ever holding it; the number of vertices."""
+    rows, minor = torus_size(n)
+    rows += rows % 2
+    n = rows * minor
+    dtype = np.dtype([(axis, "<f8") for axis in "xyz"])
+    with path.open("wb") as stream:
+        stream.write(ply_head(dtype, n, 2 * n))
+        for start in range(0, n, ROWS):
+            u, v = angles(np.arange(start, min(start + ROWS, n)), rows, minor)
+            table = np.empty(len(u), dtype=dtype)
+            table["x"], table["y"] = (MAJOR + MINOR * np.cos(v)) * np.cos(u), (MAJOR + MINOR * np.cos(v)) * np.sin(u)
+            table["z"] = MINOR * np.sin(v)
+            table.tofile(stream)
+        for start in range(0, n, ROWS):
+            i, j = np.divmod(np.arange(start, min(start + ROWS, n)), minor)
+            right, above = (j + 1) % minor, (i + 1) % rows
+            a, b, c, d = i * minor + j, above * minor + j, above * minor + right, i * minor + right
+            odd = (i % 2).astype(bool)
+            first = np.where(odd, [a, b, c], [a, b, d])
+            second = np.where(odd, [a, c, d], [b, c, d])
+            table = np.empty(2 * len(i), dtype=FACE)
+            table["corners"] = 3
+            table["vertex_indices"] = np.stack([first.T, second.T], axis=1).reshape(-1, 3)
+            table.tofile(stream)
+    return n
+
+
+def errors(path: Path, n: int) -> dict[str, float]:
+    """RMS of the error of H and K over RMS of the truth, some rows at a time."""
+    rows, minor = torus_size(n)
+    rows += rows % 2
+    found = open_source(path)
+    sums = np.zeros(4)
+    for start in range(0, n, ROWS):
+        stop = min(start + ROWS, n)
+        table = found.vertex_rows.read(start, stop)
+        _, v = angles(np.arange(start, stop), rows, minor)
+        outer = MAJOR + MINOR * np.cos(v)
+        k_max, k_min = 1.0 / MINOR, np.cos(v) / outer
+        for k, (name, truth) in enumerate(
+            (("bz_mean_curvature", 0.5 * (k_min + k_max)), ("bz_gaussian_curvature", k_min * k_max))
+        ):
+            sums[2 * k : 2 * k + 2] += np.square(table[name] - truth).sum(), np.square(truth).sum()
+    return {"error_mean": float(np.sqrt(sums[0] / sums[1])), "error_gaussian": float(np.sqrt(sums[2] / sums[3]))}
+
+
+def in_memory(source: Path, target: Path) -> dict[str, object]:
+    """The same file to file in this process, by the same reader and writer."""
+    start = time.perf_counter()
+    opened = open_source(source)
+    vertices, faces = opened.vertices(0, opened.vertex_count), opened.faces(0, opened.face_count)
+    read = time.perf_counter()
+    geometry = estimate_vertex_geometry(vertices, faces, threads=WORKERS)
+    fitted = time.perf_counter()
+    columns = curvature_columns(geometry)
+    table = table_of(vertices, columns, CURVATURE_FIELDS["mean"].mesh_attribute, list(columns), "<f8")
+    rows = np.empty(len(faces), dtype=FACE)
+    rows["corners"], rows["vertex_indices"] = 3, faces
+    with target.open("wb") as stream:
+        stream.write(ply_head(table.dtype, len(vertices), len(faces)))
+        table.tofile(stream)
+        rows.tofile(stream)
+    end = time.perf_counter()
+    seconds = {"read": read - start, "fit": fitted - read, "write": end - fitted, "all": end - start}
+    return {"seconds": seconds, "peak_bytes": peak_bytes()}
+
+
+def tiled(source: Path, target: Path) -> dict[str, object]:
+    """In tiles, on workers of this machine."""
+    start = time.perf_counter()
+    report = estimate_file(source, target, workers=WORKERS, memory_limit=MEMORY_LIMIT)
+    report["seconds"]["all"] = time.perf_counter() - start
+    return report
+
+
+def measured(kind: str, source: Path, target: Path) -> dict[str, object]:
+    """In a process of its own; twice on a small mesh before would only warm the disk, kernels are compiled already."""
+    command = [sys.executable, __file__, "--measure", kind, str(source), str(target)]
+    done = subprocess.run(command, capture_output=True, text=True, env=os.environ, check=False)
+    if done.returncode:
+        raise SystemExit(done.stderr)
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument(
+        "--vertices", type=int, nargs="+", default=list(SIZES[:2]), help="sizes; the full run: 50000000"
+    )
+    parser.add_argument("--folder", type=Path, help="where the files go: 600 bytes per vertex at most")
+    parser.add_argument("--save", action="store_true", help="write benchmarks/results/scale.json")
+    parser.add_argument("--measure", nargs=3, metavar=("KIND", "SOURCE", "TARGET"), help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.measure:
+        kind, source, target = options.measure
+        print(json.dumps((tiled if kind == "tiled" else in_memory)(Path(source), Path(target))))
+        return
+    runs = []
+    with tempfile.TemporaryDirectory(dir=options.folder) as name:
+        folder = Path(name)
+        for size in options.vertices:
+            start = time.perf_counter()
+            n = write_torus(folder / "torus.ply", size)
+            run: dict[str, object] = {"vertices": n, "generated": time.perf_counter() - start}
+            if n <= LARGEST_IN_MEMORY:
+                run["in_memory"] = measured("memory", folder / "torus.ply", folder / "whole.ply")
+            run["tiled"] = measured("tiled", folder / "torus.ply", folder / "tiled.ply")
+            run.update(errors(folder / "tiled.ply", n))
+            if n <= LARGEST_IN_MEMORY:
+                run["same"] = (folder / "tiled.ply").read_bytes() == (folder / "whole.ply").read_bytes()
+            runs.append(run)
+            print(json.dumps(run), flush=True)
+            for path in folder.iterdir():
+                shutil.rmtree(path) if path.is_dir() else path.unlink()
+    if options.save:
+        RESULTS.joinpath("scale.json").write_text(json.dumps(runs, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,9 @@
+"""Meshes that do not fit into memory: in tiles, on Dask (``pip install "bezier-filters[scale]"``).
+
+`estimate_file` gives the values of `bezier_filters.estimate_vertex_geometry` for files of any size.
+"""
+
+from bezier_filters.scale.disk_estimation import estimate_file
+from bezier_filters.scale.sampling import FitOptions
+
+__all__ = ["FitOptions", "estimate_file"]

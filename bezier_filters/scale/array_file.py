@@ -1,0 +1,72 @@
+"""Tables in files, of which some rows at a time are read or written.
+
+Memory maps would be shorter, but the pages that they touch count as memory of the process, and
+workers are ended when they use more than they were given.
+"""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from bezier_filters.errors import FieldFileError
+
+
+@dataclass(frozen=True)
+class ArrayFile:
+    """A table in a file.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    dtype : dtype
+        Of an entry, or of a whole row.
+    columns : int
+        Entries per row.
+    rows : int
+        How many there are.
+    offset : int
+        Bytes before the first one.
+    """
+
+    path: Path
+    dtype: np.dtype[Any]
+    columns: int
+    rows: int
+    offset: int = 0
+
+    @property
+    def row_size(self) -> int:
+        """Bytes of a row."""
+        return self.dtype.itemsize * self.columns
+
+    def read(self, start: int, stop: int) -> NDArray[Any]:
+        """Rows start .. stop-1, (k,) if there is one column, else (k, columns).
+
+        Raises
+        ------
+        FieldFileError
+            If the file ends before.
+        """
+        count = (stop - start) * self.columns
+        found = np.fromfile(self.path, self.dtype, count, offset=self.offset + start * self.row_size)
+        if len(found) < count:
+            raise FieldFileError(f"{self.path} is cut short: row {stop - 1} is not there")
+        return found if self.columns == 1 else found.reshape(-1, self.columns)
+
+    def mapped(self, mode: Any = "r") -> Any:
+        """The whole table as a memory map, to be dropped soon."""
+        shape = (self.rows,) if self.columns == 1 else (self.rows, self.columns)
+        return np.memmap(self.path, self.dtype, mode, self.offset, shape)
+
+
+def new_array_file(path: Path, dtype: DTypeLike, columns: int, rows: int) -> ArrayFile:
+    """A file for a table, filled with zeros that take no room on the disk yet."""
+    table = ArrayFile(path, np.dtype(dtype), columns, rows)
+    with open(path, "wb") as stream:
+        os.truncate(stream.fileno(), rows * table.row_size)
+    return table

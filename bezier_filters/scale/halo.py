@@ -1,0 +1,219 @@
+"""Parts of a mesh on disk with what surrounds them, read block by block."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.lean import lean_njit
+from bezier_filters.mesh import TriangleMesh
+from bezier_filters.scale.store import Store
+
+FAR = np.uint8(255)
+"""Layer of what was not reached."""
+GROUP = 16
+"""Vertices whose surroundings are read together, so that few blocks are held."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a mesh, its vertices and faces in the order of the whole.
+
+    Attributes
+    ----------
+    ids : (k,) int32
+        Which vertices of the store they are, ascending.
+    mesh : TriangleMesh
+        The part.
+    keys : (m,) int64
+        What the faces are sorted by: the cell of the first corner, then the number in the source.
+    """
+
+    ids: IntArray
+    mesh: TriangleMesh
+    keys: NDArray[np.int64]
+
+    def local(self, ids: IntArray) -> IntArray:
+        """Numbers in the part of vertices of the store that it has."""
+        return np.searchsorted(self.ids, ids).astype(np.int32)
+
+
+def part_around(store: Store, seeds: IntArray, rings: int) -> Part:
+    """Some vertices and what lies within some rings, with all faces at the vertices within one ring less.
+
+    Parameters
+    ----------
+    store : Store
+    seeds : (k,) int32
+        The vertices.
+    rings : int
+        At least 1.
+    """
+    loaded = _Loaded(store)
+    loaded.load(np.unique(seeds >> loaded.bits), with_faces=True)
+    loaded.layers[loaded.places(seeds)] = 0
+    for k in range(rings):
+        missing = loaded.grow(k)
+        if len(missing):
+            loaded.load(missing, with_faces=k + 1 < rings)
+            loaded.grow(k)
+        loaded.retire(k)
+    return loaded.part(rings)
+
+
+def part_around_samples(store: Store, samples: IntArray, rings: int) -> Part:
+    """The same for vertices from all over the mesh, which are read some at a time."""
+    samples = np.sort(samples)
+    parts = [part_around(store, samples[k : k + GROUP], rings) for k in range(0, len(samples), GROUP)]
+    return _together(parts)
+
+
+def _together(parts: Sequence[Part]) -> Part:
+    """The union of parts."""
+    ids, first = np.unique(np.concatenate([part.ids for part in parts]), return_index=True)
+    keys, first_face = np.unique(np.concatenate([part.keys for part in parts]), return_index=True)
+    vertices = np.concatenate([part.mesh.vertices for part in parts])[first]
+    faces = np.concatenate([part.ids[part.mesh.faces] for part in parts])[first_face]
+    return Part(ids, TriangleMesh(vertices, np.searchsorted(ids, faces).astype(np.int32)), keys)
+
+
+class _Loaded:
+    """Blocks that were read, and how far their vertices are from where it began."""
+
+    def __init__(self, store: Store) -> None:
+        self.store, self.bits = store, store.layout.block_bits
+        self.slots = np.full(store.layout.block_count, -1, dtype=np.int32)
+        self.count = 0
+        self.ptr = store.face_ptr()
+        self.vertices: FloatArray = np.empty((0, 3))
+        self.layers: NDArray[np.uint8] = np.empty(0, dtype=np.uint8)
+        self.faces: IntArray = np.empty((0, 4), dtype=np.int32)
+        self.active: IntArray = np.empty(0, dtype=np.int32)  # faces that may still lead on
+
+    def places(self, ids: IntArray) -> IntArray:
+        """Where vertices are in the arrays."""
+        result: IntArray = (self.slots[ids >> self.bits] << self.bits) + (ids & (1 << self.bits) - 1)
+        return result
+
+    def load(self, blocks: IntArray, *, with_faces: bool) -> None:
+        """Read blocks that are not there yet."""
+        self.slots[blocks] = self.count + np.arange(len(blocks), dtype=np.int32)
+        self.count += len(blocks)
+        size, n = 1 << self.bits, self.store.layout.vertex_count
+        vertices, faces = [self.vertices], [self.faces]
+        for run in np.split(blocks, np.flatnonzero(np.diff(blocks) > 1) + 1):
+            start, stop = int(run[0]) * size, (int(run[-1]) + 1) * size
+            vertices.append(self.store.coordinates(start, min(stop, n)))
+            if stop > n:  # the last block is not full
+                vertices.append(np.zeros((stop - n, 3)))
+            if with_faces:
+                faces.append(self.store.faces(int(self.ptr[run[0]]), int(self.ptr[run[-1] + 1])))
+        before = len(self.faces)
+        self.vertices, self.faces = np.concatenate(vertices), np.concatenate(faces)
+        self.layers = np.append(self.layers, np.full(len(blocks) * size, FAR))
+        self.active = np.append(self.active, np.arange(before, len(self.faces), dtype=np.int32))
+
+    def grow(self, k: int) -> IntArray:
+        """Reach what shares a face with layer k; return the blocks that are missing for that."""
+        needed = np.zeros(len(self.slots), dtype=np.bool_)
+        _reach(self.faces, self.active, self.bits, self.slots, self.layers, k, needed)
+        return np.flatnonzero(needed).astype(np.int32)
+
+    def retire(self, k: int) -> None:
+        """Forget faces that lead nowhere new after layer k."""
+        count = _unfinished(self.faces, self.active, self.bits, self.slots, self.layers, k)
+        self.active = self.active[:count].copy()
+
+    def part(self, rings: int) -> Part:
+        """All that was reached."""
+        size = 1 << self.bits
+        blocks = np.flatnonzero(self.slots >= 0)
+        places = ((self.slots[blocks] << self.bits)[:, np.newaxis] + np.arange(size, dtype=np.int32)).ravel()
+        ids = ((blocks << self.bits)[:, np.newaxis] + np.arange(size)).ravel()
+        reached = self.layers[places] != FAR
+        places, ids = places[reached], ids[reached].astype(np.int32)
+        numbers = np.full(len(self.layers), -1, dtype=np.int32)
+        numbers[places] = np.arange(len(places), dtype=np.int32)
+        vertices = self.vertices[places]
+        self.vertices = np.empty((0, 3))
+        cells = self.store.layout.grid.cells(vertices)
+        faces, keys = np.empty((len(self.faces), 3), dtype=np.int32), np.empty(len(self.faces), dtype=np.int64)
+        count = _local_faces(self.faces, self.bits, self.slots, self.layers, rings, numbers, cells, faces, keys)
+        self.faces = np.empty((0, 4), dtype=np.int32)
+        order = np.argsort(keys[:count])
+        order = order[np.diff(keys[order], prepend=-1) > 0]  # faces of several blocks come several times
+        return Part(ids, TriangleMesh(vertices, faces[order]), keys[order])
+
+
+@lean_njit()
+def _layer(bits: int, slots: IntArray, layers: NDArray[np.uint8], i: int) -> int:
+    """Layer of a vertex, 255 if it is unknown."""
+    slot = slots[i >> bits]
+    return int(layers[(slot << bits) + (i & (1 << bits) - 1)]) if slot >= 0 else 255
+
+
+@lean_njit()
+def _reach(
+    faces: IntArray, active: IntArray, bits: int, slots: IntArray, layers: NDArray[np.uint8], k: int, needed: BoolArray
+) -> None:
+    """Put the unknown corners of faces with one in layer k into layer k + 1; mark the blocks that are not there."""
+    for f in active:
+        reached = False
+        for c in range(1, 4):
+            reached = reached or _layer(bits, slots, layers, faces[f, c]) == k
+        if reached:
+            for c in range(1, 4):
+                i = faces[f, c]
+                slot = slots[i >> bits]
+                if slot < 0:
+                    needed[i >> bits] = True
+                else:
+                    place = (slot << bits) + (i & (1 << bits) - 1)
+                    if layers[place] == 255:
+                        layers[place] = k + 1
+
+
+@lean_njit()
+def _unfinished(
+    faces: IntArray, active: IntArray, bits: int, slots: IntArray, layers: NDArray[np.uint8], k: int
+) -> int:
+    """Keep the active faces of which not all corners are within layer k + 1; return their number."""
+    count = 0
+    for f in active:
+        farthest = 0
+        for c in range(1, 4):
+            farthest = max(farthest, _layer(bits, slots, layers, faces[f, c]))
+        if farthest > k + 1:
+            active[count] = f
+            count += 1
+    return count
+
+
+@lean_njit()
+def _local_faces(
+    faces: IntArray,
+    bits: int,
+    slots: IntArray,
+    layers: NDArray[np.uint8],
+    rings: int,
+    numbers: IntArray,
+    cells: IntArray,
+    result: IntArray,
+    keys: NDArray[np.int64],
+) -> int:
+    """Write the faces with a corner within rings - 1 layers in local numbers, and their keys; return their number."""
+    count = 0
+    for f in range(faces.shape[0]):
+        nearest = 255
+        for c in range(1, 4):
+            nearest = min(nearest, _layer(bits, slots, layers, faces[f, c]))
+        if nearest >= rings:
+            continue
+        for c in range(3):
+            i = faces[f, c + 1]
+            result[count, c] = numbers[(slots[i >> bits] << bits) + (i & (1 << bits) - 1)]
+        keys[count] = (np.int64(cells[result[count, 0]]) << 32) | faces[f, 0]
+        count += 1
+    return count

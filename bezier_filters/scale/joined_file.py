@@ -1,0 +1,84 @@
+"""Joins the results of all tiles to one PLY file, in the order of the source, some rows at a time."""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bezier_filters._version import __version__
+from bezier_filters.arrays import IntArray
+from bezier_filters.atomic import atomic_write
+from bezier_filters.parallel import Progress, report
+from bezier_filters.ply_header import TRIPLE
+from bezier_filters.scale.mesh_source import MeshSource
+from bezier_filters.scale.store import Store
+from bezier_filters.scale.tile_results import TileResult
+
+ROWS = 1 << 18
+"""Rows that are held at a time."""
+FACE = np.dtype([("corners", "u1"), ("vertex_indices", "<i4", (TRIPLE,))])
+_NAMES = {"<f4": "float", "<f8": "double"}
+
+
+def write_joined(
+    path: str | os.PathLike[str],
+    source: MeshSource,
+    store: Store,
+    tiles: Sequence[TileResult],
+    *,
+    progress: Progress | None = None,
+) -> None:
+    """Write a binary PLY file with the rows of all tiles as vertices, and the faces of the source.
+
+    Parameters
+    ----------
+    path : path
+        File to write or replace, whole or not at all.
+    source : MeshSource
+        Where the faces come from.
+    store : Store
+        What the tiles are made of.
+    tiles : sequence of TileResult
+        All of them, in order.
+    progress : callable, optional
+        Called with the number of rows written, vertices and faces together.
+    """
+    n, m = source.vertex_count, source.face_count
+    dtype = tiles[0].rows.dtype
+    with atomic_write(Path(path)) as temporary, open(temporary, "wb") as stream:
+        stream.write(ply_head(dtype, n, m))
+        for start in range(0, n, ROWS):
+            stop = min(start + ROWS, n)
+            gathered(store, tiles, start, stop).tofile(stream)
+            report(progress, stop, n + m)
+        for start in range(0, m, ROWS):
+            stop = min(start + ROWS, m)
+            rows = np.empty(stop - start, dtype=FACE)
+            rows["corners"], rows["vertex_indices"] = TRIPLE, source.faces(start, stop)
+            rows.tofile(stream)
+            report(progress, n + stop, n + m)
+
+
+def gathered(store: Store, tiles: Sequence[TileResult], start: int, stop: int) -> NDArray[Any]:
+    """Rows of vertices start .. stop-1 of the source."""
+    ranks = store.rank.read(start, stop)
+    of_tile = ranks // np.int32(store.layout.tile_vertices)
+    rows = np.empty(len(ranks), dtype=tiles[0].rows.dtype)
+    order: IntArray = np.argsort(of_tile, kind="stable").astype(np.int32)
+    ends = np.searchsorted(of_tile[order], np.arange(len(tiles) + 1))
+    for tile in np.flatnonzero(np.diff(ends)).tolist():
+        these = order[ends[tile] : ends[tile + 1]]
+        table = tiles[tile].rows.mapped()
+        rows[these] = table[ranks[these] - tile * store.layout.tile_vertices]
+    return rows
+
+
+def ply_head(dtype: np.dtype[Any], n: int, m: int) -> bytes:
+    """Header of a binary PLY file with n vertices of a type and m triangles of type `FACE`."""
+    lines = ["ply", "format binary_little_endian 1.0", f"comment bezier_filters {__version__}", f"element vertex {n}"]
+    lines += [f"property {_NAMES[dtype[name].str]} {name}" for name in dtype.names or ()]
+    lines += [f"element face {m}", "property list uchar int vertex_indices", "end_header"]
+    return ("\n".join(lines) + "\n").encode("ascii")

@@ -1,0 +1,218 @@
+"""Meshes on disk of any size: binary PLY files, or pairs of NPY files."""
+
+import os
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bezier_filters.arrays import IntArray
+from bezier_filters.errors import FieldFileError, InvalidMeshError
+from bezier_filters.ply_header import BYTE_ORDER, CORNERS, TRIPLE, PlyElement, PlyHeader, parse_header
+from bezier_filters.scale.array_file import ArrayFile
+
+SourcePath: TypeAlias = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
+"""A PLY file, or a pair of NPY files with vertices (n, 3) and faces (m, 3)."""
+
+MOST = np.iinfo(np.int32).max
+"""Vertices or faces that there may be."""
+_HEAD = 1 << 16
+_PROBE = 1 << 20
+
+
+@dataclass(frozen=True)
+class MeshSource:
+    """A mesh in one or two files, whose rows have a known place.
+
+    Attributes
+    ----------
+    paths : tuple of Path
+        The files.
+    vertex_rows, face_rows : ArrayFile
+        Rows with the columns below among others.
+    coordinates : tuple of str
+        Names of the coordinates; none if they are all that there is in a row.
+    corners : str
+        Name of the list of corners; empty if they are all that there is in a row.
+    """
+
+    paths: tuple[Path, ...]
+    vertex_rows: ArrayFile
+    face_rows: ArrayFile
+    coordinates: tuple[str, ...] = ()
+    corners: str = ""
+
+    @property
+    def vertex_count(self) -> int:
+        """Number of vertices."""
+        return self.vertex_rows.rows
+
+    @property
+    def face_count(self) -> int:
+        """Number of triangles."""
+        return self.face_rows.rows
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Of the coordinates: float32 or float64."""
+        rows = self.vertex_rows.dtype
+        if self.coordinates:
+            return np.result_type(*(rows[name] for name in self.coordinates))
+        return rows.newbyteorder("=")
+
+    def vertices(self, start: int, stop: int) -> NDArray[Any]:
+        """Coordinates of vertices start .. stop-1, (k, 3)."""
+        rows = self.vertex_rows.read(start, stop)
+        if self.coordinates:
+            rows = np.column_stack([rows[name] for name in self.coordinates])
+        return rows.astype(self.dtype, copy=False)
+
+    def faces(self, start: int, stop: int) -> IntArray:
+        """Corners of faces start .. stop-1, (k, 3).
+
+        Raises
+        ------
+        InvalidMeshError
+            If one is no triangle, or has a corner that does not exist.
+        """
+        rows = self.face_rows.read(start, stop)
+        if self.corners:
+            sizes = rows[f"{self.corners} length"]
+            if (sizes != TRIPLE).any():
+                face = start + int(np.flatnonzero(sizes != TRIPLE)[0])
+                raise InvalidMeshError(
+                    f"{self.paths[-1]}: face {face} has {sizes[face - start]} corners, expected triangles only; "
+                    "triangulate polygons first"
+                )
+            rows = np.column_stack([rows[f"{self.corners} {k}"] for k in range(TRIPLE)])
+        if rows.size and (rows.min() < 0 or rows.max() >= self.vertex_count):
+            raise InvalidMeshError(
+                f"{self.paths[-1]}: corners of faces {start} to {stop - 1} run from {rows.min()} to {rows.max()}, "
+                f"expected 0 to {self.vertex_count - 1}"
+            )
+        result: IntArray = np.ascontiguousarray(rows, dtype=np.int32)
+        return result
+
+    def fingerprint(self) -> list[list[Any]]:
+        """Of each file name, size, time of the last change and checksum of both ends: whether it is still the same."""
+        return [_fingerprint(path) for path in self.paths]
+
+
+def open_source(source: SourcePath) -> MeshSource:
+    """Find out how a mesh is laid out, without reading it.
+
+    Parameters
+    ----------
+    source : path, or two of them
+        A binary PLY file, or an NPY file with vertices (n, 3) and one with faces (m, 3).
+
+    Raises
+    ------
+    FieldFileError
+        If a file is damaged, cut short or of another kind; the message says what to do.
+    InvalidMeshError
+        If there are no faces, or too many.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from bezier_filters.surfaces import sphere
+    >>> folder, ball = Path(tempfile.mkdtemp()), sphere()
+    >>> np.save(folder / "v.npy", ball.vertices)
+    >>> np.save(folder / "f.npy", ball.faces)
+    >>> opened = open_source((folder / "v.npy", folder / "f.npy"))
+    >>> bool((opened.vertices(5, 9) == ball.vertices[5:9]).all())
+    True
+    """
+    if isinstance(source, str | os.PathLike):
+        result = _open_ply(Path(source))
+    else:
+        paths = [Path(path) for path in source]
+        if len(paths) != 2:
+            raise FieldFileError(f"source: got {len(paths)} files, expected a PLY file, or NPY files of both arrays")
+        result = MeshSource(tuple(paths), _open_npy(paths[0], "fc"), _open_npy(paths[1], "iu"))
+    if not result.face_count:
+        raise InvalidMeshError(
+            f"{result.paths[0]} has no faces; point clouds are estimated in memory only: bezier-filters curvature"
+        )
+    n, m = result.vertex_count, result.face_count
+    if max(n, m) > MOST:
+        raise InvalidMeshError(f"{result.paths[0]} has {n} vertices and {m} faces, expected {MOST} of each at most")
+    return result
+
+
+def _open_ply(path: Path) -> MeshSource:
+    with open(path, "rb") as stream:
+        header = parse_header(path, stream.read(_HEAD))
+    if header.is_ascii:
+        raise FieldFileError(f"{path} is an ASCII file, whose rows have no known place; save it as binary PLY")
+    names = [element.name for element in header.elements]
+    if "vertex" not in names or "face" not in names:
+        raise FieldFileError(f"{path} holds {', '.join(names) or 'nothing'}; expected vertices and faces")
+    vertex, face = (header.elements[names.index(name)] for name in ("vertex", "face"))
+    kinds = {item.name: item.type for item in vertex.properties if not item.length_type}
+    if not all(kinds.get(axis) in ("f4", "f8") for axis in "xyz"):
+        raise FieldFileError(f"{path}: its vertices have {', '.join(kinds)}; expected x, y and z as float or double")
+    corners = [item for item in face.properties if item.name in CORNERS and item.length_type]
+    if len(corners) != 1 or corners[0].type not in ("i4", "u4"):
+        raise FieldFileError(f"{path}: its faces have no list vertex_indices of int or uint")
+    offset, places = header.size, dict[str, ArrayFile]()
+    for element in header.elements:
+        places[element.name] = rows = _rows_of(path, header, element, offset)
+        offset += rows.rows * rows.row_size
+        if "vertex" in places and "face" in places:
+            break
+    if path.stat().st_size < offset:
+        raise FieldFileError(
+            f"{path} is cut short or damaged, or has other faces than triangles: triangles would take {offset} bytes, "
+            f"it has {path.stat().st_size}"
+        )
+    return MeshSource((path,), places["vertex"], places["face"], ("x", "y", "z"), corners[0].name)
+
+
+def _rows_of(path: Path, header: PlyHeader, element: PlyElement, offset: int) -> ArrayFile:
+    """Where an element is, if all of its rows are equally long: its one list that of triangles."""
+    lists = [item.name for item in element.properties if item.length_type]
+    if lists and (element.name != "face" or lists[0] not in CORNERS or len(lists) > 1):
+        raise FieldFileError(
+            f"{path}: the element {element.name} has lists of any length ({', '.join(lists)}), so that what "
+            "follows has no known place; save it without them"
+        )
+    order = BYTE_ORDER[header.format]
+    dtype = np.dtype([(name, order + code) for name, code in element.columns])
+    return ArrayFile(path, dtype, 1, element.count, offset)
+
+
+def _open_npy(path: Path, kinds: str) -> ArrayFile:
+    """The table (n, 3) of an NPY file."""
+    try:
+        with open(path, "rb") as stream:
+            version = np.lib.format.read_magic(stream)
+            read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+            shape, fortran, dtype = read(stream)
+            offset = stream.tell()
+    except (ValueError, EOFError) as error:
+        raise FieldFileError(f"{path} is no NPY file: {error}") from error
+    expected = dtype.kind in kinds and dtype.kind != "c" and dtype.itemsize in (4, 8)
+    if len(shape) != 2 or shape[1] != 3 or fortran or not expected:
+        wanted = "float32 or float64" if "f" in kinds else "integers of 4 or 8 bytes"
+        raise FieldFileError(
+            f"{path}: got {dtype} of shape {shape}{' in Fortran order' * fortran}, expected {wanted} of shape (n, 3), "
+            "row after row (numpy.ascontiguousarray)"
+        )
+    if path.stat().st_size < offset + shape[0] * 3 * dtype.itemsize:
+        raise FieldFileError(f"{path} is cut short: its header announces shape {shape}")
+    return ArrayFile(path, dtype, 3, shape[0], offset)
+
+
+def _fingerprint(path: Path) -> list[Any]:
+    status = path.stat()
+    with open(path, "rb") as stream:
+        checksum = zlib.crc32(stream.read(_PROBE))
+        stream.seek(max(status.st_size - _PROBE, 0))
+        checksum = zlib.crc32(stream.read(_PROBE), checksum)
+    return [path.name, status.st_size, status.st_mtime_ns, checksum]

@@ -1,0 +1,181 @@
+"""Runs tasks on any of Dask's schedulers. The only module that imports Dask."""
+
+import contextlib
+import os
+from collections.abc import Callable, Iterator, Sequence
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any, TypeAlias
+
+from bezier_filters.errors import CancelledError, InvalidParameterError
+from bezier_filters.parallel import Progress, report
+
+Scheduler: TypeAlias = Any
+"""None, "threads", "processes", "synchronous", an address such as "tcp://host:8786", or a `distributed.Client`."""
+
+LOCAL = ("threads", "processes", "synchronous")
+PIP = 'pip install "bezier-filters[scale]"'
+WITHIN = 4
+"""Tasks per thread of the workers that are handed out ahead, so that none waits for the next one."""
+
+
+class LostTaskError(RuntimeError):
+    """A task ended several workers; the message names it and says what to do."""
+
+
+@contextlib.contextmanager
+def running(scheduler: Scheduler, *, workers: int, memory_limit: int | None) -> Iterator[Scheduler]:
+    """Start workers on this machine if no scheduler is given, and end them after the block.
+
+    Parameters
+    ----------
+    scheduler : see `Scheduler`
+        None for processes of this machine.
+    workers : int
+        How many of them.
+    memory_limit : int or None
+        Bytes that each of them may use, before it is ended and another one takes its place.
+
+    Yields
+    ------
+    str or distributed.Client
+        What `run_tasks` takes.
+
+    Raises
+    ------
+    ImportError
+        If Dask is not installed; the message says how to.
+    InvalidParameterError
+        If it is no scheduler.
+    """
+    distributed = _import_distributed()
+    if (isinstance(scheduler, str) and scheduler in LOCAL) or isinstance(scheduler, distributed.Client):
+        yield scheduler
+    elif isinstance(scheduler, str) and "://" in scheduler:
+        try:
+            client = distributed.Client(scheduler, timeout="20s", set_as_default=False)
+        except (OSError, ValueError) as error:
+            raise InvalidParameterError(f"scheduler: nothing answers at {scheduler}; {error}") from error
+        with client:
+            yield client
+    elif scheduler is None:
+        limit = 0 if memory_limit is None else memory_limit
+        options = {"n_workers": workers, "threads_per_worker": 1, "memory_limit": limit, "dashboard_address": ":0"}
+        with (
+            distributed.LocalCluster(host="127.0.0.1", silence_logs=50, **options) as cluster,
+            distributed.Client(cluster, set_as_default=False) as client,
+        ):
+            yield client
+    else:
+        allowed = f"{', '.join(LOCAL)}, an address such as tcp://host:8786, or a Client"
+        raise InvalidParameterError(f"scheduler: got {scheduler!r}, expected {allowed}")
+
+
+def dashboard(scheduler: Scheduler) -> str:
+    """Where Dask shows its own progress; empty if nowhere."""
+    return "" if find_spec("bokeh") is None else str(getattr(scheduler, "dashboard_link", "") or "")
+
+
+def run_tasks(
+    scheduler: Scheduler,
+    function: Callable[[Any, Any], Any],
+    common: Any,
+    tasks: Sequence[Any],
+    *,
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> Iterator[Any]:
+    """Call ``function(common, task)`` for every task; what it returns comes in any order.
+
+    Tasks of a worker that dies are computed again by another one.
+
+    Parameters
+    ----------
+    scheduler : str or distributed.Client
+        From `running`.
+    function : callable
+        Found by its name in a module.
+    common : Any
+        What all tasks need.
+    tasks : sequence
+        What they differ in.
+    workers : int
+        How many run at a time, unless the scheduler knows.
+    progress : callable, optional
+        Called with the number of tasks done.
+
+    Raises
+    ------
+    LostTaskError
+        If workers die again and again of the same task.
+    CancelledError
+        If `progress` returned False.
+    """
+    report(progress, 0, len(tasks))
+    found = (
+        _run_local(scheduler, function, common, tasks, workers)
+        if isinstance(scheduler, str)
+        else _run_distributed(scheduler, function, common, tasks)
+    )
+    for done, result in enumerate(found, start=1):
+        yield result
+        report(progress, done, len(tasks))
+
+
+def _run_local(
+    name: str, function: Callable[[Any, Any], Any], common: Any, tasks: Sequence[Any], workers: int
+) -> Iterator[Any]:
+    """On Dask's schedulers for one machine, which take all tasks or none: some at a time."""
+    dask: Any = import_module("dask")
+    step = workers * WITHIN
+    for first in range(0, len(tasks), step):
+        calls = [dask.delayed(function, pure=False)(common, task) for task in tasks[first : first + step]]
+        try:
+            yield from dask.compute(*calls, scheduler=name, num_workers=workers, optimize_graph=False)
+        except Exception as error:
+            if type(error).__name__ == "BrokenProcessPool":  # the tasks can be told only by what they left behind
+                raise LostTaskError(
+                    f"a process that worked on one of {list(tasks[first : first + step])} has died; resume to go on"
+                ) from error
+            raise
+
+
+def _run_distributed(
+    client: Any, function: Callable[[Any, Any], Any], common: Any, tasks: Sequence[Any]
+) -> Iterator[Any]:
+    distributed = _import_distributed()
+    futures = client.map(_call, tasks, function=function, common=common, pure=False, key=function.__name__)
+    named = {future.key: task for future, task in zip(futures, tasks, strict=True)}
+    try:
+        for future in distributed.as_completed(futures, loop=client.loop):
+            try:
+                result = future.result()
+            except distributed.KilledWorker as error:
+                raise LostTaskError(
+                    f"task {named[future.key]} has ended {error.allowed_failures + 1} workers, probably for want of "
+                    "memory: choose smaller tiles, or a higher memory limit"
+                ) from error
+            except (distributed.FutureCancelledError, distributed.CancelledError) as error:
+                raise CancelledError(f"the scheduler gave up task {named[future.key]}: {error}") from error
+            yield result
+    finally:
+        with contextlib.suppress(Exception):  # the cluster may be gone already
+            client.cancel(futures)
+
+
+def _call(task: Any, function: Callable[[Any, Any], Any], common: Any) -> Any:
+    return function(common, task)
+
+
+def _import_distributed() -> Any:
+    try:
+        import dask  # noqa: F401
+        import distributed
+    except ImportError as error:
+        raise ImportError(f"meshes in tiles need Dask: {PIP} ({error})") from error
+    return distributed
+
+
+def core_count() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

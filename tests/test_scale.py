@@ -1,0 +1,143 @@
+"""Meshes on disk in tiles give what they give in memory."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scale_cases import MESHES, assert_same_as_in_memory, clean, noisy, save_arrays, shuffled
+
+from bezier_filters import InvalidParameterError, estimate_vertex_geometry, read_fields
+from bezier_filters.fields import normal_columns, torsion_columns
+from bezier_filters.mesh import triangle_mesh
+from bezier_filters.scale import FitOptions, estimate_file
+from bezier_filters.scale.halo import part_around, part_around_samples
+from bezier_filters.scale.mesh_source import open_source
+from bezier_filters.scale.partition import build_store
+from bezier_filters.spatial_order import in_spatial_order
+from bezier_filters.surfaces import torus
+
+
+@pytest.mark.parametrize("tile", [256, 1000, 10**6])
+@pytest.mark.parametrize("name", MESHES)
+def test_values_are_those_in_memory_to_the_last_bit(name, tile, tmp_path):
+    vertices, faces = MESHES[name]()
+    files = save_arrays(tmp_path, vertices, faces)
+    report = estimate_file(files, tmp_path / "out.ply", scheduler="synchronous", tile_vertices=tile)
+    assert report["tiles"] == -(-len(vertices) // report["tile_vertices"])
+    assert_same_as_in_memory(report, vertices, faces)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["faces.npy", "out.ply", "vertices.npy"]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"smoothness": "paper"},
+        {"alpha": 0.9, "rings": 3},
+        {"alpha": 0.5},
+        {"rings": 4},
+        {"degree": 3},
+        {"robust": True},
+    ],
+)
+def test_options_do_what_they_do_in_memory(options, tmp_path):
+    vertices, faces = noisy()
+    files = save_arrays(tmp_path, vertices, faces)
+    report = estimate_file(
+        files, tmp_path / "out.ply", options=FitOptions(**options), scheduler="synchronous", tile_vertices=512
+    )
+    assert_same_as_in_memory(report, vertices, faces, **options)
+
+
+def test_the_estimate_in_tiles_converges_to_the_truth(tmp_path):
+    errors = []
+    for resolution in (24, 48):
+        ring = torus(resolution=resolution)
+        files = save_arrays(tmp_path, ring.vertices, ring.faces)
+        estimate_file(files, tmp_path / "out.ply", scheduler="threads", workers=2, tile_vertices=512)
+        fields = read_fields(tmp_path / "out.ply")
+        for name in ("mean_curvature", "gaussian_curvature"):
+            truth = getattr(ring, name)
+            errors.append(np.linalg.norm(fields[f"bz_{name}"] - truth) / np.linalg.norm(truth))
+    assert errors[2] < 1e-3
+    assert errors[3] < 1e-3
+    assert errors[0] > 8.0 * errors[2]  # third order, and more on a mesh as regular as this
+    assert errors[1] > 8.0 * errors[3]
+
+
+@pytest.mark.parametrize(("quantity", "columns"), [("normals", normal_columns), ("torsion", torsion_columns)])
+def test_normals_and_torsion_have_their_columns(quantity, columns, tmp_path):
+    vertices, faces = clean()
+    files = save_arrays(tmp_path, vertices, faces)
+    estimate_file(files, tmp_path / "out.ply", quantity, scheduler="synchronous", tile_vertices=512)
+    fields = read_fields(tmp_path / "out.ply")
+    expected = columns(estimate_vertex_geometry(vertices, faces))
+    assert fields.keys() - {"quality"} == expected.keys()
+    for name, values in expected.items():
+        assert np.array_equal(fields[name], values), name
+
+
+def test_some_columns_can_be_chosen(tmp_path):
+    files = save_arrays(tmp_path, *clean())
+    report = estimate_file(
+        files, tmp_path / "out.ply", quality="gaussian", columns=["k_min", "bz_k_max"], scheduler="synchronous"
+    )
+    assert report["attributes"] == ["bz_k_min", "bz_k_max"]
+    assert read_fields(tmp_path / "out.ply").keys() == {"quality", "bz_k_min", "bz_k_max"}
+
+
+@settings(max_examples=8)
+@given(seed=st.integers(0, 10**6), tile=st.integers(256, 2000))
+def test_the_store_has_the_order_of_meshes_in_memory(seed, tile, tmp_path_factory):
+    rng = np.random.default_rng(seed)
+    vertices = rng.normal(size=(int(rng.integers(300, 2000)), 3)) * rng.uniform(0.0, 2.0, 3)
+    faces = rng.integers(0, len(vertices), (int(rng.integers(1, 4000)), 3))
+    folder = tmp_path_factory.mktemp("store")
+    store = build_store(open_source(save_arrays(folder, vertices, faces)), folder, tile)
+    ordered = in_spatial_order(triangle_mesh(vertices, faces))
+    assert np.array_equal(store.coordinates(0, len(vertices)), ordered.mesh.vertices)
+    assert np.array_equal(store.rank.read(0, len(vertices))[ordered.order], np.arange(len(vertices)))
+    assert np.array_equal(store.order.read(0, len(vertices)), ordered.order)
+    whole = part_around(store, np.arange(len(vertices), dtype=np.int32), 1)
+    assert np.array_equal(whole.mesh.faces, ordered.mesh.faces)
+
+
+@pytest.mark.parametrize("rings", [1, 2, 5])
+def test_a_part_has_all_faces_at_its_inner_vertices(rings, tmp_path):
+    vertices, faces = shuffled(*clean())
+    store = build_store(open_source(save_arrays(tmp_path, vertices, faces)), tmp_path, 256)
+    mesh = in_spatial_order(triangle_mesh(vertices, faces)).mesh
+    seeds = np.arange(256, 512, dtype=np.int32)
+    near = np.zeros(len(vertices), dtype=bool)
+    near[seeds] = True
+    for _ in range(rings - 1):
+        near[mesh.faces[near[mesh.faces].any(axis=1)]] = True
+    expected = mesh.faces[near[mesh.faces].any(axis=1)]
+    for part in (part_around(store, seeds, rings), part_around_samples(store, seeds[::-1], rings)):
+        assert np.array_equal(part.ids, np.union1d(seeds, expected))
+        assert np.array_equal(part.ids[part.mesh.faces], expected)
+        assert np.array_equal(part.mesh.vertices, mesh.vertices[part.ids])
+        assert np.array_equal(part.ids[part.local(seeds)], seeds)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "name"),
+    [
+        ({"quantity": "area"}, "quantity"),
+        ({"quality": "height"}, "quality"),
+        ({"columns": ["k_min", "k_min"]}, "columns"),
+        ({"columns": ["bz_depth"]}, "columns"),
+        ({"workers": 0}, "workers"),
+        ({"tile_vertices": 8}, "tile_vertices"),
+        ({"memory_limit": 10**8}, "memory_limit"),
+        ({"scheduler": "cluster"}, "scheduler"),
+        ({"scheduler": 3}, "scheduler"),
+        ({"options": FitOptions(rings=0)}, "rings"),
+        ({"options": FitOptions(rings=1000)}, "rings"),
+        ({"options": FitOptions(alpha=2.0)}, "alpha"),
+    ],
+)
+def test_bad_parameters_are_named_and_leave_nothing(arguments, name, tmp_path):
+    files = save_arrays(tmp_path, *clean())
+    with pytest.raises(InvalidParameterError, match=f"^{name}: "):
+        estimate_file(files, tmp_path / "out.ply", **({"scheduler": "synchronous"} | arguments))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["faces.npy", "vertices.npy"]

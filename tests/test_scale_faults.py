@@ -1,0 +1,162 @@
+"""Runs in tiles that are interrupted, damaged or lose a worker end with the same result."""
+
+import os
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scale_cases import assert_same_as_in_memory, clean, noisy, save_arrays
+
+from bezier_filters.errors import CancelledError, FieldFileError, InvalidParameterError
+from bezier_filters.scale import FitOptions, estimate_file
+from bezier_filters.scale.tile_results import DamagedTileError, open_tile, tile_path, write_tile
+
+TILES = 11
+OPTIONS = {"scheduler": "synchronous", "workers": 1, "tile_vertices": 256}
+
+
+@pytest.fixture
+def files(tmp_path):
+    return save_arrays(tmp_path, *clean())
+
+
+def interrupted(files, target, after, **options):
+    """Stop a run after some tiles; the folder of its results."""
+
+    def progress(stage, done, total):
+        return not (stage == "fit" and done >= after)
+
+    with pytest.raises(CancelledError):
+        estimate_file(files, target, progress=progress, **OPTIONS, **options)
+    assert not target.exists()
+    (results,) = Path(f"{target}.tiles").glob("results-*")
+    return results
+
+
+def tiles_in(results):
+    return sorted(path.name for path in results.glob("tile-*.bin"))
+
+
+def test_only_unfinished_tiles_are_computed_after_an_interrupt(files, tmp_path):
+    results = interrupted(files, tmp_path / "out.ply", 4)
+    before = {name: (results / name).stat().st_mtime_ns for name in tiles_in(results)}
+    assert 4 <= len(before) < TILES
+    report = estimate_file(files, tmp_path / "out.ply", resume=True, keep_store=True, **OPTIONS)
+    assert (report["tiles"], report["computed_tiles"]) == (TILES, TILES - len(before))
+    assert before == {name: (results / name).stat().st_mtime_ns for name in before}
+    assert_same_as_in_memory(report, *clean())
+    again = estimate_file(files, tmp_path / "out.ply", resume=True, **OPTIONS)
+    assert again["computed_tiles"] == 0
+    assert_same_as_in_memory(again, *clean())
+    assert not results.exists()
+
+
+def test_a_run_that_is_stopped_while_it_sorts_starts_anew(files, tmp_path):
+    def progress(stage, done, total):
+        return stage != "sort" or done < total // 2
+
+    with pytest.raises(CancelledError):
+        estimate_file(files, tmp_path / "out.ply", progress=progress, **OPTIONS)
+    report = estimate_file(files, tmp_path / "out.ply", resume=True, **OPTIONS)
+    assert report["computed_tiles"] == TILES
+    assert_same_as_in_memory(report, *clean())
+
+
+@pytest.mark.parametrize("place", [3, 30, -1, None])
+def test_a_damaged_tile_is_named_and_computed_again(place, files, tmp_path):
+    results = interrupted(files, tmp_path / "out.ply", 8)
+    path = tile_path(results, 5)
+    data = bytearray(path.read_bytes())
+    if place is None:
+        data = data[: len(data) // 2]  # half written
+    else:
+        data[place] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(DamagedTileError, match=r"tile 5 .*tile-000005\.bin"):
+        open_tile(results, 5)
+    done = len(tiles_in(results))
+    report = estimate_file(files, tmp_path / "out.ply", resume=True, **OPTIONS)
+    assert report["damaged_tiles"] == [5]
+    assert report["computed_tiles"] == TILES - done + 1
+    assert_same_as_in_memory(report, *clean())
+
+
+def test_what_a_killed_process_leaves_is_no_result(files, tmp_path):
+    results = interrupted(files, tmp_path / "out.ply", 3)
+    done = tiles_in(results)
+    tile_path(results, 9).with_name(".0123456789abcdef.bin").write_bytes(b"BZTILE1\n")
+    tile_path(results, 10).touch()
+    report = estimate_file(files, tmp_path / "out.ply", resume=True, **OPTIONS)
+    assert report["computed_tiles"] == TILES - len(done)
+    assert_same_as_in_memory(report, *clean())
+
+
+def test_other_parameters_have_other_results(files, tmp_path):
+    interrupted(files, tmp_path / "out.ply", 6)
+    options = FitOptions(alpha=0.7)
+    report = estimate_file(files, tmp_path / "out.ply", resume=True, options=options, **OPTIONS)
+    assert report["computed_tiles"] == TILES
+    assert_same_as_in_memory(report, *clean(), alpha=0.7)
+
+
+def test_a_store_of_another_mesh_is_refused(files, tmp_path):
+    interrupted(files, tmp_path / "out.ply", 2)
+    np.save(files[0], noisy()[0])
+    with pytest.raises(FieldFileError, match="changed since"):
+        estimate_file(files, tmp_path / "out.ply", resume=True, **OPTIONS)
+    with pytest.raises(InvalidParameterError, match="resume to go on with it, or remove it"):
+        estimate_file(files, tmp_path / "out.ply", **OPTIONS)
+
+
+def test_other_tiles_are_refused(files, tmp_path):
+    interrupted(files, tmp_path / "out.ply", 2)
+    with pytest.raises(InvalidParameterError, match=r"^tile_vertices: got 512, .* has tiles of 256"):
+        estimate_file(files, tmp_path / "out.ply", resume=True, **OPTIONS | {"tile_vertices": 512})
+
+
+@pytest.mark.parametrize("resume", [False, True])
+def test_a_folder_with_something_else_is_left_alone(resume, files, tmp_path):
+    folder = tmp_path / "photos"
+    folder.mkdir()
+    (folder / "cat.jpg").write_bytes(b"cat")
+    with pytest.raises(InvalidParameterError, match="choose another folder"):
+        estimate_file(files, tmp_path / "out.ply", store=folder, resume=resume, **OPTIONS)
+    assert (folder / "cat.jpg").read_bytes() == b"cat"
+
+
+def test_a_tile_is_written_whole_or_not_at_all(tmp_path):
+    write_tile(tmp_path, 7, np.arange(6.0), {"tile": 7})
+    found = open_tile(tmp_path, 7)
+    assert found.rows.read(2, 5).tolist() == [2.0, 3.0, 4.0]
+    assert found.report == {"tile": 7}
+    with pytest.raises(TypeError):  # a report that JSON does not know
+        write_tile(tmp_path, 7, np.zeros(6), {"tile": object()})
+    assert open_tile(tmp_path, 7).rows.read(5, 6).tolist() == [5.0]
+    assert [path.name for path in tmp_path.iterdir()] == ["tile-000007.bin"]
+
+
+def test_a_killed_worker_changes_nothing(files, tmp_path):
+    import distributed
+
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster,
+        distributed.Client(cluster, set_as_default=False) as client,
+    ):
+        pids = client.run(os.getpid)
+        victim = next(iter(pids.values()))
+
+        def progress(stage, done, total):
+            if stage == "fit" and done == 2:
+                os.kill(victim, signal.SIGKILL)
+
+        options = OPTIONS | {"scheduler": cluster.scheduler_address}
+        report = estimate_file(files, tmp_path / "out.ply", progress=progress, keep_store=True, **options)
+        with pytest.raises(ProcessLookupError):
+            os.kill(victim, 0)
+    assert report["tiles"] == report["computed_tiles"] == TILES
+    assert_same_as_in_memory(report, *clean())
+    (results,) = (tmp_path / "out.ply.tiles").glob("results-*")
+    workers = {open_tile(results, tile).report["process"] for tile in range(TILES)}
+    assert workers - {victim}
+    assert os.getpid() not in workers
