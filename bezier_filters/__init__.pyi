@@ -11,9 +11,13 @@ from .errors import CancelledError as CancelledError
 from .errors import FieldFileError as FieldFileError
 from .errors import InvalidMeshError as InvalidMeshError
 from .errors import InvalidParameterError as InvalidParameterError
+from .errors import InvalidScriptError as InvalidScriptError
 from .estimation import estimate_vertex_geometry as estimate_vertex_geometry
 from .field_files import read_fields as read_fields
 from .field_files import save_fields as save_fields
+from .filter_scripts import ScriptStep as ScriptStep
+from .filter_scripts import read_filter_script as read_filter_script
+from .filter_scripts import save_filter_script as save_filter_script
 from .filters import compute_curvature_by_bezier_patch_per_vertex as compute_curvature_by_bezier_patch_per_vertex
 from .filters import compute_normal_by_bezier_patch_per_vertex as compute_normal_by_bezier_patch_per_vertex
 from .filters import compute_torsion_by_bezier_patch_per_vertex as compute_torsion_by_bezier_patch_per_vertex
@@ -34,6 +38,9 @@ from .patch import ParameterRectangle as ParameterRectangle
 from .registration import register as register
 from .render import Panel as Panel
 from .render import render_panels as render_panels
+from .script_runner import StepReport as StepReport
+from .script_runner import run_filter_script as run_filter_script
+from .script_values import script_step as script_step
 from .smoothing import smooth as smooth
 from .smoothing_filter import apply_coord_bezier_patch_smoothing as apply_coord_bezier_patch_smoothing
 from .smoothing_result import SmoothingResult as SmoothingResult

@@ -19,6 +19,7 @@ from bezier_filters.cli_options import (
     Radius,
     Rings,
     Robust,
+    SaveScript,
     SmoothnessName,
     Source,
     Target,
@@ -44,6 +45,7 @@ def normals(
     colormap: ColorMapName = "Turbo",
     percentile: Percentile = 2.0,
     threads: Threads = None,
+    save_script: SaveScript = None,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -58,6 +60,7 @@ def normals(
         target,
         fit | colors | {"quality": quality, "robust": robust, "threads": threads},
         label=NORMAL_FIELDS[quality].label if quality in NORMAL_FIELDS else quality,
+        save_script=save_script,
         quiet=quiet,
         json=json,
     )
@@ -80,6 +83,7 @@ def curvature(
     colormap: ColorMapName = "Turbo",
     percentile: Percentile = 2.0,
     threads: Threads = None,
+    save_script: SaveScript = None,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -95,6 +99,7 @@ def curvature(
         target,
         fit | colors | {"quality": quality, "robust": robust, "threads": threads},
         label=CURVATURE_FIELDS[quality].label if quality in CURVATURE_FIELDS else quality,
+        save_script=save_script,
         quiet=quiet,
         json=json,
     )
@@ -114,6 +119,7 @@ def torsion(
     colormap: ColorMapName = "Turbo",
     percentile: Percentile = 2.0,
     threads: Threads = None,
+    save_script: SaveScript = None,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -129,6 +135,7 @@ def torsion(
         target,
         fit | colors | {"robust": robust, "threads": threads},
         label=TORSION_FIELD.label,
+        save_script=save_script,
         quiet=quiet,
         json=json,
     )
@@ -163,6 +170,7 @@ def smooth(
     colormap: ColorMapName = "Turbo",
     percentile: Percentile = 2.0,
     threads: Threads = None,
+    save_script: SaveScript = None,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -182,6 +190,7 @@ def smooth(
         verb="smoothing",
         show=console.print_smoothing,
         needs_quality=quality is not None,
+        save_script=save_script,
         quiet=quiet,
         json=json,
     )
@@ -209,6 +218,7 @@ def fill_holes(
     ] = True,
     alpha: Annotated[float, typer.Option(help="Weight of the points, in (0, 1]; for the paper's method.")] = 0.8,
     threads: Threads = None,
+    save_script: SaveScript = None,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -231,6 +241,7 @@ def fill_holes(
         verb="filling",
         show=console.print_holes,
         needs_quality=False,
+        save_script=save_script,
         quiet=quiet,
         json=json,
     )
@@ -242,6 +253,7 @@ def _filter_file(
     target: Path,
     options: dict[str, Any],
     *,
+    save_script: Path | None,
     quiet: bool,
     json: bool,
     label: str = "",
@@ -257,6 +269,8 @@ def _filter_file(
     with console.progress_bar(f"{verb} {source.name}", quiet=quiet or json) as progress:
         report = run(ms, progress=progress, **options)
     save_mesh(ms, target)
+    if save_script is not None:
+        _add_step(save_script, run.__name__, options)
     if json:
         console.print_json({"input": str(source), "output": str(target), **report})
     elif not quiet:
@@ -268,3 +282,12 @@ def _filter_file(
         console.err.print(
             f"note: {target.suffix} files hold no quality and no bz_* columns; write a PLY file to keep them"
         )
+
+
+def _add_step(script: Path, name: str, options: dict[str, Any]) -> None:
+    """Write a filter script with one step more; threads are a matter of the machine, not of the script."""
+    from bezier_filters.filter_scripts import read_filter_script, save_filter_script
+    from bezier_filters.script_values import script_step
+
+    before = read_filter_script(script) if script.exists() else []
+    save_filter_script(script, [*before, script_step(name, **(options | {"threads": None}))])

@@ -65,3 +65,7 @@ Percentile = Annotated[float, typer.Option(help="Percentage of values clipped at
 Threads = Annotated[int | None, typer.Option(help="Number of threads; all cores by default.", min=1)]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the report as JSON.")]
+SaveScript = Annotated[
+    Path | None,
+    typer.Option(help="MeshLab filter script to add this step to; made if there is none. `run` replays it."),
+]

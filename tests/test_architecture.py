@@ -22,6 +22,7 @@ paper_fill sub_holes
 crease_curves
 fill_placement
 lane_workspace lane_errors lane_frames lane_results local_frames vertex_patch field_files point_cloud
+filter_scripts
 scalar_kernel lane_kernel
 neighbourhood_samples
 ring_lanes
@@ -56,10 +57,12 @@ vertex_output
 vertex_filter
 filters smoothing_filter hole_filter
 registration
+script_values
+script_runner
 rendering sheets
 render
 pictures demo console cli_options cli_app worker_processes
-cli_filters
+cli_filters cli_script
 cli_batch
 cli
 __main__
