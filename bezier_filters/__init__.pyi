@@ -31,6 +31,8 @@ from .mesh import MeshReport as MeshReport
 from .mesh import TriangleMesh as TriangleMesh
 from .mesh import inspect_mesh as inspect_mesh
 from .mesh import triangle_mesh as triangle_mesh
+from .mesh_colors import color_by_quality as color_by_quality
+from .mesh_colors import save_quality_map as save_quality_map
 from .meshset import BezierFilterError as BezierFilterError
 from .neighbourhoods import k_rings as k_rings
 from .patch import BezierPatch as BezierPatch

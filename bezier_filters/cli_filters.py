@@ -1,17 +1,17 @@
 """The commands that run a filter on a file and write another one."""
 
-from collections.abc import Callable
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from bezier_filters import console
 from bezier_filters.cli_app import app
+from bezier_filters.cli_files import filter_file
 from bezier_filters.cli_options import (
     Alpha,
     Color,
     ColorMapName,
+    ColorRange,
     Degree,
     Json,
     Percentile,
@@ -42,8 +42,9 @@ def normals(
     smoothness: SmoothnessName = "third_order",
     robust: Robust = False,
     color: Color = True,
-    colormap: ColorMapName = "Turbo",
+    colormap: ColorMapName = "auto",
     percentile: Percentile = 2.0,
+    color_range: ColorRange = None,
     threads: Threads = None,
     save_script: SaveScript = None,
     quiet: Quiet = False,
@@ -53,8 +54,8 @@ def normals(
     from bezier_filters.filters import NORMAL_FIELDS, compute_normal_by_bezier_patch_per_vertex
 
     fit = {"rings": rings, "radius": radius, "alpha": alpha, "degree": degree, "smoothness": smoothness}
-    colors = {"color": color, "colormap": colormap, "percentile": percentile}
-    _filter_file(
+    colors = {"color": color, "colormap": colormap, "percentile": percentile, "colorrange": color_range}
+    filter_file(
         compute_normal_by_bezier_patch_per_vertex,
         source,
         target,
@@ -80,8 +81,9 @@ def curvature(
     smoothness: SmoothnessName = "third_order",
     robust: Robust = False,
     color: Color = True,
-    colormap: ColorMapName = "Turbo",
+    colormap: ColorMapName = "auto",
     percentile: Percentile = 2.0,
+    color_range: ColorRange = None,
     threads: Threads = None,
     save_script: SaveScript = None,
     quiet: Quiet = False,
@@ -92,8 +94,8 @@ def curvature(
     from bezier_filters.filters import compute_curvature_by_bezier_patch_per_vertex
 
     fit = {"rings": rings, "radius": radius, "alpha": alpha, "degree": degree, "smoothness": smoothness}
-    colors = {"color": color, "colormap": colormap, "percentile": percentile}
-    _filter_file(
+    colors = {"color": color, "colormap": colormap, "percentile": percentile, "colorrange": color_range}
+    filter_file(
         compute_curvature_by_bezier_patch_per_vertex,
         source,
         target,
@@ -116,8 +118,9 @@ def torsion(
     smoothness: SmoothnessName = "third_order",
     robust: Robust = False,
     color: Color = True,
-    colormap: ColorMapName = "Turbo",
+    colormap: ColorMapName = "auto",
     percentile: Percentile = 2.0,
+    color_range: ColorRange = None,
     threads: Threads = None,
     save_script: SaveScript = None,
     quiet: Quiet = False,
@@ -128,8 +131,8 @@ def torsion(
     from bezier_filters.filters import compute_torsion_by_bezier_patch_per_vertex
 
     fit = {"rings": rings, "radius": radius, "alpha": alpha, "degree": degree, "smoothness": smoothness}
-    colors = {"color": color, "colormap": colormap, "percentile": percentile}
-    _filter_file(
+    colors = {"color": color, "colormap": colormap, "percentile": percentile, "colorrange": color_range}
+    filter_file(
         compute_torsion_by_bezier_patch_per_vertex,
         source,
         target,
@@ -167,8 +170,9 @@ def smooth(
     color: Annotated[
         bool, typer.Option("--color/--no-color", help="Colour the vertices by the quality; needs one.")
     ] = False,
-    colormap: ColorMapName = "Turbo",
+    colormap: ColorMapName = "auto",
     percentile: Percentile = 2.0,
+    color_range: ColorRange = None,
     threads: Threads = None,
     save_script: SaveScript = None,
     quiet: Quiet = False,
@@ -178,8 +182,8 @@ def smooth(
     from bezier_filters.smoothing_filter import SMOOTHING_FIELDS, apply_coord_bezier_patch_smoothing
 
     options = {"method": method, "iterations": iterations, "noise": noise, "borders": borders}
-    colors = {"color": color, "colormap": colormap, "percentile": percentile}
-    _filter_file(
+    colors = {"color": color, "colormap": colormap, "percentile": percentile, "colorrange": color_range}
+    filter_file(
         apply_coord_bezier_patch_smoothing,
         source,
         target,
@@ -225,7 +229,7 @@ def fill_holes(
     """Fill the holes of a mesh: smooth where the surface is smooth, sharp where it is sharp."""
     from bezier_filters.hole_filter import meshing_close_holes_by_bezier_patch
 
-    _filter_file(
+    filter_file(
         meshing_close_holes_by_bezier_patch,
         source,
         target,
@@ -245,49 +249,3 @@ def fill_holes(
         quiet=quiet,
         json=json,
     )
-
-
-def _filter_file(
-    run: Callable[..., dict[str, Any]],
-    source: Path,
-    target: Path,
-    options: dict[str, Any],
-    *,
-    save_script: Path | None,
-    quiet: bool,
-    json: bool,
-    label: str = "",
-    verb: str = "fitting",
-    show: Callable[[dict[str, Any], str], None] = console.print_status,
-    needs_quality: bool = True,
-) -> None:
-    """Load, filter, save and report."""
-    from bezier_filters.mesh_files import format_support, load_mesh, save_mesh
-
-    support = format_support(target)
-    ms = load_mesh(source)
-    with console.progress_bar(f"{verb} {source.name}", quiet=quiet or json) as progress:
-        report = run(ms, progress=progress, **options)
-    save_mesh(ms, target)
-    if save_script is not None:
-        _add_step(save_script, run.__name__, options)
-    if json:
-        console.print_json({"input": str(source), "output": str(target), **report})
-    elif not quiet:
-        show(report, str(source))
-        if report.get("statistics"):
-            console.print_statistics(report, label)
-        console.print_written(report, str(target))
-    if needs_quality and not support.quality:
-        console.err.print(
-            f"note: {target.suffix} files hold no quality and no bz_* columns; write a PLY file to keep them"
-        )
-
-
-def _add_step(script: Path, name: str, options: dict[str, Any]) -> None:
-    """Write a filter script with one step more; threads are a matter of the machine, not of the script."""
-    from bezier_filters.filter_scripts import read_filter_script, save_filter_script
-    from bezier_filters.script_values import script_step
-
-    before = read_filter_script(script) if script.exists() else []
-    save_filter_script(script, [*before, script_step(name, **(options | {"threads": None}))])

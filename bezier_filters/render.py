@@ -12,6 +12,7 @@ from bezier_filters import rendering, sheets
 from bezier_filters.atomic import atomic_write
 from bezier_filters.color_range import color_range
 from bezier_filters.errors import InvalidParameterError
+from bezier_filters.palettes import AUTO, PALETTES, matplotlib_colormap
 from bezier_filters.rendering import UP_AXES, VIEW_NAMES, Panel, RenderingUnavailableError, View
 from bezier_filters.sheets import ColorBar, Row
 
@@ -19,6 +20,7 @@ __all__ = ["UP_AXES", "VIEW_NAMES", "Panel", "RenderingUnavailableError", "rende
 
 _Image: TypeAlias = NDArray[np.uint8]
 
+_OWN_MAPS = (AUTO, *(palette.name for palette in PALETTES))
 _SIZES = (50, 4000)  # pixels; graphics drivers end at 16384, twice supersampled
 _FONT = 0.04  # size of the text in units of the larger side of a panel
 
@@ -111,7 +113,12 @@ def _checked(
         _check_choice("view", view, VIEW_NAMES)
     _check_choice("up", up, ("auto", *UP_AXES))
     for panel in panels:
-        _check_choice("colormap", panel.colormap, list(matplotlib.colormaps), ("turbo", "viridis", "coolwarm", "RdBu"))
+        try:
+            matplotlib_colormap(panel.colormap)
+        except KeyError:
+            _check_choice(
+                "colormap", panel.colormap, [*_OWN_MAPS, *matplotlib.colormaps], (*_OWN_MAPS, "turbo", "RdBu")
+            )
     if columns is not None and columns < 1:
         raise InvalidParameterError(f"columns is {columns}, expected at least 1")
     if not all(_SIZES[0] <= side <= _SIZES[1] for side in size):
@@ -156,8 +163,9 @@ def _color_bar(panel: Panel, limits: tuple[float, float]) -> ColorBar | None:
         return None
     seen = panel.values[panel.drawn()]
     low, high = limits
+    colormap = matplotlib_colormap(panel.colormap, signed=panel.signed)
     return ColorBar(
-        panel.label, panel.unit, limits, panel.colormap, below=bool((seen < low).any()), above=bool((seen > high).any())
+        panel.label, panel.unit, limits, colormap, below=bool((seen < low).any()), above=bool((seen > high).any())
     )
 
 

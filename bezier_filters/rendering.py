@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
+from bezier_filters.palettes import AUTO, matplotlib_colormap
 
 MARGIN = 4  # pixels around the mesh
 
@@ -70,7 +71,7 @@ class Panel:
     limits : (low, high), optional
         Values of the lowest and highest colour; by default those of `color_range`.
     colormap : str
-        Name of a matplotlib colour map.
+        ``"auto"`` (``"Cool Warm"`` if `signed`, else ``"Viridis"``), ``"Paper"``, or any colour map of matplotlib.
     colors : (n, 3) or (n, 4) array, optional
         Colours instead of `values`: floats in 0..1 or uint8.
     title : str
@@ -91,7 +92,7 @@ class Panel:
     unit: str = ""
     signed: bool = False
     limits: tuple[float, float] | None = None
-    colormap: str = "turbo"
+    colormap: str = AUTO
     colors: NDArray[Any] | None = None
     title: str = ""
 
@@ -231,7 +232,6 @@ def _add_lights(plotter: Any) -> None:
 
 
 def _add_panel(plotter: Any, panel: Panel, points: FloatArray, limits: tuple[float, float]) -> None:
-    import matplotlib
     import pyvista
 
     options: dict[str, Any] = {"show_scalar_bar": False}
@@ -240,7 +240,11 @@ def _add_panel(plotter: Any, panel: Panel, points: FloatArray, limits: tuple[flo
         options |= {"scalars": colors.astype(np.uint8), "rgb": True}
     else:
         # Values are interpolated within triangles and then coloured, which keeps to the colour map.
-        options |= {"scalars": panel.values, "clim": limits, "cmap": matplotlib.colormaps[panel.colormap]}
+        options |= {
+            "scalars": panel.values,
+            "clim": limits,
+            "cmap": matplotlib_colormap(panel.colormap, signed=panel.signed),
+        }
         options |= {"interpolate_before_map": True, "nan_color": _NAN_COLOR}
     if len(panel.faces) == 0:
         size = _SUPERSAMPLING * float(np.clip(400 / np.sqrt(len(points)), 2, 2 * MARGIN))

@@ -41,6 +41,8 @@ def _attributes(value: Any) -> dict[str, str]:
         return {"type": "RichString", "value": f"{value.value()!r}%"}
     if type(value) is PureValue:
         return {"type": "RichAbsPerc", "value": repr(value.value())}
+    if isinstance(value, tuple):
+        return {"type": "RichString", "value": " ".join(map(str, value))}
     return {"type": _TYPES.get(type(value), "RichString"), "value": str(value)}
 
 
@@ -95,6 +97,10 @@ def _read(option: Any, text: str) -> Any:
         return _UNREADABLE
     if option is str:
         return text
+    if get_origin(option) is tuple:
+        values = tuple(_read(kind, part) for kind, part in zip(get_args(option), text.split(), strict=False))
+        fits = len(values) == len(text.split()) == len(get_args(option)) and _UNREADABLE not in values
+        return values if fits else _UNREADABLE
     return option if text == option else _UNREADABLE  # one of the words of a Literal
 
 
@@ -107,6 +113,8 @@ def _described(option: Any) -> str:
         PercentageValue: "a percentage such as 2%",
         type(None): "nothing",
     }
+    if get_origin(option) is tuple:
+        return f"{len(get_args(option))} numbers"
     return names.get(option, repr(option)) if isinstance(option, type) else repr(option)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    from matplotlib.colors import Colormap
     from matplotlib.figure import Figure
 
 # Matplotlib measures text in points of 1/72 inch; at this resolution a point is a pixel.
@@ -33,7 +34,7 @@ class ColorBar:
     label: str
     unit: str
     limits: tuple[float, float]
-    colormap: str
+    colormap: "Colormap"
     below: bool = False
     above: bool = False
 

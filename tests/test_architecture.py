@@ -10,7 +10,7 @@ import bezier_filters
 
 PACKAGE = Path(bezier_filters.__file__).parent
 LAYERS = """
-_version arrays errors status bernstein dense lean parallel compilation atomic color_range
+_version arrays errors status bernstein dense lean parallel compilation atomic color_range palettes
 mesh polynomials smoothness patch differential_geometry jets vertex_geometry surfaces
 adjacency boundary fields harmonics spatial_order
 neighbourhoods frames fitting uncertainty diagnosis ply_columns orientation lanes
@@ -62,6 +62,7 @@ script_runner
 rendering sheets
 render
 pictures demo console cli_options cli_app worker_processes
+cli_files
 cli_filters cli_script
 cli_batch
 cli
