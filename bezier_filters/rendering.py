@@ -76,6 +76,8 @@ class Panel:
         Colours instead of `values`: floats in 0..1 or uint8.
     title : str
         Text above the column.
+    histogram : bool
+        Whether a histogram of the values stands on the colour bar: how many vertices have each colour.
 
     Raises
     ------
@@ -95,6 +97,7 @@ class Panel:
     colormap: str = AUTO
     colors: NDArray[Any] | None = None
     title: str = ""
+    histogram: bool = False
 
     def __post_init__(self) -> None:
         n = len(self.vertices)
@@ -212,17 +215,18 @@ def draw(
     with pyvista.vtk_verbosity("error"):
         plotter: Any = pyvista.Plotter(off_screen=True, lighting="none")
         try:
-            _add_lights(plotter)
+            add_lights(plotter)
             plotter.set_background(background)
             # In pixels about the origin, because graphics hardware computes in single precision.
             center = 0.5 * (views[0].low + views[0].high) @ views[0].axes
-            _add_panel(plotter, panel, (panel.vertices - center) * scale, limits)
+            add_panel(plotter, panel, (panel.vertices - center) * scale, limits)
             return [_photograph(plotter, view, center, scale) for view in views]
         finally:
             plotter.close()
 
 
-def _add_lights(plotter: Any) -> None:
+def add_lights(plotter: Any) -> None:
+    """Light the scene of a pyvista plotter so that surfaces facing the viewer have just their colour."""
     import pyvista
 
     # One light at the camera, one above its left shoulder. A surface that faces the camera gets
@@ -231,7 +235,8 @@ def _add_lights(plotter: Any) -> None:
     plotter.add_light(pyvista.Light(light_type="camera light", position=(-0.6, 0.9, 1.0), intensity=0.66))
 
 
-def _add_panel(plotter: Any, panel: Panel, points: FloatArray, limits: tuple[float, float]) -> None:
+def add_panel(plotter: Any, panel: Panel, points: FloatArray, limits: tuple[float, float]) -> None:
+    """Add a panel's mesh, with its vertices at these points, to a pyvista plotter."""
     import pyvista
 
     options: dict[str, Any] = {"show_scalar_bar": False}

@@ -61,9 +61,10 @@ script_values
 script_runner
 rendering sheets
 render
+viewing
 pictures demo console cli_options cli_app worker_processes
 cli_files
-cli_filters cli_script
+cli_filters cli_pictures cli_script
 cli_batch
 cli
 __main__
