@@ -6,6 +6,9 @@ from .adjacency import Adjacency as Adjacency
 from .adjacency import Rows as Rows
 from .adjacency import vertex_adjacency as vertex_adjacency
 from .boundary import boundary_loops as boundary_loops
+from .converters import mesh_arrays as mesh_arrays
+from .converters import to_pyvista as to_pyvista
+from .converters import to_trimesh as to_trimesh
 from .diagnosis import diagnose as diagnose
 from .errors import CancelledError as CancelledError
 from .errors import FieldFileError as FieldFileError

@@ -13,7 +13,14 @@ from bezier_filters.render import Panel, RenderingUnavailableError, panel_limits
 
 _REMEDY = "`bezier-filters render` draws a picture without one"
 
-_BAR: dict[str, Any] = {"color": "black", "title_font_size": 14, "label_font_size": 12, "height": 0.12, "fmt": "%.3g"}
+_BAR: dict[str, Any] = {
+    "color": "black",
+    "title_font_size": 14,
+    "label_font_size": 12,
+    "n_labels": 3,
+    "height": 0.18,
+    "fmt": "%.3g",
+}
 
 
 def check_display() -> None:

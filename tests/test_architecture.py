@@ -10,7 +10,7 @@ import bezier_filters
 
 PACKAGE = Path(bezier_filters.__file__).parent
 LAYERS = """
-_version arrays errors status bernstein dense lean parallel compilation atomic color_range palettes
+_version arrays errors status bernstein dense lean parallel compilation atomic color_range palettes html_tables
 mesh polynomials smoothness patch differential_geometry jets vertex_geometry surfaces
 adjacency boundary fields harmonics spatial_order
 neighbourhoods frames fitting uncertainty diagnosis ply_columns orientation lanes
@@ -52,7 +52,7 @@ fill_methods
 hole_filling
 meshset
 mesh_attributes mesh_colors mesh_coordinates mesh_files
-mesh_growth
+mesh_growth converters
 vertex_output
 vertex_filter
 filters smoothing_filter hole_filter
