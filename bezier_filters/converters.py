@@ -58,12 +58,12 @@ def to_pyvista(vertices: ArrayLike, faces: ArrayLike | None, fields: Fields = No
     >>> bool((mesh["mean_curvature"] == g.mean_curvature).all())
     True
     """
-    pyvista = _library("pyvista")
+    library = _library("pyvista")
     mesh = _mesh(vertices, faces)
     if mesh.face_count:
-        result: Any = pyvista.PolyData.from_regular_faces(mesh.vertices.copy(), mesh.faces.copy())
+        result: Any = library.PolyData.from_regular_faces(mesh.vertices.copy(), mesh.faces.copy())
     else:
-        result = pyvista.PolyData(mesh.vertices.copy())
+        result = library.PolyData(mesh.vertices.copy())
     for name, values in _columns(fields, mesh.vertex_count).items():
         result.point_data[name] = values
     return cast("pyvista.PolyData", result)
@@ -98,11 +98,11 @@ def to_trimesh(vertices: ArrayLike, faces: ArrayLike, fields: Fields = None) -> 
     >>> bool((mesh.vertex_attributes["k_max"] == g.k_max).all())
     True
     """
-    trimesh = _library("trimesh")
+    library = _library("trimesh")
     mesh = _mesh(vertices, faces)
     columns = _columns(fields, mesh.vertex_count)
     normals = fields.normals.copy() if isinstance(fields, VertexGeometry) else None
-    result = trimesh.Trimesh(mesh.vertices.copy(), mesh.faces.copy(), vertex_normals=normals, process=False)
+    result = library.Trimesh(mesh.vertices.copy(), mesh.faces.copy(), vertex_normals=normals, process=False)
     result.vertex_attributes.update(columns)
     return cast("trimesh.Trimesh", result)
 
