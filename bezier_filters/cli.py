@@ -5,46 +5,11 @@ from typing import Annotated
 
 import typer
 
-from bezier_filters import cli_batch, cli_filters, console
+from bezier_filters import cli_batch, cli_filters, cli_pictures, cli_script, console
 from bezier_filters.cli_app import app
-from bezier_filters.cli_options import Json, Percentile, Quiet, Source
+from bezier_filters.cli_options import Json, Quiet, Source
 
-__all__ = ["app", "cli_batch", "cli_filters", "main"]
-
-
-@app.command(epilog="Example: bezier-filters render curved.ply curved.png --view front --view back")
-def render(
-    source: Source,
-    picture: Annotated[Path, typer.Argument(help="PNG file to write.", metavar="PICTURE.png")],
-    field: Annotated[
-        list[str] | None, typer.Option(help="Field to show, one panel each: quality, color, or a bz_* column.")
-    ] = None,
-    view: Annotated[
-        list[str] | None, typer.Option(help="front, back, left, right, top, bottom or iso; may be repeated.")
-    ] = None,
-    colormap: Annotated[str, typer.Option(help="Colour map of matplotlib.")] = "turbo",
-    percentile: Percentile = 2.0,
-    size: Annotated[int, typer.Option(help="Largest side of one image in pixels.", min=50, max=4000)] = 600,
-    up: Annotated[str, typer.Option(help="Axis that points up: auto, x, y, z, -x, -y or -z.")] = "auto",
-    quiet: Quiet = False,
-    json: Json = False,
-) -> None:
-    """Draw a mesh with its quality or other fields as a PNG with colour bar, without any display."""
-    from bezier_filters.mesh_files import load_mesh
-    from bezier_filters.pictures import field_panels
-    from bezier_filters.render import render_panels
-
-    fields, views = field or ["quality"], view or ["front", "back"]
-    panels = field_panels(load_mesh(source), source, fields, colormap, percentile)
-    render_panels(picture, panels, views=views, size=(size, size), up=up)
-    if json:
-        shown = [
-            {"field": name, "label": panel.label, "unit": panel.unit, "limits": panel.limits}
-            for name, panel in zip(fields, panels, strict=True)
-        ]
-        console.print_json({"input": str(source), "output": str(picture), "views": views, "panels": shown})
-    elif not quiet:
-        console.out.print(f"wrote [bold]{picture}[/]")
+__all__ = ["app", "cli_batch", "cli_filters", "cli_pictures", "cli_script", "main"]
 
 
 @app.command(epilog="Example: bezier-filters info scan.ply")

@@ -1,17 +1,17 @@
 """The commands that run a filter on a file and write another one."""
 
-from collections.abc import Callable
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from bezier_filters import console
 from bezier_filters.cli_app import app
+from bezier_filters.cli_files import filter_file
 from bezier_filters.cli_options import (
     Alpha,
     Color,
     ColorMapName,
+    ColorRange,
     Degree,
     Json,
     Percentile,
@@ -19,6 +19,7 @@ from bezier_filters.cli_options import (
     Radius,
     Rings,
     Robust,
+    SaveScript,
     SmoothnessName,
     Source,
     Target,
@@ -41,9 +42,11 @@ def normals(
     smoothness: SmoothnessName = "third_order",
     robust: Robust = False,
     color: Color = True,
-    colormap: ColorMapName = "Turbo",
+    colormap: ColorMapName = "auto",
     percentile: Percentile = 2.0,
+    color_range: ColorRange = None,
     threads: Threads = None,
+    save_script: SaveScript = None,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -51,13 +54,14 @@ def normals(
     from bezier_filters.filters import NORMAL_FIELDS, compute_normal_by_bezier_patch_per_vertex
 
     fit = {"rings": rings, "radius": radius, "alpha": alpha, "degree": degree, "smoothness": smoothness}
-    colors = {"color": color, "colormap": colormap, "percentile": percentile}
-    _filter_file(
+    colors = {"color": color, "colormap": colormap, "percentile": percentile, "colorrange": color_range}
+    filter_file(
         compute_normal_by_bezier_patch_per_vertex,
         source,
         target,
         fit | colors | {"quality": quality, "robust": robust, "threads": threads},
         label=NORMAL_FIELDS[quality].label if quality in NORMAL_FIELDS else quality,
+        save_script=save_script,
         quiet=quiet,
         json=json,
     )
@@ -77,9 +81,11 @@ def curvature(
     smoothness: SmoothnessName = "third_order",
     robust: Robust = False,
     color: Color = True,
-    colormap: ColorMapName = "Turbo",
+    colormap: ColorMapName = "auto",
     percentile: Percentile = 2.0,
+    color_range: ColorRange = None,
     threads: Threads = None,
+    save_script: SaveScript = None,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -88,13 +94,14 @@ def curvature(
     from bezier_filters.filters import compute_curvature_by_bezier_patch_per_vertex
 
     fit = {"rings": rings, "radius": radius, "alpha": alpha, "degree": degree, "smoothness": smoothness}
-    colors = {"color": color, "colormap": colormap, "percentile": percentile}
-    _filter_file(
+    colors = {"color": color, "colormap": colormap, "percentile": percentile, "colorrange": color_range}
+    filter_file(
         compute_curvature_by_bezier_patch_per_vertex,
         source,
         target,
         fit | colors | {"quality": quality, "robust": robust, "threads": threads},
         label=CURVATURE_FIELDS[quality].label if quality in CURVATURE_FIELDS else quality,
+        save_script=save_script,
         quiet=quiet,
         json=json,
     )
@@ -111,9 +118,11 @@ def torsion(
     smoothness: SmoothnessName = "third_order",
     robust: Robust = False,
     color: Color = True,
-    colormap: ColorMapName = "Turbo",
+    colormap: ColorMapName = "auto",
     percentile: Percentile = 2.0,
+    color_range: ColorRange = None,
     threads: Threads = None,
+    save_script: SaveScript = None,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -122,13 +131,14 @@ def torsion(
     from bezier_filters.filters import compute_torsion_by_bezier_patch_per_vertex
 
     fit = {"rings": rings, "radius": radius, "alpha": alpha, "degree": degree, "smoothness": smoothness}
-    colors = {"color": color, "colormap": colormap, "percentile": percentile}
-    _filter_file(
+    colors = {"color": color, "colormap": colormap, "percentile": percentile, "colorrange": color_range}
+    filter_file(
         compute_torsion_by_bezier_patch_per_vertex,
         source,
         target,
         fit | colors | {"robust": robust, "threads": threads},
         label=TORSION_FIELD.label,
+        save_script=save_script,
         quiet=quiet,
         json=json,
     )
@@ -160,9 +170,11 @@ def smooth(
     color: Annotated[
         bool, typer.Option("--color/--no-color", help="Colour the vertices by the quality; needs one.")
     ] = False,
-    colormap: ColorMapName = "Turbo",
+    colormap: ColorMapName = "auto",
     percentile: Percentile = 2.0,
+    color_range: ColorRange = None,
     threads: Threads = None,
+    save_script: SaveScript = None,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -170,8 +182,8 @@ def smooth(
     from bezier_filters.smoothing_filter import SMOOTHING_FIELDS, apply_coord_bezier_patch_smoothing
 
     options = {"method": method, "iterations": iterations, "noise": noise, "borders": borders}
-    colors = {"color": color, "colormap": colormap, "percentile": percentile}
-    _filter_file(
+    colors = {"color": color, "colormap": colormap, "percentile": percentile, "colorrange": color_range}
+    filter_file(
         apply_coord_bezier_patch_smoothing,
         source,
         target,
@@ -182,6 +194,7 @@ def smooth(
         verb="smoothing",
         show=console.print_smoothing,
         needs_quality=quality is not None,
+        save_script=save_script,
         quiet=quiet,
         json=json,
     )
@@ -209,13 +222,14 @@ def fill_holes(
     ] = True,
     alpha: Annotated[float, typer.Option(help="Weight of the points, in (0, 1]; for the paper's method.")] = 0.8,
     threads: Threads = None,
+    save_script: SaveScript = None,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
     """Fill the holes of a mesh: smooth where the surface is smooth, sharp where it is sharp."""
     from bezier_filters.hole_filter import meshing_close_holes_by_bezier_patch
 
-    _filter_file(
+    filter_file(
         meshing_close_holes_by_bezier_patch,
         source,
         target,
@@ -231,40 +245,7 @@ def fill_holes(
         verb="filling",
         show=console.print_holes,
         needs_quality=False,
+        save_script=save_script,
         quiet=quiet,
         json=json,
     )
-
-
-def _filter_file(
-    run: Callable[..., dict[str, Any]],
-    source: Path,
-    target: Path,
-    options: dict[str, Any],
-    *,
-    quiet: bool,
-    json: bool,
-    label: str = "",
-    verb: str = "fitting",
-    show: Callable[[dict[str, Any], str], None] = console.print_status,
-    needs_quality: bool = True,
-) -> None:
-    """Load, filter, save and report."""
-    from bezier_filters.mesh_files import format_support, load_mesh, save_mesh
-
-    support = format_support(target)
-    ms = load_mesh(source)
-    with console.progress_bar(f"{verb} {source.name}", quiet=quiet or json) as progress:
-        report = run(ms, progress=progress, **options)
-    save_mesh(ms, target)
-    if json:
-        console.print_json({"input": str(source), "output": str(target), **report})
-    elif not quiet:
-        show(report, str(source))
-        if report.get("statistics"):
-            console.print_statistics(report, label)
-        console.print_written(report, str(target))
-    if needs_quality and not support.quality:
-        console.err.print(
-            f"note: {target.suffix} files hold no quality and no bz_* columns; write a PLY file to keep them"
-        )

@@ -60,8 +60,20 @@ Degree = Annotated[Any, number_option(int, "Degree of the patch, 2 to 4, or 2 to
 SmoothnessName = Annotated[str, typer.Option(help="third_order (consistent) or paper (the method to the letter).")]
 Robust = Annotated[bool, typer.Option("--robust/--no-robust", help="Take weight from points far off their patch.")]
 Color = Annotated[bool, typer.Option("--color/--no-color", help="Colour the vertices by the quality.")]
-ColorMapName = Annotated[str, typer.Option(help="Colour map of pymeshlab: Turbo, RGB, Viridis, French RGB, ...")]
+ColorMapName = Annotated[
+    str, typer.Option(help="auto (Cool Warm or Viridis), Paper, or a colour map of pymeshlab: Turbo, French RGB, ...")
+]
 Percentile = Annotated[float, typer.Option(help="Percentage of values clipped at each end of the colours.")]
+ColorRange = Annotated[
+    tuple[float, float] | None,
+    typer.Option(
+        "--range", help="Values of the first and the last colour, instead of --percentile.", metavar="LOW HIGH"
+    ),
+]
 Threads = Annotated[int | None, typer.Option(help="Number of threads; all cores by default.", min=1)]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the report as JSON.")]
+SaveScript = Annotated[
+    Path | None,
+    typer.Option(help="MeshLab filter script to add this step to; made if there is none. `run` replays it."),
+]

@@ -15,3 +15,7 @@ class CancelledError(RuntimeError):
 
 class FieldFileError(ValueError):
     """A file holds no readable vertex fields; the message says what was found and what to do."""
+
+
+class InvalidScriptError(ValueError):
+    """A filter script cannot be read or run; the message names the step and what is allowed."""

@@ -57,6 +57,31 @@ CURVATURE_FIELDS = {
 }
 TORSION_FIELD = ScalarField("torsion", "geodesic_torsion", "principal geodesic torsion", "1/length", signed=False)
 
+DIAGNOSTIC_FIELDS = {
+    field.name: field
+    for field in (
+        ScalarField("status", "fit_status", "status code", "", signed=False),
+        ScalarField("rings", "rings_used", "rings", "edges", signed=False),
+        ScalarField("residual", "residual", "residual", "length", signed=False),
+        ScalarField("normal_std", "normal_std", "standard error of the normal", "radians", signed=False),
+        ScalarField(
+            "gaussian_std",
+            "gaussian_curvature_std",
+            "standard error of the Gaussian curvature",
+            "1/length²",
+            signed=False,
+        ),
+        ScalarField("extremality_min", "extremality_min", "extremality of k_min", "1/length²", signed=True),
+        ScalarField("extremality_max", "extremality_max", "extremality of k_max", "1/length²", signed=True),
+        *(
+            ScalarField(name, name, name.replace("_", " "), "", signed=True)
+            for vector in ("direction_min", "direction_max", "torsion_direction_plus", "torsion_direction_minus")
+            for name in (f"{vector}_x", f"{vector}_y", f"{vector}_z")
+        ),
+    )
+}
+"""The other columns that filters write."""
+
 
 def vector_components(attribute: str, vectors: FloatArray) -> dict[str, FloatArray]:
     """Columns ``bz_<attribute>_x``, ``_y``, ``_z`` of vectors of shape (n, 3)."""

@@ -49,8 +49,9 @@ def compute_normal_by_bezier_patch_per_vertex(
     quality: str | None = "angle",
     onselected: bool = False,
     color: bool = False,
-    colormap: str = "Turbo",
+    colormap: str = "auto",
     percentile: float = 2.0,
+    colorrange: tuple[float, float] | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
@@ -95,9 +96,12 @@ def compute_normal_by_bezier_patch_per_vertex(
     color : bool
         Colour all vertices by the quality.
     colormap : str
-        Name of a colour map of pymeshlab, in any case; red or bright is high (see `color_by_quality`).
+        ``"auto"``: Cool Warm where zero is in the middle, else Viridis. Paper: red high, blue medium, green low. Or
+        any colour map of pymeshlab, in any case; red or bright is high (see `color_by_quality`).
     percentile : float
         Percentage of the values that may lie beyond each end of the colours, in [0, 50).
+    colorrange : (float, float), optional
+        Qualities of the first and the last colour, instead of those that follow from `percentile`.
     threads : int, optional
         Number of threads; by default all usable cores. The result does not depend on it.
     progress : callable, optional
@@ -134,7 +138,7 @@ def compute_normal_by_bezier_patch_per_vertex(
         ms,
         VertexFilter(_normal_columns, FitStatus.NORMAL_ONLY, sets_normals=True),
         FitOptions(rings, radius, alpha, degree, smoothness, robust, threads, progress),
-        Output(choose_field(quality, NORMAL_FIELDS), onselected, color, colormap, percentile),
+        Output(choose_field(quality, NORMAL_FIELDS), onselected, color, colormap, percentile, colorrange),
     )
 
 
@@ -150,8 +154,9 @@ def compute_curvature_by_bezier_patch_per_vertex(
     quality: str | None = "mean",
     onselected: bool = False,
     color: bool = False,
-    colormap: str = "Turbo",
+    colormap: str = "auto",
     percentile: float = 2.0,
+    colorrange: tuple[float, float] | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
@@ -201,9 +206,12 @@ def compute_curvature_by_bezier_patch_per_vertex(
     color : bool
         Colour all vertices by the quality; zero gets the middle colour, except for the curvedness.
     colormap : str
-        Name of a colour map of pymeshlab, in any case; red or bright is high (see `color_by_quality`).
+        ``"auto"``: Cool Warm where zero is in the middle, else Viridis. Paper: red high, blue medium, green low. Or
+        any colour map of pymeshlab, in any case; red or bright is high (see `color_by_quality`).
     percentile : float
         Percentage of the values that may lie beyond each end of the colours, in [0, 50).
+    colorrange : (float, float), optional
+        Qualities of the first and the last colour, instead of those that follow from `percentile`.
     threads : int, optional
         Number of threads; by default all usable cores. The result does not depend on it.
     progress : callable, optional
@@ -240,7 +248,7 @@ def compute_curvature_by_bezier_patch_per_vertex(
         ms,
         VertexFilter(_curvature_columns, FitStatus.FOLDED),
         FitOptions(rings, radius, alpha, degree, smoothness, robust, threads, progress),
-        Output(choose_field(quality, CURVATURE_FIELDS), onselected, color, colormap, percentile),
+        Output(choose_field(quality, CURVATURE_FIELDS), onselected, color, colormap, percentile, colorrange),
     )
 
 
@@ -255,8 +263,9 @@ def compute_torsion_by_bezier_patch_per_vertex(
     robust: bool = False,
     onselected: bool = False,
     color: bool = False,
-    colormap: str = "Turbo",
+    colormap: str = "auto",
     percentile: float = 2.0,
+    colorrange: tuple[float, float] | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
@@ -300,9 +309,12 @@ def compute_torsion_by_bezier_patch_per_vertex(
     color : bool
         Colour all vertices by the quality.
     colormap : str
-        Name of a colour map of pymeshlab, in any case; red or bright is high (see `color_by_quality`).
+        ``"auto"``: Cool Warm where zero is in the middle, else Viridis. Paper: red high, blue medium, green low. Or
+        any colour map of pymeshlab, in any case; red or bright is high (see `color_by_quality`).
     percentile : float
         Percentage of the values that may lie beyond each end of the colours, in [0, 50).
+    colorrange : (float, float), optional
+        Qualities of the first and the last colour, instead of those that follow from `percentile`.
     threads : int, optional
         Number of threads; by default all usable cores. The result does not depend on it.
     progress : callable, optional
@@ -337,7 +349,7 @@ def compute_torsion_by_bezier_patch_per_vertex(
         ms,
         VertexFilter(_torsion_columns, FitStatus.FOLDED),
         FitOptions(rings, radius, alpha, degree, smoothness, robust, threads, progress),
-        Output(TORSION_FIELD, onselected, color, colormap, percentile),
+        Output(TORSION_FIELD, onselected, color, colormap, percentile, colorrange),
     )
 
 

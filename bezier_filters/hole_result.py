@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.html_tables import html_table
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ class HoleReport:
     self_intersections: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class HoleFillingResult:
     """A mesh with filled holes.
 
@@ -90,3 +91,26 @@ class HoleFillingResult:
     def filled(self) -> int:
         """Number of holes that were filled."""
         return sum(hole.filled for hole in self.holes)
+
+    def __repr__(self) -> str:
+        """One line: how many holes there were, and how many were filled."""
+        return (
+            f"HoleFillingResult({len(self.vertices)} vertices, {len(self.faces)} faces, "
+            f"{self.filled} of {len(self.holes)} holes filled)"
+        )
+
+    def _repr_html_(self) -> str:
+        """Table of the holes for notebooks."""
+        header = ["edges", "diameter [length]", "fill", "new faces", "rim angle [degrees]", "remarks"]
+        rows = [
+            [
+                hole.edge_count,
+                hole.diameter,
+                hole.method or "left open",
+                len(hole.new_faces),
+                hole.rim_dihedral if hole.filled else None,
+                hole.reason,
+            ]
+            for hole in self.holes
+        ]
+        return html_table(f"{self.filled:,} of {len(self.holes):,} holes filled", header, rows)

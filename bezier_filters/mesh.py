@@ -176,7 +176,14 @@ def _index_array(faces: ArrayLike) -> IntArray:
     if triangles.size == 0:
         return np.empty((0, 3), dtype=np.int32)
     if triangles.ndim != 2 or triangles.shape[1] != 3:
-        raise InvalidMeshError(f"faces: got shape {triangles.shape}, expected (m, 3); triangulate polygons first")
+        raise InvalidMeshError(f"faces: got shape {triangles.shape}, expected (m, 3); {_remedy(triangles)}")
     if not np.issubdtype(triangles.dtype, np.integer):
         raise InvalidMeshError(f"faces: got dtype {triangles.dtype}, expected integers")
     return triangles
+
+
+def _remedy(faces: IntArray) -> str:
+    """What to do about faces of another shape."""
+    if faces.ndim == 1 and len(faces) % 4 == 0 and (faces[::4] == 3).all():
+        return "these are pyvista's, with the number 3 before each: pass mesh.regular_faces, or use mesh_arrays(mesh)"
+    return "triangulate polygons first"

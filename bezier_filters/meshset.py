@@ -24,6 +24,8 @@ MeshSet: TypeAlias = pymeshlab.MeshSet
 Mesh: TypeAlias = pymeshlab.Mesh
 PyMeshLabException = pymeshlab.PyMeshLabException
 PercentageValue: TypeAlias = pymeshlab.PercentageValue
+PureValue: TypeAlias = pymeshlab.PureValue
+Color: TypeAlias = pymeshlab.Color
 Length: TypeAlias = pymeshlab.PercentageValue | pymeshlab.PureValue | float
 
 _stderr_lock = threading.Lock()
@@ -143,6 +145,18 @@ def absolute_length(length: Length, vertices: FloatArray) -> float:
 def shipped_bunny() -> Path:
     """Path of the Stanford bunny that the pymeshlab package brings along: 28,088 vertices, closed."""
     return Path(pymeshlab.__file__).parent / "tests" / "sample_meshes" / "bunny.obj"
+
+
+def mesh_filter_names() -> list[str]:
+    """Names of pymeshlab's own filters."""
+    return list(pymeshlab.filter_list())
+
+
+def former_filter_names() -> dict[str, str]:
+    """Names that pymeshlab's filters had before 2022, made from MeshLab's, and those that they have now."""
+    table = Path(pymeshlab.__file__).parent / "keys.txt"
+    pairs = (line.split() for line in table.read_text(encoding="utf-8").splitlines()) if table.is_file() else ()
+    return {pair[0]: pair[1] for pair in pairs if len(pair) == 2}
 
 
 def topological_measures(vertices: FloatArray, faces: IntArray) -> dict[str, Any]:

@@ -12,14 +12,25 @@ from bezier_filters import rendering, sheets
 from bezier_filters.atomic import atomic_write
 from bezier_filters.color_range import color_range
 from bezier_filters.errors import InvalidParameterError
+from bezier_filters.palettes import AUTO, PALETTES, matplotlib_colormap
 from bezier_filters.rendering import UP_AXES, VIEW_NAMES, Panel, RenderingUnavailableError, View
 from bezier_filters.sheets import ColorBar, Row
 
-__all__ = ["UP_AXES", "VIEW_NAMES", "Panel", "RenderingUnavailableError", "render_panels"]
+__all__ = [
+    "UP_AXES",
+    "VIEW_NAMES",
+    "Panel",
+    "RenderingUnavailableError",
+    "panel_limits",
+    "render_panels",
+    "require_libraries",
+]
 
 _Image: TypeAlias = NDArray[np.uint8]
 
+_OWN_MAPS = (AUTO, *(palette.name for palette in PALETTES))
 _SIZES = (50, 4000)  # pixels; graphics drivers end at 16384, twice supersampled
+_BINS = 60  # of histograms
 _FONT = 0.04  # size of the text in units of the larger side of a panel
 
 
@@ -77,7 +88,7 @@ def render_panels(
     >>> panel = Panel(vertices, np.array([[0, 1, 2]], np.int32), vertices[:, 0], label="x", unit="length")
     >>> render_panels("triangle.png", [panel], views=["front", "iso"])  # doctest: +SKIP
     """
-    _require_libraries()
+    require_libraries()
     background = _checked(panels, views, columns, size, background, up)
     up = rendering.up_axis(panels) if up == "auto" else up
     axes = [rendering.view_axes(view, up) for view in views]
@@ -87,7 +98,7 @@ def render_panels(
     with atomic_write(path) as temporary:
         images, bars = [], []
         for panel, own in zip(panels, seen, strict=True):
-            limits = _limits(panel)
+            limits = panel_limits(panel)
             images.append(rendering.draw(panel, own, limits=limits, scale=scale, background=background))
             bars.append(_color_bar(panel, limits))
         if len(panels) == 1 and len(views) > 1:
@@ -111,7 +122,12 @@ def _checked(
         _check_choice("view", view, VIEW_NAMES)
     _check_choice("up", up, ("auto", *UP_AXES))
     for panel in panels:
-        _check_choice("colormap", panel.colormap, list(matplotlib.colormaps), ("turbo", "viridis", "coolwarm", "RdBu"))
+        try:
+            matplotlib_colormap(panel.colormap)
+        except KeyError:
+            _check_choice(
+                "colormap", panel.colormap, [*_OWN_MAPS, *matplotlib.colormaps], (*_OWN_MAPS, "turbo", "RdBu")
+            )
     if columns is not None and columns < 1:
         raise InvalidParameterError(f"columns is {columns}, expected at least 1")
     if not all(_SIZES[0] <= side <= _SIZES[1] for side in size):
@@ -121,7 +137,8 @@ def _checked(
     return to_hex(background)
 
 
-def _require_libraries() -> None:
+def require_libraries() -> None:
+    """Refuse to draw without the libraries of the extra."""
     try:
         import matplotlib  # noqa: F401
         import pyvista  # noqa: F401
@@ -145,7 +162,8 @@ def _common_scale(views: Sequence[View], size: tuple[int, int]) -> float:
     return float(np.min(room[extent > 0] / extent[extent > 0], initial=np.inf)) if extent.any() else 1.0
 
 
-def _limits(panel: Panel) -> tuple[float, float]:
+def panel_limits(panel: Panel) -> tuple[float, float]:
+    """Values of the first and the last colour."""
     if panel.limits is not None or panel.values is None:
         return panel.limits or (0.0, 1.0)
     return sheets.round_limits(*color_range(panel.values, signed=panel.signed, mask=panel.drawn()))
@@ -156,9 +174,10 @@ def _color_bar(panel: Panel, limits: tuple[float, float]) -> ColorBar | None:
         return None
     seen = panel.values[panel.drawn()]
     low, high = limits
-    return ColorBar(
-        panel.label, panel.unit, limits, panel.colormap, below=bool((seen < low).any()), above=bool((seen > high).any())
-    )
+    colormap = matplotlib_colormap(panel.colormap, signed=panel.signed)
+    below, above = bool((seen < low).any()), bool((seen > high).any())
+    counts = np.histogram(seen, bins=_BINS, range=limits)[0].tolist() if panel.histogram else []
+    return ColorBar(panel.label, panel.unit, limits, colormap, below=below, above=above, counts=counts)
 
 
 def _rows_of_views(images: list[_Image], views: Sequence[str], columns: int | None) -> list[Row]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
+from bezier_filters.palettes import AUTO, matplotlib_colormap
 
 MARGIN = 4  # pixels around the mesh
 
@@ -70,11 +71,13 @@ class Panel:
     limits : (low, high), optional
         Values of the lowest and highest colour; by default those of `color_range`.
     colormap : str
-        Name of a matplotlib colour map.
+        ``"auto"`` (``"Cool Warm"`` if `signed`, else ``"Viridis"``), ``"Paper"``, or any colour map of matplotlib.
     colors : (n, 3) or (n, 4) array, optional
         Colours instead of `values`: floats in 0..1 or uint8.
     title : str
         Text above the column.
+    histogram : bool
+        Whether a histogram of the values stands on the colour bar: how many vertices have each colour.
 
     Raises
     ------
@@ -91,9 +94,10 @@ class Panel:
     unit: str = ""
     signed: bool = False
     limits: tuple[float, float] | None = None
-    colormap: str = "turbo"
+    colormap: str = AUTO
     colors: NDArray[Any] | None = None
     title: str = ""
+    histogram: bool = False
 
     def __post_init__(self) -> None:
         n = len(self.vertices)
@@ -211,17 +215,18 @@ def draw(
     with pyvista.vtk_verbosity("error"):
         plotter: Any = pyvista.Plotter(off_screen=True, lighting="none")
         try:
-            _add_lights(plotter)
+            add_lights(plotter)
             plotter.set_background(background)
             # In pixels about the origin, because graphics hardware computes in single precision.
             center = 0.5 * (views[0].low + views[0].high) @ views[0].axes
-            _add_panel(plotter, panel, (panel.vertices - center) * scale, limits)
+            add_panel(plotter, panel, (panel.vertices - center) * scale, limits)
             return [_photograph(plotter, view, center, scale) for view in views]
         finally:
             plotter.close()
 
 
-def _add_lights(plotter: Any) -> None:
+def add_lights(plotter: Any) -> None:
+    """Light the scene of a pyvista plotter so that surfaces facing the viewer have just their colour."""
     import pyvista
 
     # One light at the camera, one above its left shoulder. A surface that faces the camera gets
@@ -230,8 +235,8 @@ def _add_lights(plotter: Any) -> None:
     plotter.add_light(pyvista.Light(light_type="camera light", position=(-0.6, 0.9, 1.0), intensity=0.66))
 
 
-def _add_panel(plotter: Any, panel: Panel, points: FloatArray, limits: tuple[float, float]) -> None:
-    import matplotlib
+def add_panel(plotter: Any, panel: Panel, points: FloatArray, limits: tuple[float, float]) -> None:
+    """Add a panel's mesh, with its vertices at these points, to a pyvista plotter."""
     import pyvista
 
     options: dict[str, Any] = {"show_scalar_bar": False}
@@ -240,7 +245,11 @@ def _add_panel(plotter: Any, panel: Panel, points: FloatArray, limits: tuple[flo
         options |= {"scalars": colors.astype(np.uint8), "rgb": True}
     else:
         # Values are interpolated within triangles and then coloured, which keeps to the colour map.
-        options |= {"scalars": panel.values, "clim": limits, "cmap": matplotlib.colormaps[panel.colormap]}
+        options |= {
+            "scalars": panel.values,
+            "clim": limits,
+            "cmap": matplotlib_colormap(panel.colormap, signed=panel.signed),
+        }
         options |= {"interpolate_before_map": True, "nan_color": _NAN_COLOR}
     if len(panel.faces) == 0:
         size = _SUPERSAMPLING * float(np.clip(400 / np.sqrt(len(points)), 2, 2 * MARGIN))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    from matplotlib.colors import Colormap
     from matplotlib.figure import Figure
 
 # Matplotlib measures text in points of 1/72 inch; at this resolution a point is a pixel.
@@ -20,6 +21,8 @@ _TITLE_SIZE = 1.2
 _TICK_SIZE = 0.85
 _MIN_COLUMN = 16.5  # with a colour bar
 _BAR_HEIGHT = 4.4  # with ticks, label and the gap below
+_ARROW = 0.04  # length of the ends of a bar beyond its range, in units of its length
+_HISTOGRAM = 3.0  # above the bar
 
 _BAR_WIDTH = 0.85  # in units of the column width: the outer ticks stick out
 
@@ -28,14 +31,15 @@ _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 @dataclass(frozen=True)
 class ColorBar:
-    """A colour scale, and whether values lie ``below`` and ``above`` its range."""
+    """A colour scale, whether values lie ``below`` and ``above`` its range, and a histogram of those within."""
 
     label: str
     unit: str
     limits: tuple[float, float]
-    colormap: str
+    colormap: "Colormap"
     below: bool = False
     above: bool = False
+    counts: Sequence[int] = ()
 
     @property
     def text(self) -> str:
@@ -172,11 +176,14 @@ class _Bar:
         (x, y), bar = self.top, self.bar
         total = figure.bbox.width
         thick = 0.9 * font
+        if bar.counts:
+            self._paint_histogram(figure, height, font)
+            y += _HISTOGRAM * font
         box = ((x - 0.5 * self.width) / total, 1 - (y + thick) / height, self.width / total, thick / height)
         extend = {(0, 0): "neither", (1, 0): "min", (0, 1): "max", (1, 1): "both"}[bar.below, bar.above]
         colors = ScalarMappable(Normalize(*bar.limits), bar.colormap)
         axes = figure.add_axes(box)
-        drawn = figure.colorbar(colors, cax=axes, orientation="horizontal", extend=extend, extendfrac=0.04)
+        drawn = figure.colorbar(colors, cax=axes, orientation="horizontal", extend=extend, extendfrac=_ARROW)
         places, texts, _ = self._ticks(font)
         drawn.set_ticks(places, labels=texts)
         drawn.outline.set(edgecolor=ink, linewidth=0.04 * font)
@@ -184,6 +191,17 @@ class _Bar:
             labelsize=_TICK_SIZE * font, length=0.25 * font, width=0.06 * font, colors=ink, pad=0.15 * font
         )
         _Text((x, y + 3.1 * font), bar.text, font).paint(figure, height, font, ink)
+
+    def _paint_histogram(self, figure: "Figure", height: int, font: float) -> None:
+        """Columns in the colours below them, the highest as high as there is room."""
+        total, (x, y), bins = figure.bbox.width, self.top, len(self.bar.counts)
+        tall = (_HISTOGRAM - 0.3) * font
+        box = ((x - 0.5 * self.width) / total, 1 - (y + tall) / height, self.width / total, tall / height)
+        axes = figure.add_axes(box)
+        places = (np.arange(bins) + 0.5) / bins
+        axes.bar(places, self.bar.counts, width=1.0 / bins, color=self.bar.colormap(places))
+        axes.set(xlim=(-_ARROW * self.bar.below, 1.0 + _ARROW * self.bar.above), ylim=(0.0, max(*self.bar.counts, 1)))
+        axes.set_axis_off()
 
     def _ticks(self, font: float) -> tuple[list[float], list[str], int]:
         """Five ticks, or only the limits and the middle where five would touch."""
@@ -213,7 +231,7 @@ def _arrange(
         items += placed
     if bar:
         items.append(_Bar((middle, y), _BAR_WIDTH * max(_room_for_bar(bar, font), 0.45 * content), bar))
-        y += _BAR_HEIGHT * font
+        y += _bar_height(bar) * font
     return items, math.ceil(middle + 0.5 * wanted + font), math.ceil(y + 0.2 * font)
 
 
@@ -235,8 +253,12 @@ def _arrange_row(
         for x, width, bar in zip(centers, widths, row.bars, strict=False):
             if bar:
                 items.append(_Bar((x, y), _BAR_WIDTH * width, bar))
-        y += _BAR_HEIGHT * font
+        y += max(_bar_height(bar) for bar in row.bars if bar) * font
     return items, y
+
+
+def _bar_height(bar: ColorBar) -> float:
+    return _BAR_HEIGHT + (_HISTOGRAM if bar.counts else 0.0)
 
 
 def _column_width(rows: Sequence[Row], column: int, font: float) -> float:

@@ -31,8 +31,9 @@ def apply_coord_bezier_patch_smoothing(
     quality: str | None = None,
     onselected: bool = False,
     color: bool = False,
-    colormap: str = "Turbo",
+    colormap: str = "auto",
     percentile: float = 2.0,
+    colorrange: tuple[float, float] | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
@@ -75,9 +76,12 @@ def apply_coord_bezier_patch_smoothing(
     color : bool
         Colour all vertices by the quality, which must not be None.
     colormap : str
-        Name of a colour map of pymeshlab, in any case; red or bright is high (see `color_by_quality`).
+        ``"auto"``: Cool Warm where zero is in the middle, else Viridis. Paper: red high, blue medium, green low. Or
+        any colour map of pymeshlab, in any case; red or bright is high (see `color_by_quality`).
     percentile : float
         Percentage of the values that may lie beyond each end of the colours, in [0, 50).
+    colorrange : (float, float), optional
+        Qualities of the first and the last colour, instead of those that follow from `percentile`.
     threads : int, optional
         Number of threads; by default all usable cores. The result does not depend on it.
     progress : callable, optional
@@ -140,7 +144,10 @@ def apply_coord_bezier_patch_smoothing(
 
     names = [field.mesh_attribute for field in SMOOTHING_FIELDS.values()]
     return run_filter(
-        ms, names, work, Output(choose_field(quality, SMOOTHING_FIELDS), onselected, color, colormap, percentile)
+        ms,
+        names,
+        work,
+        Output(choose_field(quality, SMOOTHING_FIELDS), onselected, color, colormap, percentile, colorrange),
     )
 
 

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
+from bezier_filters.html_tables import html_table
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class SmoothingResult:
     """A smoothed mesh, and what was done to it.
 
@@ -66,3 +67,24 @@ class SmoothingResult:
     def max_displacement(self) -> float:
         """Largest distance that a vertex moved, a length."""
         return float(self.displacement.max(initial=0.0))
+
+    def __repr__(self) -> str:
+        """One line with the noise and the volume, without the arrays."""
+        return (
+            f"SmoothingResult({len(self.vertices)} vertices, noise {self.noise_before} before and {self.noise_after} "
+            f"after, volume ratio {self.volume_ratio}, {self.new_bad_faces} new bad faces)"
+        )
+
+    def _repr_html_(self) -> str:
+        """Tables for notebooks."""
+        rows: list[list[object]] = [
+            ["noise", "length", self.noise_before, self.noise_after],
+            ["volume", "length³", self.volume_before, self.volume_after],
+            ["flipped faces", "", self.flipped_before, self.flipped_after],
+            ["degenerate faces", "", self.degenerate_before, self.degenerate_after],
+        ]
+        moved = [["displacement", "length", self.mean_displacement, self.rms_displacement, self.max_displacement]]
+        title = f"Smoothing of {len(self.vertices):,} vertices"
+        return html_table(title, ["", "unit", "before", "after"], rows) + html_table(
+            "Vertices moved by", ["", "unit", "mean", "rms", "max"], moved
+        )

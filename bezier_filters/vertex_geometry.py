@@ -5,7 +5,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.html_tables import html_table, summary
 from bezier_filters.status import FitStatus
+
+_SHOWN = {
+    "mean_curvature": "1/length",
+    "gaussian_curvature": "1/length²",
+    "k_min": "1/length",
+    "k_max": "1/length",
+    "geodesic_torsion": "1/length",
+    "shape_index": "",
+    "residual": "length",
+    "normal_std": "radians",
+    "mean_curvature_std": "1/length",
+}
+"""Quantities that notebooks list, and their units."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +71,7 @@ class FitChoice:
     radius: float | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class VertexGeometry:
     """Differential geometry at the vertices of a mesh; row ``i`` belongs to vertex ``i``.
 
@@ -190,6 +204,19 @@ class VertexGeometry:
         """Count the vertices per status name, only those that occur, from best to worst."""
         counts = np.bincount(self.status, minlength=len(FitStatus))
         return {status.name: int(counts[status]) for status in FitStatus if counts[status]}
+
+    def __repr__(self) -> str:
+        """One line: how many vertices there are of every status, and how they were fitted."""
+        return f"VertexGeometry({len(self.status)} vertices: {self.status_counts()}; {self.fit})"
+
+    def _repr_html_(self) -> str:
+        """Tables for notebooks."""
+        known = self.status <= FitStatus.FOLDED
+        rows = [summary(name, unit, getattr(self, name)[known]) for name, unit in _SHOWN.items()]
+        counts = [(FitStatus[name].message, name, count) for name, count in self.status_counts().items()]
+        return html_table(
+            f"Geometry of {len(self.status):,} vertices", ["", "unit", "min", "median", "max"], rows
+        ) + html_table("Fits", ["outcome", "status", "vertices"], counts)
 
 
 def empty_geometry(n: int) -> VertexGeometry:

@@ -22,7 +22,7 @@ from bezier_filters.mesh_attributes import (
     restored_on_failure,
     write_columns,
 )
-from bezier_filters.mesh_colors import check_limits, color_by_quality, find_color_map
+from bezier_filters.mesh_colors import ColorMap, check_limits, color_by_quality, find_color_map
 from bezier_filters.mesh_coordinates import coordinates_restored_on_failure, write_coordinates
 from bezier_filters.meshset import (
     BezierFilterError,
@@ -38,13 +38,14 @@ Columns = dict[str, FloatArray]
 
 @dataclass(frozen=True)
 class Output:
-    """Where results go: the field for the quality, if any, and the colours."""
+    """Where results go: the field for the quality, if any, and the colours, of a given range if there is one."""
 
     quality: ScalarField | None
     onselected: bool
     color: bool
     colormap: str
     percentile: float
+    color_range: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -126,12 +127,7 @@ def run_filter(ms: MeshSet, names: list[str], work: Work, output: Output) -> dic
                 raise BezierFilterError(str(error)) from error
         _check_unchanged(ms, mesh)
         quality = None if output.quality is None else computed.columns[output.quality.mesh_attribute]
-        limits = None
-        if output.color and output.quality is not None and quality is not None:
-            limits = color_range(
-                quality, signed=output.quality.signed, percentile=output.percentile, mask=computed.known
-            )
-            check_limits(*limits)
+        limits = _limits(output, quality, computed.known)
         columns = _merge(computed.columns, read_columns(ms, computed.columns), mask)
         check_finite(columns)
         moves = nullcontext() if computed.vertices is None else coordinates_restored_on_failure(ms)
@@ -145,7 +141,7 @@ def run_filter(ms: MeshSet, names: list[str], work: Work, output: Output) -> dic
                     _write_quality_and_normals(ms, computed, output)
             if limits is not None:
                 with watch.timing("color"):
-                    color_by_quality(ms, *limits, output.colormap)
+                    color_by_quality(ms, *limits, _color_map(output).name)
     report: dict[str, Any] = computed.report | {
         "attributes": list(columns),
         "quality": None if output.quality is None else output.quality.name,
@@ -154,20 +150,37 @@ def run_filter(ms: MeshSet, names: list[str], work: Work, output: Output) -> dic
         "seconds": watch.seconds,
     }
     if limits is not None:
-        report |= {"color_range": list(limits), "colormap": find_color_map(output.colormap).name}
+        report |= {"color_range": list(limits), "colormap": _color_map(output).name}
     return report
 
 
 def _check_coloring(output: Output) -> None:
     if not output.color:
         return
-    find_color_map(output.colormap)
+    _color_map(output)
     if output.quality is None:
         raise BezierFilterError("color: got True with quality=None, expected a quality to colour by")
+    if output.color_range is not None:
+        check_limits(*output.color_range)
     try:
         color_range(np.empty(0), signed=False, percentile=output.percentile)
     except InvalidParameterError as error:
         raise BezierFilterError(str(error)) from error
+
+
+def _color_map(output: Output) -> ColorMap:
+    return find_color_map(output.colormap, signed=output.quality is not None and output.quality.signed)
+
+
+def _limits(output: Output, quality: FloatArray | None, known: BoolArray) -> tuple[float, float] | None:
+    """Values of the first and the last colour, or None if nothing is coloured."""
+    if not output.color or output.quality is None or quality is None:
+        return None
+    if output.color_range is not None:
+        return output.color_range
+    limits = color_range(quality, signed=output.quality.signed, percentile=output.percentile, mask=known)
+    check_limits(*limits)
+    return limits
 
 
 def _check_unchanged(ms: MeshSet, mesh: CurrentMesh) -> None:

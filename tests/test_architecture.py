@@ -10,7 +10,7 @@ import bezier_filters
 
 PACKAGE = Path(bezier_filters.__file__).parent
 LAYERS = """
-_version arrays errors status bernstein dense lean parallel compilation atomic color_range
+_version arrays errors status bernstein dense lean parallel compilation atomic color_range palettes html_tables
 mesh polynomials smoothness patch differential_geometry jets vertex_geometry surfaces
 adjacency boundary fields harmonics spatial_order
 neighbourhoods frames fitting uncertainty diagnosis ply_header ply_columns orientation lanes
@@ -22,6 +22,7 @@ paper_fill sub_holes
 crease_curves
 fill_placement
 lane_workspace lane_errors lane_frames lane_results local_frames vertex_patch field_files point_cloud
+filter_scripts
 scalar_kernel lane_kernel
 neighbourhood_samples
 ring_lanes
@@ -52,15 +53,19 @@ fill_methods
 hole_filling
 meshset
 mesh_attributes mesh_colors mesh_coordinates mesh_files
-mesh_growth
+mesh_growth converters
 vertex_output
 vertex_filter
 filters smoothing_filter hole_filter
 registration
+script_values
+script_runner
 rendering sheets
 render
+viewing
 pictures demo console cli_options cli_app worker_processes
-cli_filters
+cli_files
+cli_filters cli_pictures cli_script
 cli_batch
 cli
 __main__

@@ -1,6 +1,7 @@
 """The real command line in a process of its own."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -13,7 +14,20 @@ from bezier_filters import estimate_vertex_geometry, read_fields
 from bezier_filters._version import __version__
 
 SAMPLES = Path(__file__).parent.parent / "sample_meshes"
-COMMANDS = ["normals", "curvature", "torsion", "smooth", "fill-holes", "batch", "render", "info", "demo"]
+COMMANDS = [
+    "normals",
+    "curvature",
+    "torsion",
+    "smooth",
+    "fill-holes",
+    "batch",
+    "run",
+    "render",
+    "view",
+    "qmap",
+    "info",
+    "demo",
+]
 
 
 def run(*arguments, command=(sys.executable, "-m", "bezier_filters")):
@@ -130,12 +144,15 @@ def test_formats_without_quality_are_written_with_a_note(tmp_path):
         (["info", SAMPLES], "it is a directory"),
         (["render", SAMPLES / "waves.ply", "out.png", "--field", "bz_k_min"], "has no 'bz_k_min'"),
         (["demo", "missing.ply"], "cannot read missing.ply"),
+        (["view", SAMPLES / "waves.ply"], "there is no display to open a window on; `bezier-filters render` draws"),
+        (["qmap", SAMPLES / "waves.ply", "out.qmap"], "has no 'quality'; it has"),
+        (["run", SAMPLES / "waves.ply", SAMPLES / "waves.ply", "out.ply"], "waves.ply: is no filter script"),
     ],
 )
 def test_bad_input_ends_with_one_line_and_status_2(arguments, message, tmp_path):
-    result = subprocess.run(
-        [sys.executable, "-m", "bezier_filters", *map(str, arguments)], capture_output=True, text=True, cwd=tmp_path
-    )
+    command = [sys.executable, "-m", "bezier_filters", *map(str, arguments)]
+    without_display = {name: value for name, value in os.environ.items() if not name.endswith("DISPLAY")}
+    result = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=without_display)
     assert result.returncode == 2
     assert result.stdout == ""
     assert result.stderr.count("\n") == 1

@@ -54,7 +54,8 @@ def test_torsion_is_red_where_high_blue_where_medium_and_green_where_low(run):
     ms = load(out / "torsion.ply")
     torsion = ms.current_mesh().vertex_scalar_array()
     red, green, blue = 255 * ms.current_mesh().vertex_color_matrix()[:, :3].T
-    share = torsion / report["statistics"]["max"]
+    low, high = report["color_range"]
+    share = (torsion - low) / (high - low)
     assert red[share.argmax()] == pytest.approx(255, abs=1)
     assert green[share.argmin()] > 240
     assert (blue[np.abs(share - 0.5) < 0.05] > 225).all()
@@ -120,3 +121,28 @@ def test_only_the_paper_does_not_converge(run):
     assert paper < 0.5
     assert third_order > 1.7
     assert automatic > 4.0
+
+
+def test_the_bunnys_bottom_is_closed(run):
+    result, _ = run(10)
+    assert result["filled"] == result["holes"] == 5
+    paper, automatic = (value for name, value in result.items() if name.startswith("mean angle"))
+    assert automatic < paper
+
+
+def test_the_papers_fields_agree_with_ours_but_for_detail(run):
+    result, _ = run(11)
+    assert result["median angle between the normals [degrees]"] < 5.0
+    assert result["correlation of the mean curvatures"] > 0.8
+
+
+def test_edges_and_corners_of_a_part_are_there_again(run):
+    from ex12_part_like_the_fandisk import ANGLE, HEIGHT, INNER, OUTER, fan
+
+    result, _ = run(12)
+    assert result["filled, automatic"] == 3
+    assert result["distance, automatic [mean edges]"] < 0.1 * result["distance, paper [mean edges]"]
+    vertices, faces = fan(60)
+    a, b, c = vertices[faces].transpose(1, 0, 2)
+    volume = np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0
+    assert volume == pytest.approx(0.5 * ANGLE * (OUTER**2 - INNER**2) * HEIGHT, rel=1e-3)

@@ -300,7 +300,7 @@ class TestReport:
         assert set(result["seconds"]) == {"read", "fit", "write", "color"}
         low, high = result["color_range"]
         assert high == -low == np.abs(np.percentile(quality, [5.0, 95.0])).max()
-        assert result["colormap"] == "Turbo"
+        assert result["colormap"] == "Cool Warm"
 
     def test_without_quality_and_colour(self, textured):
         result = compute_normal_by_bezier_patch_per_vertex(textured, quality=None)
@@ -403,7 +403,7 @@ class TestFailure:
             ({"quality": "colour"}, "quality: got 'colour', expected 'mean', 'gaussian'"),
             ({"quality": 3}, "quality: got 3"),
             ({"color": True, "quality": None}, "color: got True with quality=None"),
-            ({"color": True, "colormap": "jet"}, "colormap: got 'jet', expected one of RGB"),
+            ({"color": True, "colormap": "jet"}, "colormap: got 'jet', expected one of auto, RGB"),
             ({"color": True, "percentile": 50}, "percentile: got 50"),
         ],
     )

@@ -15,6 +15,7 @@ from matplotlib.image import imread
 from bezier_filters import rendering, sheets
 from bezier_filters.color_range import color_range
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
+from bezier_filters.palettes import COOL_WARM
 from bezier_filters.render import UP_AXES, VIEW_NAMES, Panel, _color_bar, render_panels
 
 NO_FACES = np.zeros((0, 3), np.int32)
@@ -145,11 +146,11 @@ def test_tick_texts_tell_their_values(high: float, signed: bool) -> None:
 
 def test_red_is_high_and_colours_facing_the_viewer_are_those_of_the_bar() -> None:
     vertices, faces = plane()
-    values = np.where(vertices[:, 0] < 0, 0.0, 1.0)
-    image = draw(Panel(vertices, faces, values))
+    values = np.where(vertices[:, 0] < 0, -1.0, 1.0)
+    image = draw(Panel(vertices, faces, values, signed=True))
     height, width, _ = image.shape
-    np.testing.assert_allclose(image[height // 2, width // 4], matplotlib.colormaps["turbo"](0.0)[:3], atol=0.02)
-    np.testing.assert_allclose(image[height // 2, 3 * width // 4], matplotlib.colormaps["turbo"](1.0)[:3], atol=0.02)
+    np.testing.assert_allclose(image[height // 2, width // 4], COOL_WARM.colors[0], atol=0.02)
+    np.testing.assert_allclose(image[height // 2, 3 * width // 4], COOL_WARM.colors[-1], atol=0.02)
     assert image[height // 2, 3 * width // 4, 0] > 3 * image[height // 2, 3 * width // 4, 2]
 
 
@@ -319,7 +320,7 @@ def test_wrong_options_are_named_and_leave_the_old_picture(tmp_path: Path, optio
 
 
 def test_an_unknown_colour_map_gets_suggestions(tmp_path: Path) -> None:
-    with pytest.raises(InvalidParameterError, match=r"colormap is 'turbos', expected one of turbo, .*viridis"):
+    with pytest.raises(InvalidParameterError, match=r"colormap is 'turbos', expected one of turbo, .*Cool Warm"):
         render_panels(tmp_path / "a.png", [bunny_like(colormap="turbos")])
 
 
