@@ -6,6 +6,10 @@ from .adjacency import Adjacency as Adjacency
 from .adjacency import Rows as Rows
 from .adjacency import vertex_adjacency as vertex_adjacency
 from .boundary import boundary_loops as boundary_loops
+from .crease_filter import compute_selection_by_bezier_crease_per_edge as compute_selection_by_bezier_crease_per_edge
+from .crease_lines import CreaseLine as CreaseLine
+from .crease_lines import Creases as Creases
+from .crease_lines import find_creases as find_creases
 from .diagnosis import diagnose as diagnose
 from .errors import CancelledError as CancelledError
 from .errors import FieldFileError as FieldFileError

@@ -13,7 +13,7 @@ from bezier_filters import estimate_vertex_geometry, read_fields
 from bezier_filters._version import __version__
 
 SAMPLES = Path(__file__).parent.parent / "sample_meshes"
-COMMANDS = ["normals", "curvature", "torsion", "smooth", "fill-holes", "batch", "render", "info", "demo"]
+COMMANDS = ["normals", "curvature", "torsion", "smooth", "fill-holes", "creases", "batch", "render", "info", "demo"]
 
 
 def run(*arguments, command=(sys.executable, "-m", "bezier_filters")):
