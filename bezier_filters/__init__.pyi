@@ -9,6 +9,10 @@ from .boundary import boundary_loops as boundary_loops
 from .converters import mesh_arrays as mesh_arrays
 from .converters import to_pyvista as to_pyvista
 from .converters import to_trimesh as to_trimesh
+from .crease_filter import compute_selection_by_bezier_crease_per_edge as compute_selection_by_bezier_crease_per_edge
+from .crease_lines import CreaseLine as CreaseLine
+from .crease_lines import Creases as Creases
+from .crease_lines import find_creases as find_creases
 from .diagnosis import diagnose as diagnose
 from .errors import CancelledError as CancelledError
 from .errors import FieldFileError as FieldFileError

@@ -105,6 +105,23 @@ def print_holes(report: dict[str, Any], source: str) -> None:
     )
 
 
+def print_creases(report: dict[str, Any], source: str) -> None:
+    """Say how many lines there are of each kind, how long they are, and how strong."""
+    out.print(f"[bold]{escape(source)}[/]")
+    table = Table(box=None, padding=(0, 2, 0, 2))
+    for column in ("", "lines", "length", "strongest"):
+        table.add_column(column, justify="right" if column else "left")
+    for kind in ("ridge", "ravine"):
+        for is_sharp in (True, False):
+            lines = [line for line in report["lines"] if (line["kind"], line["is_sharp"]) == (kind, is_sharp)]
+            length, strongest = (
+                sum(line["length"] for line in lines),
+                max((line["strength"] for line in lines), default=0),
+            )
+            table.add_row(f"{'sharp ' * is_sharp}{kind}s", f"{len(lines):,}", f"{length:.4g}", f"{strongest:.3g}")
+    out.print(table)
+
+
 def print_statistics(report: dict[str, Any], label: str) -> None:
     """Say what the values of a quality are."""
     unit = f" [{report['unit']}]" if report["unit"] else ""

@@ -1,6 +1,6 @@
 """Creases continued through a hole: which ends belong together, and the curves between them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from itertools import combinations
 
@@ -16,10 +16,19 @@ WEAKEST = 0.15
 """Least share of the strongest direction in which surfaces determine their intersection."""
 LARGEST_BEND = 12.0
 """Bending energy of a curve over a unit chord, from which on its ends do not belong together: half a circle has 10."""
+LARGEST_LEG_BEND = 0.5
+"""The same of a curve to a corner: it turns by some 20 degrees."""
+ENERGY_OF_GROUP = 0.5
+"""What another group must save: ends of which all meet in a point do not meet there in twos and threes."""
+MOST_ENDS = 8
+"""Up to which every group of ends may meet in a corner."""
 
 
 def groupings(ends: Sequence[CreaseEnd], points: FloatArray) -> list[list[tuple[int, ...]]]:
-    """Ways to join the ends of creases, the best first: pairs that one curve joins, or three that meet in a corner.
+    """Ways to join the ends of creases, the best first: pairs that one curve joins, and more that meet in a corner.
+
+    As few ends as possible are left over, and then the curves bend as little as possible. They do not cross. Corners of
+    more than three are those where the creases go; three that are all there are always meet in one.
 
     Parameters
     ----------
@@ -34,14 +43,25 @@ def groupings(ends: Sequence[CreaseEnd], points: FloatArray) -> list[list[tuple[
         Numbers of the ends that belong together; ends that are missing end in the hole.
     """
     count = len(ends)
-    energies = {(i, j): _energy(ends, points, i, j) for i, j in combinations(range(count), 2)}
-    pairs = _matching(count, energies)
-    result: list[list[tuple[int, ...]]] = []
+    pairs: dict[tuple[int, ...], float] = {
+        (i, j): _energy(ends, points, i, j) for i, j in combinations(range(count), 2)
+    }
+    tangents = np.array([end.tangent for end in ends]).reshape(-1, 3)
+    corners = {group: _corner_energy(points, tangents, list(group)) for group in _possible_corners(count)}
     if count == 3:
-        result.append([(0, 1, 2)])
-    if pairs:
-        result.append(pairs)
+        corners[0, 1, 2] = min(corners[0, 1, 2], LARGEST_BEND)
+    result: list[list[tuple[int, ...]]] = []
+    for found in (_partition(count, pairs | corners), _partition(count, pairs)):
+        if found and found not in result:
+            result.append(found)
     return result
+
+
+def _possible_corners(count: int) -> Iterator[tuple[int, ...]]:
+    """Groups of three or more of some ends; where there are many ends, only all of them."""
+    sizes = range(3, count + 1) if count <= MOST_ENDS else range(count, count + 1)
+    for size in sizes:
+        yield from combinations(range(count), size)
 
 
 def _energy(ends: Sequence[CreaseEnd], points: FloatArray, i: int, j: int) -> float:
@@ -50,6 +70,19 @@ def _energy(ends: Sequence[CreaseEnd], points: FloatArray, i: int, j: int) -> fl
         return float("inf")
     energy = bending_energy(points[i], ends[i].tangent, points[j], -ends[j].tangent)
     return energy if energy < LARGEST_BEND else float("inf")
+
+
+def _corner_energy(points: FloatArray, tangents: FloatArray, group: list[int]) -> float:
+    """Bending energies of the curves from some ends to the point nearest to their lines; infinite if one bends far."""
+    starts, along = points[group], tangents[group]
+    across = np.eye(3) - along[:, :, np.newaxis] * along[:, np.newaxis, :]
+    corner = np.linalg.lstsq(across.sum(axis=0), np.einsum("kij,kj->i", across, starts), rcond=1e-6)[0]
+    chords = corner - starts
+    lengths = np.linalg.norm(chords, axis=1, keepdims=True)
+    if not (lengths > 0.0).all():
+        return float("inf")
+    energies = [bending_energy(s, t, corner, c) for s, t, c in zip(starts, along, chords / lengths, strict=True)]
+    return sum(energies) if max(energies) < LARGEST_LEG_BEND else float("inf")
 
 
 def bending_energy(start: FloatArray, start_tangent: FloatArray, stop: FloatArray, stop_tangent: FloatArray) -> float:
@@ -70,20 +103,22 @@ def bending_energy(start: FloatArray, start_tangent: FloatArray, stop: FloatArra
     return float(a @ a + a @ b + b @ b) / 3.0
 
 
-def _matching(count: int, energies: dict[tuple[int, int], float]) -> list[tuple[int, ...]]:
-    """As many pairs as possible whose curves do not cross, with the least energy."""
+def _partition(count: int, energies: Mapping[tuple[int, ...], float]) -> list[tuple[int, ...]]:
+    """Groups that do not cross, with as few ends left over as possible, and then with the least energy."""
 
     @cache
     def best(first: int, stop: int) -> tuple[int, float, tuple[tuple[int, ...], ...]]:
         if stop - first < 2:
-            return 0, 0.0, ()
-        options = [best(first + 1, stop)]
-        for j in range(first + 1, stop):
-            energy = energies[first, j]
-            if energy < float("inf"):
-                inside, outside = best(first + 1, j), best(j + 1, stop)
-                found = ((first, j), *inside[2], *outside[2])
-                options.append((inside[0] + outside[0] - 1, inside[1] + outside[1] + energy, found))
+            return max(stop - first, 0), 0.0, ()
+        rest = best(first + 1, stop)
+        options = [(rest[0] + 1, rest[1], rest[2])]
+        for group, energy in energies.items():
+            if group[0] == first and group[-1] < stop and energy < float("inf"):
+                between = [best(a + 1, b) for a, b in zip(group, (*group[1:], stop), strict=True)]
+                found = (group, *(part for option in between for part in option[2]))
+                options.append(
+                    (sum(o[0] for o in between), ENERGY_OF_GROUP + energy + sum(o[1] for o in between), found)
+                )
         return min(options, key=lambda option: option[:2])
 
     return list(best(0, count)[2])

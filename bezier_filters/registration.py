@@ -1,5 +1,6 @@
 """The filters as methods of `pymeshlab.MeshSet`, for those who ask for it."""
 
+from bezier_filters.crease_filter import compute_selection_by_bezier_crease_per_edge
 from bezier_filters.filters import (
     compute_curvature_by_bezier_patch_per_vertex,
     compute_normal_by_bezier_patch_per_vertex,
@@ -15,6 +16,7 @@ FILTERS = (
     compute_normal_by_bezier_patch_per_vertex,
     compute_curvature_by_bezier_patch_per_vertex,
     compute_torsion_by_bezier_patch_per_vertex,
+    compute_selection_by_bezier_crease_per_edge,
 )
 
 

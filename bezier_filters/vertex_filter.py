@@ -58,7 +58,7 @@ def run_vertex_filter(ms: MeshSet, vertex_filter: VertexFilter, fit: FitOptions,
     """Run a filter on the current mesh and return its report; see `run_filter`."""
 
     def work(mesh: CurrentMesh, mask: BoolArray) -> Computed:
-        geometry = _estimate(mesh, mask, fit)
+        geometry = fitted(mesh, mask, fit)
         return Computed(
             vertex_filter.columns(geometry, mesh.vertex_normals),
             geometry.status <= vertex_filter.worst_status,
@@ -78,7 +78,8 @@ def _normal_expressions(vertex_filter: VertexFilter) -> dict[str, str]:
     return {axis: f"({estimated}) ? {PREFIX}normal_{axis} : n{axis}" for axis in "xyz"}
 
 
-def _estimate(mesh: CurrentMesh, mask: BoolArray, fit: FitOptions) -> VertexGeometry:
+def fitted(mesh: CurrentMesh, mask: BoolArray, fit: FitOptions) -> VertexGeometry:
+    """Fit the patches of the vertices in a mask (n,)."""
     return estimate_vertex_geometry(
         mesh.vertices,
         mesh.faces,

@@ -12,7 +12,8 @@ PACKAGE = Path(bezier_filters.__file__).parent
 LAYERS = """
 _version arrays errors status bernstein dense lean parallel compilation atomic color_range palettes html_tables
 mesh polynomials smoothness patch differential_geometry jets vertex_geometry surfaces
-adjacency boundary fields harmonics spatial_order
+adjacency boundary fields harmonics spatial_order mesh_edges polylines line_files
+sharp_edges crest_segments
 neighbourhoods frames fitting uncertainty diagnosis ply_header ply_columns orientation lanes
 creases kernel_input lane_algebra
 loop_geometry self_intersections loop_triangulation surroundings implicit_surface variational_fill
@@ -38,7 +39,7 @@ adaptive_fit ball_fit
 outliers
 estimation
 scale
-baselines
+baselines crease_lines
 laplacian volume flips normal_filter mesh_parts
 chebyshev
 scale_space vertex_update
@@ -56,16 +57,16 @@ mesh_attributes mesh_colors mesh_coordinates mesh_files
 mesh_growth converters
 vertex_output
 vertex_filter
-filters smoothing_filter hole_filter
+filters smoothing_filter hole_filter crease_filter
 registration
 script_values
 script_runner
 rendering sheets
-render
+render crease_pictures
 viewing
 pictures demo console cli_options cli_app worker_processes
 cli_files
-cli_filters cli_pictures cli_script
+cli_filters cli_creases cli_pictures cli_script
 cli_batch
 cli
 __main__

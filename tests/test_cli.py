@@ -20,6 +20,7 @@ COMMANDS = [
     "torsion",
     "smooth",
     "fill-holes",
+    "creases",
     "batch",
     "run",
     "render",

@@ -129,6 +129,81 @@ def test_three_ends_meet_in_a_corner_or_two_are_joined():
     assert groupings(ends_at(points, -points, [True, True, True]), points) == [[(0, 1, 2)], [(0, 1)]]
 
 
+def test_more_ends_meet_where_their_lines_do():
+    angles = 2.0 * np.pi * np.arange(6) / 6
+    points = np.stack([np.cos(angles), np.sin(angles), np.zeros(6)], axis=1)
+    up = -points + [0.0, 0.0, 1.0]
+    assert groupings(ends_at(points, up, [True] * 6), points)[0] == [(0, 1, 2, 3, 4, 5)]
+    mixed = [True, False] * 3
+    assert groupings(ends_at(points, -points, mixed), points)[0] == [(0, 1, 2, 3, 4, 5)]
+    assert groupings(ends_at(points[:4], points[:4], [True] * 4), points[:4]) == []  # they lead out of the hole
+
+
+def test_a_corner_and_a_pair_share_a_hole():
+    """Three edges meet on the left, one passes on the right."""
+    points = np.array([[-4.0, 0, 0], [-3, -1, 0], [3, -1, 0], [3, 1, 0], [-3, 1, 0]])
+    corner = np.array([-3.0, 0.0, 0.0])
+    tangents = np.where([[1], [1], [0], [0], [1]], corner - points, np.array([0.0, 1.0, 0.0]))
+    tangents[3] *= -1.0
+    assert groupings(ends_at(points, tangents, [True] * 5), points)[0] == [(0, 1, 4), (2, 3)]
+
+
+def pointed_roof(spokes, heights):
+    """A roof over the unit disk that is flat between spokes, without its top; its edges follow the spokes.
+
+    `heights` are those of the ends of the spokes; the top is at 0.
+    """
+    from scipy.spatial import Delaunay
+
+    tips = np.stack([np.cos(spokes), np.sin(spokes)], axis=1)
+    radii = np.arange(21)[1:, np.newaxis, np.newaxis] / 20.0
+    along = (radii * tips).reshape(-1, 2)
+    x, y = sheet(40, 40)[0][:, :2].T / 20.0 - 1.0
+    jitter = np.random.default_rng(0).uniform(-0.01, 0.01, (len(x), 2))
+    others = np.stack([x, y], axis=1) + jitter
+    ahead, aside = others @ tips.T, others @ np.stack([-tips[:, 1], tips[:, 0]])
+    beside = ((np.abs(aside) < 0.035) & (ahead > 0.0)).any(axis=1)
+    flat = np.vstack([along, others[~beside & (np.linalg.norm(others, axis=1) < 1.0)]])
+    faces = Delaunay(flat).simplices.astype(np.int32)
+    a, b, c = flat[faces].swapaxes(0, 1)
+    doubled = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+    faces[doubled < 0] = faces[doubled < 0][:, ::-1]
+    faces = faces[np.abs(doubled) > 1e-5]
+
+    def height(points):
+        sector = np.searchsorted(spokes, np.arctan2(points[:, 1], points[:, 0]) % (2.0 * np.pi)) - 1
+        following = (sector + 1) % len(spokes)
+        shares = np.linalg.solve(np.stack([tips[sector], tips[following]], axis=2), points[:, :2, np.newaxis])[..., 0]
+        return shares[:, 0] * heights[sector] + shares[:, 1] * heights[following]
+
+    vertices = np.column_stack([flat, height(flat)])
+    return vertices, without_faces_near(np.column_stack([flat, 0.0 * flat[:, 0]]), faces, np.zeros(3), 0.35), height
+
+
+@pytest.mark.parametrize("sides", [4, 5, 6])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_top_of_a_pyramid_is_a_point_again(sides, sign):
+    spokes = 0.1 + 2.0 * np.pi * np.arange(sides) / sides
+    vertices, faces, height = pointed_roof(spokes, np.full(sides, -sign))
+    assert_roof(vertices, faces, height, sides)
+
+
+def test_ridges_and_valleys_meet_in_a_saddle():
+    vertices, faces, height = pointed_roof(0.1 + 0.5 * np.pi * np.arange(4), np.array([1.0, -1.0, 1.0, -1.0]))
+    assert_roof(vertices, faces, height, 4)
+
+
+def assert_roof(vertices, faces, height, sides):
+    result = fill_holes(vertices, faces)
+    assert_filled(vertices, faces, result)
+    hole = filled_hole(result)
+    assert hole.method == "creases"
+    assert hole.parts == sides
+    new = result.vertices[len(vertices) :]
+    np.testing.assert_allclose(new[:, 2], height(new), atol=1e-4)
+    assert np.linalg.norm(new, axis=1).min() < 1e-4  # the top itself
+
+
 def test_a_corner_is_where_most_lines_meet():
     corner, tangents = np.array([1.0, 2.0, 3.0]), np.eye(3)
     points = corner - 2.0 * tangents

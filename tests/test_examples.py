@@ -76,20 +76,12 @@ def test_holes_are_filled_and_the_block_has_its_volume_again(run):
     assert result["volume of the block"] == pytest.approx(0.875, abs=1e-6)
 
 
-def test_crests_run_where_a_curvature_is_largest():
-    """On an ellipsoid with semi-axes a > b > c: its ellipse in the plane of a and b is a ridge."""
-    from bezier_filters import estimate_vertex_geometry
-    from bezier_filters.surfaces import ellipsoid
-    from ex05_ridges_and_ravines import crest_segments
-
-    shape = ellipsoid(semi_axes=(1.0, 0.7, 0.5), resolution=20, jitter=0.2)
-    g = estimate_vertex_geometry(shape.vertices, shape.faces)
-    ridges = crest_segments(shape.vertices, shape.faces, g.k_max, g.direction_max, g.extremality_max)
-    length = np.linalg.norm(ridges[:, 1] - ridges[:, 0], axis=1).sum()
-    t = np.linspace(0.0, 2.0 * np.pi, 1000)
-    ellipse = np.linalg.norm(np.diff([np.cos(t), 0.7 * np.sin(t)]), axis=0).sum()
-    assert np.abs(ridges[..., 2]).max() < 0.01
-    assert length == pytest.approx(ellipse, rel=0.05)
+def test_crests_of_the_block_are_its_edges(run):
+    """A cube of side 1 without one octant."""
+    lengths, _ = run(5)
+    assert lengths["length of ridges, block"] == pytest.approx(13.5)
+    assert lengths["length of ravines, block"] == pytest.approx(1.5)
+    assert lengths["length of ridges, blob"] > lengths["length of ravines, blob"] > 1.0
 
 
 def test_the_standard_error_tells_where_the_errors_are(run):
