@@ -11,6 +11,7 @@ import bezier_filters
 PACKAGE = Path(bezier_filters.__file__).parent
 LAYERS = """
 _version arrays errors status bernstein dense lean parallel compilation atomic color_range
+supervision memory_limit interrupts ply_header
 mesh polynomials smoothness patch differential_geometry jets vertex_geometry surfaces
 adjacency boundary fields harmonics spatial_order
 neighbourhoods frames fitting uncertainty diagnosis ply_columns orientation lanes
@@ -50,6 +51,7 @@ crease_fill
 fill_methods
 hole_filling
 meshset
+mesh_headers
 mesh_attributes mesh_colors mesh_coordinates mesh_files
 mesh_growth
 vertex_output
