@@ -38,8 +38,9 @@ bench-kernels: .venv-dev/bench-ready  ## times of the stages, next to the last r
 	.venv-dev/bin/python -m pytest -q -W default benchmarks/bench_kernels.py --benchmark-autosave --benchmark-compare \
 	    --benchmark-columns=min,median --benchmark-sort=name
 
-fuzz: .venv-dev/ready  ## damage 100,000 meshes at random and run everything on them
+fuzz: .venv-dev/ready  ## damage 100,000 meshes and 10,000 files at random and run everything on them
 	.venv-dev/bin/python benchmarks/fuzz.py
+	.venv-dev/bin/python benchmarks/fuzz_files.py
 
 clean:  ## remove environments, caches and outputs
 	rm -rf .venv .venv-dev out build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -6,6 +6,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+TEMPORARY = ".bezier_filters-"
+"""How the names of temporary files begin; one stays behind only where a process is killed outright."""
+_MARGIN = 1 << 16
+
 
 @contextmanager
 def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
@@ -34,7 +38,7 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
     FileNotFoundError
         The directory of `path` does not exist, or the block wrote no file.
     OSError
-        `path` exists and is not a regular file.
+        `path` exists and is not a regular file, or the disk became full.
 
     Examples
     --------
@@ -50,11 +54,27 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
         raise FileNotFoundError(f"cannot write {path}: there is no directory {target.parent}")
     if target.exists() and not target.is_file():
         raise OSError(f"cannot write {path}: it exists and is not a regular file")
-    temporary = target.with_name(f".{uuid.uuid4().hex}{target.suffix}")
+    temporary = target.with_name(f"{TEMPORARY}{uuid.uuid4().hex}{target.suffix}")
     try:
         yield temporary
+        _check_room(temporary)
         if target.exists():
             temporary.chmod(target.stat().st_mode)
         os.replace(temporary, target)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _check_room(path: Path) -> None:
+    """Raise OSError if no more could be written to a file.
+
+    Writers that do not look whether their last bytes arrived, as those of pymeshlab, leave a file cut short when the
+    disk is full or a quota is reached; then there is no room for more either.
+    """
+    size = path.stat().st_size
+    with path.open("r+b") as file:
+        file.seek(size)
+        file.write(b"\0" * _MARGIN)
+        file.flush()
+        os.fsync(file.fileno())  # some file systems find out only here
+        file.truncate(size)

@@ -58,21 +58,32 @@ def demo(
 
 
 def main() -> None:
-    """Run the command line; bad input ends it with one line and exit status 2."""
+    """Run the command line; bad input ends it with one line and exit status 2, also where a library crashes on it."""
+    from bezier_filters.supervision import run_supervised
+
+    status, reason = run_supervised(_run)
+    if reason:
+        console.err.print(f"bezier-filters: {reason}", markup=False)
+    raise SystemExit(status)
+
+
+def _run() -> str:
+    """Run the command line; return why it failed, in one line."""
     from bezier_filters.errors import CancelledError
 
     try:
         app()
     except (ValueError, OSError, ImportError, CancelledError) as error:
-        _fail(error)
+        return _in_one_line(error)
+    except MemoryError:
+        return "there is not enough memory for this mesh; nothing was written"
     except Exception as error:
         # pymeshlab's exceptions share no base but Exception, and importing it here would be slow.
         if not any(base.__name__ == "PyMeshLabException" for base in type(error).__mro__):
             raise
-        _fail(error)
+        return _in_one_line(error)
+    return ""
 
 
-def _fail(error: Exception) -> None:
-    message = " ".join(str(error).split())
-    console.err.print(f"bezier-filters: {message}", markup=False)
-    raise SystemExit(2)
+def _in_one_line(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__

@@ -7,7 +7,7 @@ import os
 import shlex
 import time
 from collections.abc import Sequence
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import closing, redirect_stderr, redirect_stdout
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -84,8 +84,8 @@ def batch(
     for index in todo:
         Path(items[index].output).parent.mkdir(parents=True, exist_ok=True)
     work = [[command, items[index].input, items[index].output, *arguments] for index in todo]
-    with console.progress_bar(command, quiet=quiet or json) as progress:
-        outcomes = run_in_processes(run_command, work, processes=processes, threads=max(1, cores // processes))
+    run = run_in_processes(run_command, work, processes=processes, threads=max(1, cores // processes))
+    with console.progress_bar(command, quiet=quiet or json) as progress, closing(run) as outcomes:
         for done, (position, outcome) in enumerate(outcomes, start=1):
             index = todo[position]
             result = "failed" if outcome.error else "done"

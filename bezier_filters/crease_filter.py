@@ -8,6 +8,7 @@ from bezier_filters.arrays import BoolArray
 from bezier_filters.crease_lines import COLORS, CreaseLine, Creases, edge_mesh, find_creases
 from bezier_filters.errors import InvalidMeshError
 from bezier_filters.estimation import Automatic
+from bezier_filters.fields import ScalarField
 from bezier_filters.meshset import CurrentMesh, Length, Mesh, MeshSet, current_mesh, preserved_filter_script
 from bezier_filters.parallel import Progress
 from bezier_filters.smoothness import Smoothness
@@ -16,7 +17,14 @@ from bezier_filters.vertex_output import Columns, Computed, Output, run_filter
 
 KIND_CODES = {"ridge": 1.0, "ravine": -1.0}
 SHARP_FACTOR = 2.0
-COLUMNS = ("bz_crease", "bz_crease_strength")
+CREASE_FIELDS = {
+    field.name: field
+    for field in (
+        ScalarField("crease", "crease", "crease: ridge above 0, ravine below", "", signed=True),
+        ScalarField("strength", "crease_strength", "strength of creases", "radii of curvature", signed=False),
+    )
+}
+COLUMNS = tuple(field.mesh_attribute for field in CREASE_FIELDS.values())
 
 
 def compute_selection_by_bezier_crease_per_edge(

@@ -18,9 +18,9 @@ from bezier_filters.atomic import atomic_write
 from bezier_filters.errors import FieldFileError
 from bezier_filters.fields import CURVATURE_FIELDS, TORSION_FIELD
 from bezier_filters.ply_columns import read_ply_columns
+from bezier_filters.ply_header import HEADER_LIMIT
 from bezier_filters.vertex_geometry import VertexGeometry
 
-_HEADER_LIMIT = 1 << 20  # bytes; real headers have a few hundred
 _DEFLATE_LIMIT = 1032  # largest compression ratio that deflate can reach
 _DERIVED = sorted(field.attribute for field in (*CURVATURE_FIELDS.values(), TORSION_FIELD))
 
@@ -63,7 +63,7 @@ def read_fields(path: str | os.PathLike[str]) -> dict[str, FloatArray]:
     """
     path = Path(path)
     with path.open("rb") as stream:
-        head = stream.read(_HEADER_LIMIT)
+        head = stream.read(HEADER_LIMIT)
         if head.startswith(b"PK"):
             return _read_npz(path, stream)
         return read_ply_columns(path, stream, head)

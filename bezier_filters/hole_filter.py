@@ -17,7 +17,7 @@ from bezier_filters.meshset import (
     Length,
     MeshSet,
     absolute_length,
-    current_mesh,
+    check_unchanged,
     preserved_filter_script,
     read_current_mesh,
 )
@@ -138,9 +138,7 @@ def meshing_close_holes_by_bezier_patch(
     except (InvalidMeshError, InvalidParameterError) as error:
         raise BezierFilterError(str(error)) from error
     fitted = time.perf_counter()
-    now = current_mesh(ms)
-    if now.id() != mesh.id or now.vertex_number() != len(mesh.vertices) or now.face_number() != len(mesh.faces):
-        raise BezierFilterError("the current mesh was changed while the filter ran; nothing was written")
+    check_unchanged(ms, mesh)
     lost: list[str] = []
     if result.filled:
         with preserved_filter_script(ms):

@@ -8,9 +8,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from bezier_filters.atomic import atomic_write
+from bezier_filters.atomic import TEMPORARY, atomic_write
+from bezier_filters.errors import FieldFileError
 from bezier_filters.fields import PREFIX
+from bezier_filters.memory_limit import memory_limited
+from bezier_filters.mesh_headers import check_header
 from bezier_filters.meshset import BezierFilterError, MeshSet, PyMeshLabException, current_mesh
+from bezier_filters.supervision import doing
 
 _ATTRIBUTE_KEY = "__ca_vs__"  # of the parameters with which pymeshlab saves custom vertex attributes
 
@@ -90,12 +94,25 @@ def load_mesh(path: str | os.PathLike[str]) -> MeshSet:
         raise BezierFilterError(f"cannot read {path}: the file is empty")
     meshset = MeshSet()
     try:
-        with _same_working_directory():
+        check_header(path)
+        with doing(f"reading {path}"), memory_limited(path.stat().st_size), _same_working_directory():
             meshset.load_new_mesh(str(path))
+    except FieldFileError as error:
+        raise BezierFilterError(f"cannot read {path}: it {str(error).removeprefix(f'{path} ')}") from error
+    except OSError as error:
+        raise BezierFilterError(f"cannot read {path}: {error.strerror}") from error
+    except MemoryError as error:
+        raise BezierFilterError(f"cannot read {path}: it asks for more memory than such a file can need") from error
+    except ValueError as error:  # how pymeshlab reports a count beyond the largest one
+        raise BezierFilterError(f"cannot read {path}: it announces more than any file can hold") from error
     except (PyMeshLabException, RuntimeError) as error:
         raise BezierFilterError(f"cannot read {path}: {_reason(error)}") from error
-    if meshset.current_mesh().vertex_number() == 0:
+    mesh = meshset.current_mesh()
+    if mesh.vertex_number() == 0:
         raise BezierFilterError(f"cannot read {path}: there are no vertices in it")
+    faces = mesh.face_matrix()
+    if len(faces) and not 0 <= faces.min() <= faces.max() < mesh.vertex_number():
+        raise BezierFilterError(f"cannot read {path}: it has faces on vertices that are not in it")
     return meshset
 
 
@@ -128,10 +145,10 @@ def save_mesh(ms: MeshSet, path: str | os.PathLike[str], *, binary: bool = True,
     current_mesh(ms)
     target = Path(os.path.realpath(path))
     try:
-        with atomic_write(target) as temporary, TemporaryDirectory(prefix=".", dir=target.parent) as folder:
+        with atomic_write(target) as temporary, TemporaryDirectory(prefix=TEMPORARY, dir=target.parent) as folder:
             # The name inside the folder is the final one: an OBJ file names its MTL file after itself.
             staged = Path(folder) / target.name
-            with _same_working_directory():
+            with doing(f"writing {path}"), _same_working_directory():
                 ms.save_current_mesh(str(staged), **_save_options(ms, staged, support, binary, attributes))
             if not staged.is_file():
                 raise BezierFilterError(f"cannot write {path}: pymeshlab wrote no file")
@@ -142,7 +159,7 @@ def save_mesh(ms: MeshSet, path: str | os.PathLike[str], *, binary: bool = True,
     except OSError as error:
         raise BezierFilterError(f"cannot write {path}: {error.strerror}" if error.strerror else str(error)) from error
     except (PyMeshLabException, RuntimeError) as error:
-        raise BezierFilterError(f"cannot write {path}: {_reason(error)}") from error
+        raise BezierFilterError(f"cannot write {path}: {_reason(error)}; see whether the disk is full") from error
 
 
 @contextmanager

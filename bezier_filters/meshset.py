@@ -18,6 +18,7 @@ import numpy as np
 import pymeshlab
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.interrupts import interrupts_held
 
 # pymeshlab has no type information, so these are Any to a type checker.
 MeshSet: TypeAlias = pymeshlab.MeshSet
@@ -122,6 +123,21 @@ def read_current_mesh(ms: MeshSet) -> CurrentMesh:
     )
 
 
+def check_unchanged(ms: MeshSet, mesh: CurrentMesh) -> None:
+    """Refuse to write to another mesh than the one that was read: callbacks and threads can change it.
+
+    Raises
+    ------
+    BezierFilterError
+        If another mesh is the current one, or it has other vertices or faces than before.
+    """
+    now = current_mesh(ms)
+    same = (now.id(), now.vertex_number(), now.face_number()) == (mesh.id, len(mesh.vertices), len(mesh.faces))
+    # NaN compares as equal: whether that is refused is for others to say.
+    if not same or not np.array_equal(now.vertex_matrix(), mesh.vertices, equal_nan=True):
+        raise BezierFilterError("the current mesh was changed while the filter ran; nothing was written")
+
+
 def absolute_length(length: Length, vertices: FloatArray) -> float:
     """A length that may be a percentage of the diagonal of the bounding box, as in pymeshlab.
 
@@ -185,13 +201,14 @@ def topological_measures(vertices: FloatArray, faces: IntArray) -> dict[str, Any
 
 @contextmanager
 def preserved_filter_script(ms: MeshSet) -> Iterator[None]:
-    """Let filters run inside the block without a trace in the MeshSet's filter script.
+    """Let filters run inside the block without a trace in the MeshSet's filter script, and without interrupts.
 
     pymeshlab records every filter. Ours would fail on replay, because the numbers that they read
     come from Python, so the script is saved before and loaded after the block. Loading prints one
-    line per filter on stderr, whatever the verbosity; only that is silenced.
+    line per filter on stderr, whatever the verbosity; only that is silenced. Ctrl-C waits for the end of the
+    block, so that a MeshSet never stays between two states.
     """
-    with TemporaryDirectory(prefix="bezier_filters_") as folder:
+    with interrupts_held(), TemporaryDirectory(prefix="bezier_filters_") as folder:
         script = str(Path(folder) / "script.mlx")
         ms.save_filter_script(script)
         try:

@@ -8,6 +8,7 @@ import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.color_range import color_range
+from bezier_filters.crease_filter import CREASE_FIELDS
 from bezier_filters.errors import FieldFileError, InvalidParameterError
 from bezier_filters.field_files import read_fields
 from bezier_filters.fields import CURVATURE_FIELDS, DIAGNOSTIC_FIELDS, PREFIX, TORSION_FIELD
@@ -21,7 +22,7 @@ from bezier_filters.smoothing_filter import SMOOTHING_FIELDS
 QUALITY, COLOR, SHAPE = "quality", "color", "shape"
 NO_UNIT = "no unit"
 
-_GROUPS = (CURVATURE_FIELDS, NORMAL_FIELDS, SMOOTHING_FIELDS, DIAGNOSTIC_FIELDS)
+_GROUPS = (CURVATURE_FIELDS, NORMAL_FIELDS, SMOOTHING_FIELDS, CREASE_FIELDS, DIAGNOSTIC_FIELDS)
 _KNOWN = {field.mesh_attribute: field for group in _GROUPS for field in group.values()}
 _KNOWN[TORSION_FIELD.mesh_attribute] = TORSION_FIELD
 _GREY = 0.75

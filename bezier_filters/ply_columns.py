@@ -1,7 +1,7 @@
 """The field columns of PLY files, which pymeshlab writes but cannot read.
 
 NumPy reads the block of the vertices and never touches the faces; plyfile is the fallback for
-unusual layouts. A header is believed only as far as the size of the file bears it out.
+unusual layouts.
 """
 
 import os
@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 from bezier_filters.arrays import FloatArray
 from bezier_filters.errors import FieldFileError
 from bezier_filters.fields import PREFIX
-from bezier_filters.ply_header import BYTE_ORDER, TRIPLE, PlyElement, PlyHeader, parse_header
+from bezier_filters.ply_header import BYTE_ORDER, TRIPLE, PlyElement, PlyHeader, check_lines, check_size, parse_header
 
 QUALITY = "quality"
 
-_BLOCK = 1 << 20
 _Columns: TypeAlias = Mapping[str, NDArray[Any]]
 
 
@@ -43,7 +42,9 @@ def read_ply_columns(path: Path, stream: BinaryIO, head: bytes) -> dict[str, Flo
     """
     header = parse_header(path, head)
     names = _field_names(path, header)
-    _check_size(path, stream, header)
+    check_size(path, header)
+    if header.is_ascii:
+        check_lines(path, stream, header)
     rows = _read_regular(stream, header)
     if rows is None:
         rows = _read_irregular(path)
@@ -67,25 +68,6 @@ def _field_names(path: Path, header: PlyHeader) -> list[str]:
             f'ms.save_current_mesh(file, save_vertex_quality=True, **{{"__ca_vs__{PREFIX}k_min": True}})'
         )
     return names
-
-
-def _check_size(path: Path, stream: BinaryIO, header: PlyHeader) -> None:
-    """Refuse a header that promises more than the file holds, before anything is allocated for it."""
-    needed = sum(element.count * element.least_row_size(header.is_ascii) for element in header.elements)
-    size = path.stat().st_size - header.size
-    # The last number of an ASCII file needs no separator.
-    if needed > size + header.is_ascii:
-        raise FieldFileError(
-            f"{path} is cut short or damaged: its header announces {needed} bytes of data or more, but {size} follow"
-        )
-    if header.is_ascii:
-        stream.seek(header.size)
-        lines = sum(block.count(b"\n") for block in iter(lambda: stream.read(_BLOCK), b""))
-        rows = sum(element.count for element in header.elements)
-        if lines + 1 < rows:
-            raise FieldFileError(
-                f"{path} is cut short or damaged: its header announces {rows} lines of data, but {lines} follow"
-            )
 
 
 def _read_regular(stream: BinaryIO, header: PlyHeader) -> _Columns | None:

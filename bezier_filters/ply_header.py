@@ -1,14 +1,20 @@
-"""The header of a PLY file: what the file holds, and how it is laid out."""
+"""The header of PLY files, believed only as far as the size of the file bears it out."""
 
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 from bezier_filters.errors import FieldFileError
 
-CORNERS = ("vertex_indices", "vertex_index")
-TRIPLE = 3  # entries of the lists that meshes have: corners of a triangle, a point attribute
+HEADER_LIMIT = 1 << 20
+"""Bytes at the beginning of a file that hold its header; real ones have a few hundred."""
 BYTE_ORDER = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+TRIPLE = 3
+"""Entries of the lists that meshes have: corners of a triangle, a point attribute."""
+
+_BLOCK = 1 << 20
+CORNERS = ("vertex_indices", "vertex_index")
 _TYPES = {
     name: code
     for code, names in {
@@ -27,15 +33,13 @@ _TYPES = {
 
 @dataclass(frozen=True)
 class PlyProperty:
-    """A number, or a list of numbers, that every row of an element has.
+    """A number, or list of numbers, in each row.
 
     Attributes
     ----------
     name : str
-    type : str
-        NumPy code without byte order.
-    length_type : str
-        That of the length, of lists only.
+    type, length_type : str
+        NumPy codes without byte order, of the numbers and, for lists only, of their lengths.
     """
 
     name: str
@@ -52,7 +56,7 @@ class PlyProperty:
 
 @dataclass(frozen=True)
 class PlyElement:
-    """A table of a file, such as that of the vertices."""
+    """A table of the file: its name, its number of rows and what each of them holds."""
 
     name: str
     count: int
@@ -65,7 +69,7 @@ class PlyElement:
 
     @property
     def has_lists(self) -> bool:
-        """Whether the size of its rows may differ."""
+        """Whether its rows may differ in size."""
         return any(item.length_type for item in self.properties)
 
     def least_row_size(self, is_ascii: bool) -> int:
@@ -77,7 +81,7 @@ class PlyElement:
 
 @dataclass(frozen=True)
 class PlyHeader:
-    """All of a header; `size` is the number of bytes up to the data."""
+    """Format of a file, its tables in their order, and how many bytes come before the data."""
 
     format: str
     elements: list[PlyElement]
@@ -95,12 +99,12 @@ class PlyHeader:
 
 
 def parse_header(path: Path, head: bytes) -> PlyHeader:
-    """Understand the beginning of a file, which is not yet believed as to what follows.
+    """Header of the PLY file that begins with `head`.
 
     Raises
     ------
     FieldFileError
-        If it is not the header of a PLY file, or a line of it is not understood; `path` is named.
+        If it is not PLY, or its header is damaged or goes beyond `head`.
     """
     if not head.startswith((b"ply\n", b"ply\r\n")):
         raise FieldFileError(f"{path} is neither a PLY nor an NPZ file: it starts with {head[:12]!r}")
@@ -133,3 +137,37 @@ def parse_header(path: Path, head: bytes) -> PlyHeader:
         if not names or len(set(names)) < len(names):
             raise FieldFileError(f"{path}: the element {element.name} has no properties, or two of the same name")
     return PlyHeader(format_name, elements, text.end())
+
+
+def check_size(path: Path, header: PlyHeader) -> None:
+    """Refuse a header that promises more than the file holds, before anything is allocated for it.
+
+    Raises
+    ------
+    FieldFileError
+        Saying how much is missing.
+    """
+    needed = sum(element.count * element.least_row_size(header.is_ascii) for element in header.elements)
+    size = path.stat().st_size - header.size
+    # The last number of an ASCII file needs no separator.
+    if needed > size + header.is_ascii:
+        raise FieldFileError(
+            f"{path} is cut short or damaged: its header announces {needed} bytes of data or more, but {size} follow"
+        )
+
+
+def check_lines(path: Path, stream: BinaryIO, header: PlyHeader) -> None:
+    """Refuse an ASCII file with fewer lines than its header announces rows.
+
+    Raises
+    ------
+    FieldFileError
+        Saying how many are missing.
+    """
+    stream.seek(header.size)
+    lines = sum(block.count(b"\n") for block in iter(lambda: stream.read(_BLOCK), b""))
+    rows = sum(element.count for element in header.elements)
+    if lines + 1 < rows:
+        raise FieldFileError(
+            f"{path} is cut short or damaged: its header announces {rows} lines of data, but {lines} follow"
+        )

@@ -28,7 +28,7 @@ from bezier_filters.meshset import (
     BezierFilterError,
     CurrentMesh,
     MeshSet,
-    current_mesh,
+    check_unchanged,
     preserved_filter_script,
     read_current_mesh,
 )
@@ -112,6 +112,8 @@ def run_filter(ms: MeshSet, names: list[str], work: Work, output: Output) -> dic
         If the mesh or a parameter is refused; the MeshSet is as it was.
     CancelledError
         If the progress callback returned False; the MeshSet is as it was.
+    KeyboardInterrupt
+        The MeshSet is as it was or, if Ctrl-C came while the results were written, has all of them.
     """
     _check_coloring(output)
     watch = _Stopwatch()
@@ -120,28 +122,18 @@ def run_filter(ms: MeshSet, names: list[str], work: Work, output: Output) -> dic
         mask = mesh.selected_vertices() if output.onselected else np.ones(len(mesh.vertices), dtype=np.bool_)
     with preserved_filter_script(ms):
         check_writable(ms, names)
-        with watch.timing("fit"):
-            try:
-                computed = work(mesh, mask)
-            except (InvalidMeshError, InvalidParameterError) as error:
-                raise BezierFilterError(str(error)) from error
-        _check_unchanged(ms, mesh)
-        quality = None if output.quality is None else computed.columns[output.quality.mesh_attribute]
-        limits = _limits(output, quality, computed.known)
-        columns = _merge(computed.columns, read_columns(ms, computed.columns), mask)
-        check_finite(columns)
-        moves = nullcontext() if computed.vertices is None else coordinates_restored_on_failure(ms)
-        # The normals follow the coordinates, and so they are restored last, by the outer of the two.
-        with restored_on_failure(ms, columns), moves:
-            with watch.timing("write"):
-                if computed.vertices is not None:
-                    write_coordinates(ms, computed.vertices)
-                write_columns(ms, columns)
-                with _vertices_selected(ms, mesh) if output.onselected else nullcontext():
-                    _write_quality_and_normals(ms, computed, output)
-            if limits is not None:
-                with watch.timing("color"):
-                    color_by_quality(ms, *limits, _color_map(output).name)
+    with watch.timing("fit"):  # nothing in the MeshSet changes meanwhile, so it may be interrupted
+        try:
+            computed = work(mesh, mask)
+        except (InvalidMeshError, InvalidParameterError) as error:
+            raise BezierFilterError(str(error)) from error
+    check_unchanged(ms, mesh)
+    quality = None if output.quality is None else computed.columns[output.quality.mesh_attribute]
+    limits = _limits(output, quality, computed.known)
+    columns = _merge(computed.columns, read_columns(ms, computed.columns), mask)
+    check_finite(columns)
+    with preserved_filter_script(ms):
+        _write(ms, mesh, columns, computed, output, limits, watch)
     report: dict[str, Any] = computed.report | {
         "attributes": list(columns),
         "quality": None if output.quality is None else output.quality.name,
@@ -152,6 +144,30 @@ def run_filter(ms: MeshSet, names: list[str], work: Work, output: Output) -> dic
     if limits is not None:
         report |= {"color_range": list(limits), "colormap": _color_map(output).name}
     return report
+
+
+def _write(
+    ms: MeshSet,
+    mesh: CurrentMesh,
+    columns: Columns,
+    computed: Computed,
+    output: Output,
+    limits: tuple[float, float] | None,
+    watch: _Stopwatch,
+) -> None:
+    """Write everything; if that fails, put back what can be put back."""
+    moves = nullcontext() if computed.vertices is None else coordinates_restored_on_failure(ms)
+    # The normals follow the coordinates, and so they are restored last, by the outer of the two.
+    with restored_on_failure(ms, columns), moves:
+        with watch.timing("write"):
+            if computed.vertices is not None:
+                write_coordinates(ms, computed.vertices)
+            write_columns(ms, columns)
+            with _vertices_selected(ms, mesh) if output.onselected else nullcontext():
+                _write_quality_and_normals(ms, computed, output)
+        if limits is not None:
+            with watch.timing("color"):
+                color_by_quality(ms, *limits, _color_map(output).name)
 
 
 def _check_coloring(output: Output) -> None:
@@ -181,13 +197,6 @@ def _limits(output: Output, quality: FloatArray | None, known: BoolArray) -> tup
     limits = color_range(quality, signed=output.quality.signed, percentile=output.percentile, mask=known)
     check_limits(*limits)
     return limits
-
-
-def _check_unchanged(ms: MeshSet, mesh: CurrentMesh) -> None:
-    """Refuse to write to another mesh than the one that was read: callbacks and threads can change it."""
-    now = current_mesh(ms)
-    if now.id() != mesh.id or now.vertex_number() != len(mesh.vertices):
-        raise BezierFilterError("the current mesh was changed while the filter ran; nothing was written")
 
 
 def _merge(new: Columns, old: Columns, mask: BoolArray) -> Columns:

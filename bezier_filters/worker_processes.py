@@ -3,16 +3,20 @@
 import multiprocessing
 import os
 import signal
+import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from typing import Any
 
 from bezier_filters.parallel import THREADS_VARIABLE
+from bezier_filters.supervision import crash_message
 
 _SPAWN = multiprocessing.get_context("spawn")  # a forked copy of threads and compiled kernels may hang
+_PATIENCE = 10.0
+"""Seconds that a worker has to remove its temporary files."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +40,7 @@ class Outcome:
 
 def run_in_processes(
     function: Callable[[Any], Any], jobs: Sequence[Any], *, processes: int, threads: int = 1
-) -> Iterator[tuple[int, Outcome]]:
+) -> Generator[tuple[int, Outcome], None, None]:
     """Call a function for every job, each in one of a few processes.
 
     A worker that dies, for example because a library aborts on a damaged file, is replaced. When the iterator is
@@ -84,8 +88,12 @@ def run_in_processes(
                     result, error = None, worker.last_words()
                 yield index, Outcome(result, error, time.perf_counter() - start)
     finally:
-        for worker in [*idle, *(worker for worker, _, _ in busy.values())]:
+        workers = [*idle, *(worker for worker, _, _ in busy.values())]
+        for worker in workers:
             worker.process.terminate()
+        for worker in workers:
+            worker.process.join(_PATIENCE)
+            worker.process.kill()  # hung in a library
             worker.process.join()
 
 
@@ -98,8 +106,9 @@ class _Worker:
         """How the process ended."""
         self.process.join()
         code = self.process.exitcode or 0
-        how = f"by signal {signal.Signals(-code).name}" if code < 0 else f"with exit status {code}"
-        return f"the process that worked on it was ended {how}"
+        if code < 0:
+            return f"the process that worked on it {crash_message(signal.Signals(-code).name, 'reading it')}"
+        return f"the process that worked on it was ended with exit status {code}"
 
 
 def _start(function: Callable[[Any], Any], threads: int) -> _Worker:
@@ -112,7 +121,8 @@ def _start(function: Callable[[Any], Any], threads: int) -> _Worker:
 
 def _serve(function: Callable[[Any], Any], connection: Connection, threads: int) -> None:
     """What a worker does: answer every job with a result and an error."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends its workers itself
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends its workers itself,
+    signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))  # in order: nothing is left half written
     os.environ.setdefault(THREADS_VARIABLE, str(threads))
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # libraries print there, and the parent's output may be JSON
     while True:

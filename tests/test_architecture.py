@@ -11,10 +11,11 @@ import bezier_filters
 PACKAGE = Path(bezier_filters.__file__).parent
 LAYERS = """
 _version arrays errors status bernstein dense lean parallel compilation atomic color_range palettes html_tables
+supervision memory_limit interrupts ply_header
 mesh polynomials smoothness patch differential_geometry jets vertex_geometry surfaces
 adjacency boundary fields harmonics spatial_order mesh_edges polylines line_files
 sharp_edges crest_segments
-neighbourhoods frames fitting uncertainty diagnosis ply_header ply_columns orientation lanes
+neighbourhoods frames fitting uncertainty diagnosis ply_columns orientation lanes
 creases kernel_input lane_algebra
 loop_geometry self_intersections loop_triangulation surroundings implicit_surface variational_fill
 hole_detection fill_topology hole_result
@@ -53,6 +54,7 @@ crease_fill
 fill_methods
 hole_filling
 meshset
+mesh_headers
 mesh_attributes mesh_colors mesh_coordinates mesh_files
 mesh_growth converters
 vertex_output

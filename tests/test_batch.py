@@ -21,7 +21,7 @@ MODULE = [sys.executable, "-m", "bezier_filters"]
 
 
 def run(*arguments, cwd):
-    return subprocess.run([*MODULE, *map(str, arguments)], capture_output=True, text=True, cwd=cwd)
+    return subprocess.run([*MODULE, *map(str, arguments)], capture_output=True, encoding="utf-8", cwd=cwd)
 
 
 def results(summary):
@@ -103,7 +103,7 @@ def test_an_interrupted_batch_goes_on_where_it_was(tmp_path):
         (["smooth", "a.ply", "--out", "out", "--options", "--colour"], "No such option"),
     ],
 )
-def test_mistakes_are_refused_before_anything_is_done(arguments, message, tmp_path, monkeypatch, capsys):
+def test_mistakes_are_refused_before_anything_is_done(arguments, message, tmp_path, monkeypatch, capfd):
     shutil.copy(SAMPLES / "waves.ply", tmp_path / "a.ply")
     (tmp_path / "a.obj").touch()
     monkeypatch.chdir(tmp_path)
@@ -111,7 +111,7 @@ def test_mistakes_are_refused_before_anything_is_done(arguments, message, tmp_pa
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 2
-    assert message in " ".join(capsys.readouterr().err.split())
+    assert message in " ".join(capfd.readouterr().err.split())
     assert not (tmp_path / "out").exists()
 
 

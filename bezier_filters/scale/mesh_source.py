@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bezier_filters.arrays import IntArray
 from bezier_filters.errors import FieldFileError, InvalidMeshError
-from bezier_filters.ply_header import BYTE_ORDER, CORNERS, TRIPLE, PlyElement, PlyHeader, parse_header
+from bezier_filters.ply_header import BYTE_ORDER, CORNERS, HEADER_LIMIT, TRIPLE, PlyElement, PlyHeader, parse_header
 from bezier_filters.scale.array_file import ArrayFile
 
 SourcePath: TypeAlias = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
@@ -20,7 +20,7 @@ SourcePath: TypeAlias = str | os.PathLike[str] | Sequence[str | os.PathLike[str]
 
 MOST = np.iinfo(np.int32).max
 """Vertices or faces that there may be."""
-_HEAD = 1 << 16
+
 _PROBE = 1 << 20
 
 
@@ -147,7 +147,7 @@ def open_source(source: SourcePath) -> MeshSource:
 
 def _open_ply(path: Path) -> MeshSource:
     with open(path, "rb") as stream:
-        header = parse_header(path, stream.read(_HEAD))
+        header = parse_header(path, stream.read(HEADER_LIMIT))
     if header.is_ascii:
         raise FieldFileError(f"{path} is an ASCII file, whose rows have no known place; save it as binary PLY")
     names = [element.name for element in header.elements]

@@ -1,0 +1,163 @@
+"""Damages mesh files at random and runs the real command line on them: part of `make fuzz`.
+
+Each file is given to ``bezier-filters`` in a process of its own, with bounded memory and time. It must end with exit
+status 0 and a whole output with finite numbers, or with exit status 2, one line on stderr and nothing written, an
+older output untouched. A reader of pymeshlab that ends its process is counted, and must have been reported in plain
+words. `python benchmarks/fuzz_files.py --seed N` repeats one.
+"""
+
+import argparse
+import collections
+import os
+import signal
+import sys
+import time
+import traceback
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+
+PATIENCE = 60
+"""Seconds of processor time for one file."""
+MEMORY = 4 << 30
+"""Bytes of writable memory for one file."""
+COMMANDS = (
+    ["curvature", "--rings", "2", "--alpha", "0.8"],
+    ["normals", "--no-color"],
+    ["torsion", "--rings", "2", "--alpha", "0.8"],
+    ["smooth"],
+    ["fill-holes"],
+    ["info"],
+)
+
+
+def run_one(seed: int, folder: Path) -> str:
+    """Run a command on one damaged file; what came of it: loaded, refused or crashed."""
+    from file_mutations import mutated_file
+
+    suffix, data = mutated_file(seed)
+    source, target, said = folder / f"damaged{suffix}", folder / "out.ply", folder / "said"
+    source.write_bytes(data)
+    if suffix == ".npz" or seed % 4 == 0:
+        return read_as_fields(source)
+    old = b"old" if seed % 3 == 0 else None
+    target.unlink(missing_ok=True)
+    if old is not None:
+        target.write_bytes(old)
+    command = COMMANDS[seed % len(COMMANDS)]
+    arguments = [command[0], str(source), *([] if command[0] == "info" else [str(target)]), *command[1:]]
+    status = command_line(arguments, said)
+    check(arguments, status, said.read_text(errors="replace"), target, old)
+    for extra in (source, target, said):
+        extra.unlink(missing_ok=True)
+    left = sorted(path.name for path in folder.iterdir())
+    assert not left, f"left behind: {left}"
+    if status == 0:
+        return "loaded"
+    return "crashed" if "crashed" in check.last else "refused"
+
+
+def command_line(arguments: list[str], said: Path) -> int:
+    """Exit status of the command line in a process of its own, whose messages go to a file."""
+    import resource
+
+    child = os.fork()
+    if child:
+        return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    code = 99
+    try:
+        sink = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(sink, 1)
+        os.dup2(os.open(said, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 2)
+        resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
+        resource.setrlimit(resource.RLIMIT_CPU, (PATIENCE, PATIENCE))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        sys.argv = ["bezier-filters", *arguments]
+        from bezier_filters import cli
+
+        cli.main()
+    except SystemExit as end:
+        code = end.code if isinstance(end.code, int) else 98
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+
+
+def check(arguments: list[str], status: int, said: str, target: Path, old: bytes | None) -> None:
+    """Raise AssertionError unless the end was one of those that are promised."""
+    import numpy as np
+
+    from bezier_filters import read_fields
+
+    ours = [line for line in said.splitlines() if line.startswith("bezier-filters: ")]
+    check.last = said
+    assert status in (0, 2), f"exit status {status}: {said[-3000:]}"
+    assert "Traceback" not in said, said[-3000:]
+    assert "SIGXCPU" not in said, "took too long"
+    if status == 2:
+        assert len(ours) == 1, f"no clear message: {said[-3000:]}"
+        assert (target.read_bytes() if target.exists() else None) == old, "wrote something, and failed"
+    elif arguments[0] != "info":
+        fields = read_fields(target) if arguments[0] not in ("smooth", "fill-holes") else {}
+        assert all(np.isfinite(values).all() for values in fields.values()), "wrote numbers that are not finite"
+        assert target.read_bytes()[:3] == b"ply"
+
+
+def read_as_fields(path: Path) -> str:
+    """Read it with our own readers, which must not crash."""
+    from bezier_filters import FieldFileError, read_fields
+
+    reason = ""
+    try:
+        read_fields(path)
+    except FieldFileError as error:
+        reason = str(error)
+    path_is_named = str(path) in reason
+    path.unlink()
+    assert path_is_named or not reason, reason
+    return "fields refused" if reason else "fields read"
+
+
+def load_everything() -> None:
+    """Load the libraries and compiled functions that every process inherits."""
+    import pymeshlab
+
+    from bezier_filters.registration import FILTERS
+
+    for function in FILTERS:
+        ms = pymeshlab.MeshSet()
+        ms.create_sphere(subdiv=2)
+        function(ms)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=10_000, help="number of files")
+    parser.add_argument("--first", type=int, default=0, help="first seed")
+    parser.add_argument("--seed", type=int, help="repeat one file")
+    options = parser.parse_args()
+    os.environ.setdefault("BEZIER_FILTERS_THREADS", "1")
+    load_everything()
+    signal.signal(signal.SIGPIPE, signal.SIG_DFL)
+    seeds = [options.seed] if options.seed is not None else range(options.first, options.first + options.count)
+    begin, ends, failures = time.perf_counter(), collections.Counter(), []
+    for number, seed in enumerate(seeds, 1):
+        with TemporaryDirectory() as folder:
+            try:
+                ends[run_one(seed, Path(folder))] += 1
+            except Exception as error:
+                failures.append((seed, f"{type(error).__name__}: {error}"))
+                print(f"seed {seed}: {failures[-1][1]}", flush=True)
+        if number % 1000 == 0:
+            print(f"{number:,} files: {dict(ends)}, {len(failures)} failures", flush=True)
+    seconds = time.perf_counter() - begin
+    print(f"{len(seeds):,} files in {seconds:.0f} s: {dict(ends)}, {len(failures)} failures")
+    sys.exit(bool(failures))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,43 @@
+"""Steps that have to be done whole: Ctrl-C waits for their end."""
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+
+@contextmanager
+def interrupts_held() -> Iterator[None]:
+    """Let signals with handlers in Python, such as that of Ctrl-C, wait until the block is done.
+
+    In other threads than the main one nothing has to be done: handlers do not run there.
+
+    Examples
+    --------
+    >>> done = False
+    >>> try:
+    ...     with interrupts_held():
+    ...         signal.raise_signal(signal.SIGINT)
+    ...         done = True
+    ... except KeyboardInterrupt:
+    ...     print(done)
+    True
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    pending: list[int] = []
+    handlers: dict[int, Any] = {}
+    try:
+        for number in signal.valid_signals():
+            handler = signal.getsignal(number)
+            if callable(handler) and not isinstance(handler, signal.Handlers):
+                handlers[number] = handler
+                signal.signal(number, lambda number, _frame: pending.append(number))
+        yield
+    finally:
+        for held, handler in handlers.items():
+            signal.signal(held, handler)
+        for arrived in dict.fromkeys(pending):
+            signal.raise_signal(arrived)

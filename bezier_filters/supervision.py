@@ -1,0 +1,170 @@
+"""A process of its own for code that may end it: the command line outlives the crashes of the libraries it calls.
+
+Readers of mesh files follow what a damaged file says and may end the process with it. The process that the user
+started therefore only forks before anything is loaded, waits, and says in plain words how the other one ended.
+Where there is no fork (Windows) the work is done in the same process.
+"""
+
+import mmap
+import os
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+
+FAILED = 2
+"""Exit status of work that failed, or whose process was ended by a signal that nobody sent."""
+_FORWARDED = ("SIGINT", "SIGTERM", "SIGHUP")
+_NOTE_SIZE = 4096
+_note: mmap.mmap | None = None  # shared with the process that waits
+
+
+@contextmanager
+def doing(activity: str) -> Iterator[None]:
+    """Tell the process that waits what is being done in the block, such as ``reading scan.ply``."""
+    _write_note(activity)
+    try:
+        yield
+    finally:
+        _write_note("")
+
+
+def run_supervised(work: Callable[[], str]) -> tuple[int, str]:
+    """Call a function in a process of its own, where there is fork; return its exit status and why it failed.
+
+    Interrupts and requests to end are passed on. The first one ends the work in order, so that temporary files go
+    away; later ones do not disturb that. If this process is killed, the other one ends, too.
+
+    Parameters
+    ----------
+    work : callable
+        Returns why it failed, or "". It may end with SystemExit, too.
+
+    Returns
+    -------
+    status : int
+        0, or `FAILED` if there is a reason, or what SystemExit said.
+    reason : str
+        In one line; the caller prints it, because a process that a bad file was read in may not be able to.
+    """
+    global _note
+    if not hasattr(os, "fork"):
+        reason = work()
+        return (FAILED if reason else 0), reason
+    _note = mmap.mmap(-1, _NOTE_SIZE)
+    lifeline, held = os.pipe()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    child = os.fork()
+    if child == 0:
+        os.close(held)
+        _end_in_order_on_signals()
+        threading.Thread(target=_end_with_the_parent, args=(lifeline,), daemon=True).start()
+        os._exit(_exit_status_of(work))  # whatever called this function goes on in the other process alone
+    os.close(lifeline)
+    status = _wait(child)
+    os.close(held)
+    code = os.waitstatus_to_exitcode(status)
+    note = _read_note()
+    if code >= 0:
+        return code, note if code == FAILED else ""
+    name = signal.Signals(-code).name
+    if name in _FORWARDED:
+        return 128 - code, ""
+    return FAILED, crash_message(name, note)
+
+
+def crash_message(signal_name: str, activity: str = "") -> str:
+    """Say in plain words that a process was ended by a signal, and what may help.
+
+    Examples
+    --------
+    >>> crash_message("SIGSEGV", "reading scan.obj")  # doctest: +ELLIPSIS
+    'crashed (SIGSEGV) while reading scan.obj: the file is damaged in a way that its reader does not notice; ...'
+    """
+    where = f" while {activity}" if activity else ""
+    if signal_name == "SIGKILL":
+        return f"was killed (SIGKILL){where}, perhaps for want of memory; nothing was written"
+    place = f"crashed ({signal_name}){where}"
+    if activity.startswith("reading"):
+        return (
+            f"{place}: the file is damaged in a way that its reader does not notice; nothing was written. Write the "
+            "file again, or convert it to PLY with another program"
+        )
+    if activity.startswith("writing"):
+        return f"{place}: see whether the disk is full; a file that was there before is as it was"
+    return f"{place}; nothing was written. Please report it with the file"
+
+
+def _exit_status_of(work: Callable[[], str]) -> int:
+    """Do the work and leave its reason; return the status to exit with."""
+    try:
+        reason = work()
+        _write_note(reason)
+        return FAILED if reason else 0
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else int(end.code is not None)
+    except KeyboardInterrupt:
+        return 128 + signal.SIGINT
+    except BaseException:
+        traceback.print_exc()
+        return 1
+    finally:
+        with suppress(OSError):  # as when the reader of a pipe has gone away
+            sys.stdout.flush()
+            sys.stderr.flush()
+
+
+def _wait(child: int) -> int:
+    """Status of a process after its end; signals are passed on to it."""
+
+    def forward(number: int, _frame: FrameType | None) -> None:
+        os.kill(child, number)
+
+    before = {number: signal.getsignal(number) for number in map(signal.Signals.__getitem__, _FORWARDED)}
+    try:
+        for number in before:
+            signal.signal(number, forward)
+        return os.waitpid(child, 0)[1]
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _end_in_order_on_signals() -> None:
+    """Let the first interrupt or request to end raise an exception, and ignore the next: one may arrive twice.
+
+    A terminal sends its signals to all processes, and the one that waits passes them on.
+    """
+
+    def end(number: int, _frame: FrameType | None) -> None:
+        for name in _FORWARDED:
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+        if number == signal.SIGINT:
+            raise KeyboardInterrupt
+        raise SystemExit(128 + number)
+
+    for name in _FORWARDED:
+        if signal.getsignal(getattr(signal, name)) != signal.SIG_IGN:  # as nohup sets it
+            signal.signal(getattr(signal, name), end)
+
+
+def _end_with_the_parent(lifeline: int) -> None:
+    """Ask this process to end in order when the other end of the pipe closes, as it does when the parent is killed."""
+    os.read(lifeline, 1)
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+def _write_note(text: str) -> None:
+    if _note is not None:
+        _note.seek(0)
+        _note.write(text.encode("utf-8", "replace")[: _NOTE_SIZE - 1] + b"\0")
+
+
+def _read_note() -> str:
+    if _note is None:
+        return ""
+    return _note[:_NOTE_SIZE].split(b"\0", 1)[0].decode("utf-8", "replace")

@@ -1,0 +1,206 @@
+"""What ends the process of the work: the process that waits says so in plain words."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bezier_filters.interrupts import interrupts_held
+from bezier_filters.memory_limit import ALLOWANCE, memory_limited
+from bezier_filters.supervision import FAILED, crash_message, doing, run_supervised
+
+SAMPLES = Path(__file__).parent.parent / "sample_meshes"
+MODULE = [sys.executable, "-m", "bezier_filters"]
+posix = pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
+linux = pytest.mark.skipif(sys.platform != "linux", reason="only Linux counts the memory of a process")
+
+
+def in_python(code, **options):
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", **options)
+
+
+SUPERVISED = """
+import os, signal, sys
+from bezier_filters.supervision import doing, run_supervised
+def work():
+    {work}
+    return ""
+print(run_supervised(work))
+"""
+
+
+@posix
+@pytest.mark.parametrize(
+    ("work", "printed"),
+    [
+        ("pass", "(0, '')"),
+        ("return 'radius: got -1'", "(2, 'radius: got -1')"),
+        ("sys.exit(3)", "(3, '')"),
+        ("sys.exit('no')", "(1, '')"),
+        ("raise KeyError", "(1, '')"),
+        ("raise KeyboardInterrupt", "(130, '')"),
+        ("os.kill(os.getpid(), signal.SIGTERM)", "(143, '')"),
+        ("os.kill(os.getppid(), signal.SIGINT); signal.pause()", "(130, '')"),
+        (
+            "with doing('reading a.obj'): signal.raise_signal(signal.SIGSEGV)",
+            f"(2, {crash_message('SIGSEGV', 'reading a.obj')!r})",
+        ),
+        ("os.kill(os.getpid(), signal.SIGKILL)", f"(2, {crash_message('SIGKILL')!r})"),
+        ("os.abort()", f"(2, {crash_message('SIGABRT')!r})"),
+    ],
+)
+def test_every_end_has_a_status_and_a_reason(work, printed):
+    result = in_python(SUPERVISED.format(work=work))
+    assert result.returncode == 0
+    assert result.stdout.strip() == printed
+    assert ("KeyError" in result.stderr) == ("KeyError" in work)
+
+
+@posix
+def test_a_second_interrupt_does_not_disturb_the_end():
+    work = """
+    import time
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+    finally:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            os.kill(os.getpid(), number)
+        print("cleaned up", flush=True)"""
+    assert in_python(SUPERVISED.format(work=work)).stdout.split("\n")[:2] == ["cleaned up", "(130, '')"]
+
+
+@posix
+def test_the_work_ends_when_its_parent_is_killed(tmp_path):
+    work = f"""
+    import time
+    open({str(tmp_path / "pid")!r}, "w").write(str(os.getpid()))
+    try:
+        time.sleep(60)
+    finally:
+        open({str(tmp_path / "cleaned")!r}, "w").close()"""
+    process = subprocess.Popen([sys.executable, "-c", SUPERVISED.format(work=work)])
+    wait_for((tmp_path / "pid").exists)
+    process.kill()
+    process.wait()
+    wait_for((tmp_path / "cleaned").exists)
+
+
+def wait_for(happened, patience=60.0):
+    end = time.monotonic() + patience
+    while not happened():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def test_messages_name_what_was_done():
+    assert "while reading a.ply: the file is damaged" in crash_message("SIGABRT", "reading a.ply")
+    assert "see whether the disk is full" in crash_message("SIGABRT", "writing a.3mf")
+    assert "nothing was written" in crash_message("SIGSEGV")
+    assert "want of memory" in crash_message("SIGKILL", "reading a.ply")
+
+
+def test_without_fork_the_work_is_done_here(monkeypatch):
+    monkeypatch.delattr(os, "fork", raising=False)
+    assert run_supervised(lambda: "") == (0, "")
+    with doing("reading"):
+        assert run_supervised(lambda: "no") == (FAILED, "no")
+
+
+BROKEN = {
+    "an_index_out_of_range.obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 99999999\n",
+    "a_negative_index.obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf -1 -2 -99999999\n",
+    "an_index_out_of_range.off": b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 99999999\n",
+}
+
+
+@posix
+@pytest.mark.parametrize("name", list(BROKEN)[:1])
+def test_a_reader_that_crashes_is_reported_in_one_line(tmp_path, name):
+    """pymeshlab follows these indices out of its memory."""
+    (tmp_path / name).write_bytes(BROKEN[name])
+    (tmp_path / "out.ply").write_bytes(b"old")
+    command = [*MODULE, "curvature", name, "out.ply"]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, encoding="utf-8")
+    assert result.returncode == 2
+    assert result.stdout == ""
+    assert result.stderr.startswith("bezier-filters: c")
+    assert result.stderr.count("\n") == 1
+    assert name in result.stderr
+    assert (tmp_path / "out.ply").read_bytes() == b"old"
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([name, "out.ply"])
+
+
+@posix
+@pytest.mark.slow
+def test_a_batch_goes_on_after_crashes(tmp_path):
+    for number, content in enumerate(BROKEN.values()):
+        (tmp_path / f"broken{number}{list(BROKEN)[number][-4:]}").write_bytes(content)
+    (tmp_path / "whole.ply").write_bytes((SAMPLES / "torus.ply").read_bytes())
+    command = [*MODULE, "batch", "torsion", "*.o*", "whole.ply", "--out", "out", "--suffix", ".off"]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, encoding="utf-8")
+    assert result.returncode == 1
+    assert "torsion: 1 done, 0 skipped, 3 failed" in result.stdout
+    assert result.stdout.count("its reader does not notice") == len(BROKEN)
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["whole.off"]
+
+
+class TestInterruptsHeld:
+    def test_an_interrupt_waits_for_the_end_of_the_block(self):
+        done = []
+
+        @interrupts_held()
+        def step():
+            signal.raise_signal(signal.SIGINT)
+            with interrupts_held():
+                signal.raise_signal(signal.SIGINT)
+                done.append("inner")
+            done.append("outer")
+
+        with pytest.raises(KeyboardInterrupt):
+            step()
+        assert done == ["inner", "outer"]
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+    def test_an_error_goes_through(self):
+        with pytest.raises(ValueError, match="mine"), interrupts_held():
+            raise ValueError("mine")
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+    @posix
+    def test_other_signals_with_handlers_wait_too(self):
+        arrived = []
+        before = signal.signal(signal.SIGUSR1, lambda *_: arrived.append("late"))
+        try:
+            with interrupts_held():
+                signal.raise_signal(signal.SIGUSR1)
+                arrived.append("done")
+        finally:
+            signal.signal(signal.SIGUSR1, before)
+        assert arrived == ["done", "late"]
+
+
+@linux
+def test_memory_beyond_what_a_file_can_need_is_refused():
+    code = f"""
+import numpy as np
+from bezier_filters.memory_limit import memory_limited
+with memory_limited(1000):
+    np.empty({ALLOWANCE // 16})
+    try:
+        np.empty({ALLOWANCE // 4})
+    except MemoryError:
+        print("refused")
+np.empty({ALLOWANCE // 4})
+"""
+    assert in_python(code).stdout == "refused\n"
+
+
+def test_without_limits_of_the_system_nothing_is_refused(monkeypatch):
+    monkeypatch.setattr("bezier_filters.memory_limit.resource", None)
+    with memory_limited(0):
+        assert np.zeros(10).sum() == 0
