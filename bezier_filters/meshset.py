@@ -22,6 +22,7 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 # pymeshlab has no type information, so these are Any to a type checker.
 MeshSet: TypeAlias = pymeshlab.MeshSet
 Mesh: TypeAlias = pymeshlab.Mesh
+Image: TypeAlias = pymeshlab.Image
 PyMeshLabException = pymeshlab.PyMeshLabException
 PercentageValue: TypeAlias = pymeshlab.PercentageValue
 Length: TypeAlias = pymeshlab.PercentageValue | pymeshlab.PureValue | float

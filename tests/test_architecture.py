@@ -51,7 +51,7 @@ crease_fill
 fill_methods
 hole_filling
 meshset
-mesh_attributes mesh_colors mesh_coordinates mesh_files
+mesh_attributes mesh_colors mesh_coordinates mesh_files texture_growth
 mesh_growth
 vertex_output
 vertex_filter
