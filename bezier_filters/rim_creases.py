@@ -1,7 +1,7 @@
 """Creases that end at the rim of a hole, and the one-sided parts of its surroundings between them."""
 
 from dataclasses import dataclass
-from math import radians
+from math import cos, radians
 
 import numpy as np
 
@@ -56,6 +56,13 @@ class SharpEdges:
     is_sharp: BoolArray
     is_convex: BoolArray
     twins: IntArray
+
+
+def may_have_creases(around: Surroundings) -> bool:
+    """Whether the faces differ enough for a crease, which is quickly told: no two if all are near their mean normal."""
+    normals = around.face_normals[around.face_normals.any(axis=1)]
+    mean = normals.sum(axis=0)
+    return bool((normals @ mean < cos(0.5 * SHARP) * np.linalg.norm(mean)).any())
 
 
 def sharp_edges(around: Surroundings) -> SharpEdges:

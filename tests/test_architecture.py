@@ -17,7 +17,7 @@ sharp_edges crest_segments
 neighbourhoods frames fitting uncertainty diagnosis ply_columns orientation lanes
 creases kernel_input lane_algebra
 loop_geometry self_intersections loop_triangulation surroundings implicit_surface variational_fill
-hole_detection fill_topology hole_result
+hole_detection fill_topology hole_result evening
 hole_choice smooth_fill flat_fill rim_creases
 paper_fill sub_holes
 crease_curves
