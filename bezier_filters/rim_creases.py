@@ -18,6 +18,10 @@ SHORTEST, LONGEST = 2, 6
 """Edges of a crease that are followed from the rim: one alone is no crease."""
 ALONG = cos(radians(10.0))
 """Least cosine of the angle between a crease and an edge of the rim that goes on as it does."""
+WEAK = 0.5
+"""Share of the angle of a sharp edge from which on an edge may continue one."""
+STRAIGHT_ON = cos(radians(30.0))
+"""Least cosine of the angle between a sharp edge and a less sharp one that continues it."""
 STRAIGHT = 0.5
 """Least cosine of the angle between two edges of a crease that follow each other."""
 
@@ -82,10 +86,42 @@ def sharp_edges(around: Surroundings) -> SharpEdges:
     is_sharp, is_convex = np.zeros((2, 3 * len(faces)), dtype=np.bool_)
     known = own.any(axis=1) & other.any(axis=1)
     is_sharp[inner] = known & (angles > limit)
+    weak = np.zeros(3 * len(faces))
+    weak[inner] = np.where(known & (angles > WEAK * limit), angles, 0.0)
+    _continue_sharp_edges(around, twins, is_sharp, weak)
     tips = np.roll(faces, -2, axis=1).ravel()
     beyond = around.vertices[tips[twins[inner]]] - around.vertices[faces.ravel()[inner]]
     is_convex[inner] = np.einsum("ij,ij->i", beyond, own) < 0.0
     return SharpEdges(is_sharp, is_convex, twins)
+
+
+def _continue_sharp_edges(around: Surroundings, twins: IntArray, is_sharp: BoolArray, angles: FloatArray) -> None:
+    """Let sharp edges that end go straight on along less sharp ones: those of a rounded crease differ by chance.
+
+    `angles` are those of edges that may be added, by half-edge, and 0 for the others.
+    """
+    start, end = around.faces.ravel(), np.roll(around.faces, -1, axis=1).ravel()
+    sharp = np.flatnonzero(is_sharp)
+    count = np.bincount(start[sharp], minlength=len(around.ids))
+    leaving: dict[int, list[int]] = {}
+    for half_edge in np.flatnonzero(angles > 0.0).tolist():
+        leaving.setdefault(int(start[half_edge]), []).append(half_edge)
+    front = [(int(start[h]), int(end[h])) for h in sharp.tolist() if count[end[h]] == 1]
+    while front:
+        before, tip = front.pop()
+        if count[tip] != 1:
+            continue
+        ahead = around.vertices[tip] - around.vertices[before]
+        straight = [
+            h
+            for h in leaving.get(tip, [])
+            if _cosine(ahead, around.vertices[end[h]] - around.vertices[tip]) > STRAIGHT_ON and not is_sharp[h]
+        ]
+        if straight:
+            best = max(straight, key=lambda h: angles[h])
+            is_sharp[[best, twins[best]]] = True
+            count[[tip, end[best]]] += 1
+            front.append((tip, int(end[best])))
 
 
 def crease_ends(around: Surroundings, sharp: SharpEdges) -> list[CreaseEnd]:
