@@ -18,7 +18,7 @@ from bezier_filters.estimation import estimate_vertex_geometry
 from bezier_filters.fill_topology import Fill
 from bezier_filters.flat_fill import lifted_fill
 from bezier_filters.implicit_surface import ImplicitSurface
-from bezier_filters.rim_creases import crease_ends, sharp_edges
+from bezier_filters.rim_creases import crease_ends, may_have_creases, sharp_edges
 from bezier_filters.smooth_fill import first_fill, meeting_rim, on_surface, surface_around
 from bezier_filters.sub_holes import CutHole, border, cut_hole, sub_hole
 from bezier_filters.surroundings import Surroundings
@@ -87,6 +87,8 @@ def crease_fills(around: Surroundings, *, noisy: bool) -> Iterator[CreaseFill | 
         Whether points are fitted rather than interpolated.
     """
     if len(around.loops) > 1 or len(around.loops[0]) > around.rim_count:
+        return
+    if not may_have_creases(around):
         return
     sharp = sharp_edges(around)
     ends = crease_ends(around, sharp)

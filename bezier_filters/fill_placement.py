@@ -11,7 +11,7 @@ from bezier_filters.fill_topology import Fill
 from bezier_filters.hole_detection import Hole
 from bezier_filters.mesh import TriangleMesh
 from bezier_filters.self_intersections import cut_faces
-from bezier_filters.surroundings import Surroundings
+from bezier_filters.surroundings import Surroundings, faces_at_edges
 
 BULGE = 0.5
 """Times the diameter of a hole: how far its fill may leave the bounding box of the rim."""
@@ -82,16 +82,13 @@ def count_cuts(piece: Piece, others: Sequence[Piece]) -> int:
 
 def rim_dihedral(fill: Fill, around: Surroundings) -> float:
     """Mean angle between the faces on both sides of the rim, in degrees."""
-    inside = {}
     at_rim = fill.faces[np.count_nonzero(fill.faces < fill.rim_count, axis=1) > 1]
     corners = fill.points[at_rim]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-    for f, (a, b, c) in enumerate(at_rim.tolist()):
-        inside.update({(a, b): f, (b, c): f, (c, a): f})
     angles: list[float] = []
     for loop in around.loops:
-        own = normals[[inside[pair] for pair in zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True)]]
+        own = normals[faces_at_edges(at_rim, loop, np.roll(loop, -1))]
         half_chord = 0.5 * np.linalg.norm(own - around.normals_beyond(loop), axis=1)
         angles += (2.0 * np.arcsin(np.minimum(half_chord, 1.0))).tolist()
     return degrees(float(np.mean(angles)))

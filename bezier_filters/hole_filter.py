@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
+from bezier_filters.arrays import IntArray
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.hole_filling import FillingMethod, fill_holes
 from bezier_filters.hole_result import HoleFillingResult, HoleReport
-from bezier_filters.mesh_growth import Growth, grow_mesh
+from bezier_filters.mesh_growth import Grown, Growth, grow_mesh
 from bezier_filters.meshset import (
     BezierFilterError,
     CurrentMesh,
@@ -46,11 +47,13 @@ def meshing_close_holes_by_bezier_patch(
     it; sharp edges that end at a hole are continued through it. See `bezier_filters.fill_holes`. A hole is filled
     whole or left as it is.
 
-    pymeshlab can add faces only by merging layers, so the mesh becomes a new layer with a new id, which is
-    the current one then. Old vertices and faces stay the first, bit for bit and in their order, with their
-    textures, colours, quality, selection and custom attributes; label, transform and visibility stay, too. New vertices
-    and faces have the colours, quality and attributes of the nearest old ones, and 0 in ``bz_*`` columns, where
-    nothing has been estimated. Vertex and face normals are those of the faces. If no hole is filled, nothing changes.
+    pymeshlab can add faces only by merging layers, so the mesh becomes a new layer with a new id, which is the current
+    one then. Old vertices and faces stay the first, bit for bit and in their order, with their textures, colours,
+    quality, selection and custom attributes; label, transform and visibility stay, too. New vertices and faces have the
+    colours, quality and attributes of the nearest old ones, and 0 in ``bz_*`` columns, where nothing has been
+    estimated. New faces show the texture of the old faces beside them, from the edge that they share on; where a
+    texture has a name with spaces, or two have the same, they show none. Vertex and face normals are those of the
+    faces. If no hole is filled, nothing changes.
 
     Coordinates are used as stored, like in pymeshlab's own filters: the transform matrix is ignored.
 
@@ -90,7 +93,8 @@ def meshing_close_holes_by_bezier_patch(
     dict
         ``closed_holes``, ``open_holes``, ``new_vertices`` and ``new_faces`` (numbers), ``id`` (of the layer that is the
         mesh now), ``noise`` (standard deviation, a length, or None), ``lost_attributes`` (custom attributes that
-        pymeshlab does not let us copy: those with capital letters or signs in their names), ``seconds`` (read,
+        pymeshlab does not let us copy: those with capital letters or signs in their names), ``textured`` (whether the
+        new faces show a texture), ``seconds`` (read,
         fit, write) and ``holes``, a dict for each with ``filled``, ``method``, ``reason``, ``edge_count``,
         ``perimeter``, ``diameter``, ``islands``, ``is_outer_rim``, ``parts``, ``crease_edges``, ``new_vertices`` and
         ``new_faces`` (numbers), ``rim_error`` (0), ``rim_dihedral`` (mean angle along the rim, degrees) and
@@ -139,10 +143,10 @@ def meshing_close_holes_by_bezier_patch(
         raise BezierFilterError(str(error)) from error
     fitted = time.perf_counter()
     check_unchanged(ms, mesh)
-    lost: list[str] = []
+    grown = Grown([], False)
     if result.filled:
         with preserved_filter_script(ms):
-            lost = grow_mesh(ms, _growth(mesh, result), select=newfaceselected)
+            grown = grow_mesh(ms, _growth(mesh, result), select=newfaceselected)
     written = time.perf_counter()
     return {
         "closed_holes": result.filled,
@@ -151,7 +155,8 @@ def meshing_close_holes_by_bezier_patch(
         "new_faces": len(result.faces) - len(mesh.faces),
         "id": ms.current_mesh_id(),
         "noise": result.noise,
-        "lost_attributes": lost,
+        "lost_attributes": grown.lost_attributes,
+        "textured": grown.textured,
         "holes": [_described(hole) for hole in result.holes],
         "seconds": {"read": start - begin, "fit": fitted - start, "write": written - fitted},
     }
@@ -163,11 +168,25 @@ def _growth(mesh: CurrentMesh, result: HoleFillingResult) -> Growth:
     rim = np.unique(faces[faces < len(mesh.vertices)])
     on_rim = np.zeros(len(result.vertices), dtype=np.bool_)
     on_rim[rim] = True
-    beside = np.flatnonzero(on_rim[mesh.faces].any(axis=1))
+    beside = np.flatnonzero(on_rim[mesh.faces].any(axis=1)).astype(np.int32)
     centers = mesh.vertices[mesh.faces[beside]].mean(axis=1)
     like_vertex = rim[cKDTree(mesh.vertices[rim]).query(vertices)[1]]
-    like_face = beside[cKDTree(centers).query(result.vertices[faces].mean(axis=1))[1]]
-    return Growth(vertices, faces, like_vertex.astype(np.int32), like_face.astype(np.int32))
+    like_face = beside[cKDTree(centers).query(result.vertices[faces].mean(axis=1))[1]].astype(np.int32)
+    _prefer_neighbours(like_face, faces, mesh.faces, beside)
+    return Growth(vertices, faces, like_vertex.astype(np.int32), like_face)
+
+
+def _prefer_neighbours(like_face: IntArray, faces: IntArray, old_faces: IntArray, beside: IntArray) -> None:
+    """Let new faces that share an edge with an old one be like that one."""
+    sides = [(0, 1), (1, 2), (2, 0)]
+    owner = {
+        (a, b): face
+        for i, j in sides
+        for face, (a, b) in zip(beside.tolist(), old_faces[beside][:, [i, j]].tolist(), strict=True)
+    }
+    for i, j in sides:
+        for k, (a, b) in enumerate(faces[:, [j, i]].tolist()):
+            like_face[k] = owner.get((a, b), like_face[k])
 
 
 def _described(hole: HoleReport) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import LinAlgError, block_diag, cho_solve, cholesky, solve_triangular
+from scipy.linalg.lapack import dgeqrf
 from scipy.spatial.distance import cdist
 
 from bezier_filters.arrays import BoolArray, FloatArray
@@ -172,18 +173,14 @@ def _householder(columns: FloatArray) -> tuple[FloatArray, FloatArray, FloatArra
 
     In the directions that the first k axes do not take, polynomials vanish: the contrasts of REML.
     """
-    columns = columns.copy()
+    factored, scales, _, _ = dgeqrf(columns)
+    vectors = np.tril(factored, -1)
+    np.fill_diagonal(vectors, 1.0)
+    # T is the inverse of the upper triangle of V^T V with the diagonal 1 / tau (Puglisi 1992).
+    inverse = np.triu(vectors.T @ vectors, 1)
+    np.fill_diagonal(inverse, 1.0 / np.maximum(scales, 1e-300))
     count = columns.shape[1]
-    vectors, weights = np.zeros(columns.shape), np.zeros((count, count))
-    for k in range(count):
-        vector = vectors[:, k]
-        vector[k:] = columns[k:, k]
-        vector[k] += np.copysign(np.linalg.norm(vector), vector[k])
-        vector /= max(float(np.linalg.norm(vector)), 1e-300)
-        columns -= np.outer(2.0 * vector, vector @ columns)
-        weights[k, :k] = -2.0 * (vector @ vectors[:, :k]) @ weights[:k, :k]
-        weights[k, k] = 2.0
-    return vectors, weights, np.triu(columns[:count])
+    return vectors, solve_triangular(inverse, np.eye(count)).T, np.triu(factored[:count])
 
 
 def _reflected(vectors: FloatArray, weights: FloatArray, columns: FloatArray) -> FloatArray:

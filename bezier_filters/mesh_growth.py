@@ -16,8 +16,9 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.fields import PREFIX
 from bezier_filters.mesh_attributes import KEPT_LEFTOVER, LEFTOVER
 from bezier_filters.mesh_coordinates import write_coordinates
-from bezier_filters.meshset import BezierFilterError, Mesh, MeshSet, PyMeshLabException, current_mesh
+from bezier_filters.meshset import BezierFilterError, Image, Mesh, MeshSet, PyMeshLabException, current_mesh
 from bezier_filters.status import FitStatus
+from bezier_filters.texture_growth import load_patch, textures_of, wedge_coordinates
 
 _GETTERS = {
     "__ca_vs__": "vertex_custom_scalar_attribute_array",
@@ -55,7 +56,33 @@ class Growth:
     like_face: IntArray
 
 
-def grow_mesh(ms: MeshSet, growth: Growth, *, select: bool) -> list[str]:
+@dataclass(frozen=True)
+class Grown:
+    """What became of what pymeshlab does not keep by itself.
+
+    Attributes
+    ----------
+    lost_attributes : list of str
+        Custom attributes that could not be kept: those whose names pymeshlab does not tell, in the form
+        in which it lists them.
+    textured : bool
+        Whether the new faces show a texture; False also where there is none.
+    """
+
+    lost_attributes: list[str]
+    textured: bool
+
+
+@dataclass(frozen=True)
+class _Texture:
+    """Texture coordinates (3 f, 2) of new faces, the number of the texture of each, and all textures by name."""
+
+    coordinates: FloatArray
+    numbers: IntArray
+    pictures: dict[str, Image]
+
+
+def grow_mesh(ms: MeshSet, growth: Growth, *, select: bool) -> Grown:
     """Add vertices and faces to the current mesh, which becomes a new layer with a new id.
 
     Old vertices and faces stay the first, in their order. Label, transform, textures, colours, quality, selection and
@@ -71,14 +98,13 @@ def grow_mesh(ms: MeshSet, growth: Growth, *, select: bool) -> list[str]:
 
     Returns
     -------
-    list of str
-        Custom attributes that could not be kept: those whose names pymeshlab does not tell, in the form
-        in which it lists them.
+    Grown
     """
     old = current_mesh(ms)
     wanted, label, transform = old.id(), old.label(), np.array(old.transform_matrix())
     vertices = np.vstack([old.vertex_matrix(), growth.vertices])
     attributes, lost = _attributes(ms, old, growth)
+    texture = _texture(ms, old, growth, vertices)
     with _undone_on_failure(ms):
         ms.generate_copy_of_current_mesh()
         copy = ms.current_mesh_id()
@@ -88,7 +114,8 @@ def grow_mesh(ms: MeshSet, growth: Growth, *, select: bool) -> list[str]:
         numbers = np.zeros_like(vertices)
         numbers[:, 0] = np.arange(len(vertices))
         write_coordinates(ms, numbers[: old.vertex_number()])
-        ms.add_mesh(_patch(old, growth, numbers), "new faces", set_as_current=False)
+        textured = _add_patch(ms, old, growth, numbers, texture)
+        ms.set_current_mesh(copy)
         ms.generate_by_merging_visible_meshes(
             mergevisible=True, deletelayer=True, mergevertices=True, alsounreferenced=True
         )
@@ -106,7 +133,7 @@ def grow_mesh(ms: MeshSet, growth: Growth, *, select: bool) -> list[str]:
         ms.set_current_mesh(wanted)
         ms.delete_current_mesh()
         ms.set_current_mesh(merged)
-    return lost
+    return Grown(lost, textured)
 
 
 @contextmanager
@@ -158,6 +185,29 @@ def _values(mesh: Mesh, prefix: str, listed: str) -> FloatArray | None:
     return None
 
 
+def _texture(ms: MeshSet, old: Mesh, growth: Growth, vertices: FloatArray) -> _Texture | None:
+    """What the new faces show, if the old ones show something."""
+    if not old.has_wedge_tex_coord() or not old.texture_number():
+        return None
+    names, numbers = textures_of(ms)
+    if len(set(names)) < len(names):  # numbers follow the names when layers are merged
+        return None
+    like = growth.like_face
+    coordinates = wedge_coordinates(
+        vertices[growth.faces], vertices[old.face_matrix()[like]], old.wedge_tex_coord_matrix().reshape(-1, 3, 2)[like]
+    )
+    return _Texture(coordinates.reshape(-1, 2), numbers[like], {name: old.texture(name) for name in names})
+
+
+def _add_patch(ms: MeshSet, old: Mesh, growth: Growth, numbers: FloatArray, texture: _Texture | None) -> bool:
+    """Add the new faces as a layer, and say whether they show a texture."""
+    patch = _patch(old, growth, numbers)
+    if texture is not None and load_patch(ms, patch, texture.coordinates, texture.numbers, texture.pictures):
+        return True
+    ms.add_mesh(patch, "new faces", set_as_current=False)
+    return False
+
+
 def _patch(old: Mesh, growth: Growth, numbers: FloatArray) -> Mesh:
     """The new faces as a mesh of their own, with the colours and quality of what they are like."""
     used, local = np.unique(growth.faces, return_inverse=True)
@@ -165,6 +215,8 @@ def _patch(old: Mesh, growth: Growth, numbers: FloatArray) -> Mesh:
     options: dict[str, Any] = {}
     if old.has_vertex_color():
         options["v_color_matrix"] = old.vertex_color_matrix()[source]
+    if old.has_vertex_tex_coord():
+        options["v_tex_coords_matrix"] = old.vertex_tex_coord_matrix()[source]
     if old.has_vertex_scalar():
         options["v_scalar_array"] = old.vertex_scalar_array()[source]
     if old.has_face_color():

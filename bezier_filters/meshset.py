@@ -23,6 +23,7 @@ from bezier_filters.interrupts import interrupts_held
 # pymeshlab has no type information, so these are Any to a type checker.
 MeshSet: TypeAlias = pymeshlab.MeshSet
 Mesh: TypeAlias = pymeshlab.Mesh
+Image: TypeAlias = pymeshlab.Image
 PyMeshLabException = pymeshlab.PyMeshLabException
 PercentageValue: TypeAlias = pymeshlab.PercentageValue
 PureValue: TypeAlias = pymeshlab.PureValue

@@ -38,12 +38,15 @@ def faces_in_boxes(vertices: FloatArray, faces: IntArray, low: FloatArray, high:
     boxes = np.empty(pointer[-1], dtype=np.int32)
     _fill_cells(low, high, origin, extent, cells, pointer[:-1].copy(), boxes)
     counts, met = np.zeros(count, dtype=np.int32), np.full(count, -1, dtype=np.int32)
-    arguments = (vertices, faces, low, high, origin, extent, cells, pointer, boxes)
-    _collect(*arguments, met, counts, np.empty(0, dtype=np.int32), np.empty(0, dtype=np.int32))
+    is_met, nowhere = np.zeros(len(faces), dtype=np.bool_), np.empty(0, dtype=np.int32)
+    _collect(vertices, faces, low, high, origin, extent, cells, pointer, boxes, met, is_met, counts, nowhere, nowhere)
     indptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
     indices = np.empty(indptr[-1], dtype=np.int32)
+    found = np.flatnonzero(is_met).astype(np.int32)  # few, where there are many faces
     met[:], counts[:] = -1, 0
-    _collect(*arguments, met, counts, indptr, indices)
+    faces = faces[found]
+    _collect(vertices, faces, low, high, origin, extent, cells, pointer, boxes, met, is_met, counts, indptr, indices)
+    indices = found[indices]
     return Rows(indptr, indices)
 
 
@@ -97,11 +100,12 @@ def _collect(
     pointer: IntArray,
     boxes: IntArray,
     met: IntArray,
+    is_met: BoolArray,
     counts: IntArray,
     indptr: IntArray,
     indices: IntArray,
 ) -> None:
-    """Count the faces in every box, and list them if there is room; `met` is -1 at first."""
+    """Count the faces in every box, mark them, and list them if there is room; `met` is -1 at first."""
     for f in range(faces.shape[0]):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         begin_x, end_x = _cells_of_face(vertices, a, b, c, 0, origin, extent, cells)
@@ -116,6 +120,7 @@ def _collect(
                         if met[box] == f or not _in_box(vertices, a, b, c, low, high, box):
                             continue
                         met[box] = f
+                        is_met[f] = True
                         if indices.shape[0] > 0:
                             indices[indptr[box] + counts[box]] = f
                         counts[box] += 1

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.evening import evened
 from bezier_filters.fill_topology import Fill, flipped, refined
 from bezier_filters.implicit_surface import ImplicitSurface, fit_implicit_surface
 from bezier_filters.lean import lean_njit
@@ -179,28 +180,6 @@ def on_surface(fill: Fill, around: Surroundings, surface: ImplicitSurface, *, th
         if round_ < ROUNDS:
             fill = evened(flipped(fill, around.rim_edges))
     return fill
-
-
-def evened(fill: Fill) -> Fill:
-    """Move every new vertex to the mean of its neighbours, unless that turns a triangle over."""
-    ends = np.vstack([fill.faces[:, [0, 1]], fill.faces[:, [1, 2]], fill.faces[:, [2, 0]]])
-    n = len(fill.points)
-    count = np.bincount(ends[:, 0], minlength=n)
-    sums = [np.bincount(ends[:, 0], weights=fill.points[ends[:, 1], k], minlength=n) for k in range(3)]
-    goals = np.stack(sums, axis=1) / np.maximum(count, 1)[:, np.newaxis]
-    moving = np.arange(n) >= fill.rim_count
-    before = _normals(fill.points, fill.faces)
-    while True:
-        points = np.where(moving[:, np.newaxis], goals, fill.points)
-        turned = fill.faces[np.einsum("ij,ij->i", before, _normals(points, fill.faces)) < 0.0]
-        if not moving[turned].any():
-            return replace(fill, points=points)
-        moving[turned] = False
-
-
-def _normals(points: FloatArray, faces: IntArray) -> FloatArray:
-    a, b, c = (points[faces[:, k]] for k in range(3))
-    return np.cross(b - a, c - a)
 
 
 def meeting_rim(fill: Fill, around: Surroundings, surface: ImplicitSurface) -> Fill:

@@ -41,7 +41,7 @@ class CutHole:
 
 def cut_hole(around: Surroundings, sharp: SharpEdges, ends: list[CreaseEnd], groups: list[tuple[int, ...]]) -> CutHole:
     """Find the parts of a hole and the faces on their sides."""
-    sector_of_face = sectors(around, sharp, [end.position for end in ends])
+    sector_of_face = sectors(around, sharp, ends)
     part_of_sector = _parts(groups, len(ends))
     part_of_face = np.append(np.array(part_of_sector, dtype=np.int32), np.int32(-1))[sector_of_face]
     return CutHole(around, ends, groups, part_of_sector, part_of_face)

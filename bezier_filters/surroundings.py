@@ -56,12 +56,18 @@ class Surroundings:
         return self.joined | {(int(a), int(b)) for a, b in ends}
 
     @cached_property
+    def _faces_at_rim(self) -> IntArray:
+        """Numbers of the faces with a vertex on the rim."""
+        return np.flatnonzero((self.faces < self.rim_count).any(axis=1)).astype(np.int32)
+
+    @cached_property
     def gaps(self) -> FloatArray:
         """Angle that is left for the hole at each rim vertex: 2 pi less those of the faces, in radians."""
-        tips, left, right = (self.vertices[np.roll(self.faces, -k, axis=1)] for k in range(3))
+        faces = self.faces[self._faces_at_rim]
+        tips, left, right = (self.vertices[faces[:, [k, (k + 1) % 3, (k + 2) % 3]].T] for k in range(3))
         u, v = left - tips, right - tips
-        angles = np.arctan2(np.linalg.norm(np.cross(u, v), axis=2), np.einsum("fkj,fkj->fk", u, v))
-        sums = np.bincount(self.faces.ravel(), weights=angles.ravel(), minlength=len(self.ids))
+        angles = np.arctan2(np.linalg.norm(np.cross(u, v), axis=2), np.einsum("kfj,kfj->kf", u, v))
+        sums = np.bincount(faces.ravel(), weights=angles.T.ravel(), minlength=len(self.ids))
         return np.asarray(2.0 * pi - sums[: self.rim_count], dtype=np.float64)
 
     @cached_property
@@ -69,7 +75,8 @@ class Surroundings:
         """Edge length that is wanted at each rim vertex: the mean of its edges."""
         if self.wanted_sizes is not None:
             return self.wanted_sizes
-        starts, ends = self.faces.ravel().astype(np.int64), np.roll(self.faces, -1, axis=1).ravel()
+        faces = self.faces[self._faces_at_rim]
+        starts, ends = faces.ravel().astype(np.int64), faces[:, [1, 2, 0]].ravel()
         edges = np.unique(np.minimum(starts, ends) * len(self.ids) + np.maximum(starts, ends))
         ends = np.stack(np.divmod(edges, len(self.ids)), axis=1)
         lengths = np.linalg.norm(self.vertices[ends[:, 0]] - self.vertices[ends[:, 1]], axis=1)
@@ -88,15 +95,28 @@ class Surroundings:
 
     def normals_beyond(self, loop: IntArray) -> FloatArray:
         """Unit normal of the face beyond the edge that begins at each vertex of a rim, zero without one, (k, 3)."""
-        at_rim = np.flatnonzero(np.count_nonzero(self.faces < self.rim_count, axis=1) > 1)
-        face_of = {
-            (a, b): face
-            for face, (i, j, k) in zip(at_rim.tolist(), self.faces[at_rim].tolist(), strict=True)
-            for a, b in ((i, j), (j, k), (k, i))
-        }
-        backwards = zip(np.roll(loop, -1).tolist(), loop.tolist(), strict=True)
-        beyond = np.array([face_of.get(pair, -1) for pair in backwards])
-        return np.asarray(np.where((beyond >= 0)[:, np.newaxis], self.face_normals[beyond], 0.0), dtype=np.float64)
+        at_rim = self._faces_at_rim
+        beyond = faces_at_edges(self.faces[at_rim], np.roll(loop, -1), loop)
+        normals = self.face_normals[at_rim[beyond]]
+        return np.asarray(np.where((beyond >= 0)[:, np.newaxis], normals, 0.0), dtype=np.float64)
+
+
+def faces_at_edges(faces: IntArray, starts: IntArray, ends: IntArray) -> IntArray:
+    """Which of some faces (m, 3) runs along each edge from start to end, -1 if none does, (k,).
+
+    Examples
+    --------
+    >>> faces_at_edges(np.array([[0, 1, 2], [2, 1, 3]]), np.array([2, 1, 1]), np.array([1, 2, 0]))
+    array([ 1,  0, -1], dtype=int32)
+    """
+    if len(faces) == 0:
+        return np.full(len(starts), -1, dtype=np.int32)
+    n = 1 + max(int(faces.max()), int(starts.max(initial=0)), int(ends.max(initial=0)))
+    keys = (faces.astype(np.int64) * n + faces[:, [1, 2, 0]]).ravel()
+    order = np.argsort(keys, kind="stable")
+    wanted = starts.astype(np.int64) * n + ends
+    place = order[np.minimum(np.searchsorted(keys, wanted, sorter=order), len(keys) - 1)]
+    return np.where(keys[place] == wanted, place // 3, -1).astype(np.int32)
 
 
 def surroundings_of(

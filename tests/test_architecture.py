@@ -18,7 +18,7 @@ sharp_edges crest_segments
 neighbourhoods frames fitting uncertainty diagnosis ply_columns orientation lanes
 creases kernel_input lane_algebra
 loop_geometry self_intersections loop_triangulation surroundings implicit_surface variational_fill
-hole_detection fill_topology hole_result
+hole_detection fill_topology hole_result evening
 hole_choice smooth_fill flat_fill rim_creases
 paper_fill sub_holes
 crease_curves
@@ -55,7 +55,7 @@ fill_methods
 hole_filling
 meshset
 mesh_headers
-mesh_attributes mesh_colors mesh_coordinates mesh_files
+mesh_attributes mesh_colors mesh_coordinates mesh_files texture_growth
 mesh_growth converters
 vertex_output
 vertex_filter

@@ -16,6 +16,7 @@ from bezier_filters.mesh import triangle_mesh
 from bezier_filters.meshset import BezierFilterError
 from bezier_filters.status import FitStatus
 from bezier_filters.surfaces import torus
+from bezier_filters.texture_growth import textures_of
 
 NORMALS = {"vertex_normal_matrix", "face_normal_matrix"}
 
@@ -120,6 +121,88 @@ def test_what_is_new_is_defined(textured):
         mesh.face_custom_scalar_attribute_array("facemine")[m:], mesh.face_custom_scalar_attribute_array("facemine")[:m]
     ).all()
     np.testing.assert_allclose(np.linalg.norm(mesh.vertex_normal_matrix(), axis=1), 1.0)
+
+
+def edges_with_coordinates(mesh, faces):
+    """The edges of some faces as these run, with the texture coordinates at their ends."""
+    corners, wedges = mesh.face_matrix(), mesh.wedge_tex_coord_matrix().reshape(-1, 3, 2)
+    return {
+        (int(corners[f, k]), int(corners[f, (k + 1) % 3])): (wedges[f, k], wedges[f, (k + 1) % 3])
+        for f in faces
+        for k in range(3)
+    }
+
+
+def test_new_faces_show_the_texture_of_those_beside_them(textured, tmp_path):
+    m = textured.current_mesh().face_number()
+    report = meshing_close_holes_by_bezier_patch(textured)
+    assert report["textured"]
+    mesh = textured.current_mesh()
+    new = edges_with_coordinates(mesh, range(m, mesh.face_number()))
+    old = edges_with_coordinates(mesh, range(m))
+    shared = [(start, end) for start, end in new if (end, start) in old]
+    assert len(shared) == sum(hole["edge_count"] for hole in report["holes"])
+    agreeing = [np.allclose(new[start, end], old[end, start][::-1], atol=1e-6) for start, end in shared]
+    assert np.mean(agreeing) > 0.9  # a new face with two old neighbours is like one of them
+    names, _ = textures_of(textured)
+    assert names == ["TextureDouble_A.png"]
+    textured.save_current_mesh(str(tmp_path / "closed.obj"))
+    materials = (tmp_path / "closed.obj.mtl").read_text()
+    assert materials.count("newmtl") == materials.count("map_Kd TextureDouble_A.png")
+
+
+@pytest.fixture
+def two_textures(textured, tmp_path):
+    """A torus with a hole at the seam between two textures, and the texture of each of its faces."""
+    surface = torus(resolution=24)
+    centers = surface.vertices[surface.faces].mean(axis=1)
+    faces = surface.faces[np.linalg.norm(centers - [1.0, 0.0, 0.4], axis=1) > 0.2]
+    numbers = (surface.vertices[faces].mean(axis=1)[:, 1] > 0.0).astype(int)
+    lines = ["ply", "format ascii 1.0", "comment TextureFile z.png", "comment TextureFile a.png"]
+    lines += [f"element vertex {len(surface.vertices)}", *(f"property double {axis}" for axis in "xyz")]
+    lines += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
+    lines += ["property list uchar float texcoord", "property int texnumber", "end_header"]
+    lines += [" ".join(map(repr, vertex)) for vertex in surface.vertices.tolist()]
+    for face, number in zip(faces.tolist(), numbers.tolist(), strict=True):
+        corners = " ".join(f"{x:.6f} {z:.6f}" for x, _, z in surface.vertices[face])
+        lines.append(f"3 {' '.join(map(str, face))} 6 {corners} {number}")
+    for name in ("z.png", "a.png"):
+        textured.current_mesh().texture(0).save(str(tmp_path / name))
+    (tmp_path / "torus.ply").write_text("\n".join(lines) + "\n")
+    ms = pymeshlab.MeshSet()
+    ms.load_new_mesh(str(tmp_path / "torus.ply"))
+    return ms, numbers
+
+
+def test_with_several_textures_each_new_face_shows_that_of_its_neighbour(two_textures):
+    ms, before = two_textures
+    assert textures_of(ms)[0] == ["z.png", "a.png"]
+    report = meshing_close_holes_by_bezier_patch(ms)
+    assert report["textured"]
+    names, numbers = textures_of(ms)
+    assert names == ["z.png", "a.png"]
+    m = len(before)
+    np.testing.assert_array_equal(numbers[:m], before)
+    mesh = ms.current_mesh()
+    y = mesh.vertex_matrix()[mesh.face_matrix()[m:]].mean(axis=1)[:, 1]
+    clear = np.abs(y) > 0.05
+    np.testing.assert_array_equal(numbers[m:][clear], y[clear] > 0.0)
+    assert set(numbers[m:].tolist()) == {0, 1}
+
+
+def test_textures_with_names_that_cannot_be_written_are_reported(textured, tmp_path):
+    textured.current_mesh().texture(0).save(str(tmp_path / "my skin.png"))
+    ms = punctured_torus()
+    vertices, faces = arrays(ms)
+    ms.add_mesh(pymeshlab.Mesh(vertices, faces, w_tex_coords_matrix=np.full((3 * len(faces), 2), 0.5)), "skinned")
+    ms.set_texture_per_mesh(textname=str(tmp_path / "my skin.png"))
+    assert list(ms.current_mesh().textures()) == ["my skin.png"]
+    count = len(list(ms))
+    report = meshing_close_holes_by_bezier_patch(ms)
+    assert report["closed_holes"] == 1
+    assert not report["textured"]
+    assert len(list(ms)) == count
+    assert list(ms.current_mesh().textures()) == ["my skin.png"]
 
 
 def test_coincident_vertices_stay_apart():
