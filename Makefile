@@ -4,7 +4,7 @@ MESH ?=
 OUT ?= out
 SOURCES := pyproject.toml
 
-.PHONY: help demo test test-slow check docs bench bench-kernels fuzz clean
+.PHONY: help demo test test-slow test-oldest check docs bench bench-kernels fuzz clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
@@ -17,6 +17,12 @@ test: .venv-dev/ready  ## run the test suite
 
 test-slow: .venv-dev/ready  ## run the tests that take long
 	.venv-dev/bin/python -m pytest -m slow
+
+test-oldest: $(SOURCES)  ## run the test suite with the oldest versions of the dependencies that are allowed
+	$(PYTHON) -m venv --clear .venv-oldest
+	$(PYTHON) tests/oldest_versions.py > .venv-oldest/constraints.txt
+	.venv-oldest/bin/python -m pip install --quiet -e '.[viz,convert]' hypothesis pytest -c .venv-oldest/constraints.txt
+	.venv-oldest/bin/python -m pytest -W ignore::DeprecationWarning
 
 check: .venv-dev/ready  ## style (ruff) and types (mypy)
 	.venv-dev/bin/ruff check .
@@ -43,7 +49,7 @@ fuzz: .venv-dev/ready  ## damage 100,000 meshes and 10,000 files at random and r
 	.venv-dev/bin/python benchmarks/fuzz_files.py
 
 clean:  ## remove environments, caches and outputs
-	rm -rf .venv .venv-dev out build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-dev .venv-oldest out build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
 .venv/ready: $(SOURCES)

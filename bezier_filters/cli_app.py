@@ -6,7 +6,18 @@ import typer
 
 from bezier_filters._version import __version__
 
-EPILOG = "Every command explains itself: bezier-filters COMMAND --help"
+EPILOG = """Every command explains itself: bezier-filters COMMAND --help
+
+Exit status: 0 if all was done, 1 if files of a batch failed, 2 if the input was refused; one line on stderr says why.
+
+BEZIER_FILTERS_THREADS sets the number of threads, as --threads does."""
+
+
+def examples(*commands: str) -> str:
+    """Text below the help of a command; each example is a paragraph."""
+    return "\n\n".join(f"Example: bezier-filters {command}" for command in commands)
+
+
 app = typer.Typer(
     name="bezier-filters",
     help="Curvature, normals, torsion, smoothing and hole filling by third-order Bezier patches, for MeshLab.",

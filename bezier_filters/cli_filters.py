@@ -5,7 +5,7 @@ from typing import Annotated, Any
 import typer
 
 from bezier_filters import console
-from bezier_filters.cli_app import app
+from bezier_filters.cli_app import app, examples
 from bezier_filters.cli_files import filter_file
 from bezier_filters.cli_options import (
     Alpha,
@@ -28,7 +28,12 @@ from bezier_filters.cli_options import (
 )
 
 
-@app.command(epilog="Example: bezier-filters normals scan.ply smooth_normals.ply")
+@app.command(
+    epilog=examples(
+        "normals scan.ply smooth_normals.ply",
+        "normals points.ply oriented.ply --quality z",
+    )
+)
 def normals(
     source: Source,
     target: Target,
@@ -50,7 +55,12 @@ def normals(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Set the vertex normals to those of the fitted patches."""
+    """Set the vertex normals to those of the fitted patches.
+
+    The quality becomes the angle to the old normals in degrees, or a component of the new ones. Neighbourhood, degree
+    and weights are chosen from the data unless they are given. PLY files keep the normals, the quality, the colours and
+    columns bz_*: the components, their standard error in radians, and how every fit went.
+    """
     from bezier_filters.filters import NORMAL_FIELDS, compute_normal_by_bezier_patch_per_vertex
 
     fit = {"rings": rings, "radius": radius, "alpha": alpha, "degree": degree, "smoothness": smoothness}
@@ -67,7 +77,12 @@ def normals(
     )
 
 
-@app.command(epilog="Example: bezier-filters curvature bunny.ply curved.ply --quality gaussian --colormap 'French RGB'")
+@app.command(
+    epilog=examples(
+        "curvature bunny.ply curved.ply --quality gaussian --colormap 'French RGB'",
+        "curvature scan.ply curved.ply --radius 2% --range -20 20 --json",
+    )
+)
 def curvature(
     source: Source,
     target: Target,
@@ -89,7 +104,12 @@ def curvature(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Compute mean, Gaussian and principal curvatures and directions; one of them becomes the quality."""
+    """Compute mean, Gaussian and principal curvatures and directions; one of them becomes the quality.
+
+    Curvature is positive where the surface is convex, in 1/length; Gaussian curvature is in 1/length^2. Neighbourhood,
+    degree and weights are chosen from the data unless they are given. PLY files keep all of it in columns bz_*, with
+    standard errors and how every fit went; other formats keep the colours.
+    """
     from bezier_filters.fields import CURVATURE_FIELDS
     from bezier_filters.filters import compute_curvature_by_bezier_patch_per_vertex
 
@@ -107,7 +127,12 @@ def curvature(
     )
 
 
-@app.command(epilog="Example: bezier-filters torsion bunny.ply twisted.ply")
+@app.command(
+    epilog=examples(
+        "torsion bunny.ply twisted.ply",
+        "torsion bunny.ply twisted.ply --colormap Paper",
+    )
+)
 def torsion(
     source: Source,
     target: Target,
@@ -126,7 +151,11 @@ def torsion(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Set the quality to the principal geodesic torsion (k_max - k_min) / 2."""
+    """Set the quality to the principal geodesic torsion (k_max - k_min) / 2.
+
+    It is how much geodesics twist at most, in 1/length; PLY files keep the two directions of it in columns bz_*, and
+    how every fit went. With --colormap Paper it is red where high, blue where medium and green where low.
+    """
     from bezier_filters.fields import TORSION_FIELD
     from bezier_filters.filters import compute_torsion_by_bezier_patch_per_vertex
 
@@ -144,7 +173,12 @@ def torsion(
     )
 
 
-@app.command(epilog="Example: bezier-filters smooth scan.ply clean.ply")
+@app.command(
+    epilog=examples(
+        "smooth scan.ply clean.ply",
+        "smooth scan.ply clean.ply --quality displacement --color",
+    )
+)
 def smooth(
     source: Source,
     target: Target,
@@ -178,7 +212,11 @@ def smooth(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Take the noise off a mesh and keep its shape, its volume and its edges."""
+    """Take the noise off a mesh and keep its shape, its volume and its edges.
+
+    The noise is learned from the mesh; a clean mesh stays as it is. Vertices keep their order and the faces stay. The
+    report says what the noise was and is, how far vertices moved, and what became of the volume.
+    """
     from bezier_filters.smoothing_filter import SMOOTHING_FIELDS, apply_coord_bezier_patch_smoothing
 
     options = {"method": method, "iterations": iterations, "noise": noise, "borders": borders}
@@ -200,7 +238,13 @@ def smooth(
     )
 
 
-@app.command("fill-holes", epilog="Example: bezier-filters fill-holes scan.ply closed.ply --max-edges 300")
+@app.command(
+    "fill-holes",
+    epilog=examples(
+        "fill-holes scan.ply closed.ply --max-edges 300",
+        "fill-holes scan.ply closed.ply --max-diameter 10%",
+    ),
+)
 def fill_holes(
     source: Source,
     target: Target,
@@ -226,7 +270,11 @@ def fill_holes(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Fill the holes of a mesh: smooth where the surface is smooth, sharp where it is sharp."""
+    """Fill the holes of a mesh: smooth where the surface is smooth, sharp where it is sharp.
+
+    Old vertices and faces stay the first, unchanged; new ones come after them. A hole is filled whole or left open, and
+    the report says for each how it was filled, or why not. Where open sheets end is no hole, unless --outer-rims.
+    """
     from bezier_filters.hole_filter import meshing_close_holes_by_bezier_patch
 
     filter_file(

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from bezier_filters import console
-from bezier_filters.cli_app import app
+from bezier_filters.cli_app import app, examples
 from bezier_filters.cli_options import ColorRange, Json, Percentile, Quiet, Source
 
 FieldNames = Annotated[
@@ -22,7 +22,12 @@ PictureColors = Annotated[
 Up = Annotated[str, typer.Option(help="Axis that points up: auto, x, y, z, -x, -y or -z.")]
 
 
-@app.command(epilog="Example: bezier-filters render scan.ply clean.ply both.png --view iso")
+@app.command(
+    epilog=examples(
+        "render curved.ply curved.png --field quality --field bz_shape_index --histogram",
+        "render scan.ply clean.ply both.png --view iso",
+    )
+)
 def render(
     sources: Annotated[list[Path], typer.Argument(help="Meshes side by side, for example before and after.")],
     picture: Annotated[Path, typer.Argument(help="PNG file to write.", metavar="PICTURE.png")],
@@ -64,7 +69,7 @@ def render(
         console.out.print(f"wrote [bold]{picture}[/]")
 
 
-@app.command(epilog="Example: bezier-filters view curved.ply --field quality --field bz_shape_index")
+@app.command(epilog=examples("view curved.ply --field quality --field bz_shape_index"))
 def view(
     sources: Annotated[list[Path], typer.Argument(help="Meshes side by side, for example before and after.")],
     field: FieldNames = None,
@@ -85,7 +90,7 @@ def view(
     show_panels(panels, columns=len(files) if len(files) > 1 else None, up=up)
 
 
-@app.command(epilog="Example: bezier-filters qmap curved.ply curved.qmap --field bz_k_max")
+@app.command(epilog=examples("qmap curved.ply curved.qmap --field bz_k_max"))
 def qmap(
     source: Source,
     target: Annotated[Path, typer.Argument(help="Quality mapper file to write.", metavar="OUTPUT.qmap")],

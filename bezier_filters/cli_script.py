@@ -12,7 +12,7 @@ from bezier_filters.cli_options import Json, Quiet, Source, Target
 
 @app.command(epilog="Example: bezier-filters run repair.mlx scan.ply clean.ply")
 def run(
-    script: Annotated[Path, typer.Argument(help="Filter script of MeshLab, pymeshlab or --save-script.")],
+    script: Annotated[Path, typer.Argument(help="Filter script to run.", metavar="SCRIPT.mlx")],
     source: Source,
     target: Target,
     quiet: Quiet = False,
@@ -20,9 +20,9 @@ def run(
 ) -> None:
     """Run a MeshLab filter script, whose steps may be MeshLab's filters and those of this package.
 
-    A step is written as MeshLab does, <filter name="..."> with <Param name="..." value="..."/>. Its name is MeshLab's,
-    pymeshlab's, or one of this package, such as compute_curvature_by_bezier_patch_per_vertex. Names are checked before
-    the first step runs; the output is written after the last.
+    Such a script is the .mlx file that MeshLab and pymeshlab save, or --save-script of the other commands. The name of
+    a step is MeshLab's, pymeshlab's, or one of this package, such as compute_curvature_by_bezier_patch_per_vertex.
+    Names are checked before the first step runs; the output is written after the last.
     """
     from dataclasses import asdict
 

@@ -25,6 +25,8 @@ def oldest_versions(project: dict[str, object]) -> dict[str, str]:
 
 
 if __name__ == "__main__":
+    import tomllib  # since Python 3.11
+
     pyproject = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     for name, version in oldest_versions(pyproject["project"]).items():
         print(f"{name}=={version}")

@@ -210,6 +210,17 @@ def test_help_has_an_example(command):
     assert "Example: bezier-filters" in result.stdout
 
 
+def test_the_shell_completes_commands_and_options():
+    script = Path(sys.executable).parent / "bezier-filters"
+    for words, position, expected in [
+        ("bezier-filters fi", 1, "fill-holes"),
+        ("bezier-filters render --hist", 2, "--histogram"),
+    ]:
+        asked = {"_BEZIER_FILTERS_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(position)}
+        result = subprocess.run([script], env=os.environ | asked, capture_output=True, text=True)
+        assert result.stdout.split() == [expected]
+
+
 def test_version_by_script_and_by_module():
     script = Path(sys.executable).parent / "bezier-filters"
     assert run("--version", command=[str(script)]).stdout == f"bezier-filters {__version__}\n"

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pymeshlab
 import pytest
+import typer
 from typer.testing import CliRunner
 
 from bezier_filters.cli import app
@@ -37,6 +38,16 @@ def test_python_block_runs(code, tmp_path, monkeypatch, capsys):
     assert printed
 
 
+def in_help():
+    """The examples that the help of the commands has."""
+    commands = typer.main.get_command(app).commands
+    return [
+        pytest.param(command, id=f"help-{name}-{k}")
+        for name in commands
+        for k, command in enumerate(re.findall(r"^Example: bezier-filters (.*)$", commands[name].epilog, re.MULTILINE))
+    ]
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Files of the names that the pages use: a scan with holes, points, and what the commands before made of them."""
@@ -45,7 +56,7 @@ def folder(tmp_path_factory):
     (script,) = XML.findall((ROOT / "docs" / "scripts.md").read_text(encoding="utf-8"))
     for name in ("repair.mlx", "steps.mlx"):
         (folder / name).write_text(script, encoding="utf-8")
-    for name in ("clean.ply", "closed.ply"):
+    for name in ("clean.ply", "closed.ply", "bunny.ply", "my_scan.ply"):
         shutil.copy(folder / "scan.ply", folder / name)
     ms = pymeshlab.MeshSet()
     ms.load_new_mesh(str(folder / "scan.ply"))
@@ -58,7 +69,7 @@ def folder(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("command", found(COMMAND))
+@pytest.mark.parametrize("command", [*found(COMMAND), *in_help()])
 def test_command_runs(command, folder, monkeypatch):
     """`view` needs a display, and completion changes the user's shell: their options are parsed."""
     monkeypatch.chdir(folder)

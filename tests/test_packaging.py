@@ -39,6 +39,16 @@ def pip_install(interpreter, *packages):
     run(interpreter, "-m", "pip", "install", "--quiet", *packages, cwd=interpreter.parent)
 
 
+def test_the_oldest_versions_are_the_lower_bounds():
+    from oldest_versions import oldest_versions
+
+    project = {
+        "dependencies": ["numpy>=2.0", "rich>=13,<99", "local"],
+        "optional-dependencies": {"viz": ["vtk>=9.6"], "dev": ["mypy>=1"]},
+    }
+    assert oldest_versions(project) == {"numpy": "2.0", "rich": "13", "vtk": "9.6"}
+
+
 def test_the_citation_names_this_version():
     citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert re.findall(r"^version: (.*)$", citation, re.MULTILINE) == [__version__]
@@ -69,6 +79,30 @@ def test_the_wheel_and_the_sdist_hold_what_they_should(built):
     with tarfile.open(sdist) as archive:
         names = {name.split("/", 1)[-1] for name in archive.getnames()}
     assert {"LICENSE", "README.md", "CITATION.cff", "tests/test_packaging.py", "sample_meshes/torus.ply"} <= names
+
+
+USERS_SCRIPT = """import numpy as np
+import bezier_filters as bf
+
+vertices, faces = bf.mesh_arrays("bunny.ply")
+g = bf.estimate_vertex_geometry(vertices, faces, rings=3)
+curvature: np.ndarray = g.mean_curvature
+print(bf.smooth(vertices, faces).volume_ratio, [hole.method for hole in bf.fill_holes(vertices, faces).holes])
+bf.estimate_vertex_geometry(vertices, faces, rings="many")
+g.no_such_field
+"""
+
+
+@pytest.mark.slow
+def test_a_users_script_is_checked_against_the_types_of_the_wheel(built, tmp_path):
+    """Two mistakes, on the last two lines, and nothing else is found."""
+    interpreter, programs = python(tmp_path / "venv")
+    pip_install(interpreter, *built.glob("*.whl"), "mypy")
+    (tmp_path / "script.py").write_text(USERS_SCRIPT, encoding="utf-8")
+    command = [programs / "mypy", "--strict", "--config-file", os.devnull, "script.py"]
+    done = subprocess.run(list(map(str, command)), cwd=tmp_path, env=OUTSIDE, capture_output=True, text=True)
+    found = re.findall(r"^script.py:(\d+): error: .* \[(.*)\]$", done.stdout, re.MULTILINE)
+    assert found == [("8", "arg-type"), ("9", "attr-defined")], done.stdout
 
 
 @pytest.mark.slow
