@@ -5,11 +5,11 @@ from typing import Annotated
 
 import typer
 
-from bezier_filters import cli_batch, cli_filters, console
+from bezier_filters import cli_batch, cli_filters, cli_scale, console
 from bezier_filters.cli_app import app
 from bezier_filters.cli_options import Json, Percentile, Quiet, Source
 
-__all__ = ["app", "cli_batch", "cli_filters", "main"]
+__all__ = ["app", "cli_batch", "cli_filters", "cli_scale", "main"]
 
 
 @app.command(epilog="Example: bezier-filters render curved.ply curved.png --view front --view back")

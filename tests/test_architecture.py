@@ -60,7 +60,7 @@ registration
 rendering sheets
 render
 pictures demo console cli_options cli_app worker_processes
-cli_filters
+cli_filters cli_scale
 cli_batch
 cli
 __main__

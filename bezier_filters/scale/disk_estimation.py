@@ -152,9 +152,11 @@ def estimate_file(
             tuple(chosen),
             mesh.layout.dtype,
         )
+        with stages.stage("start"):
+            ready = cluster()
         with stages.stage("fit") as report:
-            finished = run_job(cluster, mesh, job, workers=workers, progress=report)
-        link = dashboard(cluster)
+            finished = run_job(ready, mesh, job, workers=workers, progress=report)
+        link = dashboard(ready)
     with stages.stage("write") as report:
         write_joined(target, opened, mesh, finished.tiles, progress=report)
     if not keep_store:
