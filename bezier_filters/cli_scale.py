@@ -92,36 +92,69 @@ def curvature(
         "resume": resume,
         "keep_store": keep_store,
     }
-    _estimate(source, faces, target, fit, run | {"quality": quality, "columns": column}, quiet=quiet, json=json)
-
-
-def _estimate(
-    source: Path,
-    faces: Path | None,
-    target: Path,
-    fit: dict[str, Any],
-    run: dict[str, Any],
-    *,
-    quiet: bool,
-    json: bool,
-) -> None:
-    """Run it and say what came of it."""
-    from bezier_filters.scale import FitOptions, estimate_file
-
-    try:
-        with console.stage_bar("scale", quiet=quiet or json) as progress:
-            report = estimate_file(
-                source if faces is None else (source, faces),
-                target,
-                options=FitOptions(**fit),
-                progress=progress,
-                **run,
-            )
-    except KeyboardInterrupt:
-        raise CancelledError("interrupted; give --resume to go on with what is not done yet") from None
+    run |= {"quality": quality, "columns": column}
+    report = _run("estimate_file", source, faces, target, fit, run, quiet=quiet or json)
     if json:
         console.print_json(report)
     elif not quiet:
         console.print_status(report, str(source))
         console.print_tiles(report)
         console.print_written(report, str(target))
+
+
+@scale_app.command(epilog="Example: bezier-filters scale smooth statue.ply smooth.ply --iterations 3")
+def smooth(
+    source: BigSource,
+    target: BigTarget,
+    faces: Faces = None,
+    iterations: Annotated[int, typer.Option(help="How many times.", min=1)] = 1,
+    rings: Rings = 2,
+    alpha: Alpha = 0.8,
+    degree: Degree = "auto",
+    smoothness: SmoothnessName = "paper",
+    robust: Robust = False,
+    scheduler: Scheduler = None,
+    workers: Workers = None,
+    tile_vertices: TileVertices = None,
+    memory_limit: MemoryLimit = None,
+    store: StoreFolder = None,
+    resume: Resume = False,
+    keep_store: KeepStore = False,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Move every vertex onto its patch, as the paper does; the automatic smoothing is for meshes in memory."""
+    fit = {"rings": rings, "alpha": alpha, "degree": degree, "smoothness": smoothness, "robust": robust}
+    run = {
+        "scheduler": scheduler,
+        "workers": workers,
+        "tile_vertices": tile_vertices,
+        "memory_limit": memory_limit,
+        "store": store,
+        "resume": resume,
+        "keep_store": keep_store,
+        "iterations": iterations,
+    }
+    report = _run("smooth_file", source, faces, target, fit, run, quiet=quiet or json)
+    if json:
+        console.print_json(report)
+    elif not quiet:
+        console.print_tiles(report)
+        console.print_written(report, str(target))
+
+
+def _run(
+    name: str, source: Path, faces: Path | None, target: Path, fit: dict[str, Any], run: dict[str, Any], *, quiet: bool
+) -> dict[str, Any]:
+    """Call a function of `bezier_filters.scale`; its report."""
+    from bezier_filters import scale
+
+    files = source if faces is None else (source, faces)
+    try:
+        with console.stage_bar("scale", quiet=quiet) as progress:
+            found: dict[str, Any] = getattr(scale, name)(
+                files, target, options=scale.FitOptions(**fit), progress=progress, **run
+            )
+    except KeyboardInterrupt:
+        raise CancelledError("interrupted; give --resume to go on with what is not done yet") from None
+    return found

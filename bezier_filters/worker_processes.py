@@ -97,9 +97,13 @@ class _Worker:
     def last_words(self) -> str:
         """How the process ended."""
         self.process.join()
-        code = self.process.exitcode or 0
-        how = f"by signal {signal.Signals(-code).name}" if code < 0 else f"with exit status {code}"
-        return f"the process that worked on it was ended {how}"
+        return last_words(self.process.exitcode or 0)
+
+
+def last_words(code: int) -> str:
+    """How a process ended that had this exit code."""
+    how = f"by signal {signal.Signals(-code).name}" if code < 0 else f"with exit status {code}"
+    return f"the process that worked on it was ended {how}"
 
 
 def _start(function: Callable[[Any], Any], threads: int) -> _Worker:

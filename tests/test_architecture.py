@@ -35,7 +35,7 @@ learning
 fallbacks
 adaptive_fit ball_fit
 outliers
-estimation
+estimation worker_processes
 scale
 baselines
 laplacian volume flips normal_filter mesh_parts
@@ -59,7 +59,7 @@ filters smoothing_filter hole_filter
 registration
 rendering sheets
 render
-pictures demo console cli_options cli_app worker_processes
+pictures demo console cli_options cli_app
 cli_filters cli_scale
 cli_batch
 cli

@@ -9,7 +9,7 @@ import pytest
 from scale_cases import assert_same_as_in_memory, clean, noisy, save_arrays
 
 from bezier_filters.errors import CancelledError, FieldFileError, InvalidParameterError
-from bezier_filters.scale import FitOptions, estimate_file
+from bezier_filters.scale import FitOptions, estimate_file, smooth_file
 from bezier_filters.scale.tile_results import DamagedTileError, open_tile, tile_path, write_tile
 
 TILES = 11
@@ -98,6 +98,18 @@ def test_other_parameters_have_other_results(files, tmp_path):
     report = estimate_file(files, tmp_path / "out.ply", resume=True, options=options, **OPTIONS)
     assert report["computed_tiles"] == TILES
     assert_same_as_in_memory(report, *clean(), alpha=0.7)
+
+
+def test_smoothing_goes_on_at_the_step_it_was_in(files, tmp_path):
+    def progress(stage, done, total):
+        return not (stage == "step 2" and done >= 4)
+
+    with pytest.raises(CancelledError):
+        smooth_file(files, tmp_path / "out.ply", iterations=3, progress=progress, **OPTIONS)
+    report = smooth_file(files, tmp_path / "out.ply", iterations=3, resume=True, **OPTIONS)
+    assert TILES < report["computed_tiles"] < 2 * TILES
+    smooth_file(files, tmp_path / "whole.ply", iterations=3, **OPTIONS)
+    assert (tmp_path / "out.ply").read_bytes() == (tmp_path / "whole.ply").read_bytes()
 
 
 def test_a_store_of_another_mesh_is_refused(files, tmp_path):

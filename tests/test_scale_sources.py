@@ -1,6 +1,8 @@
 """Meshes on disk are read as they are, or refused with a reason."""
 
+import contextlib
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -178,6 +180,40 @@ def test_the_command_line_takes_arrays(tmp_path):
     result = CliRunner().invoke(app, [*map(str, arguments), "--column", "k_min", "--memory-limit", "2 GiB"])
     assert result.exception is None
     assert read_fields(tmp_path / "out.ply").keys() == {"quality", "bz_k_min"}
+
+
+def test_the_command_line_smooths(tmp_path):
+    arguments = ["scale", "smooth", str(TORUS), str(tmp_path / "out.ply"), "--scheduler", "synchronous"]
+    result = CliRunner().invoke(app, [*arguments, "--iterations", "2", "--json"])
+    assert result.exception is None
+    assert json.loads(result.stdout)["iterations"] == 2
+    vertices = open_source(TORUS).vertices(0, 1440)
+    moved = open_source(tmp_path / "out.ply").vertices(0, 1440)
+    distances = np.linalg.norm(moved - vertices, axis=1)
+    assert np.array_equal(read_fields(tmp_path / "out.ply")["quality"], distances)
+    assert 0.0 < distances.max() < 0.1
+
+
+@pytest.mark.parametrize("where", ["threads", pytest.param("cluster", marks=pytest.mark.slow)])
+def test_batches_run_on_a_scheduler(where, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(TORUS, tmp_path / "good.ply")
+    (tmp_path / "bad.ply").write_bytes(b"ply\nno mesh")
+    with contextlib.ExitStack() as stack:
+        if where == "cluster":
+            import distributed
+
+            options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+            where = stack.enter_context(distributed.LocalCluster(**options)).scheduler_address
+        arguments = ["batch", "curvature", "good.ply", "bad.ply", "--out", "out", "--scheduler", where, "--json"]
+        result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 1
+    files = {file["input"]: file for file in json.loads(result.stdout)["files"]}
+    assert files["good.ply"]["result"] == "done"
+    assert files["good.ply"]["report"]["status"] == {"OK": 1440}
+    assert (tmp_path / "out" / "good.ply").is_file()
+    assert files["bad.ply"]["result"] == "failed"
+    assert "cannot read" in files["bad.ply"]["error"]
 
 
 def test_without_dask_one_line_says_what_to_install(tmp_path, monkeypatch, capsys):

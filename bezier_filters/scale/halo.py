@@ -143,7 +143,9 @@ class _Loaded:
         count = _local_faces(self.faces, self.bits, self.slots, self.layers, rings, numbers, cells, faces, keys)
         self.faces = np.empty((0, 4), dtype=np.int32)
         order = np.argsort(keys[:count])
-        order = order[np.diff(keys[order], prepend=-1) > 0]  # faces of several blocks come several times
+        is_first = np.ones(count, dtype=np.bool_)  # faces of several blocks come several times
+        is_first[1:] = np.diff(keys[order]) > 0
+        order = order[is_first]
         return Part(ids, TriangleMesh(vertices, faces[order]), keys[order])
 
 
