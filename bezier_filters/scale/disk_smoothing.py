@@ -18,6 +18,7 @@ from bezier_filters.scale.tile_run import (
     Finished,
     StageProgress,
     Stages,
+    check_room,
     prepared_store,
     remove_store,
     results_folder,
@@ -95,6 +96,8 @@ def smooth_file(
     size, workers = tile_size(tile_vertices, memory_limit), worker_count(workers)
     folder = Path(store) if store is not None else Path(f"{os.fspath(target)}.tiles")
     computed, damaged = 0, list[int]()
+    if not resume:
+        check_room(opened, folder, Path(target), 40 * (1 + iterations))
     with running(scheduler, workers=workers, memory_limit=memory_limit) as cluster:
         with stages.stage("sort") as report:
             mesh = prepared_store(opened, folder, size, resume=resume, threads=workers, progress=report)

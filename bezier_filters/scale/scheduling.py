@@ -171,7 +171,7 @@ def _run_distributed(
                     f"task {named[future.key]} has ended {error.allowed_failures + 1} workers, probably for want of "
                     "memory: choose smaller tiles, or a higher memory limit"
                 ) from error
-            except (distributed.FutureCancelledError, distributed.CancelledError) as error:
+            except distributed.CancelledError as error:
                 raise CancelledError(f"the scheduler gave up task {named[future.key]}: {error}") from error
             yield result
     finally:
