@@ -8,13 +8,17 @@ the run on this machine is set next to what that took.
 """
 
 import argparse
+import filecmp
+import heapq
 import json
 import os
+import resource
 import shutil
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,9 +28,9 @@ from bezier_filters.fields import CURVATURE_FIELDS, curvature_columns
 from bezier_filters.scale import estimate_file
 from bezier_filters.scale.joined_file import FACE, ply_head
 from bezier_filters.scale.mesh_source import open_source
+from bezier_filters.scale.tile_results import open_tile
 from bezier_filters.scale.tile_tasks import peak_bytes, table_of
 
-RESULTS = Path(__file__).parent / "results"
 MAJOR, MINOR = 1.0, 0.4
 SIZES = (1_000_000, 7_000_000, 50_000_000)
 LARGEST_IN_MEMORY = 8_000_000
@@ -36,9 +40,9 @@ FAR, FAR_WORKERS = 1_000_000_000, 64
 
 
 def torus_size(n: int) -> tuple[int, int]:
-    """Rows around the axis and vertices in each of them, about n in all, with edges of about one length."""
+    """An even number of rows around the axis, and of vertices in each: about n in all, edges of about one length."""
     minor = max(3, round(np.sqrt(n * MINOR / MAJOR)))
-    return max(3, round(n / minor)), minor
+    return 2 * max(2, round(0.5 * n / minor)), minor
 
 
 def angles(ids: np.ndarray, rows: int, minor: int) -> tuple[np.ndarray, np.ndarray]:
@@ -47,10 +51,8 @@ def angles(ids: np.ndarray, rows: int, minor: int) -> tuple[np.ndarray, np.ndarr
     return 2.0 * np.pi * i / rows, 2.0 * np.pi * (j + 0.5 * (i % 2)) / minor
 
 
-def write_torus(path: Path, n: int) -> int:
-    """Write a torus to a binary PLY file without ever holding it; the number of vertices."""
-    rows, minor = torus_size(n)
-    rows += rows % 2
+def write_torus(path: Path, rows: int, minor: int) -> None:
+    """Write a torus to a binary PLY file without ever holding it."""
     n = rows * minor
     dtype = np.dtype([(axis, "<f8") for axis in "xyz"])
     with path.open("wb") as stream:
@@ -72,14 +74,11 @@ def write_torus(path: Path, n: int) -> int:
             table["corners"] = 3
             table["vertex_indices"] = np.stack([first.T, second.T], axis=1).reshape(-1, 3)
             table.tofile(stream)
-    return n
 
 
-def errors(path: Path, n: int) -> dict[str, float]:
+def errors(path: Path, rows: int, minor: int) -> dict[str, float]:
     """RMS of the error of H and K over RMS of the truth, some rows at a time."""
-    rows, minor = torus_size(n)
-    rows += rows % 2
-    found = open_source(path)
+    found, n = open_source(path), rows * minor
     sums = np.zeros(4)
     for start in range(0, n, ROWS):
         stop = min(start + ROWS, n)
@@ -117,53 +116,114 @@ def in_memory(source: Path, target: Path) -> dict[str, object]:
 
 def tiled(source: Path, target: Path) -> dict[str, object]:
     """In tiles, on workers of this machine."""
-    start = time.perf_counter()
-    report = estimate_file(source, target, workers=WORKERS, memory_limit=MEMORY_LIMIT)
+    start, store = time.perf_counter(), target.with_suffix(".tiles")
+    report = estimate_file(source, target, workers=WORKERS, memory_limit=MEMORY_LIMIT, store=store, keep_store=True)
     report["seconds"]["all"] = time.perf_counter() - start
+    (results,) = store.glob("results-*")
+    report["seconds_of_tiles"] = [open_tile(results, tile).report["seconds"] for tile in range(report["tiles"])]
     return report
 
 
 def measured(kind: str, source: Path, target: Path) -> dict[str, object]:
-    """In a process of its own; twice on a small mesh before would only warm the disk, kernels are compiled already."""
+    """In a process of its own, with its seconds of processor time, those of its workers among them."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
     command = [sys.executable, __file__, "--measure", kind, str(source), str(target)]
     done = subprocess.run(command, capture_output=True, text=True, env=os.environ, check=False)
     if done.returncode:
         raise SystemExit(done.stderr)
-    return json.loads(done.stdout.splitlines()[-1])
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return json.loads(done.stdout.splitlines()[-1]) | {"cpu_seconds": cpu}
+
+
+def makespan(seconds: Sequence[float], workers: int) -> float:
+    """When the last of some tasks ends that are handed out in order, each to the first worker that is free."""
+    free = [0.0] * workers
+    for task in seconds:
+        heapq.heappush(free, heapq.heappop(free) + task)
+    return max(free)
+
+
+def modelled(run: dict[str, object], n: int, workers: int) -> dict[str, float]:
+    """Seconds of the stages for n vertices on some workers, after what a run has measured.
+
+    Sorting and writing are those of one process and grow with n; learning takes the same for every mesh; tiles take
+    what they took, drawn at random.
+    """
+    tiles, seconds = run["tiled"], run["tiled"]["seconds"]
+    ratio = n / run["vertices"]
+    count = -(-n // tiles["tile_vertices"])
+    drawn = np.random.default_rng(0).choice(tiles["seconds_of_tiles"], count)
+    drawn *= n / (drawn.sum() / sum(tiles["seconds_of_tiles"]) * run["vertices"])  # the last tile is not full
+    found = {"sort": seconds["sort"] * ratio, "learn": seconds["learn"], "write": seconds["write"] * ratio}
+    found["fit"] = makespan(drawn, workers)
+    return found | {"all": sum(found.values())}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument(
-        "--vertices", type=int, nargs="+", default=list(SIZES[:2]), help="sizes; the full run: 50000000"
-    )
+    parser.add_argument("--vertices", type=int, nargs="+", default=list(SIZES[:2]), help="sizes")
     parser.add_argument("--folder", type=Path, help="where the files go: 600 bytes per vertex at most")
-    parser.add_argument("--save", action="store_true", help="write benchmarks/results/scale.json")
+    parser.add_argument("--save", type=Path, help="file for the results")
     parser.add_argument("--measure", nargs=3, metavar=("KIND", "SOURCE", "TARGET"), help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.measure:
         kind, source, target = options.measure
         print(json.dumps((tiled if kind == "tiled" else in_memory)(Path(source), Path(target))))
         return
-    runs = []
+    runs: list[dict[str, object]] = []
     with tempfile.TemporaryDirectory(dir=options.folder) as name:
-        folder = Path(name)
         for size in options.vertices:
-            start = time.perf_counter()
-            n = write_torus(folder / "torus.ply", size)
-            run: dict[str, object] = {"vertices": n, "generated": time.perf_counter() - start}
-            if n <= LARGEST_IN_MEMORY:
-                run["in_memory"] = measured("memory", folder / "torus.ply", folder / "whole.ply")
-            run["tiled"] = measured("tiled", folder / "torus.ply", folder / "tiled.ply")
-            run.update(errors(folder / "tiled.ply", n))
-            if n <= LARGEST_IN_MEMORY:
-                run["same"] = (folder / "tiled.ply").read_bytes() == (folder / "whole.ply").read_bytes()
-            runs.append(run)
-            print(json.dumps(run), flush=True)
-            for path in folder.iterdir():
-                shutil.rmtree(path) if path.is_dir() else path.unlink()
-    if options.save:
-        RESULTS.joinpath("scale.json").write_text(json.dumps(runs, indent=1) + "\n", encoding="utf-8")
+            runs.append(one_size(Path(name), size))
+            show(runs[-1])
+            if options.save:
+                options.save.write_text(json.dumps(runs, indent=1) + "\n", encoding="utf-8")
+    show_model(runs)
+
+
+def one_size(folder: Path, size: int) -> dict[str, object]:
+    """Everything that is measured at one size."""
+    start = time.perf_counter()
+    rows, minor = torus_size(size)
+    write_torus(folder / "torus.ply", rows, minor)
+    n = rows * minor
+    run: dict[str, object] = {"vertices": n, "generated": time.perf_counter() - start}
+    if n <= LARGEST_IN_MEMORY:
+        run["in_memory"] = measured("memory", folder / "torus.ply", folder / "whole.ply")
+    run["tiled"] = measured("tiled", folder / "torus.ply", folder / "tiled.ply")
+    run.update(errors(folder / "tiled.ply", rows, minor))
+    if n <= LARGEST_IN_MEMORY:
+        run["same"] = filecmp.cmp(folder / "tiled.ply", folder / "whole.ply", shallow=False)
+    for path in folder.iterdir():
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+    return run
+
+
+def show(run: dict[str, object]) -> None:
+    n, tiles, whole = run["vertices"], run["tiled"], run.get("in_memory")
+    print(f"\n{n:,} vertices, {tiles['tiles']} tiles, {tiles['halo']:.1%} read around them")
+    stages = ", ".join(f"{name} {value:.1f}" for name, value in tiles["seconds"].items())
+    peak = tiles["peak_bytes"]
+    print(f"  tiles      {stages} s; {tiles['cpu_seconds']:.1f} s of processor time")
+    print(f"             {peak['worker'] / 1e9:.2f} GB per worker, {peak['driver'] / 1e9:.2f} GB in the driver")
+    if whole:
+        stages = ", ".join(f"{name} {value:.1f}" for name, value in whole["seconds"].items())
+        print(f"  in memory  {stages} s; {whole['cpu_seconds']:.1f} s of processor time")
+        print(f"             {whole['peak_bytes'] / 1e9:.2f} GB; the files are {'' if run['same'] else 'NOT '}the same")
+        times = tiles["seconds"]["all"] / whole["seconds"]["all"], tiles["cpu_seconds"] / whole["cpu_seconds"]
+        print(f"  overhead   {times[0]:.2f} times the time, {times[1]:.2f} times the processor time")
+    print(f"  error      H {run['error_mean']:.1e}, K {run['error_gaussian']:.1e}", flush=True)
+
+
+def show_model(runs: list[dict[str, object]]) -> None:
+    for source in runs:
+        for target in runs:
+            found, seconds = modelled(source, target["vertices"], WORKERS), target["tiled"]["seconds"]
+            stages = ", ".join(f"{name} {found[name]:.1f} ({seconds[name]:.1f})" for name in found)
+            print(f"{target['vertices']:,} after {source['vertices']:,}: {stages} s, modelled (measured)")
+    found = modelled(runs[-1], FAR, FAR_WORKERS)
+    stages = ", ".join(f"{name} {value:.0f}" for name, value in found.items())
+    print(f"{FAR:,} after {runs[-1]['vertices']:,}, on {FAR_WORKERS} workers: {stages} s, modelled")
 
 
 if __name__ == "__main__":

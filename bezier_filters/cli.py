@@ -5,11 +5,11 @@ from typing import Annotated
 
 import typer
 
-from bezier_filters import cli_batch, cli_creases, cli_filters, cli_pictures, cli_script, console
+from bezier_filters import cli_batch, cli_creases, cli_filters, cli_pictures, cli_scale, cli_script, console
 from bezier_filters.cli_app import app
 from bezier_filters.cli_options import Json, Quiet, Source
 
-__all__ = ["app", "cli_batch", "cli_creases", "cli_filters", "cli_pictures", "cli_script", "main"]
+__all__ = ["app", "cli_batch", "cli_creases", "cli_filters", "cli_pictures", "cli_scale", "cli_script", "main"]
 
 
 @app.command(epilog="Example: bezier-filters info scan.ply")

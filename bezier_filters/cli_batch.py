@@ -62,6 +62,12 @@ def batch(
     options: Annotated[str, typer.Option(help="Options of the command, in quotes.")] = "",
     suffix: Annotated[str, typer.Option(help="Format of the results.")] = ".ply",
     redo: Annotated[bool, typer.Option("--redo", help="Also where the result is newer than the file.")] = False,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            help="Address of a Dask scheduler that sees the files under the same paths.", metavar="tcp://HOST:8786"
+        ),
+    ] = None,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -84,7 +90,12 @@ def batch(
     for index in todo:
         Path(items[index].output).parent.mkdir(parents=True, exist_ok=True)
     work = [[command, items[index].input, items[index].output, *arguments] for index in todo]
-    run = run_in_processes(run_command, work, processes=processes, threads=max(1, cores // processes))
+    if scheduler is None:
+        run = run_in_processes(run_command, work, processes=processes, threads=max(1, cores // processes))
+    else:
+        from bezier_filters.scale.file_jobs import run_on_scheduler
+
+        run = run_on_scheduler([_with_absolute_paths(job) for job in work], scheduler, workers=processes)
     with console.progress_bar(command, quiet=quiet or json) as progress, closing(run) as outcomes:
         for done, (position, outcome) in enumerate(outcomes, start=1):
             index = todo[position]
@@ -101,6 +112,12 @@ def batch(
         console.print_batch(summary)
     if summary["failed"]:
         raise typer.Exit(1)
+
+
+def _with_absolute_paths(job: Sequence[str]) -> list[str]:
+    """The arguments of a job for workers that are in other folders."""
+    command, source, target, *options = job
+    return [command, os.path.abspath(source), os.path.abspath(target), *options]
 
 
 def run_command(arguments: Sequence[str]) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """What the command line prints: reports as text or JSON, and the progress bar."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from typing import Any
@@ -26,6 +26,13 @@ out = Console(highlight=False, soft_wrap=True)
 @contextmanager
 def progress_bar(label: str, *, quiet: bool) -> Iterator[ProgressCallback | None]:
     """A bar on stderr while the block runs, gone afterwards; the callback that moves it, or None."""
+    with stage_bar(label, quiet=quiet) as bar:
+        yield None if bar is None else lambda done, total: bar(label, done, total)
+
+
+@contextmanager
+def stage_bar(label: str, *, quiet: bool) -> Iterator[Callable[[str, int, int], None] | None]:
+    """The same for work in several stages, whose names the callback takes first."""
     if quiet or not err.is_terminal:
         yield None
         return
@@ -33,8 +40,8 @@ def progress_bar(label: str, *, quiet: bool) -> Iterator[ProgressCallback | None
     with Progress(*columns, console=err, transient=True) as bar:
         task = bar.add_task(label, total=None)
 
-        def report(done: int, total: int) -> None:
-            bar.update(task, completed=done, total=total)
+        def report(stage: str, done: int, total: int) -> None:
+            bar.update(task, description=stage, completed=done, total=total)
 
         yield report
 
@@ -54,6 +61,17 @@ def print_status(report: dict[str, Any], source: str) -> None:
     out.print(f"  fitted {where}, degree {fit['degree']}, {weight}{noise}")
     for name, count in report["status"].items():
         out.print(f"  {count:>9,}  {FitStatus[name].message} ({name})")
+
+
+def print_tiles(report: dict[str, Any]) -> None:
+    """Say how the tiles of a large mesh went."""
+    there = report["tiles"] - report["computed_tiles"]
+    out.print(
+        f"  {report['tiles']:,} tiles of {report['tile_vertices']:,} vertices, {report['halo']:.0%} read around them; "
+        f"{there:,} were there already; {report['peak_bytes']['worker'] / 1e9:.2f} GB per worker at most"
+    )
+    if report["damaged_tiles"]:
+        out.print(f"  damaged, and computed again: tiles {', '.join(map(str, report['damaged_tiles']))}")
 
 
 def print_smoothing(report: dict[str, Any], source: str) -> None:

@@ -105,10 +105,14 @@ class _Worker:
     def last_words(self) -> str:
         """How the process ended."""
         self.process.join()
-        code = self.process.exitcode or 0
-        if code < 0:
-            return f"the process that worked on it {crash_message(signal.Signals(-code).name, 'reading it')}"
-        return f"the process that worked on it was ended with exit status {code}"
+        return last_words(self.process.exitcode or 0)
+
+
+def last_words(code: int) -> str:
+    """How a process ended that had this exit code."""
+    if code < 0:
+        return f"the process that worked on it {crash_message(signal.Signals(-code).name, 'reading it')}"
+    return f"the process that worked on it was ended with exit status {code}"
 
 
 def _start(function: Callable[[Any], Any], threads: int) -> _Worker:

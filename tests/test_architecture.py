@@ -38,7 +38,7 @@ learning
 fallbacks
 adaptive_fit ball_fit
 outliers
-estimation
+estimation worker_processes
 scale
 baselines crease_lines
 laplacian volume flips normal_filter mesh_parts
@@ -66,9 +66,9 @@ script_runner
 rendering sheets
 render crease_pictures
 viewing
-pictures demo console cli_options cli_app worker_processes
+pictures demo console cli_options cli_app
 cli_files
-cli_filters cli_creases cli_pictures cli_script
+cli_filters cli_creases cli_pictures cli_scale cli_script
 cli_batch
 cli
 __main__

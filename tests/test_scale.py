@@ -6,15 +6,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scale_cases import MESHES, assert_same_as_in_memory, clean, noisy, save_arrays, shuffled
 
-from bezier_filters import InvalidParameterError, estimate_vertex_geometry, read_fields
+from bezier_filters import InvalidParameterError, estimate_vertex_geometry, read_fields, smooth
 from bezier_filters.fields import normal_columns, torsion_columns
 from bezier_filters.mesh import triangle_mesh
-from bezier_filters.scale import FitOptions, estimate_file
+from bezier_filters.scale import FitOptions, estimate_file, smooth_file
 from bezier_filters.scale.halo import part_around, part_around_samples
 from bezier_filters.scale.mesh_source import open_source
 from bezier_filters.scale.partition import build_store
 from bezier_filters.spatial_order import in_spatial_order
-from bezier_filters.surfaces import torus
+from bezier_filters.surfaces import sphere, torus
 
 
 @pytest.mark.parametrize("tile", [256, 1000, 10**6])
@@ -83,6 +83,31 @@ def test_some_columns_can_be_chosen(tmp_path):
     )
     assert report["attributes"] == ["bz_k_min", "bz_k_max"]
     assert read_fields(tmp_path / "out.ply").keys() == {"quality", "bz_k_min", "bz_k_max"}
+
+
+@pytest.mark.parametrize(("name", "iterations"), [*((name, 1) for name in MESHES), ("noisy", 3), ("open", 3)])
+def test_smoothing_moves_vertices_as_in_memory(name, iterations, tmp_path):
+    vertices, faces = MESHES[name]()
+    files = save_arrays(tmp_path, vertices, faces)
+    report = smooth_file(files, tmp_path / "out.ply", iterations=iterations, scheduler="synchronous", tile_vertices=400)
+    moved = open_source(tmp_path / "out.ply").vertices(0, len(vertices))
+    expected = smooth(vertices, faces, method="paper", iterations=iterations)
+    # The mesh in memory is sorted anew by the moved vertices: the same sums in another order.
+    assert np.abs(moved - expected.vertices).max() <= (0.0 if iterations == 1 else 1e-12)
+    assert np.allclose(read_fields(tmp_path / "out.ply")["quality"], expected.displacement, rtol=0.0, atol=1e-12)
+    assert report["computed_tiles"] == iterations * report["tiles"]
+
+
+def test_smoothing_onto_learned_patches_takes_off_noise(tmp_path):
+    ball = sphere(resolution=20)
+    noise = np.random.default_rng(0).normal(scale=0.01, size=(len(ball.vertices), 1))
+    vertices = ball.vertices * (1.0 + noise)
+    files = save_arrays(tmp_path, vertices, ball.faces)
+    smooth_file(files, tmp_path / "out.ply", options=FitOptions(), scheduler="synchronous", tile_vertices=512)
+    moved = open_source(tmp_path / "out.ply").vertices(0, len(vertices))
+    geometry = estimate_vertex_geometry(vertices, ball.faces)
+    assert np.array_equal(moved, vertices + geometry.displacements)
+    assert np.abs(np.linalg.norm(moved, axis=1) - 1.0).mean() < 0.5 * np.abs(noise).mean()
 
 
 @settings(max_examples=8)

@@ -1,7 +1,12 @@
 """Runs in tiles that are interrupted, damaged or lose a worker end with the same result."""
 
+import json
 import os
 import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +14,11 @@ import pytest
 from scale_cases import assert_same_as_in_memory, clean, noisy, save_arrays
 
 from bezier_filters.errors import CancelledError, FieldFileError, InvalidParameterError
-from bezier_filters.scale import FitOptions, estimate_file
+from bezier_filters.scale import FitOptions, estimate_file, smooth_file
+from bezier_filters.scale.mesh_source import open_source
 from bezier_filters.scale.tile_results import DamagedTileError, open_tile, tile_path, write_tile
+from bezier_filters.scale.tile_run import check_room
+from bezier_filters.surfaces import bumpy_star
 
 TILES = 11
 OPTIONS = {"scheduler": "synchronous", "workers": 1, "tile_vertices": 256}
@@ -100,6 +108,18 @@ def test_other_parameters_have_other_results(files, tmp_path):
     assert_same_as_in_memory(report, *clean(), alpha=0.7)
 
 
+def test_smoothing_goes_on_at_the_step_it_was_in(files, tmp_path):
+    def progress(stage, done, total):
+        return not (stage == "step 2" and done >= 4)
+
+    with pytest.raises(CancelledError):
+        smooth_file(files, tmp_path / "out.ply", iterations=3, progress=progress, **OPTIONS)
+    report = smooth_file(files, tmp_path / "out.ply", iterations=3, resume=True, **OPTIONS)
+    assert TILES < report["computed_tiles"] < 2 * TILES
+    smooth_file(files, tmp_path / "whole.ply", iterations=3, **OPTIONS)
+    assert (tmp_path / "out.ply").read_bytes() == (tmp_path / "whole.ply").read_bytes()
+
+
 def test_a_store_of_another_mesh_is_refused(files, tmp_path):
     interrupted(files, tmp_path / "out.ply", 2)
     np.save(files[0], noisy()[0])
@@ -134,6 +154,41 @@ def test_a_tile_is_written_whole_or_not_at_all(tmp_path):
         write_tile(tmp_path, 7, np.zeros(6), {"tile": object()})
     assert open_tile(tmp_path, 7).rows.read(5, 6).tolist() == [5.0]
     assert [path.name for path in tmp_path.iterdir()] == ["tile-000007.bin"]
+
+
+def test_what_would_fail_in_the_end_is_refused_at_once(files, tmp_path):
+    with pytest.raises(FileNotFoundError, match="there is no directory"):
+        estimate_file(files, tmp_path / "nowhere" / "out.ply", **OPTIONS)
+    source = open_source(files)
+    huge = replace(source, vertex_rows=replace(source.vertex_rows, rows=10**12))
+    with pytest.raises(InvalidParameterError, match=r"^store: .* GB are needed below .* GB are free"):
+        check_room(huge, tmp_path / "store", tmp_path / "out.ply", 200)
+    assert sorted(tmp_path.iterdir()) == sorted(files)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_a_stopped_command_goes_on_where_it_was(number, tmp_path):
+    star = bumpy_star(resolution=80)
+    vertices, faces = save_arrays(tmp_path, star.vertices, star.faces)
+    command = [sys.executable, "-m", "bezier_filters", "scale", "curvature", vertices, tmp_path / "out.ply"]
+    command += ["--faces", faces, "--tile-vertices", "256", "--workers", "2", "--json"]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    end = time.monotonic() + 120
+    while len(list(tmp_path.glob("*.tiles/results-*/tile-*"))) < 20 and time.monotonic() < end:
+        time.sleep(0.01)
+    process.send_signal(number)
+    _, said = process.communicate(timeout=60)
+    if number == signal.SIGINT:
+        assert process.returncode == 2
+        assert "give --resume to go on" in said.splitlines()[-1]
+    assert not (tmp_path / "out.ply").exists()
+    time.sleep(2.0)  # workers notice that they are alone
+    done = len(list(tmp_path.glob("*.tiles/results-*/tile-*")))
+    output = subprocess.run([*command, "--resume"], capture_output=True, text=True, check=True).stdout
+    report = json.loads(output)
+    assert report["computed_tiles"] == report["tiles"] - done < report["tiles"]
+    assert_same_as_in_memory(report, star.vertices, star.faces)
 
 
 def test_a_killed_worker_changes_nothing(files, tmp_path):

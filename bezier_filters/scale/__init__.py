@@ -1,9 +1,11 @@
 """Meshes that do not fit into memory: in tiles, on Dask (``pip install "bezier-filters[scale]"``).
 
-`estimate_file` gives the values of `bezier_filters.estimate_vertex_geometry` for files of any size.
+`estimate_file` gives the values of `bezier_filters.estimate_vertex_geometry` for files of any size, and
+`smooth_file` moves their vertices onto the patches.
 """
 
 from bezier_filters.scale.disk_estimation import estimate_file
+from bezier_filters.scale.disk_smoothing import smooth_file
 from bezier_filters.scale.sampling import FitOptions
 
-__all__ = ["FitOptions", "estimate_file"]
+__all__ = ["FitOptions", "estimate_file", "smooth_file"]

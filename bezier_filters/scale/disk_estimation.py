@@ -22,6 +22,7 @@ from bezier_filters.scale.tile_run import (
     Finished,
     StageProgress,
     Stages,
+    check_room,
     prepared_store,
     remove_store,
     results_folder,
@@ -135,6 +136,8 @@ def estimate_file(
     size, workers = tile_size(tile_vertices, memory_limit), worker_count(workers)
     folder = Path(store) if store is not None else Path(f"{os.fspath(target)}.tiles")
     parameters = {"quantity": quantity, "quality": chosen_quality, "columns": chosen, "options": asdict(options)}
+    if not resume:
+        check_room(opened, folder, Path(target), 3 * opened.dtype.itemsize + 8 * (len(chosen) + bool(chosen_quality)))
     with running(scheduler, workers=workers, memory_limit=memory_limit) as cluster:
         with stages.stage("sort") as report:
             mesh = prepared_store(opened, folder, size, resume=resume, threads=workers, progress=report)
@@ -152,9 +155,11 @@ def estimate_file(
             tuple(chosen),
             mesh.layout.dtype,
         )
-        with stages.stage("fit") as report:
-            finished = run_job(cluster, mesh, job, workers=workers, progress=report)
-        link = dashboard(cluster)
+        with stages.stage("start"):
+            ready = cluster()
+        link = dashboard(ready)
+        with stages.stage("fit", link) as report:
+            finished = run_job(ready, mesh, job, workers=workers, progress=report)
     with stages.stage("write") as report:
         write_joined(target, opened, mesh, finished.tiles, progress=report)
     if not keep_store:

@@ -1,6 +1,7 @@
 """Parts of a mesh on disk with what surrounds them, read block by block."""
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,11 +64,12 @@ def part_around(store: Store, seeds: IntArray, rings: int) -> Part:
     return loaded.part(rings)
 
 
-def part_around_samples(store: Store, samples: IntArray, rings: int) -> Part:
+def part_around_samples(store: Store, samples: IntArray, rings: int, *, threads: int = 1) -> Part:
     """The same for vertices from all over the mesh, which are read some at a time."""
     samples = np.sort(samples)
-    parts = [part_around(store, samples[k : k + GROUP], rings) for k in range(0, len(samples), GROUP)]
-    return _together(parts)
+    groups = [samples[k : k + GROUP] for k in range(0, len(samples), GROUP)]
+    with ThreadPoolExecutor(threads) as pool:
+        return _together(list(pool.map(lambda group: part_around(store, group, rings), groups)))
 
 
 def _together(parts: Sequence[Part]) -> Part:
@@ -143,7 +145,9 @@ class _Loaded:
         count = _local_faces(self.faces, self.bits, self.slots, self.layers, rings, numbers, cells, faces, keys)
         self.faces = np.empty((0, 4), dtype=np.int32)
         order = np.argsort(keys[:count])
-        order = order[np.diff(keys[order], prepend=-1) > 0]  # faces of several blocks come several times
+        is_first = np.ones(count, dtype=np.bool_)  # faces of several blocks come several times
+        is_first[1:] = np.diff(keys[order]) > 0
+        order = order[is_first]
         return Part(ids, TriangleMesh(vertices, faces[order]), keys[order])
 
 

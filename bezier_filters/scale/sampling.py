@@ -104,7 +104,7 @@ def _sample(store: Store, rings: int, count: int, options: FitOptions, threads: 
     """The neighbourhoods that would be sampled in memory."""
     centers = _draw(store, count)
     reach = rings + CREASE_RINGS + (OUTLIER_RINGS if options.robust else 0)
-    part = part_around_samples(store, centers, reach)
+    part = part_around_samples(store, centers, reach, threads=threads)
     arrays, adjacency = fitted_mesh(part.mesh, creases=options.creases, threads=threads)
     if options.robust:
         arrays = without_outliers(arrays, threads=threads)
@@ -115,7 +115,7 @@ def _sample(store: Store, rings: int, count: int, options: FitOptions, threads: 
 
 def _first_features(store: Store, centers: IntArray, fit: SurfaceFit, options: FitOptions, threads: int) -> FloatArray:
     """What the first fit shows at some vertices, (k, 2)."""
-    part = part_around_samples(store, centers, _widest(list(fit.attempts)) + CREASE_RINGS)
+    part = part_around_samples(store, centers, _widest(list(fit.attempts)) + CREASE_RINGS, threads=threads)
     arrays, _ = fitted_mesh(part.mesh, creases=options.creases, threads=threads)
     geometry, local = empty_geometry(part.mesh.vertex_count), part.local(centers)
     fit_with_fallbacks(arrays, local, fit.attempts, geometry, robust=options.robust, threads=threads)

@@ -1,8 +1,10 @@
 """Runs tasks on any of Dask's schedulers. The only module that imports Dask."""
 
 import contextlib
+import logging
 import os
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any, TypeAlias
@@ -24,13 +26,13 @@ class LostTaskError(RuntimeError):
 
 
 @contextlib.contextmanager
-def running(scheduler: Scheduler, *, workers: int, memory_limit: int | None) -> Iterator[Scheduler]:
+def running(scheduler: Scheduler, *, workers: int, memory_limit: int | None) -> Iterator[Callable[[], Scheduler]]:
     """Start workers on this machine if no scheduler is given, and end them after the block.
 
     Parameters
     ----------
     scheduler : see `Scheduler`
-        None for processes of this machine.
+        None for processes of this machine. They start while the block goes on.
     workers : int
         How many of them.
     memory_limit : int or None
@@ -38,37 +40,51 @@ def running(scheduler: Scheduler, *, workers: int, memory_limit: int | None) -> 
 
     Yields
     ------
-    str or distributed.Client
-        What `run_tasks` takes.
+    callable
+        Waits for them, and gives what `run_tasks` takes: a name or a `distributed.Client`.
 
     Raises
     ------
     ImportError
         If Dask is not installed; the message says how to.
     InvalidParameterError
-        If it is no scheduler.
+        If it is no scheduler, or nothing answers at its address.
     """
     distributed = _import_distributed()
-    if (isinstance(scheduler, str) and scheduler in LOCAL) or isinstance(scheduler, distributed.Client):
-        yield scheduler
+    if isinstance(scheduler, distributed.Client) or (isinstance(scheduler, str) and scheduler in LOCAL):
+        yield lambda: scheduler
     elif isinstance(scheduler, str) and "://" in scheduler:
         try:
             client = distributed.Client(scheduler, timeout="20s", set_as_default=False)
         except (OSError, ValueError) as error:
             raise InvalidParameterError(f"scheduler: nothing answers at {scheduler}; {error}") from error
         with client:
-            yield client
+            yield lambda: client
     elif scheduler is None:
-        limit = 0 if memory_limit is None else memory_limit
-        options = {"n_workers": workers, "threads_per_worker": 1, "memory_limit": limit, "dashboard_address": ":0"}
-        with (
-            distributed.LocalCluster(host="127.0.0.1", silence_logs=50, **options) as cluster,
-            distributed.Client(cluster, set_as_default=False) as client,
-        ):
-            yield client
+        with ThreadPoolExecutor(1) as pool, contextlib.ExitStack() as stack:
+            starting = pool.submit(_start, stack, workers, memory_limit)
+            try:
+                yield starting.result
+            finally:
+                wait([starting])
     else:
         allowed = f"{', '.join(LOCAL)}, an address such as tcp://host:8786, or a Client"
         raise InvalidParameterError(f"scheduler: got {scheduler!r}, expected {allowed}")
+
+
+def _start(stack: contextlib.ExitStack, workers: int, memory_limit: int | None) -> Any:
+    """A client of new processes of this machine, which end with the stack."""
+    distributed = _import_distributed()
+    cluster = distributed.LocalCluster(
+        host="127.0.0.1",
+        n_workers=workers,
+        threads_per_worker=1,
+        memory_limit=memory_limit or 0,
+        dashboard_address=":0" if find_spec("bokeh") else None,
+        silence_logs=logging.CRITICAL,
+    )
+    stack.enter_context(cluster)
+    return stack.enter_context(distributed.Client(cluster, set_as_default=False))
 
 
 def dashboard(scheduler: Scheduler) -> str:
@@ -155,7 +171,7 @@ def _run_distributed(
                     f"task {named[future.key]} has ended {error.allowed_failures + 1} workers, probably for want of "
                     "memory: choose smaller tiles, or a higher memory limit"
                 ) from error
-            except (distributed.FutureCancelledError, distributed.CancelledError) as error:
+            except distributed.CancelledError as error:
                 raise CancelledError(f"the scheduler gave up task {named[future.key]}: {error}") from error
             yield result
     finally:

@@ -72,10 +72,11 @@ class Stages:
     seconds: dict[str, float] = field(default_factory=dict)
 
     @contextmanager
-    def stage(self, name: str) -> Any:
-        """Time the block; yields the callback that its progress goes to, or None."""
+    def stage(self, name: str, remark: str = "") -> Any:
+        """Time the block; yields the callback that its progress goes to, or None. A remark is shown with the name."""
         start, progress = time.perf_counter(), self.progress
-        yield None if progress is None else lambda done, total: progress(name, done, total)
+        shown = f"{name} {remark}".strip()
+        yield None if progress is None else lambda done, total: progress(shown, done, total)
         self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
 
 
@@ -148,6 +149,40 @@ def _check_layout(layout: Layout, tile_vertices: int, folder: Path) -> None:
             f"tile_vertices: got {tile_vertices}, but {folder} has tiles of {layout.tile_vertices}; give that number, "
             "or remove the folder to start anew"
         )
+
+
+def check_room(source: MeshSource, folder: Path, target: Path, row_size: int) -> None:
+    """Refuse early what would fail in the end.
+
+    Parameters
+    ----------
+    source : MeshSource
+    folder, target : Path
+        Of the store and of the file that is written.
+    row_size : int
+        Bytes of a vertex in that.
+
+    Raises
+    ------
+    InvalidParameterError
+        If there is less room than the store and the file will take.
+    OSError
+        If the file cannot be written where it should be.
+    """
+    if not target.resolve().parent.is_dir():
+        raise FileNotFoundError(f"cannot write {target}: there is no directory {target.resolve().parent}")
+    n, m = source.vertex_count, source.face_count
+    of_store = (3 * source.dtype.itemsize + 8 + row_size) * n + (16 + 2) * m
+    of_target = row_size * n + 13 * m
+    there = next(path for path in (folder.resolve(), *folder.resolve().parents) if path.exists())
+    same_disk = there.stat().st_dev == target.resolve().parent.stat().st_dev
+    for path, needed in ((there, of_store + of_target * same_disk), (target.resolve().parent, of_target)):
+        free = shutil.disk_usage(path).free
+        if free < needed:
+            raise InvalidParameterError(
+                f"store: {needed / 1e9:.1f} GB are needed below {path}, {free / 1e9:.1f} GB are free; choose another "
+                "folder, or fewer columns"
+            )
 
 
 def remove_store(folder: Path) -> None:

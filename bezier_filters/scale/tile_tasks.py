@@ -15,7 +15,7 @@ from bezier_filters.adaptive_fit import SurfaceFit, fit_parts
 from bezier_filters.arrays import FloatArray
 from bezier_filters.estimation import fitted_mesh
 from bezier_filters.fallbacks import fit_with_fallbacks
-from bezier_filters.fields import curvature_columns, normal_columns, torsion_columns
+from bezier_filters.fields import PREFIX, curvature_columns, normal_columns, torsion_columns
 from bezier_filters.scale.halo import part_around
 from bezier_filters.scale.sampling import rings_needed
 from bezier_filters.scale.store import open_store
@@ -24,7 +24,8 @@ from bezier_filters.vertex_geometry import FitChoice, VertexGeometry, empty_geom
 
 QUANTITIES = {"normals": normal_columns, "curvature": curvature_columns, "torsion": torsion_columns}
 """What can be estimated, and the columns that it is written to."""
-DISPLACED = "displaced"
+SMOOTHING, DISPLACEMENT = "smoothing", PREFIX + "displacement"
+"""What moves the vertices onto their patches instead, and the column of how far they are from where they were."""
 QUALITY = "quality"
 
 
@@ -43,7 +44,7 @@ class TileJob:
     creases, robust : bool
         Whether neighbourhoods end at creases, and whether points far off a fit lose their weight.
     quantity : str
-        What is estimated, or "displaced" for the vertices moved onto their patches.
+        One of `QUANTITIES`, or `SMOOTHING`.
     quality : str
         Column that becomes the quality, too; empty for none.
     columns : tuple of str
@@ -71,23 +72,27 @@ class TileJob:
 
 @dataclass(frozen=True)
 class TileGeometry:
-    """The estimate for the vertices of a tile, and how many vertices had to be read for it."""
+    """The estimate for the vertices of a tile, which of the store they are, and how many had to be read for it."""
 
     geometry: VertexGeometry
     choice: FitChoice
     vertices: FloatArray
+    rows: tuple[int, int]
     read: int
 
 
 def run_tile(job: TileJob, tile: int) -> int:
     """Compute the results of a tile and write them; its number."""
-    start = time.perf_counter()
+    start, cpu_start = time.perf_counter(), time.process_time()
     found = estimate_tile(job, tile)
-    if job.quantity == DISPLACED:
-        rows = _displaced(found)
+    vertices = found.vertices
+    if job.quantity == SMOOTHING:
+        vertices = vertices + found.geometry.displacements
+        moved = vertices - open_store(job.store).coordinates(*found.rows)
+        columns = {DISPLACEMENT: np.linalg.norm(moved, axis=1)}
     else:
         columns = QUANTITIES[job.quantity](found.geometry)
-        rows = table_of(found.vertices, columns, job.quality, job.columns, job.coordinates)
+    rows = table_of(vertices, columns, job.quality, job.columns, job.coordinates)
     report = {
         "tile": tile,
         "vertices": len(rows),
@@ -95,6 +100,7 @@ def run_tile(job: TileJob, tile: int) -> int:
         "status": found.geometry.status_counts(),
         "parts": [part.vertices for part in found.choice.parts],
         "seconds": time.perf_counter() - start,
+        "cpu_seconds": time.process_time() - cpu_start,
         "peak_bytes": peak_bytes(),
         "process": os.getpid(),
     }
@@ -117,13 +123,7 @@ def estimate_tile(job: TileJob, tile: int) -> TileGeometry:
     geometry = empty_geometry(stop - start)
     fit_with_fallbacks(arrays, ids, job.fit.attempts, geometry, robust=job.robust, threads=job.threads)
     choice = fit_parts(arrays, ids, job.fit, geometry, robust=job.robust, threads=job.threads)
-    return TileGeometry(geometry, choice, vertices, read)
-
-
-def _displaced(found: TileGeometry) -> NDArray[Any]:
-    """The vertices, moved onto their patches."""
-    vertices: NDArray[Any] = found.vertices + found.geometry.displacements
-    return vertices.view([(axis, "<f8") for axis in "xyz"])[:, 0]
+    return TileGeometry(geometry, choice, vertices, (start, stop), read)
 
 
 def table_of(

@@ -1,0 +1,58 @@
+"""Command lines on a Dask cluster, each in a process of its own: for collections of files."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Generator, Sequence
+
+from bezier_filters.parallel import THREADS_VARIABLE
+from bezier_filters.scale.scheduling import Scheduler, run_tasks, running
+from bezier_filters.worker_processes import Outcome, last_words
+
+
+def run_on_scheduler(
+    jobs: Sequence[Sequence[str]], scheduler: Scheduler, *, workers: int
+) -> Generator[tuple[int, Outcome], None, None]:
+    """Run command lines on any of Dask's schedulers; `worker_processes.run_in_processes` for many machines.
+
+    Parameters
+    ----------
+    jobs : sequence
+        Arguments of ``bezier-filters``. Workers must see the files under the same, absolute, paths.
+    scheduler : see `scheduling.Scheduler`
+        Not None.
+    workers : int
+        How many run at a time on this machine, if the scheduler is "threads" or "processes".
+
+    Yields
+    ------
+    int, Outcome
+        Index of a job and what became of it, as they finish.
+    """
+    with running(scheduler, workers=workers, memory_limit=None) as ready:
+        yield from run_tasks(ready(), run_command_line, None, list(enumerate(jobs)), workers=workers)
+
+
+def run_command_line(_: None, job: tuple[int, Sequence[str]]) -> tuple[int, Outcome]:
+    """What a worker does: a library that aborts on a damaged file, or prints, does it elsewhere."""
+    index, arguments = job
+    start = time.perf_counter()
+    done = subprocess.run(
+        [sys.executable, "-m", "bezier_filters", *arguments, "--json"],
+        capture_output=True,
+        text=True,
+        stdin=subprocess.DEVNULL,
+        env={THREADS_VARIABLE: "1", **os.environ},
+        check=False,
+    )
+    error, result = "", None
+    if done.returncode:
+        said = done.stderr.strip().splitlines()
+        error = (
+            said[-1].removeprefix("bezier-filters: ") if said and done.returncode > 0 else last_words(done.returncode)
+        )
+    else:
+        result = json.loads(done.stdout)
+    return index, Outcome(result, error, time.perf_counter() - start)
