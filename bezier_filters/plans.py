@@ -134,7 +134,9 @@ def plans_around(surface: SurfaceModel, degrees: Sequence[int], rings: int) -> l
 
 
 def _ring_plan(surface: SurfaceModel, ring: RingModel, degrees: Sequence[int]) -> FitPlan | None:
-    """The best plan of one ring; None if it determines no degree."""
+    """The best plan of one ring; None if it determines no degree, or is too small to compute variances."""
+    if not np.isfinite(ring.variances).all():
+        return None
     plans = ring_plans(surface, ring, degrees)
     return _calibrated(surface, ring, best_plan(plans)) if plans else None
 

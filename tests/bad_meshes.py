@@ -38,6 +38,14 @@ def all_vertices_in_one_place():
     return np.zeros((faces.max() + 1, 3)), faces
 
 
+def speck_and_a_far_vertex():
+    """Neighbourhoods so small beside the mesh that powers of their size cannot be told from 0."""
+    vertices, faces = ball()
+    vertices = 1e-27 * vertices
+    vertices[0] = 2000.0, 1000.0, 500.0
+    return vertices, faces
+
+
 def unreferenced_vertices():
     vertices, faces = ball()
     return np.vstack([[[9.0, 9, 9]], vertices, np.full((5, 3), 7.0)]), faces + 1
@@ -169,6 +177,7 @@ MAKERS = {
         faces_without_area,
         coincident_vertices,
         all_vertices_in_one_place,
+        speck_and_a_far_vertex,
         unreferenced_vertices,
         fins,
         bow_tie,
