@@ -1,5 +1,6 @@
 """The filter on a pymeshlab MeshSet that fills holes."""
 
+import re
 import time
 from dataclasses import asdict
 from typing import Any
@@ -136,7 +137,7 @@ def meshing_close_holes_by_bezier_patch(
             progress=progress,
         )
     except (InvalidMeshError, InvalidParameterError) as error:
-        raise BezierFilterError(str(error)) from error
+        raise BezierFilterError(re.sub("^max_edges", "maxholesize", str(error))) from error
     fitted = time.perf_counter()
     now = current_mesh(ms)
     if now.id() != mesh.id or now.vertex_number() != len(mesh.vertices) or now.face_number() != len(mesh.faces):

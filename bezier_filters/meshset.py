@@ -132,11 +132,21 @@ def absolute_length(length: Length, vertices: FloatArray) -> float:
     vertices : (n, 3) float64
         Coordinates that the box encloses, at least one.
 
+    Raises
+    ------
+    BezierFilterError
+        If the length is text.
+
     Examples
     --------
     >>> absolute_length(PercentageValue(10), np.array([[0.0, 0.0, 0.0], [2.0, 3.0, 6.0]]))
     0.7000000000000001
     """
+    if isinstance(length, str):
+        raise BezierFilterError(
+            f"got the length {length!r}, expected a number, or for example pymeshlab.PercentageValue(2) for 2 % of the "
+            "diagonal of the bounding box"
+        )
     if isinstance(length, pymeshlab.PercentageValue):
         return float(length.value() / 100.0 * np.linalg.norm(np.ptp(vertices, axis=0)))
     return length.value() if isinstance(length, pymeshlab.PureValue) else length
