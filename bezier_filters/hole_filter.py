@@ -126,12 +126,14 @@ def meshing_close_holes_by_bezier_patch(
             mesh.faces,
             method,
             max_edges=maxholesize,
-            max_perimeter=None if maxperimeter is None else absolute_length(maxperimeter, mesh.vertices),
-            max_diameter=None if maxdiameter is None else absolute_length(maxdiameter, mesh.vertices),
+            max_perimeter=None
+            if maxperimeter is None
+            else absolute_length(maxperimeter, mesh.vertices, "maxperimeter"),
+            max_diameter=None if maxdiameter is None else absolute_length(maxdiameter, mesh.vertices, "maxdiameter"),
             selected=mesh.selected_vertices() if onselected else None,
             outer_rims=outerrims,
             creases=creases,
-            noise=None if noise is None else absolute_length(noise, mesh.vertices),
+            noise=None if noise is None else absolute_length(noise, mesh.vertices, "noise"),
             alpha=alpha,
             threads=threads,
             progress=progress,

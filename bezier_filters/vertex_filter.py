@@ -84,7 +84,7 @@ def _estimate(mesh: CurrentMesh, mask: BoolArray, fit: FitOptions) -> VertexGeom
         mesh.faces,
         normals=None if len(mesh.faces) else _finite(mesh.vertex_normals),
         rings=fit.rings,
-        radius=None if fit.radius is None else absolute_length(fit.radius, mesh.vertices),
+        radius=None if fit.radius is None else absolute_length(fit.radius, mesh.vertices, "radius"),
         alpha=fit.alpha,
         degree=fit.degree,
         smoothness=fit.smoothness,

@@ -402,7 +402,7 @@ class TestFailure:
             ({"threads": 0}, "threads: got 0"),
             (
                 {"radius": "2%"},
-                r"got the length '2%', expected a number, or for example pymeshlab.PercentageValue\(2\)",
+                r"radius: got '2%', expected a positive length, or for example pymeshlab.PercentageValue\(2\)",
             ),
             ({"quality": "colour"}, "quality: got 'colour', expected 'mean', 'gaussian'"),
             ({"quality": 3}, "quality: got 3"),
