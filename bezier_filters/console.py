@@ -101,9 +101,9 @@ def print_holes(report: dict[str, Any], source: str) -> None:
         out.print("  no holes")
         return
     table = Table(box=None, padding=(0, 2, 0, 2))
-    for column in ("edges", "diameter", "fill", "new faces", "rim angle"):
-        table.add_column(column, justify="right" if column != "fill" else "left")
-    table.add_column("remarks")
+    for column in ("edges", "diameter [length]", "fill", "new faces", "rim angle"):
+        table.add_column(escape(column), justify="right" if column != "fill" else "left")
+    table.add_column("remarks", overflow="fold")
     for hole in sorted(report["holes"], key=lambda hole: -hole["edge_count"])[:MOST_HOLES]:
         angle = f"{hole['rim_dihedral']:.1f}\u00b0" if hole["filled"] else ""
         method = hole["method"] or "no"
@@ -113,7 +113,7 @@ def print_holes(report: dict[str, Any], source: str) -> None:
             method,
             f"{hole['new_faces']:,}",
             angle,
-            hole["reason"],
+            hole["reason"].replace("outer_rims=True", "--outer-rims"),
         )
     out.print(table)
     if len(report["holes"]) > MOST_HOLES:

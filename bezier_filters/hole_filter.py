@@ -1,5 +1,6 @@
 """The filter on a pymeshlab MeshSet that fills holes."""
 
+import re
 import time
 from dataclasses import asdict
 from typing import Any
@@ -129,18 +130,20 @@ def meshing_close_holes_by_bezier_patch(
             mesh.faces,
             method,
             max_edges=maxholesize,
-            max_perimeter=None if maxperimeter is None else absolute_length(maxperimeter, mesh.vertices),
-            max_diameter=None if maxdiameter is None else absolute_length(maxdiameter, mesh.vertices),
+            max_perimeter=None
+            if maxperimeter is None
+            else absolute_length(maxperimeter, mesh.vertices, "maxperimeter"),
+            max_diameter=None if maxdiameter is None else absolute_length(maxdiameter, mesh.vertices, "maxdiameter"),
             selected=mesh.selected_vertices() if onselected else None,
             outer_rims=outerrims,
             creases=creases,
-            noise=None if noise is None else absolute_length(noise, mesh.vertices),
+            noise=None if noise is None else absolute_length(noise, mesh.vertices, "noise"),
             alpha=alpha,
             threads=threads,
             progress=progress,
         )
     except (InvalidMeshError, InvalidParameterError) as error:
-        raise BezierFilterError(str(error)) from error
+        raise BezierFilterError(re.sub("^max_edges", "maxholesize", str(error))) from error
     fitted = time.perf_counter()
     check_unchanged(ms, mesh)
     grown = Grown([], False)

@@ -139,7 +139,7 @@ def check_unchanged(ms: MeshSet, mesh: CurrentMesh) -> None:
         raise BezierFilterError("the current mesh was changed while the filter ran; nothing was written")
 
 
-def absolute_length(length: Length, vertices: FloatArray) -> float:
+def absolute_length(length: Length, vertices: FloatArray, name: str) -> float:
     """A length that may be a percentage of the diagonal of the bounding box, as in pymeshlab.
 
     Parameters
@@ -148,12 +148,24 @@ def absolute_length(length: Length, vertices: FloatArray) -> float:
         The length; anything else is returned as it is.
     vertices : (n, 3) float64
         Coordinates that the box encloses, at least one.
+    name : str
+        Of the parameter, for messages.
+
+    Raises
+    ------
+    BezierFilterError
+        If the length is text.
 
     Examples
     --------
-    >>> absolute_length(PercentageValue(10), np.array([[0.0, 0.0, 0.0], [2.0, 3.0, 6.0]]))
+    >>> absolute_length(PercentageValue(10), np.array([[0.0, 0.0, 0.0], [2.0, 3.0, 6.0]]), "radius")
     0.7000000000000001
     """
+    if isinstance(length, str):
+        raise BezierFilterError(
+            f"{name}: got {length!r}, expected a positive length, or for example pymeshlab.PercentageValue(2) for 2 % "
+            "of the diagonal of the bounding box"
+        )
     if isinstance(length, pymeshlab.PercentageValue):
         return float(length.value() / 100.0 * np.linalg.norm(np.ptp(vertices, axis=0)))
     return length.value() if isinstance(length, pymeshlab.PureValue) else length

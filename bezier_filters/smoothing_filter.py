@@ -129,7 +129,7 @@ def apply_coord_bezier_patch_smoothing(
             mesh.faces,
             method,
             iterations=iterations,
-            noise=None if noise is None else absolute_length(noise, mesh.vertices),
+            noise=None if noise is None else absolute_length(noise, mesh.vertices, "noise"),
             borders=borders,
             keep_volume=keepvolume,
             rings=rings,

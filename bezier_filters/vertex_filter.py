@@ -85,7 +85,7 @@ def fitted(mesh: CurrentMesh, mask: BoolArray, fit: FitOptions) -> VertexGeometr
         mesh.faces,
         normals=None if len(mesh.faces) else _finite(mesh.vertex_normals),
         rings=fit.rings,
-        radius=None if fit.radius is None else absolute_length(fit.radius, mesh.vertices),
+        radius=None if fit.radius is None else absolute_length(fit.radius, mesh.vertices, "radius"),
         alpha=fit.alpha,
         degree=fit.degree,
         smoothness=fit.smoothness,

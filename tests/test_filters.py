@@ -400,6 +400,10 @@ class TestFailure:
             ({"degree": 7}, "degree: got 7"),
             ({"smoothness": "soft"}, "smoothness: got 'soft'"),
             ({"threads": 0}, "threads: got 0"),
+            (
+                {"radius": "2%"},
+                r"radius: got '2%', expected a positive length, or for example pymeshlab.PercentageValue\(2\)",
+            ),
             ({"quality": "colour"}, "quality: got 'colour', expected 'mean', 'gaussian'"),
             ({"quality": 3}, "quality: got 3"),
             ({"color": True, "quality": None}, "color: got True with quality=None"),

@@ -275,7 +275,7 @@ def test_a_closed_mesh_stays_as_it_is():
     ("options", "message"),
     [
         ({"method": "flat"}, "method: got 'flat'"),
-        ({"maxholesize": 2}, "max_edges: got 2"),
+        ({"maxholesize": 2}, "maxholesize: got 2"),
         ({"maxdiameter": -1.0}, "max_diameter: got -1.0"),
         ({"noise": -1.0}, "noise: got -1.0"),
         ({"alpha": 0.0}, "alpha: got 0.0"),
