@@ -83,7 +83,7 @@ def estimate_file(
     workers : int, optional
         Processes or threads on this machine; all cores by default.
     tile_vertices : int, optional
-        Vertices of a tile, 256 or more; by default 262,144, or as many as there is memory for.
+        Vertices of a tile, 256 or more; by default 524,288, or as many as there is memory for.
     memory_limit : int, optional
         Bytes of each worker that is started.
     store : path, optional
