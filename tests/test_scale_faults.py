@@ -20,7 +20,7 @@ from bezier_filters.scale.tile_results import DamagedTileError, open_tile, tile_
 from bezier_filters.scale.tile_run import check_room
 from bezier_filters.surfaces import bumpy_star
 
-TILES = 11
+TILES = 9
 OPTIONS = {"scheduler": "synchronous", "workers": 1, "tile_vertices": 256}
 
 
@@ -71,7 +71,7 @@ def test_a_run_that_is_stopped_while_it_sorts_starts_anew(files, tmp_path):
     assert_same_as_in_memory(report, *clean())
 
 
-@pytest.mark.parametrize("place", [3, 30, -1, None])
+@pytest.mark.parametrize("place", [3, -1, None])
 def test_a_damaged_tile_is_named_and_computed_again(place, files, tmp_path):
     results = interrupted(files, tmp_path / "out.ply", 8)
     path = tile_path(results, 5)
@@ -93,8 +93,8 @@ def test_a_damaged_tile_is_named_and_computed_again(place, files, tmp_path):
 def test_what_a_killed_process_leaves_is_no_result(files, tmp_path):
     results = interrupted(files, tmp_path / "out.ply", 3)
     done = tiles_in(results)
-    tile_path(results, 9).with_name(".0123456789abcdef.bin").write_bytes(b"BZTILE1\n")
-    tile_path(results, 10).touch()
+    tile_path(results, 7).with_name(".0123456789abcdef.bin").write_bytes(b"BZTILE1\n")
+    tile_path(results, 8).touch()
     report = estimate_file(files, tmp_path / "out.ply", resume=True, **OPTIONS)
     assert report["computed_tiles"] == TILES - len(done)
     assert_same_as_in_memory(report, *clean())
