@@ -46,6 +46,22 @@ def test_options_do_what_they_do_in_memory(options, tmp_path):
     assert_same_as_in_memory(report, vertices, faces, **options)
 
 
+@pytest.mark.parametrize(
+    "faces",
+    [
+        pytest.param([[0, 1, 2]], id="one face"),
+        pytest.param([[0, 0, 0], [1, 1, 2]], id="no face with three corners"),
+        pytest.param([[k, k + 1, k + 2] for k in range(300)], id="a crumpled strip"),
+    ],
+)
+@pytest.mark.parametrize("size", [0.0, 1.0])
+def test_what_can_hardly_be_fitted_is_as_in_memory(faces, size, tmp_path):
+    vertices = size * np.random.default_rng(0).random((600, 3))
+    files = save_arrays(tmp_path, vertices, np.array(faces))
+    report = estimate_file(files, tmp_path / "out.ply", scheduler="synchronous", tile_vertices=256)
+    assert_same_as_in_memory(report, vertices, np.array(faces))
+
+
 def test_the_estimate_in_tiles_converges_to_the_truth(tmp_path):
     errors = []
     for resolution in (24, 48):

@@ -16,6 +16,7 @@ from scale_cases import assert_same_as_in_memory, clean, noisy, save_arrays
 from bezier_filters.errors import CancelledError, FieldFileError, InvalidParameterError
 from bezier_filters.scale import FitOptions, estimate_file, smooth_file
 from bezier_filters.scale.mesh_source import open_source
+from bezier_filters.scale.scheduling import LostTaskError, run_tasks, running
 from bezier_filters.scale.tile_results import DamagedTileError, open_tile, tile_path, write_tile
 from bezier_filters.scale.tile_run import check_room
 from bezier_filters.surfaces import bumpy_star
@@ -189,6 +190,18 @@ def test_a_stopped_command_goes_on_where_it_was(number, tmp_path):
     report = json.loads(output)
     assert report["computed_tiles"] == report["tiles"] - done < report["tiles"]
     assert_same_as_in_memory(report, star.vertices, star.faces)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("where", [None, "processes"])
+def test_a_task_that_ends_its_workers_is_named(where):
+    def end(status, task):
+        if task == 5:
+            os._exit(status)
+        return task
+
+    with running(where, workers=2, memory_limit=None) as ready, pytest.raises(LostTaskError, match=r"task 5|5, 6"):
+        list(run_tasks(ready(), end, 1, range(8), workers=2))
 
 
 def test_a_killed_worker_changes_nothing(files, tmp_path):

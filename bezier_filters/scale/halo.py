@@ -65,6 +65,9 @@ def part_around(store: Store, seeds: IntArray, rings: int) -> Part:
 
 def part_around_samples(store: Store, samples: IntArray, rings: int, *, threads: int = 1) -> Part:
     """The same for vertices from all over the mesh, which are read some at a time."""
+    if not len(samples):
+        nothing = TriangleMesh(np.empty((0, 3)), np.empty((0, 3), dtype=np.int32))
+        return Part(np.empty(0, dtype=np.int32), nothing, np.empty(0, dtype=np.int64))
     samples = np.sort(samples)
     groups = [samples[k : k + GROUP] for k in range(0, len(samples), GROUP)]
     with ThreadPoolExecutor(threads) as pool:
