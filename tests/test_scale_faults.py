@@ -200,15 +200,15 @@ def test_a_task_that_ends_its_workers_is_named(where):
             os._exit(status)
         return task
 
-    with running(where, workers=2, memory_limit=None) as ready, pytest.raises(LostTaskError, match=r"task 5|5, 6"):
-        list(run_tasks(ready(), end, 1, range(8), workers=2))
+    with running(where, workers=2, memory_limit=None) as cluster, pytest.raises(LostTaskError, match=r"task 5|5, 6"):
+        list(run_tasks(cluster.ready(), end, 1, range(8), workers=2))
 
 
 def test_a_killed_worker_changes_nothing(files, tmp_path):
     import distributed
 
     with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster,
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50) as cluster,
         distributed.Client(cluster, set_as_default=False) as client,
     ):
         pids = client.run(os.getpid)

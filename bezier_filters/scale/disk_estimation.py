@@ -156,12 +156,13 @@ def estimate_file(
             mesh.layout.dtype,
         )
         with stages.stage("start"):
-            ready = cluster()
+            ready = cluster.ready()
         link = dashboard(ready)
         with stages.stage("fit", link) as report:
             finished = run_job(ready, mesh, job, workers=workers, progress=report)
-    with stages.stage("write") as report:
-        write_joined(target, opened, mesh, finished.tiles, progress=report)
+        cluster.release()
+        with stages.stage("write") as report:
+            write_joined(target, opened, mesh, finished.tiles, threads=workers, progress=report)
     if not keep_store:
         remove_store(folder)
     return {
