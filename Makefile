@@ -4,7 +4,7 @@ MESH ?=
 OUT ?= out
 SOURCES := pyproject.toml
 
-.PHONY: help demo test test-slow test-oldest check docs bench bench-kernels fuzz clean
+.PHONY: help demo test test-slow test-oldest check docs bench bench-kernels bench-scale fuzz clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
@@ -39,6 +39,9 @@ bench: .venv-dev/bench-ready  ## accuracy, stability and speed next to MeshLab a
 	.venv-dev/bin/python benchmarks/uneven_shape.py
 	.venv-dev/bin/python benchmarks/holes.py
 	.venv-dev/bin/python benchmarks/speed.py
+
+bench-scale: .venv-dev/ready  ## 50 million vertices in tiles, next to smaller meshes in memory (30 GB of disk)
+	.venv-dev/bin/python benchmarks/scale.py --vertices 1000000 7000000 50000000 --save benchmarks/results/scale.json
 
 bench-kernels: .venv-dev/bench-ready  ## times of the stages, next to the last run of this target
 	.venv-dev/bin/python -m pytest -q -W default benchmarks/bench_kernels.py --benchmark-autosave --benchmark-compare \

@@ -11,7 +11,7 @@ from bezier_filters.surfaces import bumpy_star, waves
 
 
 def clean():
-    star = bumpy_star(resolution=16, jitter=0.2)
+    star = bumpy_star(resolution=15, jitter=0.2)
     return star.vertices, star.faces
 
 

@@ -203,7 +203,7 @@ def test_batches_run_on_a_scheduler(where, tmp_path, monkeypatch):
         if where == "cluster":
             import distributed
 
-            options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+            options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": ":0"}
             where = stack.enter_context(distributed.LocalCluster(**options)).scheduler_address
         arguments = ["batch", "curvature", "good.ply", "bad.ply", "--out", "out", "--scheduler", where, "--json"]
         result = CliRunner().invoke(app, arguments)

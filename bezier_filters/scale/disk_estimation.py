@@ -83,7 +83,7 @@ def estimate_file(
     workers : int, optional
         Processes or threads on this machine; all cores by default.
     tile_vertices : int, optional
-        Vertices of a tile, 256 or more; by default 262,144, or as many as there is memory for.
+        Vertices of a tile, 256 or more; by default 524,288, or as many as there is memory for.
     memory_limit : int, optional
         Bytes of each worker that is started.
     store : path, optional
@@ -156,12 +156,13 @@ def estimate_file(
             mesh.layout.dtype,
         )
         with stages.stage("start"):
-            ready = cluster()
+            ready = cluster.ready()
         link = dashboard(ready)
         with stages.stage("fit", link) as report:
             finished = run_job(ready, mesh, job, workers=workers, progress=report)
-    with stages.stage("write") as report:
-        write_joined(target, opened, mesh, finished.tiles, progress=report)
+        cluster.release()
+        with stages.stage("write") as report:
+            write_joined(target, opened, mesh, finished.tiles, threads=workers, progress=report)
     if not keep_store:
         remove_store(folder)
     return {

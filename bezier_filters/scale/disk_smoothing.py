@@ -118,12 +118,13 @@ def smooth_file(
                 vertices=current.vertices.path.resolve() if step else None,
             )
             with stages.stage(f"step {step + 1}") as report:
-                finished = run_job(cluster(), mesh, job, workers=workers, progress=report)
+                finished = run_job(cluster.ready(), mesh, job, workers=workers, progress=report)
             computed += finished.computed
             damaged += finished.damaged
             current = mesh.with_vertices(_joined_vertices(results, finished))
-    with stages.stage("write") as report:
-        write_joined(target, opened, mesh, finished.tiles, progress=report)
+        cluster.release()
+        with stages.stage("write") as report:
+            write_joined(target, opened, mesh, finished.tiles, threads=workers, progress=report)
     if not keep_store:
         remove_store(folder)
     in_all = Finished(finished.tiles, computed, tuple(damaged))

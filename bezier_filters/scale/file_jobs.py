@@ -31,8 +31,8 @@ def run_on_scheduler(
     int, Outcome
         Index of a job and what became of it, as they finish.
     """
-    with running(scheduler, workers=workers, memory_limit=None) as ready:
-        yield from run_tasks(ready(), run_command_line, None, list(enumerate(jobs)), workers=workers)
+    with running(scheduler, workers=workers, memory_limit=None) as cluster:
+        yield from run_tasks(cluster.ready(), run_command_line, None, list(enumerate(jobs)), workers=workers)
 
 
 def run_command_line(_: None, job: tuple[int, Sequence[str]]) -> tuple[int, Outcome]:

@@ -60,12 +60,14 @@ def part_around(store: Store, seeds: IntArray, rings: int) -> Part:
         if len(missing):
             loaded.load(missing, with_faces=k + 1 < rings)
             loaded.grow(k)
-        loaded.retire(k)
     return loaded.part(rings)
 
 
 def part_around_samples(store: Store, samples: IntArray, rings: int, *, threads: int = 1) -> Part:
     """The same for vertices from all over the mesh, which are read some at a time."""
+    if not len(samples):
+        nothing = TriangleMesh(np.empty((0, 3)), np.empty((0, 3), dtype=np.int32))
+        return Part(np.empty(0, dtype=np.int32), nothing, np.empty(0, dtype=np.int64))
     samples = np.sort(samples)
     groups = [samples[k : k + GROUP] for k in range(0, len(samples), GROUP)]
     with ThreadPoolExecutor(threads) as pool:
@@ -120,13 +122,9 @@ class _Loaded:
     def grow(self, k: int) -> IntArray:
         """Reach what shares a face with layer k; return the blocks that are missing for that."""
         needed = np.zeros(len(self.slots), dtype=np.bool_)
-        _reach(self.faces, self.active, self.bits, self.slots, self.layers, k, needed)
-        return np.flatnonzero(needed).astype(np.int32)
-
-    def retire(self, k: int) -> None:
-        """Forget faces that lead nowhere new after layer k."""
-        count = _unfinished(self.faces, self.active, self.bits, self.slots, self.layers, k)
+        count = _reach(self.faces, self.active, self.bits, self.slots, self.layers, k, needed)
         self.active = self.active[:count].copy()
+        return np.flatnonzero(needed).astype(np.int32)
 
     def part(self, rings: int) -> Part:
         """All that was reached."""
@@ -161,13 +159,23 @@ def _layer(bits: int, slots: IntArray, layers: NDArray[np.uint8], i: int) -> int
 @lean_njit()
 def _reach(
     faces: IntArray, active: IntArray, bits: int, slots: IntArray, layers: NDArray[np.uint8], k: int, needed: BoolArray
-) -> None:
-    """Put the unknown corners of faces with one in layer k into layer k + 1; mark the blocks that are not there."""
+) -> int:
+    """Put the unknown corners of active faces with one in layer k into layer k + 1.
+
+    Blocks that are missing are marked. Faces within layer k, which lead nowhere, are left out of the active ones;
+    returns how many stay.
+    """
+    count = 0
     for f in active:
-        reached = False
+        nearest, farthest = 255, 0
         for c in range(1, 4):
-            reached = reached or _layer(bits, slots, layers, faces[f, c]) == k
-        if reached:
+            layer = _layer(bits, slots, layers, faces[f, c])
+            nearest, farthest = min(nearest, layer), max(farthest, layer)
+        if farthest <= k:
+            continue
+        active[count] = f
+        count += 1
+        if nearest == k:
             for c in range(1, 4):
                 i = faces[f, c]
                 slot = slots[i >> bits]
@@ -177,21 +185,6 @@ def _reach(
                     place = (slot << bits) + (i & (1 << bits) - 1)
                     if layers[place] == 255:
                         layers[place] = k + 1
-
-
-@lean_njit()
-def _unfinished(
-    faces: IntArray, active: IntArray, bits: int, slots: IntArray, layers: NDArray[np.uint8], k: int
-) -> int:
-    """Keep the active faces of which not all corners are within layer k + 1; return their number."""
-    count = 0
-    for f in active:
-        farthest = 0
-        for c in range(1, 4):
-            farthest = max(farthest, _layer(bits, slots, layers, faces[f, c]))
-        if farthest > k + 1:
-            active[count] = f
-            count += 1
     return count
 
 

@@ -1,7 +1,10 @@
 """Joins the results of all tiles to one PLY file, in the order of the source, some rows at a time."""
 
 import os
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +20,7 @@ from bezier_filters.scale.mesh_source import MeshSource
 from bezier_filters.scale.store import Store
 from bezier_filters.scale.tile_results import TileResult
 
-ROWS = 1 << 18
+ROWS = 1 << 17
 """Rows that are held at a time."""
 FACE = np.dtype([("corners", "u1"), ("vertex_indices", "<i4", (TRIPLE,))])
 _NAMES = {"<f4": "float", "<f8": "double"}
@@ -29,6 +32,7 @@ def write_joined(
     store: Store,
     tiles: Sequence[TileResult],
     *,
+    threads: int = 1,
     progress: Progress | None = None,
 ) -> None:
     """Write a binary PLY file with the rows of all tiles as vertices, and the faces of the source.
@@ -43,6 +47,8 @@ def write_joined(
         What the tiles are made of.
     tiles : sequence of TileResult
         All of them, in order.
+    threads : int
+        Number of threads that collect rows.
     progress : callable, optional
         Called with the number of rows written, vertices and faces together.
     """
@@ -50,16 +56,31 @@ def write_joined(
     dtype = tiles[0].rows.dtype
     with atomic_write(Path(path)) as temporary, open(temporary, "wb") as stream:
         stream.write(ply_head(dtype, n, m))
-        for start in range(0, n, ROWS):
-            stop = min(start + ROWS, n)
-            gathered(store, tiles, start, stop).tofile(stream)
-            report(progress, stop, n + m)
-        for start in range(0, m, ROWS):
-            stop = min(start + ROWS, m)
-            rows = np.empty(stop - start, dtype=FACE)
-            rows["corners"], rows["vertex_indices"] = TRIPLE, source.faces(start, stop)
-            rows.tofile(stream)
-            report(progress, n + stop, n + m)
+        done = 0
+        for write, total in ((partial(gathered, store, tiles), n), (partial(_faces, source), m)):
+            for rows in _in_order(write, total, threads):
+                rows.tofile(stream)
+                done += len(rows)
+                report(progress, done, n + m)
+
+
+def _in_order(rows: Callable[[int, int], NDArray[Any]], total: int, threads: int) -> Iterator[NDArray[Any]]:
+    """All rows, some at a time: as many as there are threads are being collected ahead."""
+    ahead: deque[Future[NDArray[Any]]] = deque()
+    with ThreadPoolExecutor(threads) as pool:
+        for start in range(0, total, ROWS):
+            ahead.append(pool.submit(rows, start, min(start + ROWS, total)))
+            if len(ahead) > threads:
+                yield ahead.popleft().result()
+        while ahead:
+            yield ahead.popleft().result()
+
+
+def _faces(source: MeshSource, start: int, stop: int) -> NDArray[Any]:
+    """Faces start .. stop-1 of the source as rows of a PLY file."""
+    rows = np.empty(stop - start, dtype=FACE)
+    rows["corners"], rows["vertex_indices"] = TRIPLE, source.faces(start, stop)
+    return rows
 
 
 def gathered(store: Store, tiles: Sequence[TileResult], start: int, stop: int) -> NDArray[Any]:

@@ -4,7 +4,7 @@ import contextlib
 import logging
 import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any, TypeAlias
@@ -25,8 +25,23 @@ class LostTaskError(RuntimeError):
     """A task ended several workers; the message names it and says what to do."""
 
 
+class Workers:
+    """Where tasks run, from `running`."""
+
+    def __init__(self, scheduler: Callable[[], Scheduler], release: Callable[[], object] = lambda: None) -> None:
+        self._scheduler, self._release = scheduler, release
+
+    def ready(self) -> Scheduler:
+        """Wait for the workers; gives what `run_tasks` takes, a name or a `distributed.Client`."""
+        return self._scheduler()
+
+    def release(self) -> None:
+        """End workers that were started, while other work goes on."""
+        self._release()
+
+
 @contextlib.contextmanager
-def running(scheduler: Scheduler, *, workers: int, memory_limit: int | None) -> Iterator[Callable[[], Scheduler]]:
+def running(scheduler: Scheduler, *, workers: int, memory_limit: int | None) -> Iterator[Workers]:
     """Start workers on this machine if no scheduler is given, and end them after the block.
 
     Parameters
@@ -40,8 +55,7 @@ def running(scheduler: Scheduler, *, workers: int, memory_limit: int | None) -> 
 
     Yields
     ------
-    callable
-        Waits for them, and gives what `run_tasks` takes: a name or a `distributed.Client`.
+    Workers
 
     Raises
     ------
@@ -52,21 +66,18 @@ def running(scheduler: Scheduler, *, workers: int, memory_limit: int | None) -> 
     """
     distributed = _import_distributed()
     if isinstance(scheduler, distributed.Client) or (isinstance(scheduler, str) and scheduler in LOCAL):
-        yield lambda: scheduler
+        yield Workers(lambda: scheduler)
     elif isinstance(scheduler, str) and "://" in scheduler:
         try:
             client = distributed.Client(scheduler, timeout="20s", set_as_default=False)
         except (OSError, ValueError) as error:
             raise InvalidParameterError(f"scheduler: nothing answers at {scheduler}; {error}") from error
         with client:
-            yield lambda: client
+            yield Workers(lambda: client)
     elif scheduler is None:
-        with ThreadPoolExecutor(1) as pool, contextlib.ExitStack() as stack:
+        with contextlib.ExitStack() as stack, ThreadPoolExecutor(1) as pool:  # waits for the pool first
             starting = pool.submit(_start, stack, workers, memory_limit)
-            try:
-                yield starting.result
-            finally:
-                wait([starting])
+            yield Workers(starting.result, lambda: pool.submit(stack.close))
     else:
         allowed = f"{', '.join(LOCAL)}, an address such as tcp://host:8786, or a Client"
         raise InvalidParameterError(f"scheduler: got {scheduler!r}, expected {allowed}")
@@ -80,7 +91,7 @@ def _start(stack: contextlib.ExitStack, workers: int, memory_limit: int | None) 
         n_workers=workers,
         threads_per_worker=1,
         memory_limit=memory_limit or 0,
-        dashboard_address=":0" if find_spec("bokeh") else None,
+        dashboard_address=":0",  # any free port
         silence_logs=logging.CRITICAL,
     )
     stack.enter_context(cluster)

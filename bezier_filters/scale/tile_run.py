@@ -6,6 +6,7 @@ import shutil
 import time
 from collections import Counter
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,7 +22,7 @@ from bezier_filters.scale.store import Layout, Store, is_store, open_store
 from bezier_filters.scale.tile_results import DamagedTileError, TileResult, open_tile, tile_path
 from bezier_filters.scale.tile_tasks import TileJob, run_tile
 
-TILE_VERTICES = 1 << 18
+TILE_VERTICES = 1 << 19
 """Of a tile, if there is memory for it: larger ones have hardly less around them."""
 SMALLEST_TILE = 1 << 8
 BYTES_PER_VERTEX, BYTES_PER_WORKER = 1200, 500_000_000
@@ -224,5 +225,6 @@ def run_job(
             tile_path(job.results, tile).unlink()
     for _ in run_tasks(scheduler, run_tile, job, todo, workers=workers, progress=progress):
         pass
-    tiles = tuple(open_tile(job.results, tile) for tile in range(store.layout.tile_count))
+    with ThreadPoolExecutor(workers) as pool:
+        tiles = tuple(pool.map(lambda tile: open_tile(job.results, tile), range(store.layout.tile_count)))
     return Finished(tiles, len(todo), tuple(damaged))

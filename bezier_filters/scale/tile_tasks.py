@@ -27,6 +27,8 @@ QUANTITIES = {"normals": normal_columns, "curvature": curvature_columns, "torsio
 SMOOTHING, DISPLACEMENT = "smoothing", PREFIX + "displacement"
 """What moves the vertices onto their patches instead, and the column of how far they are from where they were."""
 QUALITY = "quality"
+CACHED = 1 << 11
+"""Rows that fit into the cache."""
 
 
 @dataclass(frozen=True)
@@ -133,12 +135,13 @@ def table_of(
     fields = [(axis, coordinates) for axis in "xyz"]
     fields += [(QUALITY, "<f8")] * bool(quality) + [(name, "<f8") for name in names]
     rows = np.empty(len(vertices), dtype=fields)
-    for k, axis in enumerate("xyz"):
-        rows[axis] = vertices[:, k]
-    if quality:
-        rows[QUALITY] = columns[quality]
-    for name in names:
-        rows[name] = columns[name]
+    every = [(axis, vertices[:, k]) for k, axis in enumerate("xyz")]
+    every += [(QUALITY, columns[quality])] if quality else []
+    every += [(name, columns[name]) for name in names]
+    for start in range(0, len(rows), CACHED):  # column after column, as long as the rows are at hand
+        stop = start + CACHED
+        for name, values in every:
+            rows[name][start:stop] = values[start:stop]
     return rows
 
 
