@@ -10,7 +10,7 @@ from bezier_filters.boundary import half_edge_twins
 from bezier_filters.mesh import TriangleMesh
 from bezier_filters.surroundings import Surroundings
 
-SHARP = radians(40.0)
+SHARP = radians(35.0)
 """Angle between two faces from which on their edge may be a crease."""
 TIMES_USUAL = 4.0
 """A crease is more than this many times as sharp as most edges around the hole."""

@@ -77,6 +77,44 @@ def test_ridges_and_valleys_are_continued(sign):
     np.testing.assert_allclose(z, -sign * np.abs(x), atol=1e-6)
 
 
+def rounded_cube(radius, resolution, seed):
+    """The cube [-1/2, 1/2]^3 with rounded edges, but for what is near the notch of the block."""
+    vertices, faces = block_with_sharp_edges(resolution=resolution, jitter=0.2, seed=seed)
+    inner = np.clip(vertices, radius - 0.5, 0.5 - radius)
+    offsets = vertices - inner
+    lengths = np.linalg.norm(offsets, axis=1, keepdims=True)
+    rounded = np.where(lengths > 0.0, inner + radius * offsets / np.maximum(lengths, 1e-300), vertices)
+    return np.where((vertices < 0.2).all(axis=1, keepdims=True), rounded, vertices), faces
+
+
+@pytest.mark.parametrize(("radius", "worst"), [(0.3, 0.01), (0.5, 0.01), (1.0, 0.025)])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_edges_rounded_by_less_than_an_edge_of_the_mesh_are_continued(radius, worst, seed):
+    """Also where the rim runs along the edge for a while. A smooth fill is some 4 % of the hole's diameter off."""
+    radius /= 24.0
+    vertices, faces = rounded_cube(radius, 24, seed)
+    faces = without_faces_near(vertices, faces, np.array([-0.5, -0.5, -0.15]), 0.12)
+    result = fill_holes(vertices, faces)
+    assert_filled(vertices, faces, result)
+    hole = filled_hole(result)
+    assert hole.method == "creases"
+    new = result.vertices[len(vertices) :]
+    inner = np.clip(new, radius - 0.5, 0.5 - radius)
+    off = np.abs(np.linalg.norm(new - inner, axis=1) - radius)
+    assert off.max() < worst * hole.diameter
+
+
+def test_a_rim_along_a_crease_belongs_to_it():
+    """A hole beside an edge of a cube: its rim follows the edge, of which hardly anything is in the hole."""
+    vertices, faces = cube()
+    x, y, z = vertices[faces].mean(axis=1).T
+    removed = (np.abs(z) < 0.17) & (x < -0.49) & (y < -0.3)
+    removed |= (z > 0.13) & (z < 0.17) & (y < -0.49) & (x < -0.45)  # and a bit beyond the edge at one end
+    result = fill_holes(vertices, faces[~removed])
+    assert_filled(vertices, faces[~removed], result)
+    np.testing.assert_allclose(off_the_cube(result.vertices[len(vertices) :]), 0.0, atol=2e-3)
+
+
 def test_a_curved_crease_is_continued_on_both_surfaces():
     """A cone on a plane: the crease is a circle of radius 1."""
     vertices, faces = sheet(40, 40)
