@@ -45,6 +45,7 @@ def estimate_vertex_geometry(
     smoothness: Smoothness = "third_order",
     robust: bool = False,
     selected: BoolArray | None = None,
+    conditions: bool = False,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> VertexGeometry:
@@ -97,6 +98,8 @@ def estimate_vertex_geometry(
         and is slightly less accurate where there are none.
     selected : (n,) bool, optional
         Vertices to estimate; the others get zeros and `FitStatus.SKIPPED`.
+    conditions : bool
+        Whether the result has the condition number of every fit.
     threads : int, optional
         Number of threads; by default BEZIER_FILTERS_THREADS or all usable cores. The result
         does not depend on it.
@@ -155,6 +158,8 @@ def estimate_vertex_geometry(
     arrays = kernel_mesh(mesh, adjacency, planes, stops, ordered)
     ids = np.flatnonzero(mask[order]).astype(np.int32)
     geometry = empty_geometry(mesh.vertex_count)
+    if conditions:
+        geometry = replace(geometry, condition_number=np.zeros(mesh.vertex_count))
     degrees = CANDIDATE_DEGREES if degree == "auto" else (int(degree),)
     if radius is None:
         choice = _fit(arrays, adjacency, ids, rings, fixed, degrees, geometry, robust, threads, progress)

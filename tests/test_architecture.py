@@ -15,7 +15,7 @@ supervision memory_limit interrupts ply_header
 mesh polynomials smoothness patch differential_geometry jets vertex_geometry surfaces
 adjacency boundary fields harmonics spatial_order
 neighbourhoods frames fitting uncertainty diagnosis ply_columns orientation lanes
-creases kernel_input lane_algebra
+creases kernel_input lane_algebra condition
 loop_geometry self_intersections loop_triangulation surroundings implicit_surface variational_fill
 hole_detection fill_topology hole_result
 hole_choice smooth_fill flat_fill rim_creases
