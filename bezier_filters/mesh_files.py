@@ -13,7 +13,7 @@ from bezier_filters.errors import FieldFileError
 from bezier_filters.fields import PREFIX
 from bezier_filters.memory_limit import memory_limited
 from bezier_filters.mesh_headers import check_header
-from bezier_filters.meshset import BezierFilterError, MeshSet, PyMeshLabException, current_mesh
+from bezier_filters.meshset import BezierFilterError, MeshSet, PyMeshLabException, current_mesh, one_at_a_time
 from bezier_filters.supervision import doing
 
 _ATTRIBUTE_KEY = "__ca_vs__"  # of the parameters with which pymeshlab saves custom vertex attributes
@@ -165,11 +165,12 @@ def save_mesh(ms: MeshSet, path: str | os.PathLike[str], *, binary: bool = True,
 @contextmanager
 def _same_working_directory() -> Iterator[None]:
     """Go back afterwards: pymeshlab works in the directory of the file, and stays there when it fails."""
-    before = os.getcwd()
-    try:
-        yield
-    finally:
-        os.chdir(before)
+    with one_at_a_time():  # there is one working directory for all threads
+        before = os.getcwd()
+        try:
+            yield
+        finally:
+            os.chdir(before)
 
 
 def _save_options(ms: MeshSet, path: Path, support: FormatSupport, binary: bool, attributes: bool) -> dict[str, Any]:

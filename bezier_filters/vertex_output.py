@@ -132,9 +132,9 @@ def run_filter(ms: MeshSet, names: list[str], work: Work, output: Output) -> dic
     if output.color and output.quality is not None and quality is not None:
         limits = color_range(quality, signed=output.quality.signed, percentile=output.percentile, mask=computed.known)
         check_limits(*limits)
-    columns = _merge(computed.columns, read_columns(ms, computed.columns), mask)
-    check_finite(columns)
     with preserved_filter_script(ms):
+        columns = _merge(computed.columns, read_columns(ms, computed.columns), mask)
+        check_finite(columns)
         _write(ms, mesh, columns, computed, output, limits, watch)
     report: dict[str, Any] = computed.report | {
         "attributes": list(columns),
