@@ -105,7 +105,7 @@ def load_mesh(path: str | os.PathLike[str]) -> MeshSet:
         raise BezierFilterError(f"cannot read {path}: it asks for more memory than such a file can need") from error
     except ValueError as error:  # how pymeshlab reports a count beyond the largest one
         raise BezierFilterError(f"cannot read {path}: it announces more than any file can hold") from error
-    except (PyMeshLabException, RuntimeError) as error:
+    except (PyMeshLabException, RuntimeError, IndexError) as error:
         raise BezierFilterError(f"cannot read {path}: {_reason(error)}") from error
     mesh = meshset.current_mesh()
     if mesh.vertex_number() == 0:
@@ -157,7 +157,12 @@ def save_mesh(ms: MeshSet, path: str | os.PathLike[str], *, binary: bool = True,
     except BezierFilterError:
         raise
     except OSError as error:
-        raise BezierFilterError(f"cannot write {path}: {error.strerror}" if error.strerror else str(error)) from error
+        reason = f"cannot write {path}: {error.strerror}; see whether its folder can be written to and the disk is full"
+        raise BezierFilterError(reason if error.strerror else str(error)) from error
+    except (ValueError, IndexError) as error:  # from within the writer, such as COLLADA's without a texture
+        raise BezierFilterError(
+            f"cannot write {path}: pymeshlab cannot write this mesh as {target.suffix} ({error}); write a PLY file"
+        ) from error
     except (PyMeshLabException, RuntimeError) as error:
         raise BezierFilterError(f"cannot write {path}: {_reason(error)}; see whether the disk is full") from error
 
