@@ -14,8 +14,10 @@ from bezier_filters.fields import PREFIX
 from bezier_filters.memory_limit import memory_limited
 from bezier_filters.mesh_headers import check_header
 from bezier_filters.meshset import BezierFilterError, MeshSet, PyMeshLabException, current_mesh, one_at_a_time
-from bezier_filters.supervision import doing
+from bezier_filters.supervision import doing, processor_time_limited
 
+LEAST_PATIENCE, SLOWEST_READER = 60.0, 50_000.0
+"""Seconds of processor time after which a reader is taken to run in circles, and bytes for each second more."""
 _ATTRIBUTE_KEY = "__ca_vs__"  # of the parameters with which pymeshlab saves custom vertex attributes
 
 
@@ -95,7 +97,9 @@ def load_mesh(path: str | os.PathLike[str]) -> MeshSet:
     meshset = MeshSet()
     try:
         check_header(path)
-        with doing(f"reading {path}"), memory_limited(path.stat().st_size), _same_working_directory():
+        size = path.stat().st_size
+        patience = processor_time_limited(LEAST_PATIENCE + size / SLOWEST_READER)
+        with doing(f"reading {path}"), memory_limited(size), patience, _same_working_directory():
             meshset.load_new_mesh(str(path))
     except FieldFileError as error:
         raise BezierFilterError(f"cannot read {path}: it {str(error).removeprefix(f'{path} ')}") from error
