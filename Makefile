@@ -4,7 +4,7 @@ MESH ?=
 OUT ?= out
 SOURCES := pyproject.toml
 
-.PHONY: help demo test test-slow test-oldest check docs bench bench-kernels bench-scale fuzz clean
+.PHONY: help demo test test-slow test-oldest check coverage docs bench bench-kernels bench-scale fuzz clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
@@ -28,6 +28,13 @@ check: .venv-dev/ready  ## style (ruff) and types (mypy)
 	.venv-dev/bin/ruff check .
 	.venv-dev/bin/ruff format --check .
 	.venv-dev/bin/mypy
+
+coverage: .venv-dev/ready  ## lines and branches that the tests run, kernels in plain Python (takes half an hour)
+	.venv-dev/bin/coverage erase
+	.venv-dev/bin/coverage run -m pytest -q
+	NUMBA_DISABLE_JIT=1 .venv-dev/bin/coverage run -m pytest -q tests/test_plain_python.py
+	.venv-dev/bin/coverage combine
+	.venv-dev/bin/coverage report
 
 docs: .venv-dev/docs-ready  ## the documentation site in build/site; warnings are errors
 	NO_MKDOCS_2_WARNING=1 .venv-dev/bin/mkdocs build --strict

@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
-PATIENCE = 60
+PATIENCE = 120
 """Seconds of processor time for one file."""
 MEMORY = 4 << 30
 """Bytes of writable memory for one file."""

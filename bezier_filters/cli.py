@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 
 from bezier_filters import cli_batch, cli_creases, cli_filters, cli_pictures, cli_scale, cli_script, console
 from bezier_filters.cli_app import app
@@ -54,7 +55,7 @@ def demo(
     if json:
         console.print_json({"files": files, "picture": str(picture_path(out, source))})
     elif not quiet:
-        console.out.print(f"wrote [bold]{picture_path(out, source)}[/]; open the PLY files in MeshLab")
+        console.out.print(f"wrote [bold]{escape(str(picture_path(out, source)))}[/]; open the PLY files in MeshLab")
 
 
 def main() -> None:

@@ -47,6 +47,7 @@ def estimate_vertex_geometry(
     smoothness: Smoothness = "third_order",
     robust: bool = False,
     selected: BoolArray | None = None,
+    conditions: bool = False,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> VertexGeometry:
@@ -99,6 +100,8 @@ def estimate_vertex_geometry(
         and is slightly less accurate where there are none.
     selected : (n,) bool, optional
         Vertices to estimate; the others get zeros and `FitStatus.SKIPPED`.
+    conditions : bool
+        Whether the result has the condition number of every fit.
     threads : int, optional
         Number of threads; by default BEZIER_FILTERS_THREADS or all usable cores. The result
         does not depend on it.
@@ -136,7 +139,7 @@ def estimate_vertex_geometry(
     outside = _outside(normals, mesh)
     _check_radius(radius, rings)
     rings, fixed, degrees = fit_options(rings, alpha, degree, smoothness)
-    mask = _selected_mask(selected, mesh.vertex_count)
+    mask = None if selected is None else _checked_mask(selected, mesh.vertex_count)
     threads = thread_count(threads)
 
     with first_compilation(fit_in_lanes):
@@ -147,8 +150,10 @@ def estimate_vertex_geometry(
         else:
             adjacency, planes = point_cloud(mesh, None if outside is None else outside[order], threads=threads)
             arrays = kernel_mesh(mesh, adjacency, planes, None, ordered)
-        ids = np.flatnonzero(mask[order]).astype(np.int32)
+        ids: IntArray = (np.arange(mesh.vertex_count) if mask is None else np.flatnonzero(mask[order])).astype(np.int32)
         geometry = empty_geometry(mesh.vertex_count)
+        if conditions:
+            geometry = replace(geometry, condition_number=np.zeros(mesh.vertex_count))
         if radius is None:
             choice = _fit(arrays, adjacency, ids, rings, fixed, degrees, geometry, robust, threads, progress)
         else:
@@ -164,7 +169,7 @@ def estimate_vertex_geometry(
                 threads=threads,
                 progress=progress,
             )
-        if len(ids) < mesh.vertex_count:
+        if mask is not None:
             _clear(geometry, ~mask)
         return replace(geometry, fit=choice)
 
@@ -231,6 +236,8 @@ def _fit(
 
 def _union(ids: IntArray, others: IntArray, n: int) -> IntArray:
     """Numbers below n that are in one of two arrays, in ascending order."""
+    if len(ids) == n:
+        return ids
     present = np.zeros(n, dtype=np.bool_)
     present[ids] = True
     present[others] = True
@@ -280,9 +287,7 @@ def _check_choices(degree: object, smoothness: object) -> None:
         )
 
 
-def _selected_mask(selected: BoolArray | None, n: int) -> BoolArray:
-    if selected is None:
-        return np.ones(n, dtype=np.bool_)
+def _checked_mask(selected: BoolArray, n: int) -> BoolArray:
     mask = np.asarray(selected)
     if mask.shape != (n,) or mask.dtype != np.bool_:
         raise InvalidParameterError(f"selected: got {mask.dtype} of shape {mask.shape}, expected bool of shape ({n},)")

@@ -218,6 +218,7 @@ def _run(
         geometry.extremality_max,
         geometry.displacements,
     )
+    conditions = np.empty(0) if geometry.condition_number is None else geometry.condition_number
     errors = StandardErrors(geometry.normal_std, geometry.mean_curvature_std, geometry.gaussian_curvature_std)
 
     # Lanes are compiled code only; reweighting by residuals takes each vertex its own number of rounds.
@@ -225,7 +226,7 @@ def _run(
     kernel_task = lane_task if compiled and not fit.rounds else scalar_task
 
     def make_task() -> RangeTask:
-        return kernel_task(mesh, fit, ids, result, errors, geometry.residual, geometry.rings_used, outcomes)
+        return kernel_task(mesh, fit, ids, result, errors, geometry.residual, geometry.rings_used, conditions, outcomes)
 
     run_in_chunks(make_task, len(ids), threads=threads, progress=progress)
     return outcomes

@@ -44,6 +44,7 @@ def lane_task(
     errors: StandardErrors,
     residuals: FloatArray,
     rings_used: IntArray,
+    conditions: FloatArray,
     outcomes: ByteArray,
 ) -> RangeTask:
     """Task for one thread: fit the vertices ids[start:stop]; write their geometry and outcomes[start:stop].
@@ -58,7 +59,20 @@ def lane_task(
         nonlocal work
         while start < stop:
             start, needed = fit_in_lanes(
-                mesh, fit, ids, start, stop, visited, members, work, result, errors, residuals, rings_used, outcomes
+                mesh,
+                fit,
+                ids,
+                start,
+                stop,
+                visited,
+                members,
+                work,
+                result,
+                errors,
+                residuals,
+                rings_used,
+                conditions,
+                outcomes,
             )
             if start < stop:  # there a block needs more room, and is collected once more
                 work = lane_workspace(fit, 2 * needed)
@@ -80,6 +94,7 @@ def fit_in_lanes(
     errors: StandardErrors,
     residuals: FloatArray,
     rings_used: IntArray,
+    conditions: FloatArray,
     outcomes: ByteArray,
 ) -> tuple[int, int]:
     """Fit the vertices ids[start:stop] as far as there is room; return how far, and the room that is needed next."""
@@ -97,7 +112,7 @@ def fit_in_lanes(
             point_to_farthest(work.points, capacity, work.counts, work.neighbours, work.total, work.frame)
         _project(fit.square, capacity, most, work)
         _fit_heights(fit, capacity, most, work)
-        write_block(fit, mesh.origin, block, work, of_block, result, errors, residuals, rings_used)
+        write_block(fit, mesh.origin, block, work, of_block, result, errors, residuals, rings_used, conditions)
     return stop, 0
 
 

@@ -13,9 +13,11 @@ from bezier_filters.errors import FieldFileError
 from bezier_filters.fields import PREFIX
 from bezier_filters.memory_limit import memory_limited
 from bezier_filters.mesh_headers import check_header
-from bezier_filters.meshset import BezierFilterError, MeshSet, PyMeshLabException, current_mesh
-from bezier_filters.supervision import doing
+from bezier_filters.meshset import BezierFilterError, MeshSet, PyMeshLabException, current_mesh, one_at_a_time
+from bezier_filters.supervision import doing, processor_time_limited
 
+LEAST_PATIENCE, SLOWEST_READER = 60.0, 50_000.0
+"""Seconds of processor time after which a reader is taken to run in circles, and bytes for each second more."""
 _ATTRIBUTE_KEY = "__ca_vs__"  # of the parameters with which pymeshlab saves custom vertex attributes
 
 
@@ -95,7 +97,9 @@ def load_mesh(path: str | os.PathLike[str]) -> MeshSet:
     meshset = MeshSet()
     try:
         check_header(path)
-        with doing(f"reading {path}"), memory_limited(path.stat().st_size), _same_working_directory():
+        size = path.stat().st_size
+        patience = processor_time_limited(LEAST_PATIENCE + size / SLOWEST_READER)
+        with doing(f"reading {path}"), memory_limited(size), patience, _same_working_directory():
             meshset.load_new_mesh(str(path))
     except FieldFileError as error:
         raise BezierFilterError(f"cannot read {path}: it {str(error).removeprefix(f'{path} ')}") from error
@@ -105,7 +109,7 @@ def load_mesh(path: str | os.PathLike[str]) -> MeshSet:
         raise BezierFilterError(f"cannot read {path}: it asks for more memory than such a file can need") from error
     except ValueError as error:  # how pymeshlab reports a count beyond the largest one
         raise BezierFilterError(f"cannot read {path}: it announces more than any file can hold") from error
-    except (PyMeshLabException, RuntimeError) as error:
+    except (PyMeshLabException, RuntimeError, IndexError) as error:
         raise BezierFilterError(f"cannot read {path}: {_reason(error)}") from error
     mesh = meshset.current_mesh()
     if mesh.vertex_number() == 0:
@@ -157,7 +161,12 @@ def save_mesh(ms: MeshSet, path: str | os.PathLike[str], *, binary: bool = True,
     except BezierFilterError:
         raise
     except OSError as error:
-        raise BezierFilterError(f"cannot write {path}: {error.strerror}" if error.strerror else str(error)) from error
+        reason = f"cannot write {path}: {error.strerror}; see whether its folder can be written to and the disk is full"
+        raise BezierFilterError(reason if error.strerror else str(error)) from error
+    except (ValueError, IndexError) as error:  # from within the writer, such as COLLADA's without a texture
+        raise BezierFilterError(
+            f"cannot write {path}: pymeshlab cannot write this mesh as {target.suffix} ({error}); write a PLY file"
+        ) from error
     except (PyMeshLabException, RuntimeError) as error:
         raise BezierFilterError(f"cannot write {path}: {_reason(error)}; see whether the disk is full") from error
 
@@ -165,11 +174,12 @@ def save_mesh(ms: MeshSet, path: str | os.PathLike[str], *, binary: bool = True,
 @contextmanager
 def _same_working_directory() -> Iterator[None]:
     """Go back afterwards: pymeshlab works in the directory of the file, and stays there when it fails."""
-    before = os.getcwd()
-    try:
-        yield
-    finally:
-        os.chdir(before)
+    with one_at_a_time():  # there is one working directory for all threads
+        before = os.getcwd()
+        try:
+            yield
+        finally:
+            os.chdir(before)
 
 
 def _save_options(ms: MeshSet, path: Path, support: FormatSupport, binary: bool, attributes: bool) -> dict[str, Any]:

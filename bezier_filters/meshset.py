@@ -30,7 +30,7 @@ PureValue: TypeAlias = pymeshlab.PureValue
 Color: TypeAlias = pymeshlab.Color
 Length: TypeAlias = pymeshlab.PercentageValue | pymeshlab.PureValue | float
 
-_stderr_lock = threading.Lock()
+_lock = threading.RLock()
 
 
 class BezierFilterError(pymeshlab.PyMeshLabException):  # type: ignore[misc]
@@ -207,21 +207,44 @@ def topological_measures(vertices: FloatArray, faces: IntArray) -> dict[str, Any
         ``is_mesh_two_manifold``, ``number_holes`` and ``unreferenced_vertices``. Genus and number of
         holes are -1 where non-manifold parts leave them undefined; the rim of an open sheet is a hole.
     """
-    scratch = MeshSet()
-    scratch.add_mesh(Mesh(vertices, faces))
-    return dict(scratch.get_topological_measures())
+    with one_at_a_time():
+        scratch = MeshSet()
+        scratch.add_mesh(Mesh(vertices, faces))
+        return dict(scratch.get_topological_measures())
+
+
+@contextmanager
+def one_at_a_time() -> Iterator[None]:
+    """Let no other thread of this package call pymeshlab inside the block.
+
+    Its filters keep their state in one place for all MeshSets of a process: filters with expressions in two threads
+    give wrong numbers or end the process. A script that calls pymeshlab in several threads itself needs
+    a lock of its own, or processes.
+    """
+    with _lock:
+        yield
+
+
+def _renew_lock() -> None:
+    """In a process that was forked there is no thread any more to release the lock."""
+    global _lock
+    _lock = threading.RLock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_renew_lock)
 
 
 @contextmanager
 def preserved_filter_script(ms: MeshSet) -> Iterator[None]:
-    """Let filters run inside the block without a trace in the MeshSet's filter script, and without interrupts.
+    """Let filters run inside the block, without a trace in the MeshSet's filter script, interrupts or other threads.
 
     pymeshlab records every filter. Ours would fail on replay, because the numbers that they read
     come from Python, so the script is saved before and loaded after the block. Loading prints one
     line per filter on stderr, whatever the verbosity; only that is silenced. Ctrl-C waits for the end of the
     block, so that a MeshSet never stays between two states.
     """
-    with interrupts_held(), TemporaryDirectory(prefix="bezier_filters_") as folder:
+    with interrupts_held(), one_at_a_time(), TemporaryDirectory(prefix="bezier_filters_") as folder:
         script = str(Path(folder) / "script.mlx")
         ms.save_filter_script(script)
         try:
@@ -236,20 +259,19 @@ def preserved_filter_script(ms: MeshSet) -> Iterator[None]:
 
 @contextmanager
 def _silent_stderr() -> Iterator[None]:
-    """Discard what C++ code of this process writes to stderr inside the block."""
-    with _stderr_lock:  # two threads at it would restore each other's redirection
-        try:
-            if sys.stderr is not None:
-                sys.stderr.flush()
-            kept = os.dup(2)
-        except (OSError, ValueError):  # closed, as under pythonw: nothing to silence
-            yield
-            return
-        sink = os.open(os.devnull, os.O_WRONLY)
-        try:
-            os.dup2(sink, 2)
-            yield
-        finally:
-            os.dup2(kept, 2)
-            os.close(kept)
-            os.close(sink)
+    """Discard what C++ code of this process writes to stderr inside the block; for one thread at a time."""
+    try:
+        if sys.stderr is not None:
+            sys.stderr.flush()
+        kept = os.dup(2)
+    except (OSError, ValueError):  # closed, as under pythonw: nothing to silence
+        yield
+        return
+    sink = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(sink, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(sink)

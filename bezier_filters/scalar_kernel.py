@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 
 from bezier_filters.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from bezier_filters.condition import factor_condition
 from bezier_filters.dense import cholesky_solve, dot, powers
 from bezier_filters.jets import (
     GraphGeometry,
@@ -53,6 +54,7 @@ class Workspace(NamedTuple):
     jet: FloatArray  # (4, 4)
     corner: FloatArray  # of the Cholesky factor, see `last_corner`
     sensitivities: FloatArray  # (4, SEEN)
+    column: FloatArray  # of an inverse factor
 
 
 def scalar_task(
@@ -63,13 +65,14 @@ def scalar_task(
     errors: StandardErrors,
     residuals: FloatArray,
     rings_used: IntArray,
+    conditions: FloatArray,
     outcomes: ByteArray,
 ) -> RangeTask:
     """Task for one thread: fit the vertices ids[start:stop]; write their geometry and outcomes[start:stop]."""
     n = len(mesh.vertices)
     visited, members = np.zeros(n, dtype=np.bool_), np.empty(n + 1, dtype=np.int32)
     return lambda start, stop: fit_vertices(
-        mesh, fit, ids, start, stop, visited, members, result, errors, residuals, rings_used, outcomes
+        mesh, fit, ids, start, stop, visited, members, result, errors, residuals, rings_used, conditions, outcomes
     )
 
 
@@ -86,10 +89,12 @@ def fit_vertices(
     errors: StandardErrors,
     residuals: FloatArray,
     rings_used: IntArray,
+    conditions: FloatArray,
     outcomes: ByteArray,
 ) -> None:
     """Fit the vertices ids[start:stop]; write their geometry and outcomes[start:stop].
 
+    The condition numbers, of m rows or none at all, are written where there is room for them.
     `visited` (n,) and `members` (n + 1,) are the work space of `collect_ring`.
     """
     work = _workspace(fit, 64)
@@ -128,6 +133,8 @@ def fit_vertices(
             write_standard_errors(work.corner, noise, sx, (zx, zy, zxx, zxy, zyy), work.sensitivities, i, errors)
         residuals[i] = _residual(fit, count, work)
         rings_used[i] = rings
+        if len(conditions):
+            conditions[i] = factor_condition(work.matrix, fit.exponents.shape[0], work.column)
 
 
 @njit(cache=True, nogil=True)
@@ -152,6 +159,7 @@ def _workspace(fit: KernelFit, capacity: int) -> Workspace:
         np.empty((4, 4)),
         np.empty(SEEN * (SEEN + 1) // 2),
         np.empty((4, SEEN)),
+        np.empty(order),
     )
 
 

@@ -20,6 +20,7 @@ FAILED = 2
 _FORWARDED = ("SIGINT", "SIGTERM", "SIGHUP")
 _NOTE_SIZE = 4096
 _note: mmap.mmap | None = None  # shared with the process that waits
+_expendable = False  # whether another process waits for this one, and says how it ended
 
 
 @contextmanager
@@ -30,6 +31,28 @@ def doing(activity: str) -> Iterator[None]:
         yield
     finally:
         _write_note("")
+
+
+@contextmanager
+def processor_time_limited(seconds: float) -> Iterator[None]:
+    """End this process, if another one waits for it, when the block takes more processor time than this.
+
+    Compiled code that runs in circles cannot be stopped in any other way.
+    """
+    if not _expendable or not hasattr(signal, "setitimer"):
+        yield
+        return
+    signal.setitimer(signal.ITIMER_PROF, seconds)  # SIGPROF ends a process that does not handle it
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+
+
+def this_process_is_expendable() -> None:
+    """Note that another process waits for this one, and says how it ended."""
+    global _expendable
+    _expendable = True
 
 
 def run_supervised(work: Callable[[], str]) -> tuple[int, str]:
@@ -56,11 +79,11 @@ def run_supervised(work: Callable[[], str]) -> tuple[int, str]:
         return (FAILED if reason else 0), reason
     _note = mmap.mmap(-1, _NOTE_SIZE)
     lifeline, held = os.pipe()
-    sys.stdout.flush()
-    sys.stderr.flush()
+    _flush()
     child = os.fork()
     if child == 0:
         os.close(held)
+        this_process_is_expendable()
         _end_in_order_on_signals()
         threading.Thread(target=_end_with_the_parent, args=(lifeline,), daemon=True).start()
         os._exit(_exit_status_of(work))  # whatever called this function goes on in the other process alone
@@ -88,6 +111,8 @@ def crash_message(signal_name: str, activity: str = "") -> str:
     where = f" while {activity}" if activity else ""
     if signal_name == "SIGKILL":
         return f"was killed (SIGKILL){where}, perhaps for want of memory; nothing was written"
+    if signal_name == "SIGPROF":
+        return f"took too long{where}: the file is damaged, and its reader runs in circles; nothing was written"
     place = f"crashed ({signal_name}){where}"
     if activity.startswith("reading"):
         return (
@@ -113,9 +138,14 @@ def _exit_status_of(work: Callable[[], str]) -> int:
         traceback.print_exc()
         return 1
     finally:
-        with suppress(OSError):  # as when the reader of a pipe has gone away
-            sys.stdout.flush()
-            sys.stderr.flush()
+        _flush()
+
+
+def _flush() -> None:
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):  # closed, or the reader of a pipe has gone away
+            if stream is not None:
+                stream.flush()
 
 
 def _wait(child: int) -> int:

@@ -111,6 +111,9 @@ class VertexGeometry:
         `FitStatus` codes.
     fit : FitChoice
         Neighbourhood, degree and weight that were used.
+    condition_number : (n,) float64 or None
+        Condition number of each fit, see `condition`: relative errors of the coefficients are a small multiple
+        of its square times 1.1e-16. 0 where nothing was fitted; None where it was not asked for.
     """
 
     normals: FloatArray
@@ -128,6 +131,7 @@ class VertexGeometry:
     rings_used: IntArray
     status: IntArray
     fit: FitChoice
+    condition_number: FloatArray | None = None
 
     @property
     def noise_sigma(self) -> float | None:

@@ -130,9 +130,9 @@ def run_filter(ms: MeshSet, names: list[str], work: Work, output: Output) -> dic
     check_unchanged(ms, mesh)
     quality = None if output.quality is None else computed.columns[output.quality.mesh_attribute]
     limits = _limits(output, quality, computed.known)
-    columns = _merge(computed.columns, read_columns(ms, computed.columns), mask)
-    check_finite(columns)
     with preserved_filter_script(ms):
+        columns = _merge(computed.columns, read_columns(ms, computed.columns), mask)
+        check_finite(columns)
         _write(ms, mesh, columns, computed, output, limits, watch)
     report: dict[str, Any] = computed.report | {
         "attributes": list(columns),

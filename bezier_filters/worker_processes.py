@@ -12,7 +12,7 @@ from multiprocessing.context import SpawnProcess
 from typing import Any
 
 from bezier_filters.parallel import THREADS_VARIABLE
-from bezier_filters.supervision import crash_message
+from bezier_filters.supervision import crash_message, this_process_is_expendable
 
 _SPAWN = multiprocessing.get_context("spawn")  # a forked copy of threads and compiled kernels may hang
 _PATIENCE = 10.0
@@ -125,6 +125,7 @@ def _start(function: Callable[[Any], Any], threads: int) -> _Worker:
 
 def _serve(function: Callable[[Any], Any], connection: Connection, threads: int) -> None:
     """What a worker does: answer every job with a result and an error."""
+    this_process_is_expendable()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends its workers itself,
     signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))  # in order: nothing is left half written
     os.environ.setdefault(THREADS_VARIABLE, str(threads))

@@ -3,13 +3,27 @@
 `CHECKS` are functions of vertices and faces that raise AssertionError if it does not.
 """
 
+from collections import Counter
 from dataclasses import fields
 
 import numpy as np
 import pymeshlab
 from meshset_state import changed, mesh_state
+from second_opinion import opinion
 
-from bezier_filters import estimate_vertex_geometry, fill_holes, smooth
+from bezier_filters import (
+    baselines,
+    boundary_loops,
+    diagnose,
+    estimate_vertex_geometry,
+    fill_holes,
+    find_creases,
+    inspect_mesh,
+    smooth,
+    triangle_mesh,
+    vertex_adjacency,
+    vertex_patch,
+)
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.mesh import LARGEST, SMALLEST
 from bezier_filters.meshset import BezierFilterError
@@ -55,6 +69,22 @@ def check_estimate(vertices, faces, mode):
     assert not geometry.k_min[nothing].any()
     assert not geometry.k_max[nothing].any()
     assert (geometry.k_min <= geometry.k_max).all()
+    if mode == "fixed" and len(faces):
+        check_statuses(np.asarray(vertices, dtype=float), np.asarray(faces), geometry)
+
+
+def check_statuses(vertices, faces, geometry):
+    """A few vertices of every status, looked at once more."""
+    statuses = {int(status) for status in geometry.status}
+    for vertex in (
+        v for status in statuses for v in np.flatnonzero(geometry.status == status)[:: 1 + len(vertices) // 4]
+    ):
+        status, other = FitStatus(geometry.status[vertex]), opinion(vertices, faces, int(vertex))
+        assert other.isolated in (None, status == FitStatus.ISOLATED), (vertex, status)
+        assert other.fits in (None, status == FitStatus.OK), (vertex, status)
+        if other.fits and other.tolerance * np.ptp(vertices, axis=0).max() < 1e-3:
+            assert abs(geometry.mean_curvature[vertex] - other.curvature) <= other.tolerance, (vertex, other)
+            np.testing.assert_allclose(geometry.normals[vertex], other.normal, atol=1e-5)
 
 
 def check_smoothing(vertices, faces, method):
@@ -78,6 +108,60 @@ def check_holes(vertices, faces, method):
     np.testing.assert_array_equal(result.vertices[: len(vertices)], np.asarray(vertices, dtype=float))
     np.testing.assert_array_equal(result.faces[: len(faces)], faces)
     assert all(hole.filled or hole.reason for hole in result.holes)
+
+
+def check_topology(vertices, faces):
+    """Border, adjacency and the report of a mesh, with a second count of its edges."""
+    mesh, refusal = attempt(triangle_mesh, vertices, faces)
+    if mesh is None:
+        assert not are_sound(vertices), refusal
+        return
+    report = inspect_mesh(mesh)
+    proper = [face for face in mesh.faces.tolist() if len(set(face)) == 3]
+    edges = Counter(frozenset(pair) for a, b, c in proper for pair in ((a, b), (b, c), (c, a)))
+    assert report.boundary_edges == sum(count == 1 for count in edges.values())
+    assert report.non_manifold_edges == sum(count > 2 for count in edges.values())
+    assert report.unreferenced_vertices == mesh.vertex_count - len(set(mesh.faces.ravel().tolist()))
+    assert all(isinstance(line, str) for line in diagnose(mesh, report))
+    loops, refusal = attempt(boundary_loops, mesh)
+    assert loops is not None or refusal
+    for loop in loops or []:
+        assert all(edges[frozenset(pair)] == 1 for pair in zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True))
+    neighbours = vertex_adjacency(mesh).vertices
+    for vertex in range(0, mesh.vertex_count, 1 + mesh.vertex_count // 8):
+        found = {other for edge in edges if vertex in edge for other in edge} - {vertex}
+        assert set(neighbours.row(vertex).tolist()) == found
+
+
+def check_one_patch(vertices, faces):
+    """The patch at a vertex: finite, or a clear refusal."""
+    for vertex in range(0, len(vertices), 1 + len(vertices) // 4):
+        patch, refusal = attempt(vertex_patch, vertices, faces, vertex)
+        assert refusal or np.isfinite(patch.control_net).all()
+
+
+def check_baselines(vertices, faces):
+    for function in (baselines.razdan_bae, baselines.ouyang_feng_normals):
+        result, refusal = attempt(function, vertices, faces)
+        if result is None:
+            assert not are_sound(vertices), refusal
+            continue
+        parts = (
+            [result] if isinstance(result, np.ndarray) else [getattr(result, field.name) for field in fields(result)]
+        )
+        assert all(np.isfinite(part).all() for part in parts if isinstance(part, np.ndarray))
+
+
+def check_creases(vertices, faces):
+    creases, refusal = attempt(find_creases, vertices, faces)
+    if creases is None:
+        assert not len(faces) or not are_sound(vertices), refusal
+        return
+    for line in creases.lines:
+        assert np.isfinite(line.strength)
+        assert np.isfinite(line.points).all()
+        assert line.edges.max() < len(vertices)
+        assert ((line.points >= vertices.min(axis=0)) & (line.points <= vertices.max(axis=0))).all()
 
 
 def check_filter(vertices, faces, function):
@@ -114,4 +198,6 @@ def _check(function, argument):
 CHECKS = {f"estimate, {mode}": _check(check_estimate, mode) for mode in ESTIMATES}
 CHECKS |= {f"smooth, {method}": _check(check_smoothing, method) for method in ("auto", "paper")}
 CHECKS |= {f"fill_holes, {method}": _check(check_holes, method) for method in ("auto", "paper")}
+CHECKS |= {"topology": check_topology, "vertex_patch": check_one_patch, "baselines": check_baselines}
+CHECKS |= {"find_creases": check_creases}
 CHECKS |= {function.__name__: _check(check_filter, function) for function in FILTERS}

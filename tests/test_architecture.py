@@ -16,7 +16,7 @@ mesh polynomials smoothness patch differential_geometry jets vertex_geometry sur
 adjacency boundary fields harmonics spatial_order mesh_edges polylines line_files
 sharp_edges crest_segments
 neighbourhoods frames fitting uncertainty diagnosis ply_columns orientation lanes
-creases kernel_input lane_algebra
+creases kernel_input lane_algebra condition
 loop_geometry self_intersections loop_triangulation surroundings implicit_surface variational_fill
 hole_detection fill_topology hole_result evening
 hole_choice smooth_fill flat_fill rim_creases

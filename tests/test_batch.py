@@ -78,11 +78,11 @@ def test_an_interrupted_batch_goes_on_where_it_was(tmp_path):
     command = [*MODULE, "batch", "smooth", "scans/*.ply", "--out", "out", "--jobs", "2"]
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     end = time.monotonic() + 120
-    while not list(tmp_path.glob("out/*.ply")) and time.monotonic() < end:
+    while not list(tmp_path.glob("out/[!.]*.ply")) and time.monotonic() < end:
         time.sleep(0.01)
     process.send_signal(signal.SIGINT)
     assert process.wait(timeout=60) != 0
-    before = {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("out/*.ply")}
+    before = {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("out/[!.]*.ply")}
     assert 0 < len(before) < 12
     summary = json.loads(run(*command[3:], "--json", cwd=tmp_path).stdout)
     assert (summary["done"], summary["skipped"], summary["failed"]) == (12 - len(before), len(before), 0)

@@ -68,5 +68,5 @@ def test_a_vertex_is_the_same_in_any_block(count):
     selected[3 : 3 + 5 * count : 5] = True
     some = estimate_vertex_geometry(vertices, faces, rings=2, alpha=0.8, selected=selected)
     for field in fields(every):
-        if field.name != "fit":
+        if isinstance(getattr(every, field.name), np.ndarray):
             np.testing.assert_array_equal(getattr(some, field.name)[selected], getattr(every, field.name)[selected])

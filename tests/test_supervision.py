@@ -12,7 +12,7 @@ import pytest
 
 from bezier_filters.interrupts import interrupts_held
 from bezier_filters.memory_limit import ALLOWANCE, memory_limited
-from bezier_filters.supervision import FAILED, crash_message, doing, run_supervised
+from bezier_filters.supervision import FAILED, crash_message, doing, processor_time_limited, run_supervised
 
 SAMPLES = Path(__file__).parent.parent / "sample_meshes"
 MODULE = [sys.executable, "-m", "bezier_filters"]
@@ -26,7 +26,7 @@ def in_python(code, **options):
 
 SUPERVISED = """
 import os, signal, sys
-from bezier_filters.supervision import doing, run_supervised
+from bezier_filters.supervision import doing, processor_time_limited, run_supervised
 def work():
     {work}
     return ""
@@ -51,6 +51,11 @@ print(run_supervised(work))
             f"(2, {crash_message('SIGSEGV', 'reading a.obj')!r})",
         ),
         ("os.kill(os.getpid(), signal.SIGKILL)", f"(2, {crash_message('SIGKILL')!r})"),
+        (
+            "with doing('reading a.3ds'), processor_time_limited(0.05):\n        while True: pass",
+            f"(2, {crash_message('SIGPROF', 'reading a.3ds')!r})",
+        ),
+        ("with processor_time_limited(0.05): pass\n    sum(range(10**7))", "(0, '')"),
         ("os.abort()", f"(2, {crash_message('SIGABRT')!r})"),
     ],
 )
@@ -107,7 +112,7 @@ def test_messages_name_what_was_done():
 def test_without_fork_the_work_is_done_here(monkeypatch):
     monkeypatch.delattr(os, "fork", raising=False)
     assert run_supervised(lambda: "") == (0, "")
-    with doing("reading"):
+    with doing("reading"), processor_time_limited(1e-9):  # nobody would say how this process ended
         assert run_supervised(lambda: "no") == (FAILED, "no")
 
 

@@ -1,0 +1,30 @@
+"""What fuzzing found, so that it stays mended."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+FUZZ = Path(__file__).parent.parent / "benchmarks" / "fuzz_files.py"
+
+# Named after the format and what its reader does with the file, and what that once did to the command line.
+FILES = {
+    "3DS, reader that runs in circles": 204,
+    "3DS, bus error": 448,
+    "3DS, memory beyond its end": 349,
+    "3DS, memory overwritten: then our own message could not be printed any more": 759,
+    "OBJ, abort": 541,
+    "OBJ, index beyond the vertices": 1209,
+    "OFF, index beyond the vertices": 708,
+    "PLY, memory beyond its end": 567,
+}
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no fork")
+@pytest.mark.parametrize("seed", FILES.values(), ids=FILES)
+def test_a_damaged_file_is_refused_or_reported(seed):
+    result = subprocess.run([sys.executable, FUZZ, "--seed", str(seed)], capture_output=True, encoding="utf-8")
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert "0 failures" in result.stdout

@@ -1,0 +1,151 @@
+"""The same bits whatever goes on: threads, repetition, processes, several threads of Python; and no memory is lost."""
+
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import fields, is_dataclass
+from hashlib import sha256
+
+import numpy as np
+import pytest
+from furnished import furnished, punched_torus
+from meshset_state import mesh_state
+
+from bezier_filters import estimate_vertex_geometry, fill_holes, smooth
+from bezier_filters.baselines import ouyang_feng_normals
+from bezier_filters.registration import FILTERS
+
+FUNCTIONS = {
+    "estimate": estimate_vertex_geometry,
+    "robust": lambda v, f, **options: estimate_vertex_geometry(v, f, robust=True, **options),
+    "points": lambda v, f, **options: estimate_vertex_geometry(v, None, **options),
+    "paper": lambda v, f, **options: estimate_vertex_geometry(v, f, smoothness="paper", **options),
+    "smooth": smooth,
+    "fill": fill_holes,
+    "ouyang_feng": ouyang_feng_normals,
+}
+RESOLUTION = 12
+
+
+def digest(value):
+    """Hash of every array and number in a result, to the bit."""
+    if is_dataclass(value):
+        return sha256(repr([digest(getattr(value, field.name)) for field in fields(value)]).encode()).hexdigest()
+    if isinstance(value, np.ndarray):
+        return sha256(np.ascontiguousarray(value).tobytes()).hexdigest()
+    if isinstance(value, list | tuple):
+        return sha256(repr([digest(part) for part in value]).encode()).hexdigest()
+    return repr(value)
+
+
+def result_of(name, threads=1, resolution=RESOLUTION):
+    return digest(FUNCTIONS[name](*punched_torus(resolution), threads=threads))
+
+
+def digest_of(ms):
+    return digest(sorted((key, str(value)) for key, value in mesh_state(ms).items()))
+
+
+def meshset_after(number, resolution=12):
+    ms = furnished(*punched_torus(resolution))
+    FILTERS[number](ms, threads=1)
+    return digest_of(ms)
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_threads_and_repetition_change_no_bit(name):
+    assert len({result_of(name, threads) for threads in (1, 2, 1, 2)}) == 1
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_python_threads_do_not_disturb_each_other(name):
+    sizes = [RESOLUTION, RESOLUTION + 4] * 3
+    alone = [result_of(name, resolution=size) for size in sizes[:2]]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(lambda size: result_of(name, 2, size), sizes))
+    assert together == alone * 3
+
+
+def test_many_mesh_sets_in_two_threads():
+    """The MeshSets are made and looked at in one thread: pymeshlab itself cannot do that in two."""
+    numbers = [*range(len(FILTERS))] * 2
+    alone = [meshset_after(number) for number in numbers]
+    meshsets = [furnished(*punched_torus()) for _ in numbers]
+    with ThreadPoolExecutor(2) as pool:
+        tasks = [pool.submit(FILTERS[number], ms, threads=1) for number, ms in zip(numbers, meshsets, strict=True)]
+        assert all(task.result() for task in tasks)
+    assert [digest_of(ms) for ms in meshsets] == alone
+
+
+POOL = """
+import multiprocessing, sys
+from concurrent.futures import ProcessPoolExecutor
+sys.path.insert(0, {tests!r})
+import test_load
+if __name__ == "__main__":
+    names = list(test_load.FUNCTIONS)
+    numbers = range(len(test_load.FILTERS))
+    here = [test_load.result_of(name, 2) for name in names] + [test_load.meshset_after(k) for k in numbers]
+    with ProcessPoolExecutor(2, multiprocessing.get_context({method!r})) as pool:
+        there = [pool.submit(test_load.result_of, name, 2) for name in names]
+        there += [pool.submit(test_load.meshset_after, k) for k in numbers]
+        assert [task.result() for task in there] == here
+"""
+
+
+@pytest.mark.parametrize(
+    "method",
+    [
+        pytest.param("fork", marks=pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")),
+        pytest.param("spawn", marks=pytest.mark.slow),
+    ],
+)
+def test_a_pool_of_processes_gives_the_same(method, tmp_path):
+    """The parent has used threads and compiled functions before it forks."""
+    script = tmp_path / "pool.py"
+    script.write_text(POOL.format(tests=os.path.dirname(__file__), method=method))
+    result = subprocess.run([sys.executable, script], capture_output=True, encoding="utf-8", timeout=300)
+    assert result.returncode == 0, result.stderr
+
+
+MEMORY = """
+import sys, gc, os
+sys.path.insert(0, {tests!r})
+import test_load
+from furnished import furnished, punched_torus
+def resident():
+    gc.collect()
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+def every(ms):
+    for function in test_load.FUNCTIONS.values():
+        function(vertices, faces, threads=2)
+    for function in test_load.FILTERS:
+        function(ms, threads=1)
+vertices, faces = punched_torus(12)
+ms = furnished()
+results = set()
+for k in range({warm}):
+    every(ms if {same} else furnished())
+before = resident()
+for k in range({times}):
+    every(ms if {same} else furnished())
+    results.add(test_load.result_of("estimate", 1 + k % 2, 12))
+after = resident()
+print(len(results), after / before)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux counts the memory of a process")
+@pytest.mark.parametrize("same", [True, False], ids=["one MeshSet", "new MeshSets"])
+def test_a_thousand_repetitions(same):
+    """Memory stays flat to 1 %, and the results the same."""
+    code = MEMORY.format(tests=os.path.dirname(__file__), warm=100, times=1000, same=same)
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8")
+    assert result.returncode == 0, result.stderr
+    different, growth = map(float, result.stdout.split())
+    print(f"memory after a thousand repetitions: {growth:.4f} times")
+    assert different == 1
+    assert growth < 1.01

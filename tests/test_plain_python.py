@@ -1,0 +1,106 @@
+"""Kernels say the same without the compiler; and so a debugger, and the measurement of coverage, can look into them."""
+
+import os
+import pickle
+import subprocess
+import sys
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+from furnished import punched_torus
+from numba import config
+
+from bezier_filters import baselines, boundary_loops, estimate_vertex_geometry, fill_holes, smooth, triangle_mesh
+from bezier_filters.self_intersections import cut_faces
+from bezier_filters.surfaces import block_with_sharp_edges, sphere, waves
+
+
+def mesh(name):
+    if name == "ring":
+        return punched_torus(9)
+    if name == "block":
+        vertices, faces = block_with_sharp_edges(resolution=4, jitter=0.2)
+        return vertices, faces[4:]
+    surface = {"ball": sphere, "sheet": waves}[name](resolution=4, jitter=0.2)
+    return surface.vertices, surface.faces
+
+
+def noisy(name):
+    vertices, faces = mesh(name)
+    return vertices + 0.02 * np.random.default_rng(0).standard_normal(vertices.shape), faces
+
+
+def folded(name):
+    """Some vertices far off, faces turned, vertices and faces alone."""
+    vertices, faces = noisy(name)
+    vertices[::7] *= 1.8
+    faces = np.vstack([faces, faces[:2, ::-1], [[0, 1, len(vertices)], [0, 0, 1]]])
+    faces[::9] = faces[::9, ::-1]
+    return np.vstack([vertices, [[3.0, 3.0, 3.0], [4.0, 4.0, 4.0]]]), faces
+
+
+CASES = {
+    "automatic": lambda: estimate_vertex_geometry(*noisy("ring"), conditions=True),
+    "fixed": lambda: estimate_vertex_geometry(*mesh("sheet"), rings=2, alpha=0.8, conditions=True),
+    "wide": lambda: estimate_vertex_geometry(*mesh("ball"), rings=3, alpha="auto", degree=4),
+    "paper": lambda: estimate_vertex_geometry(*mesh("ball"), smoothness="paper"),
+    "radius": lambda: estimate_vertex_geometry(*mesh("sheet"), radius=0.6),
+    "robust": lambda: estimate_vertex_geometry(*noisy("ball"), robust=True),
+    "creases": lambda: estimate_vertex_geometry(*mesh("block")),
+    "folded": lambda: estimate_vertex_geometry(*folded("ball"), rings=2, alpha=0.8),
+    "folded automatic": lambda: estimate_vertex_geometry(*folded("ring")),
+    "points": lambda: estimate_vertex_geometry(mesh("ball")[0], None, rings=2, alpha=0.8),
+    "smooth": lambda: smooth(*noisy("ball")),
+    "smooth a block": lambda: smooth(*noisy("block")),
+    "smooth a border": lambda: smooth(*noisy("sheet")),
+    "smooth, paper": lambda: smooth(*noisy("ring"), "paper", keep_volume=True),
+    "fill": lambda: fill_holes(*mesh("ring"), outer_rims=True),
+    "fill creases": lambda: fill_holes(*mesh("block"), outer_rims=True),
+    "fill, paper": lambda: fill_holes(*mesh("ring"), "paper", outer_rims=True),
+    "razdan_bae": lambda: baselines.razdan_bae(*mesh("ball")),
+    "ouyang_feng": lambda: baselines.ouyang_feng_normals(*mesh("ball")),
+    "loops": lambda: boundary_loops(triangle_mesh(*mesh("sheet"))),
+    "crossings": lambda: cut_faces(*folded("ball"), 40),
+}
+
+
+def arrays(result):
+    """The arrays of a result by name."""
+    if isinstance(result, np.ndarray):
+        return {"": result}
+    if isinstance(result, list | tuple):
+        return {str(k): np.asarray(part) for k, part in enumerate(result)}
+    found = {field.name: getattr(result, field.name) for field in fields(result)}
+    return {name: values for name, values in found.items() if isinstance(values, np.ndarray)}
+
+
+def everything():
+    return {name: arrays(case()) for name, case in CASES.items()}
+
+
+@pytest.mark.skipif(config.DISABLE_JIT, reason="is what the compiled functions are compared with")
+@pytest.mark.slow
+def test_kernels_say_the_same_without_the_compiler(tmp_path):
+    target = tmp_path / "plain"
+    code = f"import pickle, test_plain_python as t; pickle.dump(t.everything(), open({str(target)!r}, 'wb'))"
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONWARNINGS": "ignore"}
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).parent, env=environment)
+    plain = pickle.loads(target.read_bytes())
+    for name, expected in everything().items():
+        assert plain[name].keys() == expected.keys()
+        for part, values in expected.items():
+            lines = part.startswith("direction") or part.startswith("extremality")  # of either sign
+            found, values = (np.abs(a) if lines else a for a in (plain[name][part], values))
+            if values.dtype.kind in "iub":
+                np.testing.assert_array_equal(found, values, err_msg=f"{name}, {part}")
+            elif not lines:  # at umbilics they are arbitrary
+                scale = np.abs(values).max(initial=1e-300)
+                np.testing.assert_allclose(found, values, rtol=0, atol=1e-6 * scale, err_msg=f"{name}, {part}")
+
+
+@pytest.mark.skipif(not config.DISABLE_JIT, reason="runs in plain Python, for the measurement of coverage")
+@pytest.mark.parametrize("name", CASES)
+def test_in_plain_python(name):
+    assert all(np.isfinite(values).all() for values in arrays(CASES[name]()).values())

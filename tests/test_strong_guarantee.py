@@ -1,0 +1,259 @@
+"""A filter that raises, or is cancelled at any moment, leaves the MeshSet byte for byte as it was."""
+
+import inspect
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pymeshlab
+import pytest
+from furnished import furnished
+from meshset_state import changed, mesh_state
+
+from bezier_filters.errors import CancelledError
+from bezier_filters.hole_filter import meshing_close_holes_by_bezier_patch
+from bezier_filters.meshset import BezierFilterError
+from bezier_filters.registration import FILTERS
+
+VERTEX_FILTERS = [function for function in FILTERS if function is not meshing_close_holes_by_bezier_patch]
+TESTS = Path(__file__).parent
+
+
+class Stop(Exception):
+    pass
+
+
+def calls_of_progress(function):
+    """How often a filter calls back."""
+    calls = []
+    function(furnished(), progress=lambda *state: calls.append(state))
+    return len(calls)
+
+
+@pytest.mark.parametrize("before", [0, 1], ids=["first run", "second run"])
+@pytest.mark.parametrize("function", FILTERS)
+def test_stopping_at_any_callback_changes_nothing(function, before):
+    ms = furnished()
+    if before and function is meshing_close_holes_by_bezier_patch:
+        function(ms, maxholesize=7)  # leaves the larger holes
+    elif before:
+        function(ms)
+    state = mesh_state(ms)
+    total = calls_of_progress(function)
+    assert total > 0
+    for which in {0, total - 1}:
+        for answer in (False, Stop, KeyboardInterrupt):
+            calls = []
+
+            def progress(done, of, which=which, answer=answer, calls=calls):
+                calls.append(done)
+                if len(calls) <= which:
+                    return None
+                if answer is False:
+                    return False
+                raise answer
+
+            with pytest.raises(CancelledError if answer is False else answer):
+                function(ms, progress=progress)
+            assert changed(state, mesh_state(ms)) == set()
+    assert function(ms)  # and it still works
+
+
+def no_number(ms):
+    ms.compute_coord_by_function(x="vi == 7 ? 0/0 : x", y="y", z="z")
+
+
+def too_large(ms):
+    ms.compute_coord_by_function(x="vi == 7 ? 10^50 : x", y="y", z="z")
+
+
+def too_small(ms):
+    ms.compute_coord_by_function(x="x * 10^(-50)", y="y * 10^(-50)", z="z * 10^(-50)")
+
+
+def nothing_selected(ms):
+    ms.set_selection_none(allfaces=True, allverts=True)
+
+
+def no_vertices(ms):
+    ms.compute_selection_by_condition_per_vertex(condselect="1")
+    ms.meshing_remove_selected_vertices()
+
+
+@pytest.mark.parametrize("function", FILTERS)
+@pytest.mark.parametrize(
+    ("spoil", "options", "message"),
+    [
+        (no_number, {}, r"vertices: 1 of \d+ have a coordinate that is NaN or infinite; remove them"),
+        (too_large, {}, "beyond 1e.40, too large to compute with; remove them, or scale"),
+        (too_small, {}, "too small to compute with; scale the mesh"),
+        (no_vertices, {}, "is empty; load or create one with vertices"),
+        (nothing_selected, {"onselected": True}, "Select vertices or faces first, or pass onselected=False"),
+        (None, {"alpha": -1.0}, "alpha: got -1.0, expected"),
+        (None, {"threads": 0}, "threads: got 0, expected"),
+    ],
+)
+def test_a_refusal_names_the_remedy_and_changes_nothing(function, spoil, options, message):
+    ms = furnished()
+    if spoil is not None:
+        spoil(ms)
+    parameters = inspect.signature(function).parameters
+    if not options.keys() <= parameters.keys():
+        pytest.skip("has no such parameter")
+    if "alpha" in options and "method" in parameters:  # smoothing and hole filling have no other use for it
+        options = options | {"method": "paper"}
+    state = mesh_state(ms)
+    with pytest.raises(BezierFilterError, match=message):
+        function(ms, **options)
+    assert changed(state, mesh_state(ms)) == set()
+
+
+def written_by(function):
+    return function(furnished())["attributes"]
+
+
+@pytest.mark.parametrize("function", VERTEX_FILTERS)
+def test_attributes_in_the_way_are_named_with_the_remedy(function):
+    name = written_by(function)[0]
+    for spoil, message in [
+        (lambda mesh, n: mesh.add_vertex_custom_point_attribute(np.zeros((n, 3)), name), f"point attribute '{name}'"),
+        (lambda mesh, n: mesh.add_vertex_custom_scalar_attribute(np.zeros(n), "two words"), "two_words"),
+        (lambda mesh, n: mesh.add_vertex_custom_scalar_attribute(np.zeros(n), "1st"), "1st"),
+        (lambda mesh, n: mesh.add_vertex_custom_scalar_attribute(np.zeros(n), "x);system('ls"), "x"),
+    ]:
+        ms = furnished(layers=1)
+        spoil(ms.current_mesh(), ms.current_mesh().vertex_number())
+        known = list(ms.filter_parameter_values("ply"))
+        vertices = ms.current_mesh().vertex_matrix().tobytes()
+        with pytest.raises(BezierFilterError, match=r"generate_copy_of_current_mesh") as refused:
+            function(ms)
+        assert message in str(refused.value)
+        assert list(ms.filter_parameter_values("ply")) == known
+        assert ms.current_mesh().vertex_matrix().tobytes() == vertices
+        ms.generate_copy_of_current_mesh()  # the remedy
+        assert function(ms)
+
+
+@pytest.mark.parametrize("function", VERTEX_FILTERS)
+def test_strange_names_that_do_no_harm_stay_and_change_no_result(function):
+    plain, ms = furnished(), furnished()
+    values = np.random.default_rng(2).normal(size=ms.current_mesh().vertex_number())
+    names = ["x", "vi", "r", "sigma", "plof", "outlierScore"]
+    for name in names:
+        ms.current_mesh().add_vertex_custom_scalar_attribute(values, name)
+    for _ in range(2):
+        function(ms)
+        for name in function(plain)["attributes"]:
+            results = [mesh.current_mesh().vertex_custom_scalar_attribute_array(name) for mesh in (plain, ms)]
+            if name != "bz_normal_angle":  # to the normals of the run before
+                np.testing.assert_array_equal(*results)
+        for name in names:
+            np.testing.assert_array_equal(ms.current_mesh().vertex_custom_scalar_attribute_array(name), values)
+
+
+@pytest.mark.parametrize("function", VERTEX_FILTERS)
+def test_face_attributes_of_our_names_are_another_matter(function):
+    ms = furnished()
+    name = written_by(function)[0]
+    values = np.arange(float(ms.current_mesh().face_number()))
+    ms.current_mesh().add_face_custom_scalar_attribute(values, name)
+    assert name in function(ms)["attributes"]
+    np.testing.assert_array_equal(ms.current_mesh().face_custom_scalar_attribute_array(name), values)
+
+
+@pytest.mark.parametrize("function", FILTERS)
+def test_no_mesh_at_all(function):
+    with pytest.raises(BezierFilterError, match="load one with load_new_mesh"):
+        function(pymeshlab.MeshSet())
+    with pytest.raises(BezierFilterError, match=r"ms: got ndarray, expected a pymeshlab\.MeshSet"):
+        function(np.eye(3))
+
+
+@pytest.mark.parametrize("function", FILTERS)
+def test_moving_the_mesh_meanwhile_is_noticed(function):
+    ms = furnished()
+
+    def move(done, total):
+        ms.compute_coord_by_function(x="x + 1", y="y", z="z")
+
+    with pytest.raises(BezierFilterError, match="changed while the filter ran; nothing was written"):
+        function(ms, progress=move)
+    assert not any("bz_" in key for key in mesh_state(ms))
+
+
+@pytest.mark.parametrize("function", FILTERS)
+def test_other_layers_and_the_transform_stay(function):
+    plain, ms = furnished(layers=1), furnished(layers=4)
+    ms.compute_matrix_from_translation(axisx=5.0, freeze=False)
+    before = mesh_state(ms)
+    report, expected = function(ms), function(plain)
+    for key in ("status", "holes", "displacement"):
+        assert report.get(key) == expected.get(key)
+    np.testing.assert_array_equal(ms.current_mesh().vertex_matrix(), plain.current_mesh().vertex_matrix())
+    after = mesh_state(ms)
+    others = {key for key in changed(before, after) if not key.startswith(("0: ", f"{ms.current_mesh_id()}: "))}
+    assert others <= {"current"}
+    assert after[f"{ms.current_mesh_id()}: transform_matrix"] == before["0: transform_matrix"]
+
+
+INTERRUPTED = """
+import os, signal, sys, threading, time
+import numpy as np
+sys.path.insert(0, {tests!r})
+from furnished import furnished
+from meshset_state import changed, mesh_state
+from bezier_filters.registration import FILTERS
+
+function = FILTERS[{number}]
+rng = np.random.default_rng({seed})
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+done = furnished()
+function(done)
+begin = time.perf_counter()
+function(furnished())
+patience = time.perf_counter() - begin
+complete, counts = mesh_state(done), dict(untouched=0, complete=0)
+for _ in range({times}):
+    ms = furnished()
+    before = mesh_state(ms)
+    delay = rng.uniform(0, patience)
+    timer = threading.Timer(delay, os.kill, (os.getpid(), signal.SIGINT))
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        timer.start()
+        function(ms)
+        timer.join()
+        time.sleep(1)
+    except KeyboardInterrupt:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    after = mesh_state(ms)
+    if not changed(before, after):
+        counts["untouched"] += 1
+    else:
+        assert not changed(complete, after), changed(complete, after)
+        counts["complete"] += 1
+print(counts)
+"""
+
+
+def interrupt(number, times, seed=0):
+    code = INTERRUPTED.format(tests=str(TESTS), number=number, times=times, seed=seed)
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8")
+    assert result.returncode == 0, result.stderr
+    return eval(result.stdout)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_a_real_interrupt_leaves_the_old_state_or_the_new_one():
+    counts = interrupt(2, 12)
+    assert counts["untouched"] > 0
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+@pytest.mark.parametrize("number", range(len(FILTERS)))
+def test_hundreds_of_real_interrupts(number):
+    counts = interrupt(number, 300, seed=1)
+    assert sum(counts.values()) == 300
+    assert counts["untouched"] > 50
