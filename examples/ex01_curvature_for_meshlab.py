@@ -1,8 +1,8 @@
 """Curvature as colours that open in MeshLab.
 
 One sees a blob with bumps and dents: red where it is convex (positive mean curvature), blue where it is dented,
-green where it is flat or a saddle. ``curvature.ply`` holds the colours, the mean curvature as vertex quality and all
-other curvatures as ``bz_*`` columns; ``curvature.png`` is the picture of it, with a colour bar in 1/length.
+light grey where it is flat or a saddle. ``curvature.ply`` holds the colours, the mean curvature as vertex quality and
+all other curvatures as ``bz_*`` columns; ``curvature.png`` is the picture of it, with a colour bar in 1/length.
 """
 
 from pathlib import Path
@@ -25,8 +25,8 @@ def main(out: Path) -> dict[str, Any]:
         bf.Panel(vertices, faces, fields[column], label=label, unit=unit, signed=True, title=label)
         for column, label, unit in [
             ("quality", "mean curvature", "1/length"),
-            ("bz_gaussian_curvature", "Gaussian curvature", "1/length^2"),
-            ("bz_shape_index", "shape index", ""),
+            ("bz_gaussian_curvature", "Gaussian curvature", "1/length²"),
+            ("bz_shape_index", "shape index", "no unit"),
         ]
     ]
     bf.render_panels(out / "curvature.png", panels, views=["iso"], size=(400, 400))
