@@ -119,6 +119,7 @@ def tiled(source: Path, target: Path) -> dict[str, object]:
     start, store = time.perf_counter(), target.with_suffix(".tiles")
     report = estimate_file(source, target, workers=WORKERS, memory_limit=MEMORY_LIMIT, store=store, keep_store=True)
     report["seconds"]["all"] = time.perf_counter() - start
+    del report["input"], report["output"]
     (results,) = store.glob("results-*")
     report["seconds_of_tiles"] = [open_tile(results, tile).report["seconds"] for tile in range(report["tiles"])]
     return report

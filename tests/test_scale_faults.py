@@ -134,6 +134,8 @@ def test_other_tiles_are_refused(files, tmp_path):
     interrupted(files, tmp_path / "out.ply", 2)
     with pytest.raises(InvalidParameterError, match=r"^tile_vertices: got 512, .* has tiles of 256"):
         estimate_file(files, tmp_path / "out.ply", resume=True, **OPTIONS | {"tile_vertices": 512})
+    report = estimate_file(files, tmp_path / "out.ply", resume=True, **OPTIONS | {"tile_vertices": None})
+    assert (report["tile_vertices"], report["computed_tiles"] < report["tiles"]) == (256, True)
 
 
 @pytest.mark.parametrize("resume", [False, True])

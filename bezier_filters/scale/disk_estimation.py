@@ -133,14 +133,17 @@ def estimate_file(
     creases = options.creases
     opened, stages = open_source(source), Stages(progress)
     chosen_quality, chosen = _columns(quantity, quality, columns)
-    size, workers = tile_size(tile_vertices, memory_limit), worker_count(workers)
+    tile_size(tile_vertices, memory_limit)  # refused at once if there cannot be any
+    workers = worker_count(workers)
     folder = Path(store) if store is not None else Path(f"{os.fspath(target)}.tiles")
     parameters = {"quantity": quantity, "quality": chosen_quality, "columns": chosen, "options": asdict(options)}
     if not resume:
         check_room(opened, folder, Path(target), 3 * opened.dtype.itemsize + 8 * (len(chosen) + bool(chosen_quality)))
     with running(scheduler, workers=workers, memory_limit=memory_limit) as cluster:
         with stages.stage("sort") as report:
-            mesh = prepared_store(opened, folder, size, resume=resume, threads=workers, progress=report)
+            mesh = prepared_store(
+                opened, folder, tile_vertices, memory_limit, resume=resume, threads=workers, progress=report
+            )
         with stages.stage("learn"):
             fit = learn_fit(mesh, options, threads=workers)
         results = results_folder(mesh, parameters)

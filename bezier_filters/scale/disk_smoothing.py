@@ -93,14 +93,17 @@ def smooth_file(
     if isinstance(iterations, bool) or not isinstance(iterations, int) or iterations < 1:
         raise InvalidParameterError(f"iterations: got {iterations!r}, expected an integer of 1 or more")
     opened, stages = open_source(source), Stages(progress)
-    size, workers = tile_size(tile_vertices, memory_limit), worker_count(workers)
+    tile_size(tile_vertices, memory_limit)  # refused at once if there cannot be any
+    workers = worker_count(workers)
     folder = Path(store) if store is not None else Path(f"{os.fspath(target)}.tiles")
     computed, damaged = 0, list[int]()
     if not resume:
         check_room(opened, folder, Path(target), 40 * (1 + iterations))
     with running(scheduler, workers=workers, memory_limit=memory_limit) as cluster:
         with stages.stage("sort") as report:
-            mesh = prepared_store(opened, folder, size, resume=resume, threads=workers, progress=report)
+            mesh = prepared_store(
+                opened, folder, tile_vertices, memory_limit, resume=resume, threads=workers, progress=report
+            )
         current = mesh
         for step in range(iterations):
             results = results_folder(mesh, {"quantity": SMOOTHING, "options": asdict(options), "step": step})

@@ -117,9 +117,18 @@ def worker_count(workers: int | None) -> int:
 
 
 def prepared_store(
-    source: MeshSource, folder: Path, tile_vertices: int, *, resume: bool, threads: int, progress: Progress | None
+    source: MeshSource,
+    folder: Path,
+    tile_vertices: int | None,
+    memory_limit: int | None,
+    *,
+    resume: bool,
+    threads: int,
+    progress: Progress | None,
 ) -> Store:
     """The store of an earlier run, if it is to be resumed and is complete, or else a new one.
+
+    Tiles of an earlier run stay as they are, and tiles of another size may not be asked for.
 
     Raises
     ------
@@ -134,13 +143,14 @@ def prepared_store(
         raise InvalidParameterError(f"store: {folder} is there already; {hint}")
     if ours and is_store(folder):
         store = open_store(folder, source.fingerprint())
-        _check_layout(store.layout, tile_vertices, folder)
+        if tile_vertices is not None:
+            _check_layout(store.layout, tile_vertices, folder)
         return store
     if ours:  # the mesh was not sorted to the end
         shutil.rmtree(folder)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / MARK).touch()
-    return build_store(source, folder, tile_vertices, threads=threads, progress=progress)
+    return build_store(source, folder, tile_size(tile_vertices, memory_limit), threads=threads, progress=progress)
 
 
 def _check_layout(layout: Layout, tile_vertices: int, folder: Path) -> None:
