@@ -66,8 +66,8 @@ def compute_selection_by_bezier_crease_per_edge(
     angle : float
         Angle between faces in degrees, from which on an edge may be sharp.
     minstrength : float
-        Weaker lines are left out: their lengths in radii of the curvature across them, less where that hardly changes
-        across the line.
+        Weaker smooth lines are left out. The strength is the length in radii of the curvature across the line, less
+        where that hardly changes across it.
     rings : int or "auto"
         Size of the fitted neighbourhood in edges, at least 1. By default the data choose this and
         the next three, for the smallest predicted error at the noise that they have.

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.fill_topology import Fill, refined
+from bezier_filters.fill_topology import Fill, flipped, refined
 from bezier_filters.loop_geometry import area_vector, is_simple, plane_axes
 from bezier_filters.loop_triangulation import triangulate_loop
 from bezier_filters.surroundings import Surroundings
@@ -39,7 +39,9 @@ def flat_fill(around: Surroundings, origin: FloatArray, axes: FloatArray) -> Fil
     faces = triangulate_loop(flat[rim], rim, np.zeros((len(rim), 3)), angles, around.rim_edges)
     if faces is None or not _upright(flat, faces).all():
         return "the rim cannot be triangulated in the plane of its surroundings"
-    return refined(Fill(flat, around.sizes, faces, around.rim_count), around.rim_edges)
+    # Where the rim is straight there may be triangles without area; split, they would put vertices onto it.
+    fill = flipped(Fill(flat, around.sizes, faces, around.rim_count), around.rim_edges)
+    return refined(fill, around.rim_edges)
 
 
 def lifted_fill(around: Surroundings) -> Fill | None:

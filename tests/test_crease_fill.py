@@ -77,6 +77,24 @@ def test_ridges_and_valleys_are_continued(sign):
     np.testing.assert_allclose(z, -sign * np.abs(x), atol=1e-6)
 
 
+@pytest.mark.parametrize("center", [(-0.5, -0.5, 0.0), (-0.5, -0.5, -0.5), (0.0, 0.0, 0.25)])
+@pytest.mark.parametrize("seed", range(4))
+def test_rounding_decides_nothing(center, seed):
+    """Points of the edges that are continued lie on straight lines, where areas are zero but for rounding."""
+    vertices, faces = block_with_sharp_edges(resolution=24)
+    faces = without_faces_near(vertices, faces, np.array(center), 0.14)
+    turn = np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))[0]
+    turn *= np.linalg.det(turn)
+    result = fill_holes(vertices @ turn.T, faces)
+    assert_filled(vertices @ turn.T, faces, result)
+    assert filled_hole(result).method == "creases"
+    new = result.vertices[len(vertices) :] @ turn
+    x, y, z = new.T
+    in_notch = (x > -1e-6) & (y > -1e-6) & (z > -1e-6)
+    off = np.where(in_notch, np.abs(new).min(axis=1), off_the_cube(new))
+    assert off.max() < 1e-6
+
+
 def rounded_cube(radius, resolution, seed):
     """The cube [-1/2, 1/2]^3 with rounded edges, but for what is near the notch of the block."""
     vertices, faces = block_with_sharp_edges(resolution=resolution, jitter=0.2, seed=seed)
