@@ -1,5 +1,6 @@
 """Mesh files: load one into a MeshSet, save the current mesh whole or not at all, with one-line errors."""
 
+import locale
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -99,7 +100,7 @@ def load_mesh(path: str | os.PathLike[str]) -> MeshSet:
         check_header(path)
         size = path.stat().st_size
         patience = processor_time_limited(LEAST_PATIENCE + size / SLOWEST_READER)
-        with doing(f"reading {path}"), memory_limited(size), patience, _same_working_directory():
+        with doing(f"reading {path}"), memory_limited(size), patience, _process_as_it_was():
             meshset.load_new_mesh(str(path))
     except FieldFileError as error:
         raise BezierFilterError(f"cannot read {path}: it {str(error).removeprefix(f'{path} ')}") from error
@@ -152,7 +153,7 @@ def save_mesh(ms: MeshSet, path: str | os.PathLike[str], *, binary: bool = True,
         with atomic_write(target) as temporary, TemporaryDirectory(prefix=TEMPORARY, dir=target.parent) as folder:
             # The name inside the folder is the final one: an OBJ file names its MTL file after itself.
             staged = Path(folder) / target.name
-            with doing(f"writing {path}"), _same_working_directory():
+            with doing(f"writing {path}"), _process_as_it_was():
                 ms.save_current_mesh(str(staged), **_save_options(ms, staged, support, binary, attributes))
             if not staged.is_file():
                 raise BezierFilterError(f"cannot write {path}: pymeshlab wrote no file")
@@ -172,14 +173,19 @@ def save_mesh(ms: MeshSet, path: str | os.PathLike[str], *, binary: bool = True,
 
 
 @contextmanager
-def _same_working_directory() -> Iterator[None]:
-    """Go back afterwards: pymeshlab works in the directory of the file, and stays there when it fails."""
-    with one_at_a_time():  # there is one working directory for all threads
-        before = os.getcwd()
+def _process_as_it_was() -> Iterator[None]:
+    """Undo what pymeshlab does to the process.
+
+    It works in the directory of the file, and stays there when it fails; and some of its readers and writers leave
+    the locale "C" behind, in which Python takes the text of other processes for ASCII.
+    """
+    with one_at_a_time():  # there is one of each for all threads
+        directory, names = os.getcwd(), locale.setlocale(locale.LC_ALL)
         try:
             yield
         finally:
-            os.chdir(before)
+            os.chdir(directory)
+            locale.setlocale(locale.LC_ALL, names)
 
 
 def _save_options(ms: MeshSet, path: Path, support: FormatSupport, binary: bool, attributes: bool) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The fit of one vertex to fifty digits, from its definition: what the kernels compute up to rounding.
+"""The fit of one vertex to 150 digits, from its definition: what the kernels compute up to rounding.
 
 It shares no code with the package. Third-order smoothness: the coefficient of s^a t^b, on the square around the
 neighbourhood that is [-1, 1]^2 in s and t, weighs ((1 - alpha) / alpha)^2 / C(a + b, a) where a + b >= 3.
@@ -9,7 +9,7 @@ from math import comb
 import mpmath
 from mpmath import mpf
 
-mpmath.mp.dps = 50
+mpmath.mp.dps = 150
 DEGREE = 3
 EXPONENTS = [(a, b) for a in range(DEGREE + 1) for b in range(DEGREE + 1)]
 

@@ -1,3 +1,4 @@
+import locale
 import os
 from pathlib import Path
 
@@ -181,6 +182,14 @@ def test_a_file_that_cannot_be_read_leaves_the_working_directory(tmp_path, monke
     with pytest.raises(BezierFilterError, match="cannot read"):
         load_mesh("folder/bad.ply")
     assert Path.cwd() == tmp_path
+
+
+def test_the_locale_stays_as_it_was(tmp_path, result):
+    """The writer of 3MF leaves the locale "C" behind."""
+    before = locale.setlocale(locale.LC_ALL)
+    for suffix in SAVE_SUFFIXES:
+        save_mesh(result, tmp_path / f"out{suffix}")
+        assert locale.setlocale(locale.LC_ALL) == before
 
 
 def test_only_ply_holds_quality_and_columns():

@@ -1,4 +1,4 @@
-"""The kernels against the same fits to fifty digits, on neighbourhoods that are as bad as they come."""
+"""The kernels against the same fits to 150 digits, on neighbourhoods that are as bad as they come."""
 
 import mpmath
 import numpy as np
@@ -56,7 +56,7 @@ def test_rounding_errors_of_hundreds_of_damaged_meshes():
     found = []
     for seed in range(400):
         vertices, faces = mutated(seed)
-        if np.isfinite(vertices).all() and 1e-40 < np.abs(vertices).max() < 1e40:
+        if len(faces) and np.isfinite(vertices).all() and 1e-40 < np.abs(vertices).max() < 1e40:
             found += check(vertices, faces, ALPHAS[seed % 4], 2, rng)
     assert len(found) > 400
     print(f"{len(found)} fits; largest parts of the bound: {np.max(found, axis=0)[:2]}; largest condition: ", end="")
