@@ -29,7 +29,7 @@ check: .venv-dev/ready  ## style (ruff) and types (mypy)
 	.venv-dev/bin/ruff format --check .
 	.venv-dev/bin/mypy
 
-coverage: .venv-dev/ready  ## lines and branches that the tests run, kernels in plain Python (takes half an hour)
+coverage: .venv-dev/ready  ## lines and branches that the tests run, kernels in plain Python (takes some minutes)
 	.venv-dev/bin/coverage erase
 	.venv-dev/bin/coverage run -m pytest -q
 	NUMBA_DISABLE_JIT=1 .venv-dev/bin/coverage run -m pytest -q tests/test_plain_python.py
