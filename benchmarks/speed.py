@@ -135,7 +135,10 @@ def resident(field: str) -> int:
 
 def returned(result: object) -> int:
     """Bytes of the arrays of a result, but for standard errors that were not estimated, which take no room."""
-    parts = vars(result) if isinstance(result, bf.VertexGeometry) else dict(enumerate(result or ()))
+    if isinstance(result, bf.VertexGeometry):
+        parts = vars(result)
+    else:
+        parts = dict(enumerate(result)) if isinstance(result, tuple) else {"values": result}
     arrays = {name: part for name, part in parts.items() if isinstance(part, np.ndarray)}
     return sum(array.nbytes for name, array in arrays.items() if "std" not in str(name) or array.any())
 
