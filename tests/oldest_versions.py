@@ -6,8 +6,6 @@ python tests/oldest_versions.py > constraints.txt
 import re
 from pathlib import Path
 
-import tomllib
-
 ROOT = Path(__file__).parent.parent
 EXTRAS = ("viz", "convert")
 """What users can install; the tools of the other extras may be as new as they like."""
