@@ -13,7 +13,6 @@ the coefficients is a small multiple of kappa^2 times the unit roundoff.
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
-from bezier_filters.lanes import LANES
 from bezier_filters.lean import inner_njit
 
 
@@ -52,12 +51,3 @@ def factor_condition(factor: FloatArray, order: int, column: FloatArray) -> floa
             length += column[i] * column[i]
         total += length * squared
     return float(np.sqrt(order * total))
-
-
-@inner_njit()
-def lane_condition(factors: FloatArray, lane: int, order: int, work: FloatArray) -> float:
-    """The same for one of eight factors side by side; work space of order (order + 3) / 2."""
-    size = order * (order + 1) // 2
-    for k in range(size):
-        work[k] = factors[LANES * k + lane]
-    return factor_condition(work, order, work[size:])

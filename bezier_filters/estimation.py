@@ -101,7 +101,8 @@ def estimate_vertex_geometry(
     selected : (n,) bool, optional
         Vertices to estimate; the others get zeros and `FitStatus.SKIPPED`.
     conditions : bool
-        Whether the result has the condition number of every fit.
+        Whether the result has the condition number of every fit. Vertices are then fitted one at a time, which takes
+        some three times as long and gives the same up to rounding.
     threads : int, optional
         Number of threads; by default BEZIER_FILTERS_THREADS or all usable cores. The result
         does not depend on it.

@@ -218,15 +218,16 @@ def _run(
         geometry.extremality_max,
         geometry.displacements,
     )
-    conditions = np.empty(0) if geometry.condition_number is None else geometry.condition_number
     errors = StandardErrors(geometry.normal_std, geometry.mean_curvature_std, geometry.gaussian_curvature_std)
 
-    # Lanes are compiled code only; reweighting by residuals takes each vertex its own number of rounds.
+    # Lanes are compiled code only; reweighting by residuals takes each vertex its own number of rounds;
+    # condition numbers are asked for rarely, and everybody would wait for their compilation.
     compiled = not config.DISABLE_JIT  # type: ignore[attr-defined]
-    kernel_task = lane_task if compiled and not fit.rounds else scalar_task
+    in_lanes = compiled and not fit.rounds and geometry.condition_number is None
 
     def make_task() -> RangeTask:
-        return kernel_task(mesh, fit, ids, result, errors, geometry.residual, geometry.rings_used, conditions, outcomes)
+        arguments = mesh, fit, ids, result, errors, geometry.residual, geometry.rings_used, outcomes
+        return lane_task(*arguments) if in_lanes else scalar_task(*arguments, geometry.condition_number)
 
     run_in_chunks(make_task, len(ids), threads=threads, progress=progress)
     return outcomes

@@ -44,12 +44,11 @@ def lane_task(
     errors: StandardErrors,
     residuals: FloatArray,
     rings_used: IntArray,
-    conditions: FloatArray,
     outcomes: ByteArray,
 ) -> RangeTask:
     """Task for one thread: fit the vertices ids[start:stop]; write their geometry and outcomes[start:stop].
 
-    The same as `scalar_kernel.scalar_task`, up to rounding, but without reweighting by residuals.
+    The same as `scalar_kernel.scalar_task`, up to rounding, but without reweighting by residuals and condition numbers.
     """
     n = len(mesh.vertices)
     visited, members = np.zeros(n, dtype=np.bool_), np.empty(n + 1, dtype=np.int32)
@@ -71,7 +70,6 @@ def lane_task(
                 errors,
                 residuals,
                 rings_used,
-                conditions,
                 outcomes,
             )
             if start < stop:  # there a block needs more room, and is collected once more
@@ -94,7 +92,6 @@ def fit_in_lanes(
     errors: StandardErrors,
     residuals: FloatArray,
     rings_used: IntArray,
-    conditions: FloatArray,
     outcomes: ByteArray,
 ) -> tuple[int, int]:
     """Fit the vertices ids[start:stop] as far as there is room; return how far, and the room that is needed next."""
@@ -112,7 +109,7 @@ def fit_in_lanes(
             point_to_farthest(work.points, capacity, work.counts, work.neighbours, work.total, work.frame)
         _project(fit.square, capacity, most, work)
         _fit_heights(fit, capacity, most, work)
-        write_block(fit, mesh.origin, block, work, of_block, result, errors, residuals, rings_used, conditions)
+        write_block(fit, mesh.origin, block, work, of_block, result, errors, residuals, rings_used)
     return stop, 0
 
 

@@ -3,7 +3,6 @@
 from typing import Any
 
 from bezier_filters.arrays import ByteArray, FloatArray, IntArray
-from bezier_filters.condition import lane_condition
 from bezier_filters.jets import GraphGeometry
 from bezier_filters.kernel_input import FITTED, ILL_POSED, KernelFit
 from bezier_filters.lane_errors import standard_errors
@@ -29,7 +28,6 @@ def write_block(
     errors: StandardErrors,
     residuals: FloatArray,
     rings_used: IntArray,
-    conditions: FloatArray,
 ) -> None:
     """Write the geometry of the vertices of a block, and which of them are ill posed."""
     has_third = fit.highest_power >= 2 * 3  # a lower degree says nothing of third derivatives
@@ -56,8 +54,6 @@ def write_block(
         _write(work.outputs, lane, has_third, i, result)
         residuals[i] = work.outputs[LANES * RESIDUAL + lane]
         rings_used[i] = work.rings[lane]
-        if len(conditions):
-            conditions[i] = lane_condition(work.matrix, lane, fit.exponents.shape[0], work.one_factor)
         if has_errors:
             place = LANES * STANDARD_ERRORS + lane
             errors.normal[i] = work.outputs[place]

@@ -38,7 +38,6 @@ class LaneWorkspace(NamedTuple):
     jets: FloatArray  # (16)
     outputs: FloatArray  # (OUTPUTS)
     one_frame: FloatArray  # (9,): of one vertex
-    one_factor: FloatArray  # of one vertex, and a column
 
 
 def lane_workspace(fit: KernelFit, capacity: int) -> LaneWorkspace:
@@ -65,5 +64,4 @@ def lane_workspace(fit: KernelFit, capacity: int) -> LaneWorkspace:
         aligned(16),
         aligned(OUTPUTS),
         np.empty(9),
-        np.empty(order * (order + 3) // 2),
     )

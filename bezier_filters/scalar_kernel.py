@@ -65,14 +65,18 @@ def scalar_task(
     errors: StandardErrors,
     residuals: FloatArray,
     rings_used: IntArray,
-    conditions: FloatArray,
     outcomes: ByteArray,
+    conditions: FloatArray | None = None,
 ) -> RangeTask:
-    """Task for one thread: fit the vertices ids[start:stop]; write their geometry and outcomes[start:stop]."""
+    """Task for one thread: fit the vertices ids[start:stop]; write their geometry and outcomes[start:stop].
+
+    Condition numbers are written where there is an array for them.
+    """
+    wanted = np.empty(0) if conditions is None else conditions
     n = len(mesh.vertices)
     visited, members = np.zeros(n, dtype=np.bool_), np.empty(n + 1, dtype=np.int32)
     return lambda start, stop: fit_vertices(
-        mesh, fit, ids, start, stop, visited, members, result, errors, residuals, rings_used, conditions, outcomes
+        mesh, fit, ids, start, stop, visited, members, result, errors, residuals, rings_used, outcomes, wanted
     )
 
 
@@ -89,8 +93,8 @@ def fit_vertices(
     errors: StandardErrors,
     residuals: FloatArray,
     rings_used: IntArray,
-    conditions: FloatArray,
     outcomes: ByteArray,
+    conditions: FloatArray,
 ) -> None:
     """Fit the vertices ids[start:stop]; write their geometry and outcomes[start:stop].
 
