@@ -11,14 +11,13 @@ from bezier_filters.adaptive_fit import choose_fit, first_features, fit_parts, w
 from bezier_filters.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.ball_fit import fit_in_balls
-from bezier_filters.compilation import first_compilation
 from bezier_filters.creases import crease_vertices
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.fallbacks import fit_with_fallbacks
+from bezier_filters.first_call import first_call
 from bezier_filters.fitting import PatchFit
 from bezier_filters.frames import tangent_planes
 from bezier_filters.kernel_input import KernelMesh, kernel_mesh
-from bezier_filters.lane_kernel import fit_in_lanes
 from bezier_filters.learning import learn_surface
 from bezier_filters.mesh import TriangleMesh, triangle_mesh
 from bezier_filters.model_tree import Leaf
@@ -143,7 +142,7 @@ def estimate_vertex_geometry(
     mask = None if selected is None else _checked_mask(selected, mesh.vertex_count)
     threads = thread_count(threads)
 
-    with first_compilation(fit_in_lanes):
+    with first_call():
         ordered = in_spatial_order(mesh, threads=threads)
         mesh, order = ordered.mesh, ordered.order
         if mesh.face_count:

@@ -10,14 +10,13 @@ from scipy.sparse import csr_array
 from bezier_filters.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.automatic_smoothing import denoise
-from bezier_filters.compilation import first_compilation
 from bezier_filters.creases import crease_vertices
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation import estimate_vertex_geometry
+from bezier_filters.first_call import first_call
 from bezier_filters.flips import BadFaces, bad_faces, without_new_flips
 from bezier_filters.frames import tangent_planes
 from bezier_filters.kernel_input import kernel_mesh
-from bezier_filters.lane_kernel import fit_in_lanes
 from bezier_filters.lean import lean_njit
 from bezier_filters.learning import learn_surface
 from bezier_filters.mesh import TriangleMesh, triangle_mesh
@@ -118,7 +117,7 @@ def smooth(
     adjacency = vertex_adjacency(mesh)
     if borders == "fixed":
         movable = movable & ~adjacency.on_boundary
-    with first_compilation(fit_in_lanes):
+    with first_call():
         noise_before = noise if noise is not None else noise_of(mesh, adjacency, threads=threads)
         points, sharpness = mesh.vertices, np.zeros(mesh.vertex_count)
         for k in range(iterations):

@@ -36,7 +36,7 @@ plans
 model_tree
 learning
 fallbacks
-adaptive_fit ball_fit
+adaptive_fit ball_fit first_call
 outliers
 estimation worker_processes
 scale
