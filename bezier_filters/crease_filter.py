@@ -9,7 +9,7 @@ from bezier_filters.crease_lines import COLORS, CreaseLine, Creases, edge_mesh, 
 from bezier_filters.errors import InvalidMeshError
 from bezier_filters.estimation import Automatic
 from bezier_filters.fields import ScalarField
-from bezier_filters.meshset import CurrentMesh, Length, Mesh, MeshSet, current_mesh, preserved_filter_script
+from bezier_filters.meshset import CurrentMesh, Length, Mesh, MeshSet, current_mesh
 from bezier_filters.parallel import Progress
 from bezier_filters.smoothness import Smoothness
 from bezier_filters.vertex_filter import FitOptions, fitted
@@ -115,23 +115,27 @@ def compute_selection_by_bezier_crease_per_edge(
     (12, 12, 8)
     """
     fit = FitOptions(rings, radius, alpha, degree, smoothness, robust, threads, progress)
-    found: list[Creases] = []
+    layers: list[int] = []
 
     def work(mesh: CurrentMesh, mask: BoolArray) -> Computed:
         creases = creases_of(mesh, fit, angle, minstrength)
-        found.append(creases)
-        return Computed(_columns(creases, len(mask)), mask, {"status": creases.geometry.status_counts()})
+
+        def select_and_add_lines() -> None:
+            ms.compute_selection_by_condition_per_vertex(condselect=f"{COLUMNS[0]} != 0")
+            if polylines and creases.lines:
+                layers.append(_add_polylines(ms, creases))
+
+        report = {
+            "status": creases.geometry.status_counts(),
+            "lines": [described(line) for line in creases.lines],
+            "sharp_edges": len(creases.sharp_edges),
+        }
+        return Computed(_columns(creases, len(mask)), mask, report, write_more=select_and_add_lines)
 
     report = run_filter(ms, list(COLUMNS), work, Output(None, False, False, "Turbo", 0.0))
-    creases = found[0]
-    with preserved_filter_script(ms):
-        ms.compute_selection_by_condition_per_vertex(condselect=f"{COLUMNS[0]} != 0")
-        layer = _add_polylines(ms, creases) if polylines and creases.lines else None
     return report | {
-        "lines": [described(line) for line in creases.lines],
         "selected_vertices": current_mesh(ms).selected_vertex_number(),
-        "sharp_edges": len(creases.sharp_edges),
-        "polylines_id": layer,
+        "polylines_id": layers[0] if layers else None,
     }
 
 

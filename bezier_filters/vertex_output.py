@@ -64,6 +64,8 @@ class Computed:
         New coordinates.
     normals : dict of str
         Expressions for the vertex normals by parameter of pymeshlab's filter; none if they stay.
+    write_more : callable, optional
+        Writes what else the filter found, after the columns and with them: no interrupt comes between.
     """
 
     columns: Columns
@@ -71,6 +73,7 @@ class Computed:
     report: dict[str, Any]
     vertices: FloatArray | None = None
     normals: dict[str, str] = field(default_factory=dict)
+    write_more: Callable[[], None] | None = None
 
 
 Work = Callable[[CurrentMesh, BoolArray], Computed]
@@ -168,6 +171,8 @@ def _write(
         if limits is not None:
             with watch.timing("color"):
                 color_by_quality(ms, *limits, _color_map(output).name)
+        if computed.write_more is not None:
+            computed.write_more()
 
 
 def _check_coloring(output: Output) -> None:
