@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import bezier_filters as bf
-from bezier_filters.adjacency import vertex_adjacency
-from bezier_filters.creases import crease_vertices
-from bezier_filters.frames import tangent_planes
-from bezier_filters.mesh import triangle_mesh
-from bezier_filters.spatial_order import in_spatial_order
+from bezier_filters.meshes.adjacency import vertex_adjacency
+from bezier_filters.meshes.creases import crease_vertices
+from bezier_filters.meshes.frames import tangent_planes
+from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.meshes.spatial_order import in_spatial_order
 from speed import noisy, subdivided_bunny
 
 VERTICES, FACES = subdivided_bunny(1)

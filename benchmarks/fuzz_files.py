@@ -74,9 +74,9 @@ def command_line(arguments: list[str], said: Path) -> int:
         resource.setrlimit(resource.RLIMIT_CPU, (PATIENCE, PATIENCE))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         sys.argv = ["bezier-filters", *arguments]
-        from bezier_filters import cli
+        from bezier_filters.cli.commands import main
 
-        cli.main()
+        main()
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else 98
     except BaseException:
@@ -126,7 +126,7 @@ def load_everything() -> None:
     """Load the libraries and compiled functions that every process inherits."""
     import pymeshlab
 
-    from bezier_filters.registration import FILTERS
+    from bezier_filters.meshlab.registration import FILTERS
 
     for function in FILTERS:
         ms = pymeshlab.MeshSet()

@@ -22,8 +22,8 @@ import numpy as np
 import pymeshlab
 
 import bezier_filters as bf
-from bezier_filters.frames import tangent_planes
-from bezier_filters.meshset import shipped_bunny
+from bezier_filters.meshes.frames import tangent_planes
+from bezier_filters.meshlab.meshset import shipped_bunny
 from peers import (
     Estimate,
     Method,

@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from bezier_filters import estimate_vertex_geometry
-from bezier_filters.fields import CURVATURE_FIELDS, curvature_columns
+from bezier_filters.files.fields import CURVATURE_FIELDS, curvature_columns
 from bezier_filters.scale import estimate_file
 from bezier_filters.scale.joined_file import FACE, ply_head
 from bezier_filters.scale.mesh_source import open_source

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 import bezier_filters as bf
-from bezier_filters.frames import tangent_planes
+from bezier_filters.meshes.frames import tangent_planes
 from half_edges import HalfEdges, half_edges, next_edge, origin, previous_edge, vertex_star
 
 QUALITIES = (0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 0.01, 0.01)

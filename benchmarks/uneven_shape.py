@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bezier_filters.meshset import shipped_bunny
+from bezier_filters.meshlab.meshset import shipped_bunny
 from bezier_filters.surfaces import SampledSurface
 from limit_surface import limit_surface
 from peers import (

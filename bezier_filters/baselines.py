@@ -10,15 +10,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
-from bezier_filters.adjacency import vertex_adjacency
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.estimation import estimate_vertex_geometry
-from bezier_filters.frames import tangent_planes
-from bezier_filters.mesh import triangle_mesh
-from bezier_filters.parallel import Progress, RangeTask, run_in_chunks, thread_count
-from bezier_filters.smoothness import Smoothness
-from bezier_filters.vertex_geometry import VertexGeometry
+from bezier_filters.estimation.estimate import estimate_vertex_geometry
+from bezier_filters.estimation.vertex_geometry import VertexGeometry
+from bezier_filters.meshes.adjacency import vertex_adjacency
+from bezier_filters.meshes.frames import tangent_planes
+from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.patches.smoothness import Smoothness
+from bezier_filters.runtime.parallel import Progress, RangeTask, run_in_chunks, thread_count
 
 ShapeEquations = Literal["edges", "twists"]
 _SMOOTHNESS: dict[ShapeEquations, Smoothness] = {"edges": "paper", "twists": "twists"}

@@ -77,7 +77,7 @@ def _indented(code: str) -> str:
 
 def command_line() -> str:
     """Every command with its arguments and options, as typer documents them."""
-    command = [sys.executable, "-m", "typer", "bezier_filters.cli", "utils", "docs"]
+    command = [sys.executable, "-m", "typer", "bezier_filters.cli.commands", "utils", "docs"]
     command += ["--name", "bezier-filters", "--title", "Command line"]
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
     completion = "`bezier-filters --install-completion` makes the shell complete commands and options."

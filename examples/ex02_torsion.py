@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import bezier_filters as bf
-from bezier_filters.mesh_files import save_mesh
+from bezier_filters.meshlab.mesh_files import save_mesh
 from common import arrays, load, run
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pymeshlab
 
 import bezier_filters as bf
-from bezier_filters.mesh_files import save_mesh
+from bezier_filters.meshlab.mesh_files import save_mesh
 from bezier_filters.surfaces import torus
 from common import run
 

@@ -12,7 +12,7 @@ import numpy as np
 import pymeshlab
 
 import bezier_filters as bf
-from bezier_filters.mesh_files import save_mesh
+from bezier_filters.meshlab.mesh_files import save_mesh
 from common import arrays, load, run
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 import bezier_filters as bf
-from bezier_filters.meshset import shipped_bunny
+from bezier_filters.meshlab.meshset import shipped_bunny
 from common import flat_panel, run
 
 OLD, NEW = (0.75, 0.75, 0.75), (1.0, 0.6, 0.2)

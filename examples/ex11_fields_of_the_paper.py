@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 import bezier_filters as bf
-from bezier_filters.color_range import color_range
-from bezier_filters.meshset import shipped_bunny
-from bezier_filters.sheets import round_limits
+from bezier_filters.colors.color_range import color_range
+from bezier_filters.meshlab.meshset import shipped_bunny
+from bezier_filters.pictures.sheets import round_limits
 from common import run
 
 SETTINGS: dict[str, dict[str, Any]] = {

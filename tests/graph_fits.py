@@ -4,10 +4,10 @@ import numpy as np
 from scipy.spatial import Delaunay
 
 from bezier_filters import FitStatus, triangle_mesh, vertex_adjacency
-from bezier_filters.fallbacks import Attempt, fit_with_fallbacks
-from bezier_filters.frames import TangentPlanes
-from bezier_filters.kernel_input import FITTED, kernel_mesh
-from bezier_filters.vertex_geometry import empty_geometry
+from bezier_filters.estimation.fallbacks import Attempt, fit_with_fallbacks
+from bezier_filters.estimation.vertex_geometry import empty_geometry
+from bezier_filters.kernels.kernel_input import FITTED, kernel_mesh
+from bezier_filters.meshes.frames import TangentPlanes
 
 
 def fit_over_plane_z(x, y, z, fit, rings, ids=None):

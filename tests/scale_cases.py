@@ -6,7 +6,7 @@ import json
 import numpy as np
 
 from bezier_filters import estimate_vertex_geometry, read_fields
-from bezier_filters.fields import curvature_columns
+from bezier_filters.files.fields import curvature_columns
 from bezier_filters.surfaces import bumpy_star, waves
 
 

@@ -25,9 +25,9 @@ from bezier_filters import (
     vertex_patch,
 )
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
-from bezier_filters.mesh import LARGEST, SMALLEST
-from bezier_filters.meshset import BezierFilterError
-from bezier_filters.registration import FILTERS
+from bezier_filters.meshes.mesh import LARGEST, SMALLEST
+from bezier_filters.meshlab.meshset import BezierFilterError
+from bezier_filters.meshlab.registration import FILTERS
 from bezier_filters.status import FitStatus
 
 ESTIMATES = {

@@ -5,7 +5,7 @@ from pathlib import Path
 import pymeshlab
 import pytest
 
-from bezier_filters.atomic import atomic_write
+from bezier_filters.runtime.atomic import atomic_write
 
 
 def names(folder: Path) -> list[str]:

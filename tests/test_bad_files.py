@@ -13,12 +13,13 @@ from file_mutations import mutated_file, sound_files
 from furnished import furnished, punched_torus
 
 import bezier_filters
-from bezier_filters import cli, read_fields
+from bezier_filters import read_fields
+from bezier_filters.cli import commands as command_line
 from bezier_filters.errors import FieldFileError
-from bezier_filters.mesh_files import SAVE_SUFFIXES, load_mesh, save_mesh
-from bezier_filters.mesh_headers import check_header
-from bezier_filters.meshset import BezierFilterError
-from bezier_filters.registration import FILTERS
+from bezier_filters.files.mesh_headers import check_header
+from bezier_filters.meshlab.mesh_files import SAVE_SUFFIXES, load_mesh, save_mesh
+from bezier_filters.meshlab.meshset import BezierFilterError
+from bezier_filters.meshlab.registration import FILTERS
 
 SAMPLES = Path(__file__).parent.parent / "sample_meshes"
 COMMANDS = {
@@ -72,7 +73,7 @@ def run(tmp_path, monkeypatch):
         monkeypatch.setattr(sys, "argv", ["bezier-filters", *map(str, arguments)])
         code = 0
         try:
-            return cli._run()
+            return command_line._run()
         except SystemExit as end:
             code = end.code
         assert code == 0, arguments
@@ -134,8 +135,8 @@ FULL = """
 import os, resource, signal, sys
 sys.path.insert(0, {tests!r})
 from furnished import punched_torus
-from bezier_filters.mesh_files import save_mesh
-from bezier_filters.meshset import BezierFilterError, Mesh, MeshSet
+from bezier_filters.meshlab.mesh_files import save_mesh
+from bezier_filters.meshlab.meshset import BezierFilterError, Mesh, MeshSet
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 os.chdir({folder!r})
 for suffix in {suffixes!r}:
@@ -177,7 +178,7 @@ def test_a_writer_that_ends_the_process_on_a_full_disk_is_reported(tmp_path):
         "import resource, signal, sys; signal.signal(signal.SIGXFSZ, signal.SIG_IGN);"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (4000, 4000));"
         f"sys.argv = ['bezier-filters', 'normals', {str(SAMPLES / 'torus.ply')!r}, 'out.3mf'];"
-        "from bezier_filters.cli import main; main()"
+        "from bezier_filters.cli.commands import main; main()"
     )
     result = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, encoding="utf-8")
     assert result.returncode == 2
@@ -192,7 +193,7 @@ def test_an_output_survives_a_kill_in_the_middle(tmp_path):
 import sys
 sys.path.insert(0, {str(Path(__file__).parent)!r})
 from furnished import furnished, punched_torus
-from bezier_filters.mesh_files import save_mesh
+from bezier_filters.meshlab.mesh_files import save_mesh
 small, large = furnished(*punched_torus(8)), furnished(*punched_torus(24))
 print("ready", flush=True)
 while True:
@@ -277,7 +278,7 @@ def test_faces_on_vertices_that_are_not_there_are_refused(tmp_path, monkeypatch)
 
             return View
 
-    monkeypatch.setattr("bezier_filters.mesh_files.MeshSet", Careless)
+    monkeypatch.setattr("bezier_filters.meshlab.mesh_files.MeshSet", Careless)
     with pytest.raises(BezierFilterError, match="faces on vertices that are not in it"):
         load_mesh(SAMPLES / "torus.ply")
 

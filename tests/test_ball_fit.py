@@ -5,7 +5,7 @@ import pytest
 from compiled import from_python
 
 from bezier_filters import InvalidParameterError, estimate_vertex_geometry
-from bezier_filters.neighbourhoods import collect_ball
+from bezier_filters.meshes.neighbourhoods import collect_ball
 from bezier_filters.surfaces import ellipsoid, sphere, waves
 
 

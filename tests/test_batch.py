@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from bezier_filters import read_fields
-from bezier_filters.cli import main
-from bezier_filters.worker_processes import run_in_processes
+from bezier_filters.cli.commands import main
+from bezier_filters.runtime.worker_processes import run_in_processes
 
 SAMPLES = Path(__file__).parent.parent / "sample_meshes"
 MODULE = [sys.executable, "-m", "bezier_filters"]

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bezier_filters.bernstein import bernstein_basis, centred_monomials, design_matrix
+from bezier_filters.patches.bernstein import bernstein_basis, centred_monomials, design_matrix
 
 parameters = st.floats(-0.5, 1.5)
 degrees = st.integers(0, 8)

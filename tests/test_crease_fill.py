@@ -3,8 +3,8 @@ import pytest
 from hole_cases import assert_filled, sheet, without_faces_near
 
 from bezier_filters import fill_holes
-from bezier_filters.crease_curves import bending_energy, corner_of, evenly_spaced, groupings, hermite_curve
-from bezier_filters.rim_creases import CreaseEnd
+from bezier_filters.holes.crease_curves import bending_energy, corner_of, evenly_spaced, groupings, hermite_curve
+from bezier_filters.holes.rim_creases import CreaseEnd
 from bezier_filters.surfaces import block_with_sharp_edges
 
 

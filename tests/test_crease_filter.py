@@ -10,10 +10,10 @@ from test_filters import load
 from typer.testing import CliRunner
 
 from bezier_filters import estimate_vertex_geometry, find_creases
-from bezier_filters.cli import app
-from bezier_filters.crease_filter import COLUMNS, compute_selection_by_bezier_crease_per_edge
+from bezier_filters.cli.commands import app
 from bezier_filters.errors import CancelledError
-from bezier_filters.meshset import BezierFilterError
+from bezier_filters.meshlab.crease_filter import COLUMNS, compute_selection_by_bezier_crease_per_edge
+from bezier_filters.meshlab.meshset import BezierFilterError
 from bezier_filters.surfaces import block_with_sharp_edges, ellipsoid
 
 ALLOWED = {"vertex_selection_array", *COLUMNS}

@@ -5,8 +5,8 @@ import pytest
 from surface_cases import CASES, make
 
 from bezier_filters import estimate_vertex_geometry, triangle_mesh, vertex_adjacency
-from bezier_filters.creases import SHARPEST_SMOOTH, crease_vertices
-from bezier_filters.frames import tangent_planes
+from bezier_filters.meshes.creases import SHARPEST_SMOOTH, crease_vertices
+from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.surfaces import block_with_sharp_edges
 
 each_block = pytest.mark.parametrize(("resolution", "jitter"), [(8, 0.0), (10, 0.2), (20, 0.2)])

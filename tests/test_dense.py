@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bezier_filters.dense import cholesky_solve, dot, powers
+from bezier_filters.runtime.dense import cholesky_solve, dot, powers
 
 
 @given(st.integers(1, 45), st.integers(0, 100))

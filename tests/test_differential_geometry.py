@@ -11,9 +11,9 @@ from bezier_filters.differential_geometry import (
     principal_curvatures,
     unit_normals,
 )
-from bezier_filters.jets import GraphGeometry, write_graph_geometry
+from bezier_filters.estimation.vertex_geometry import FitChoice
+from bezier_filters.patches.jets import GraphGeometry, write_graph_geometry
 from bezier_filters.surfaces import cylinder
-from bezier_filters.vertex_geometry import FitChoice
 
 angles = st.floats(0, 2 * np.pi)
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from bezier_filters import FitStatus, PatchFit, estimate_vertex_geometry
 from bezier_filters.differential_geometry import fundamental_forms, principal_curvatures
-from bezier_filters.jets import GraphGeometry, polynomial_derivatives, write_extremalities, write_graph_geometry
+from bezier_filters.patches.jets import GraphGeometry, polynomial_derivatives, write_extremalities, write_graph_geometry
 from bezier_filters.surfaces import ellipsoid, sphere, torus
 
 CUBIC = [(a, b) for a in range(4) for b in range(4 - a)]

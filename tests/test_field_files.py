@@ -14,8 +14,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bezier_filters.field_files import FieldFileError, read_fields, save_fields
-from bezier_filters.vertex_geometry import FitChoice, VertexGeometry
+from bezier_filters.estimation.vertex_geometry import FitChoice, VertexGeometry
+from bezier_filters.files.field_files import FieldFileError, read_fields, save_fields
 
 PLY_TYPES = {
     "b": "char",
@@ -353,6 +353,7 @@ def test_false_shapes_allocate_nothing(tmp_path: Path) -> None:
 
 def test_the_import_is_light() -> None:
     heavy = "{'pymeshlab', 'plyfile', 'pyvista', 'matplotlib', 'scipy'}"
-    code = f"import sys, bezier_filters.field_files, bezier_filters.render; print({heavy} & set(sys.modules))"
+    imports = "import sys, bezier_filters.files.field_files, bezier_filters.pictures.render"
+    code = f"{imports}; print({heavy} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"

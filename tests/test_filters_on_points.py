@@ -5,8 +5,8 @@ import pymeshlab
 import pytest
 from meshset_state import changed, mesh_state
 
-from bezier_filters.estimation import estimate_vertex_geometry
-from bezier_filters.filters import (
+from bezier_filters.estimation.estimate import estimate_vertex_geometry
+from bezier_filters.meshlab.filters import (
     compute_curvature_by_bezier_patch_per_vertex,
     compute_normal_by_bezier_patch_per_vertex,
     compute_torsion_by_bezier_patch_per_vertex,

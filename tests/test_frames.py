@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bezier_filters import triangle_mesh, vertex_adjacency
-from bezier_filters.frames import STEEPEST, face_normal, farthest_direction, folds, mean_normal, tangent_planes
+from bezier_filters.meshes.frames import STEEPEST, face_normal, farthest_direction, folds, mean_normal, tangent_planes
 from bezier_filters.surfaces import block_with_sharp_edges, sphere, waves
 
 directions = st.tuples(*[st.floats(-1, 1)] * 3).map(np.array).filter(lambda d: np.linalg.norm(d) > 0.1)

@@ -3,8 +3,8 @@ import pytest
 from hole_cases import sheet, without_faces_near, without_squares
 
 from bezier_filters import InvalidMeshError, boundary_loops, triangle_mesh, vertex_adjacency
-from bezier_filters.boundary import border_half_edges
-from bezier_filters.hole_detection import find_holes, simple_loops
+from bezier_filters.holes.hole_detection import find_holes, simple_loops
+from bezier_filters.meshes.boundary import border_half_edges
 from bezier_filters.surfaces import cylinder, punched_patch, sphere
 
 

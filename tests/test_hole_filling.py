@@ -6,13 +6,13 @@ from hypothesis import strategies as st
 from surface_cases import area_vectors, border_edges, corner_angles
 
 from bezier_filters import CancelledError, InvalidMeshError, InvalidParameterError, fill_holes
-from bezier_filters.adjacency import vertex_adjacency
-from bezier_filters.estimation import estimate_vertex_geometry
-from bezier_filters.hole_detection import find_holes
-from bezier_filters.mesh import triangle_mesh
-from bezier_filters.smooth_fill import surface_around
+from bezier_filters.estimation.estimate import estimate_vertex_geometry
+from bezier_filters.holes.hole_detection import find_holes
+from bezier_filters.holes.smooth_fill import surface_around
+from bezier_filters.holes.surroundings import surroundings_of
+from bezier_filters.meshes.adjacency import vertex_adjacency
+from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.surfaces import cylinder, punched_patch, sphere, torus, waves
-from bezier_filters.surroundings import surroundings_of
 
 TOP = np.array([0.0, 0.0, 1.0])
 

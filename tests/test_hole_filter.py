@@ -8,15 +8,15 @@ import pytest
 from meshset_state import attributes, changed, frozen, layer_state, mesh_state
 from test_filters import load
 
-from bezier_filters.boundary import boundary_loops
 from bezier_filters.errors import CancelledError
-from bezier_filters.hole_filling import fill_holes
-from bezier_filters.hole_filter import meshing_close_holes_by_bezier_patch
-from bezier_filters.mesh import triangle_mesh
-from bezier_filters.meshset import BezierFilterError
+from bezier_filters.holes.hole_filling import fill_holes
+from bezier_filters.meshes.boundary import boundary_loops
+from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
+from bezier_filters.meshlab.meshset import BezierFilterError
+from bezier_filters.meshlab.texture_growth import textures_of
 from bezier_filters.status import FitStatus
 from bezier_filters.surfaces import torus
-from bezier_filters.texture_growth import textures_of
 
 NORMALS = {"vertex_normal_matrix", "face_normal_matrix"}
 

@@ -5,7 +5,7 @@ import pytest
 from compiled import from_python
 from numba import config
 
-from bezier_filters.lane_algebra import (
+from bezier_filters.kernels.lane_algebra import (
     GROUP,
     add_moments,
     add_squared_residuals,
@@ -13,8 +13,8 @@ from bezier_filters.lane_algebra import (
     raise_powers,
     solve_lanes,
 )
-from bezier_filters.lanes import LANES, aligned
-from bezier_filters.polynomials import lexicographic_places, row_starts, tensor_space, total_degree_space
+from bezier_filters.patches.polynomials import lexicographic_places, row_starts, tensor_space, total_degree_space
+from bezier_filters.runtime.lanes import LANES, aligned
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="lanes are compiled code only")
 

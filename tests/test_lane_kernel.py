@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from numba import config
 
-from bezier_filters import estimate_vertex_geometry, fallbacks
-from bezier_filters.scalar_kernel import scalar_task
+from bezier_filters import estimate_vertex_geometry
+from bezier_filters.estimation import fallbacks
+from bezier_filters.kernels.scalar_kernel import scalar_task
 from bezier_filters.surfaces import block_with_sharp_edges, torus, waves
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="lanes are compiled code only")

@@ -6,11 +6,11 @@ from numba import config
 from test_smoothing import edge_of, face_normals, mean_angle, with_noise
 
 from bezier_filters import smooth
-from bezier_filters.adjacency import vertex_adjacency
-from bezier_filters.mesh import triangle_mesh
-from bezier_filters.mesh_parts import CORE, LARGEST_WHOLE, PART, sampled_parts
+from bezier_filters.meshes.adjacency import vertex_adjacency
+from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.meshes.mesh_parts import CORE, LARGEST_WHOLE, PART, sampled_parts
+from bezier_filters.smoothing.vertex_update import ROUNDS, move_to_normals
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, sphere
-from bezier_filters.vertex_update import ROUNDS, move_to_normals
 
 compiled = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
 

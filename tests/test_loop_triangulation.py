@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from surface_cases import area_vectors, border_edges, directed_edges
 
-from bezier_filters.fill_topology import Fill, refined
-from bezier_filters.loop_triangulation import LARGEST_EXACT, triangulate_loop
+from bezier_filters.holes.fill_topology import Fill, refined
+from bezier_filters.holes.loop_triangulation import LARGEST_EXACT, triangulate_loop
 
 
 def triangulated(points, existing=frozenset()):

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bezier_filters import InvalidMeshError, boundary_loops, inspect_mesh, k_rings, triangle_mesh, vertex_adjacency
-from bezier_filters.parallel import CHUNK
+from bezier_filters.runtime.parallel import CHUNK
 from bezier_filters.surfaces import punched_patch, sphere, torus
 
 TETRAHEDRON = ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])

@@ -7,13 +7,13 @@ import pymeshlab
 import pytest
 from meshset_state import changed, mesh_state
 
-from bezier_filters.field_files import read_fields
-from bezier_filters.filters import (
+from bezier_filters.files.field_files import read_fields
+from bezier_filters.meshlab.filters import (
     compute_curvature_by_bezier_patch_per_vertex,
     compute_normal_by_bezier_patch_per_vertex,
 )
-from bezier_filters.mesh_files import SAVE_SUFFIXES, format_support, load_mesh, save_mesh
-from bezier_filters.meshset import BezierFilterError
+from bezier_filters.meshlab.mesh_files import SAVE_SUFFIXES, format_support, load_mesh, save_mesh
+from bezier_filters.meshlab.meshset import BezierFilterError
 
 SAMPLES = Path(pymeshlab.__file__).parent / "tests" / "sample_meshes"
 

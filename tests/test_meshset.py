@@ -6,17 +6,17 @@ import pymeshlab
 import pytest
 from meshset_state import attributes, changed, filter_script, mesh_state
 
-from bezier_filters.color_range import color_range
+from bezier_filters.colors.color_range import color_range
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.mesh_attributes import (
+from bezier_filters.meshlab.mesh_attributes import (
     check_writable,
     read_columns,
     restored_on_failure,
     scalar_attribute,
     write_columns,
 )
-from bezier_filters.mesh_colors import COLOR_MAP_NAMES, color_by_quality
-from bezier_filters.meshset import (
+from bezier_filters.meshlab.mesh_colors import COLOR_MAP_NAMES, color_by_quality
+from bezier_filters.meshlab.meshset import (
     BezierFilterError,
     preserved_filter_script,
     read_current_mesh,
@@ -266,7 +266,7 @@ class TestFilterScript:
 
     def test_a_closed_stderr_does_no_harm(self):
         code = (
-            "import os, pymeshlab; from bezier_filters.meshset import preserved_filter_script\n"
+            "import os, pymeshlab; from bezier_filters.meshlab.meshset import preserved_filter_script\n"
             "ms = pymeshlab.MeshSet(); ms.create_cube(); os.close(2)\n"
             "with preserved_filter_script(ms): ms.create_sphere()\n"
             "print(ms.mesh_number())"

@@ -5,10 +5,10 @@ import pytest
 from random_neighbourhoods import analyse_ring, as_sample, draw, variances_by_degree
 
 from bezier_filters import estimate_vertex_geometry
-from bezier_filters.harmonics import harmonic_basis
-from bezier_filters.model_tree import FEWEST_ON_A_SIDE, Leaf, Split, grow, leaf_numbers, leaf_of, leaves
-from bezier_filters.plans import Choices, FitPlan
-from bezier_filters.surface_model import SurfaceModel
+from bezier_filters.learning.model_tree import FEWEST_ON_A_SIDE, Leaf, Split, grow, leaf_numbers, leaf_of, leaves
+from bezier_filters.learning.plans import Choices, FitPlan
+from bezier_filters.learning.surface_model import SurfaceModel
+from bezier_filters.patches.harmonics import harmonic_basis
 from bezier_filters.surfaces import ellipsoid, sphere, torus
 
 CALM, ROUGH = variances_by_degree(1e-4, 0.1), variances_by_degree(1.0, 0.3)

@@ -3,10 +3,10 @@
 import numpy as np
 
 from bezier_filters import triangle_mesh
-from bezier_filters.adjacency import vertex_adjacency
-from bezier_filters.frames import tangent_planes
-from bezier_filters.kernel_input import kernel_mesh
-from bezier_filters.outliers import without_outliers
+from bezier_filters.estimation.outliers import without_outliers
+from bezier_filters.kernels.kernel_input import kernel_mesh
+from bezier_filters.meshes.adjacency import vertex_adjacency
+from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.surfaces import torus
 
 SIGMA = 0.0006

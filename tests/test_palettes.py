@@ -8,9 +8,9 @@ import pytest
 from matplotlib.colors import to_rgb
 
 import bezier_filters as bf
-from bezier_filters.mesh_colors import COLOR_MAP_NAMES
-from bezier_filters.meshset import BezierFilterError
-from bezier_filters.palettes import COOL_WARM, PAPER, matplotlib_colormap
+from bezier_filters.colors.palettes import COOL_WARM, PAPER, matplotlib_colormap
+from bezier_filters.meshlab.mesh_colors import COLOR_MAP_NAMES
+from bezier_filters.meshlab.meshset import BezierFilterError
 
 VALUES = np.linspace(0.0, 1.0, 101)
 

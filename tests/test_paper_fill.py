@@ -3,13 +3,13 @@ import pytest
 from hole_cases import assert_filled, sheet, without_faces_near, without_squares
 
 from bezier_filters import fill_holes
-from bezier_filters.adjacency import vertex_adjacency
-from bezier_filters.fitting import PatchFit, fit_patch
-from bezier_filters.hole_detection import find_holes
-from bezier_filters.mesh import triangle_mesh
-from bezier_filters.paper_fill import _frame, paper_fill
+from bezier_filters.holes.hole_detection import find_holes
+from bezier_filters.holes.paper_fill import _frame, paper_fill
+from bezier_filters.holes.surroundings import surroundings_of
+from bezier_filters.meshes.adjacency import vertex_adjacency
+from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.patches.fitting import PatchFit, fit_patch
 from bezier_filters.surfaces import cylinder, sphere, torus, waves
-from bezier_filters.surroundings import surroundings_of
 
 
 def hole_around(vertices, faces, rings=2):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from bezier_filters import CancelledError
-from bezier_filters.parallel import run_in_chunks
+from bezier_filters.runtime.parallel import run_in_chunks
 
 
 @pytest.mark.parametrize("threads", [1, 2, 5])

@@ -10,11 +10,11 @@ from matplotlib.image import imread
 from typer.testing import CliRunner
 
 import bezier_filters as bf
-from bezier_filters.cli import app
-from bezier_filters.filters import NORMAL_FIELDS
-from bezier_filters.pictures import check_field, field_limits, field_panels, read_mesh_file
-from bezier_filters.registration import FILTERS
-from bezier_filters.sheets import ColorBar
+from bezier_filters.cli.commands import app
+from bezier_filters.meshlab.filters import NORMAL_FIELDS
+from bezier_filters.meshlab.registration import FILTERS
+from bezier_filters.pictures.pictures import check_field, field_limits, field_panels, read_mesh_file
+from bezier_filters.pictures.sheets import ColorBar
 
 SAMPLES = Path(__file__).parent.parent / "sample_meshes"
 
@@ -32,7 +32,7 @@ def folder(tmp_path_factory):
         ms.load_new_mesh(str(SAMPLES / "bumpy_star.ply"))
         ms.compute_matrix_from_scaling_or_normalization(axisx=scale, uniformflag=True)
         function(ms)
-        from bezier_filters.mesh_files import save_mesh
+        from bezier_filters.meshlab.mesh_files import save_mesh
 
         save_mesh(ms, folder / name)
     return folder
@@ -61,7 +61,7 @@ class TestFields:
         ms.load_new_mesh(str(SAMPLES / "torus.ply"))
         for function in FILTERS:
             function(ms)
-        from bezier_filters.mesh_files import save_mesh
+        from bezier_filters.meshlab.mesh_files import save_mesh
 
         save_mesh(ms, tmp_path / "all.ply")
         file = read_mesh_file(tmp_path / "all.ply")

@@ -13,7 +13,7 @@ from furnished import punched_torus
 from numba import config
 
 from bezier_filters import baselines, boundary_loops, estimate_vertex_geometry, fill_holes, smooth, triangle_mesh
-from bezier_filters.self_intersections import cut_faces
+from bezier_filters.meshes.self_intersections import cut_faces
 from bezier_filters.surfaces import block_with_sharp_edges, sphere, waves
 
 

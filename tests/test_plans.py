@@ -7,9 +7,9 @@ import pytest
 from random_neighbourhoods import analyse_ring, as_sample, draw, fit_stars, variances_by_degree
 
 from bezier_filters import FitStatus, estimate_vertex_geometry
-from bezier_filters import plans as plans_module
-from bezier_filters.plans import WEIGHTED_RINGS, FitPlan, all_plans, best_plan, plan_for, ring_plans
-from bezier_filters.surface_model import RingModel, SurfaceModel
+from bezier_filters.learning import plans as plans_module
+from bezier_filters.learning.plans import WEIGHTED_RINGS, FitPlan, all_plans, best_plan, plan_for, ring_plans
+from bezier_filters.learning.surface_model import RingModel, SurfaceModel
 from bezier_filters.surfaces import height_field, sphere
 
 RADIUS = 1.0

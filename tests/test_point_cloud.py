@@ -13,7 +13,7 @@ from bezier_filters import (
     triangle_mesh,
     vertex_adjacency,
 )
-from bezier_filters.point_cloud import point_cloud
+from bezier_filters.estimation.point_cloud import point_cloud
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, ellipsoid, sphere, torus, waves
 
 CLOSED = {"sphere": sphere(jitter=0.3), "ellipsoid": ellipsoid(jitter=0.3), "torus": torus(jitter=0.3)}
@@ -178,7 +178,7 @@ def test_order_of_the_points_does_not_matter():
 
 
 def test_thread_count_changes_nothing(monkeypatch):
-    monkeypatch.setattr("bezier_filters.parallel.CHUNK", 100)
+    monkeypatch.setattr("bezier_filters.runtime.parallel.CHUNK", 100)
     points = noisy(CLOSED["torus"], 0.1)
     one, two = (estimate_vertex_geometry(points, np.empty((0, 3), int), threads=threads) for threads in (1, 2))
     np.testing.assert_array_equal(one.normals, two.normals)

@@ -7,8 +7,8 @@ import sys
 import pymeshlab
 import pytest
 
-from bezier_filters.meshset import BezierFilterError
-from bezier_filters.registration import FILTERS, register
+from bezier_filters.meshlab.meshset import BezierFilterError
+from bezier_filters.meshlab.registration import FILTERS, register
 
 
 class TestRegistration:
@@ -45,6 +45,6 @@ class TestRegistration:
 
 
 def test_importing_registers_nothing():
-    code = "import pymeshlab, bezier_filters.registration; print(hasattr(pymeshlab.MeshSet, {!r}))"
+    code = "import pymeshlab, bezier_filters.meshlab.registration; print(hasattr(pymeshlab.MeshSet, {!r}))"
     command = [sys.executable, "-c", code.format(FILTERS[0].__name__)]
     assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "False\n"

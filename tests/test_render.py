@@ -12,11 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.image import imread
 
-from bezier_filters import rendering, sheets
-from bezier_filters.color_range import color_range
+from bezier_filters.colors.color_range import color_range
+from bezier_filters.colors.palettes import COOL_WARM
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
-from bezier_filters.palettes import COOL_WARM
-from bezier_filters.render import UP_AXES, VIEW_NAMES, Panel, _color_bar, render_panels
+from bezier_filters.pictures import rendering, sheets
+from bezier_filters.pictures.render import UP_AXES, VIEW_NAMES, Panel, _color_bar, render_panels
 
 NO_FACES = np.zeros((0, 3), np.int32)
 finite = st.floats(-1e100, 1e100)
@@ -344,7 +344,7 @@ def test_panels_are_checked(change: dict[str, Any], error: type[Exception], mess
 
 
 def run(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    start = "import sys, numpy as np\nfrom bezier_filters.render import Panel, render_panels\n"
+    start = "import sys, numpy as np\nfrom bezier_filters.pictures.render import Panel, render_panels\n"
     start += "panel = Panel(np.eye(3), np.array([[0, 1, 2]]), np.zeros(3))\n"
     variables = {name: value for name, value in os.environ.items() if name != "DISPLAY"} | environment
     return subprocess.run([sys.executable, "-c", start + code], capture_output=True, text=True, env=variables)
@@ -358,6 +358,6 @@ def test_pictures_without_a_display_print_nothing(tmp_path: Path) -> None:
 def test_a_missing_library_is_named_with_the_remedy(tmp_path: Path) -> None:
     done = run(f"sys.modules['pyvista'] = None\nrender_panels({str(tmp_path / 'a.png')!r}, [panel])")
     assert done.stderr.splitlines()[-1].startswith(
-        "bezier_filters.rendering.RenderingUnavailableError: pictures need pyvista and matplotlib: "
+        "bezier_filters.pictures.rendering.RenderingUnavailableError: pictures need pyvista and matplotlib: "
         'pip install "bezier-filters[viz]"'
     )

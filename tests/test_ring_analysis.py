@@ -7,10 +7,10 @@ import pytest
 from numba import config
 from random_neighbourhoods import analyse_ring, as_sample, draw, terms_at, variances_by_degree
 
-from bezier_filters.harmonics import harmonic_basis
-from bezier_filters.ring_analysis import FEWEST_SAMPLES, FIRST
-from bezier_filters.ring_lanes import RingSums
-from bezier_filters.ring_reference import analyse_one_by_one
+from bezier_filters.learning.ring_analysis import FEWEST_SAMPLES, FIRST
+from bezier_filters.learning.ring_lanes import RingSums
+from bezier_filters.learning.ring_reference import analyse_one_by_one
+from bezier_filters.patches.harmonics import harmonic_basis
 
 BASIS = harmonic_basis()
 ROUGH = variances_by_degree(1.0, 0.5)

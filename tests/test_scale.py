@@ -7,13 +7,13 @@ from hypothesis import strategies as st
 from scale_cases import MESHES, assert_same_as_in_memory, clean, noisy, save_arrays, shuffled
 
 from bezier_filters import InvalidParameterError, estimate_vertex_geometry, read_fields, smooth
-from bezier_filters.fields import normal_columns, torsion_columns
-from bezier_filters.mesh import triangle_mesh
+from bezier_filters.files.fields import normal_columns, torsion_columns
+from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.meshes.spatial_order import in_spatial_order
 from bezier_filters.scale import FitOptions, estimate_file, smooth_file
 from bezier_filters.scale.halo import part_around, part_around_samples
 from bezier_filters.scale.mesh_source import open_source
 from bezier_filters.scale.partition import build_store
-from bezier_filters.spatial_order import in_spatial_order
 from bezier_filters.surfaces import sphere, torus
 
 

@@ -12,7 +12,7 @@ from scale_cases import clean, save_arrays
 from typer.testing import CliRunner
 
 from bezier_filters import InvalidMeshError, read_fields
-from bezier_filters.cli import app, main
+from bezier_filters.cli.commands import app, main
 from bezier_filters.errors import FieldFileError
 from bezier_filters.scale import estimate_file
 from bezier_filters.scale.mesh_source import open_source

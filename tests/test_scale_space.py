@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from numba import config
 
-from bezier_filters.adjacency import vertex_adjacency
-from bezier_filters.clusters import clusters_of
-from bezier_filters.laplacian import cotangent_laplacian, umbrella_laplacian
-from bezier_filters.low_pass import ORDERS, choose_low_pass
-from bezier_filters.mesh import triangle_mesh
-from bezier_filters.mesh_parts import sampled_parts
-from bezier_filters.scale_space import ORDER, diffused, filtered, filtered_evenly
-from bezier_filters.smoothing import mean_edge
-from bezier_filters.stein import Estimates, local_risks, local_shares
+from bezier_filters.meshes.adjacency import vertex_adjacency
+from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.meshes.mesh_parts import sampled_parts
+from bezier_filters.smoothing.clusters import clusters_of
+from bezier_filters.smoothing.laplacian import cotangent_laplacian, umbrella_laplacian
+from bezier_filters.smoothing.low_pass import ORDERS, choose_low_pass
+from bezier_filters.smoothing.scale_space import ORDER, diffused, filtered, filtered_evenly
+from bezier_filters.smoothing.smooth import mean_edge
+from bezier_filters.smoothing.stein import Estimates, local_risks, local_shares
 from bezier_filters.surfaces import bumpy_star, sphere, torus, waves
 
 

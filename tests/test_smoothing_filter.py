@@ -9,9 +9,9 @@ from meshset_state import changed, mesh_state
 from test_filters import array, load
 
 from bezier_filters.errors import CancelledError
-from bezier_filters.meshset import BezierFilterError
-from bezier_filters.smoothing import smooth
-from bezier_filters.smoothing_filter import apply_coord_bezier_patch_smoothing
+from bezier_filters.meshlab.meshset import BezierFilterError
+from bezier_filters.meshlab.smoothing_filter import apply_coord_bezier_patch_smoothing
+from bezier_filters.smoothing.smooth import smooth
 from bezier_filters.surfaces import torus
 
 COLUMNS = {"bz_displacement", "bz_sharpness"}

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from bezier_filters import InvalidParameterError
-from bezier_filters.bernstein import design_matrix
-from bezier_filters.smoothness import smoothness_matrix
+from bezier_filters.patches.bernstein import design_matrix
+from bezier_filters.patches.smoothness import smoothness_matrix
 
 
 def coefficients_of(polynomial, degree):

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bezier_filters.estimation import estimate_vertex_geometry
-from bezier_filters.mesh import triangle_mesh
-from bezier_filters.spatial_order import in_spatial_order
+from bezier_filters.estimation.estimate import estimate_vertex_geometry
+from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.meshes.spatial_order import in_spatial_order
 from bezier_filters.surfaces import torus
 
 

@@ -12,9 +12,9 @@ from furnished import furnished
 from meshset_state import changed, mesh_state
 
 from bezier_filters.errors import CancelledError
-from bezier_filters.hole_filter import meshing_close_holes_by_bezier_patch
-from bezier_filters.meshset import BezierFilterError
-from bezier_filters.registration import FILTERS
+from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
+from bezier_filters.meshlab.meshset import BezierFilterError
+from bezier_filters.meshlab.registration import FILTERS
 
 VERTEX_FILTERS = [function for function in FILTERS if function is not meshing_close_holes_by_bezier_patch]
 TESTS = Path(__file__).parent
@@ -203,7 +203,7 @@ import numpy as np
 sys.path.insert(0, {tests!r})
 from furnished import furnished
 from meshset_state import changed, mesh_state
-from bezier_filters.registration import FILTERS
+from bezier_filters.meshlab.registration import FILTERS
 
 function = FILTERS[{number}]
 rng = np.random.default_rng({seed})

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bezier_filters.interrupts import interrupts_held
-from bezier_filters.memory_limit import ALLOWANCE, memory_limited
-from bezier_filters.supervision import FAILED, crash_message, doing, processor_time_limited, run_supervised
+from bezier_filters.runtime.interrupts import interrupts_held
+from bezier_filters.runtime.memory_limit import ALLOWANCE, memory_limited
+from bezier_filters.runtime.supervision import FAILED, crash_message, doing, processor_time_limited, run_supervised
 
 SAMPLES = Path(__file__).parent.parent / "sample_meshes"
 MODULE = [sys.executable, "-m", "bezier_filters"]
@@ -26,7 +26,7 @@ def in_python(code, **options):
 
 SUPERVISED = """
 import os, signal, sys
-from bezier_filters.supervision import doing, processor_time_limited, run_supervised
+from bezier_filters.runtime.supervision import doing, processor_time_limited, run_supervised
 def work():
     {work}
     return ""
@@ -193,7 +193,7 @@ class TestInterruptsHeld:
 def test_memory_beyond_what_a_file_can_need_is_refused():
     code = f"""
 import numpy as np
-from bezier_filters.memory_limit import memory_limited
+from bezier_filters.runtime.memory_limit import memory_limited
 with memory_limited(1000):
     np.empty({ALLOWANCE // 16})
     try:
@@ -206,6 +206,6 @@ np.empty({ALLOWANCE // 4})
 
 
 def test_without_limits_of_the_system_nothing_is_refused(monkeypatch):
-    monkeypatch.setattr("bezier_filters.memory_limit.resource", None)
+    monkeypatch.setattr("bezier_filters.runtime.memory_limit.resource", None)
     with memory_limited(0):
         assert np.zeros(10).sum() == 0

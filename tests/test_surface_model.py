@@ -11,9 +11,9 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from bezier_filters import estimate_vertex_geometry
-from bezier_filters.harmonics import harmonic_basis
-from bezier_filters.polynomials import total_degree_space
-from bezier_filters.surface_model import CERTAIN, PRIOR_RANGE, expected_variance, learn_model
+from bezier_filters.learning.surface_model import CERTAIN, PRIOR_RANGE, expected_variance, learn_model
+from bezier_filters.patches.harmonics import harmonic_basis
+from bezier_filters.patches.polynomials import total_degree_space
 from bezier_filters.surfaces import bumpy_star, ellipsoid, height_field, monkey_saddle, sphere, torus, waves
 
 SURFACES = {

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from bezier_filters import variational_fill
+from bezier_filters.holes import variational_fill
+from bezier_filters.holes.variational_fill import cotangent_matrix, shifted, without_tension
 from bezier_filters.surfaces import sphere
-from bezier_filters.variational_fill import cotangent_matrix, shifted, without_tension
 
 
 def test_dense_and_sparse_matrices_give_the_same_fill(monkeypatch):

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from bezier_filters.adjacency import vertex_adjacency
-from bezier_filters.mesh import TriangleMesh, triangle_mesh
+from bezier_filters.meshes.adjacency import vertex_adjacency
+from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
+from bezier_filters.meshes.volume import closed_parts, part_volumes, with_volumes
 from bezier_filters.surfaces import block_with_sharp_edges, sphere, waves
-from bezier_filters.volume import closed_parts, part_volumes, with_volumes
 
 
 @pytest.fixture

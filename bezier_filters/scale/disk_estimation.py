@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from bezier_filters.adaptive_fit import SurfaceFit
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.fields import CURVATURE_FIELDS, PREFIX, TORSION_FIELD
-from bezier_filters.model_tree import leaves
+from bezier_filters.estimation.adaptive_fit import SurfaceFit
+from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, empty_geometry
+from bezier_filters.files.fields import CURVATURE_FIELDS, PREFIX, TORSION_FIELD
+from bezier_filters.learning.model_tree import leaves
 from bezier_filters.scale.joined_file import write_joined
 from bezier_filters.scale.mesh_source import SourcePath, open_source
 from bezier_filters.scale.sampling import FitOptions, learn_fit, rings_needed
@@ -32,7 +33,6 @@ from bezier_filters.scale.tile_run import (
 )
 from bezier_filters.scale.tile_tasks import QUANTITIES, TileJob, peak_bytes
 from bezier_filters.status import FitStatus
-from bezier_filters.vertex_geometry import FitChoice, FitPart, empty_geometry
 
 
 def estimate_file(
@@ -119,7 +119,7 @@ def estimate_file(
     Examples
     --------
     >>> import tempfile
-    >>> from bezier_filters.fields import PREFIX
+    >>> from bezier_filters.files.fields import PREFIX
     >>> from bezier_filters.surfaces import sphere
     >>> folder, ball = Path(tempfile.mkdtemp()), sphere(resolution=30)
     >>> np.save(folder / "v.npy", ball.vertices)

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from bezier_filters.atomic import atomic_write
 from bezier_filters.errors import InvalidParameterError
+from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.scale.disk_estimation import tile_report
 from bezier_filters.scale.joined_file import write_joined
 from bezier_filters.scale.mesh_source import SourcePath, open_source

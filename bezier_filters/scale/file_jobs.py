@@ -7,9 +7,9 @@ import sys
 import time
 from collections.abc import Generator, Sequence
 
-from bezier_filters.parallel import THREADS_VARIABLE
+from bezier_filters.runtime.parallel import THREADS_VARIABLE
+from bezier_filters.runtime.worker_processes import Outcome, last_words
 from bezier_filters.scale.scheduling import Scheduler, run_tasks, running
-from bezier_filters.worker_processes import Outcome, last_words
 
 
 def run_on_scheduler(

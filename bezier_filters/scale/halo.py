@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.lean import lean_njit
-from bezier_filters.mesh import TriangleMesh
+from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.runtime.lean import lean_njit
 from bezier_filters.scale.store import Store
 
 FAR = np.uint8(255)

@@ -12,7 +12,15 @@ from numpy.typing import NDArray
 
 from bezier_filters.arrays import IntArray
 from bezier_filters.errors import FieldFileError, InvalidMeshError
-from bezier_filters.ply_header import BYTE_ORDER, CORNERS, HEADER_LIMIT, TRIPLE, PlyElement, PlyHeader, parse_header
+from bezier_filters.files.ply_header import (
+    BYTE_ORDER,
+    CORNERS,
+    HEADER_LIMIT,
+    TRIPLE,
+    PlyElement,
+    PlyHeader,
+    parse_header,
+)
 from bezier_filters.scale.array_file import ArrayFile
 
 SourcePath: TypeAlias = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]

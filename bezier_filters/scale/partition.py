@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from bezier_filters.arrays import IntArray
 from bezier_filters.errors import InvalidMeshError
-from bezier_filters.lean import lean_njit
-from bezier_filters.mesh import triangle_mesh
-from bezier_filters.parallel import Progress, report, run_in_chunks
+from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.meshes.spatial_order import Grid, grid_around, widen_bounds
+from bezier_filters.runtime.lean import lean_njit
+from bezier_filters.runtime.parallel import Progress, report, run_in_chunks
 from bezier_filters.scale.array_file import ArrayFile, new_array_file
 from bezier_filters.scale.mesh_source import MeshSource
 from bezier_filters.scale.store import (
@@ -29,7 +30,6 @@ from bezier_filters.scale.store import (
     open_store,
     write_manifest,
 )
-from bezier_filters.spatial_order import Grid, grid_around, widen_bounds
 
 ROWS = 1 << 20
 """Vertices or faces that are held at a time."""

@@ -5,31 +5,31 @@ from typing import Literal
 
 import numpy as np
 
-from bezier_filters.adaptive_fit import SurfaceFit, choose_fit, first_features, with_parts
-from bezier_filters.adjacency import vertex_adjacency
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.estimation import fit_options, fitted_mesh
-from bezier_filters.fallbacks import Attempt, fit_with_fallbacks
-from bezier_filters.fitting import PatchFit
-from bezier_filters.frames import tangent_planes
-from bezier_filters.learning import MOST_TURNED, learn_from_samples
-from bezier_filters.model_tree import Leaf, leaves
-from bezier_filters.neighbourhood_samples import (
+from bezier_filters.estimation.adaptive_fit import SurfaceFit, choose_fit, first_features, with_parts
+from bezier_filters.estimation.estimate import fit_options, fitted_mesh
+from bezier_filters.estimation.fallbacks import Attempt, fit_with_fallbacks
+from bezier_filters.estimation.outliers import REACH as OUTLIER_RINGS
+from bezier_filters.estimation.outliers import without_outliers
+from bezier_filters.estimation.vertex_geometry import empty_geometry
+from bezier_filters.learning.learn import MOST_TURNED, learn_from_samples
+from bezier_filters.learning.model_tree import Leaf, leaves
+from bezier_filters.learning.neighbourhood_samples import (
     NeighbourhoodSample,
     Population,
     draw_vertices,
     sample_neighbourhoods,
 )
-from bezier_filters.outliers import REACH as OUTLIER_RINGS
-from bezier_filters.outliers import without_outliers
-from bezier_filters.plans import Choices
-from bezier_filters.ring_analysis import RingAnalysis
+from bezier_filters.learning.plans import Choices
+from bezier_filters.learning.ring_analysis import RingAnalysis
+from bezier_filters.meshes.adjacency import vertex_adjacency
+from bezier_filters.meshes.frames import tangent_planes
+from bezier_filters.patches.fitting import PatchFit
+from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.scale.array_file import new_array_file
 from bezier_filters.scale.halo import part_around, part_around_samples
 from bezier_filters.scale.store import Store
-from bezier_filters.smoothness import Smoothness
-from bezier_filters.vertex_geometry import empty_geometry
 
 CREASE_RINGS = 2
 """Around a vertex, within which faces decide about its plane and its creases."""

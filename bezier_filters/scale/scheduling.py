@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from typing import Any, TypeAlias
 
 from bezier_filters.errors import CancelledError, InvalidParameterError
-from bezier_filters.parallel import Progress, report
+from bezier_filters.runtime.parallel import Progress, report
 
 Scheduler: TypeAlias = Any
 """None, "threads", "processes", "synchronous", an address such as "tcp://host:8786", or a `distributed.Client`."""

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.atomic import atomic_write
 from bezier_filters.errors import FieldFileError
+from bezier_filters.meshes.spatial_order import Grid
+from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.scale.array_file import ArrayFile
-from bezier_filters.spatial_order import Grid
 
 FORMAT = 1
 MANIFEST = "store.json"

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bezier_filters.atomic import atomic_write
 from bezier_filters.errors import FieldFileError
+from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.scale.array_file import ArrayFile
 
 MAGIC = b"BZTILE1\n"

@@ -14,7 +14,7 @@ from typing import Any
 
 from bezier_filters._version import __version__
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.parallel import Progress
+from bezier_filters.runtime.parallel import Progress
 from bezier_filters.scale.mesh_source import MeshSource
 from bezier_filters.scale.partition import build_store
 from bezier_filters.scale.scheduling import Scheduler, core_count, run_tasks

@@ -11,16 +11,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bezier_filters.adaptive_fit import SurfaceFit, fit_parts
 from bezier_filters.arrays import FloatArray
-from bezier_filters.estimation import fitted_mesh
-from bezier_filters.fallbacks import fit_with_fallbacks
-from bezier_filters.fields import PREFIX, curvature_columns, normal_columns, torsion_columns
+from bezier_filters.estimation.adaptive_fit import SurfaceFit, fit_parts
+from bezier_filters.estimation.estimate import fitted_mesh
+from bezier_filters.estimation.fallbacks import fit_with_fallbacks
+from bezier_filters.estimation.vertex_geometry import FitChoice, VertexGeometry, empty_geometry
+from bezier_filters.files.fields import PREFIX, curvature_columns, normal_columns, torsion_columns
 from bezier_filters.scale.halo import part_around
 from bezier_filters.scale.sampling import rings_needed
 from bezier_filters.scale.store import open_store
 from bezier_filters.scale.tile_results import write_tile
-from bezier_filters.vertex_geometry import FitChoice, VertexGeometry, empty_geometry
 
 QUANTITIES = {"normals": normal_columns, "curvature": curvature_columns, "torsion": torsion_columns}
 """What can be estimated, and the columns that it is written to."""

@@ -3,7 +3,7 @@
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from bezier_filters.demo import picture_path, run_demo
+from bezier_filters.pictures.demo import picture_path, run_demo
 
 FOLDER = Path(__file__).parent
 

@@ -11,7 +11,7 @@ import numpy as np
 import pymeshlab
 
 import bezier_filters as bf
-from bezier_filters.render import Panel, render_panels
+from bezier_filters.pictures.render import Panel, render_panels
 
 FOLDER = Path(__file__).parent
 BUNNY = Path(pymeshlab.__file__).parent / "tests" / "sample_meshes" / "bunny.obj"

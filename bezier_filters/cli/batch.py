@@ -1,0 +1,198 @@
+"""The command that runs a filter on many files."""
+
+import glob
+import io
+import json as json_module
+import os
+import shlex
+import time
+from collections.abc import Sequence
+from contextlib import closing, redirect_stderr, redirect_stdout
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from bezier_filters.cli import console, filters
+from bezier_filters.cli.app import app
+from bezier_filters.cli.options import Json, Quiet
+from bezier_filters.errors import InvalidParameterError
+
+__all__ = ["Item", "batch", "filters", "plan", "run_command"]
+
+COMMANDS = ("normals", "curvature", "torsion", "smooth", "fill-holes")
+"""Commands that take an input and an output."""
+
+
+@dataclass(frozen=True)
+class Item:
+    """A file of a batch and what became of it.
+
+    Attributes
+    ----------
+    input, output : str
+        Paths.
+    result : {"waiting", "done", "skipped", "failed"}
+        What became of it.
+    seconds : float
+        How long it took.
+    error : str
+        Why it failed, in one line.
+    report : dict, optional
+        What the filter reported.
+    """
+
+    input: str
+    output: str
+    result: str = "waiting"
+    seconds: float = 0.0
+    error: str = ""
+    report: dict[str, Any] | None = None
+
+
+@app.command(epilog="Example: bezier-filters batch curvature 'scans/*.ply' --out curved --options '--quality gaussian'")
+def batch(
+    command: Annotated[str, typer.Argument(help="normals, curvature, torsion, smooth or fill-holes.")],
+    sources: Annotated[
+        list[str], typer.Argument(help="Files, or patterns in quotes; ** is any depth of folders.", metavar="FILES")
+    ],
+    out: Annotated[Path, typer.Option(help="Folder for the results; made if it does not exist.")],
+    jobs: Annotated[int | None, typer.Option(help="Number of processes; all cores by default.", min=1)] = None,
+    options: Annotated[str, typer.Option(help="Options of the command, in quotes.")] = "",
+    suffix: Annotated[str, typer.Option(help="Format of the results.")] = ".ply",
+    redo: Annotated[bool, typer.Option("--redo", help="Also where the result is newer than the file.")] = False,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            help="Address of a Dask scheduler that sees the files under the same paths.", metavar="tcp://HOST:8786"
+        ),
+    ] = None,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Run a command on many files, several at a time.
+
+    Results that are newer than their files are skipped, so that a batch that was interrupted goes on where it was; give
+    --redo when the options have changed. A file that fails does not stop the others: the table says why, and the exit
+    status is 1.
+    """
+    from bezier_filters.runtime.parallel import thread_count
+    from bezier_filters.runtime.worker_processes import run_in_processes
+
+    start = time.perf_counter()
+    arguments = shlex.split(options)
+    check_command(command, arguments)
+    items = plan(find_files(sources), out, suffix, redo=redo)
+    todo = [index for index, item in enumerate(items) if item.result == "waiting"]
+    cores = thread_count(None)
+    processes = max(1, min(jobs or cores, len(todo)))
+    for index in todo:
+        Path(items[index].output).parent.mkdir(parents=True, exist_ok=True)
+    work = [[command, items[index].input, items[index].output, *arguments] for index in todo]
+    if scheduler is None:
+        run = run_in_processes(run_command, work, processes=processes, threads=max(1, cores // processes))
+    else:
+        from bezier_filters.scale.file_jobs import run_on_scheduler
+
+        run = run_on_scheduler([_with_absolute_paths(job) for job in work], scheduler, workers=processes)
+    with console.progress_bar(command, quiet=quiet or json) as progress, closing(run) as outcomes:
+        for done, (position, outcome) in enumerate(outcomes, start=1):
+            index = todo[position]
+            result = "failed" if outcome.error else "done"
+            items[index] = replace(
+                items[index], result=result, seconds=outcome.seconds, error=outcome.error, report=outcome.result
+            )
+            if progress is not None:
+                progress(done, len(todo))
+    summary = summarize(command, items, time.perf_counter() - start)
+    if json:
+        console.print_json(summary)
+    elif not quiet:
+        console.print_batch(summary)
+    if summary["failed"]:
+        raise typer.Exit(1)
+
+
+def _with_absolute_paths(job: Sequence[str]) -> list[str]:
+    """The arguments of a job for workers that are in other folders."""
+    command, source, target, *options = job
+    return [command, os.path.abspath(source), os.path.abspath(target), *options]
+
+
+def run_command(arguments: Sequence[str]) -> dict[str, Any]:
+    """Do what the command line does with these arguments; its report."""
+    printed = io.StringIO()
+    with redirect_stdout(printed), redirect_stderr(io.StringIO()):
+        app([*arguments, "--json"], standalone_mode=False)
+    report: dict[str, Any] = json_module.loads(printed.getvalue())
+    return report
+
+
+def check_command(command: str, options: list[str]) -> None:
+    """Refuse a command that is not for batches, or options that it does not have."""
+    if command not in COMMANDS:
+        raise InvalidParameterError(f"command: got {command!r}, expected one of {', '.join(COMMANDS)}")
+    group: Any = typer.main.get_command(app)
+    parsed = group.commands[command].make_context(command, ["input", "output", *options])
+    for name in ("quiet", "json"):
+        if parsed.params[name]:
+            raise InvalidParameterError(f"options: got --{name}, which is an option of the batch itself")
+
+
+def find_files(sources: Sequence[str]) -> list[Path]:
+    """Files that are named or match a pattern, each once, in order.
+
+    Raises
+    ------
+    InvalidParameterError
+        If a pattern matches nothing.
+    """
+    found: dict[str, None] = {}
+    for source in sources:
+        if not glob.has_magic(source) or os.path.exists(source):
+            found[source] = None
+            continue
+        matches = sorted(path for path in glob.glob(source, recursive=True) if os.path.isfile(path))
+        if not matches:
+            raise InvalidParameterError(f"files: nothing matches {source!r}")
+        found.update(dict.fromkeys(matches))
+    return [Path(path) for path in found]
+
+
+def plan(sources: Sequence[Path], out: Path, suffix: str, *, redo: bool = False) -> list[Item]:
+    """Where the results go, and which are there already.
+
+    Below `out` they have the names of the files, and the folders that these do not share.
+
+    Raises
+    ------
+    InvalidParameterError
+        If two results would be the same file, or one an input.
+    """
+    if not suffix.startswith("."):
+        raise InvalidParameterError(f"suffix: got {suffix!r}, expected a suffix with its dot, such as .ply")
+    folders = [os.path.dirname(os.path.abspath(source)) for source in sources]
+    shared = os.path.commonpath(folders)
+    items: dict[str, Item] = {}
+    taken = {os.path.realpath(source) for source in sources}
+    for source, folder in zip(sources, folders, strict=True):
+        target = out / os.path.relpath(folder, shared) / f"{source.stem}{suffix}"
+        real = os.path.realpath(target)
+        if real in taken:
+            raise InvalidParameterError(f"out: {target} is one of the inputs; choose another folder")
+        if real in items:
+            raise InvalidParameterError(f"files: {items[real].input} and {source} would both become {target}")
+        skipped = not redo and _is_newer(target, source)
+        items[real] = Item(str(source), str(target), "skipped" if skipped else "waiting")
+    return list(items.values())
+
+
+def _is_newer(target: Path, source: Path) -> bool:
+    return target.exists() and source.exists() and target.stat().st_mtime_ns > source.stat().st_mtime_ns
+
+
+def summarize(command: str, items: Sequence[Item], seconds: float) -> dict[str, Any]:
+    """The batch as one dict, which can be written as JSON."""
+    count = {result: sum(item.result == result for item in items) for result in ("done", "skipped", "failed")}
+    return {"command": command, **count, "seconds": seconds, "files": [asdict(item) for item in items]}

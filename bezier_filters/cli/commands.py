@@ -1,0 +1,90 @@
+"""The command line ``bezier-filters``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+
+from bezier_filters.cli import batch, console, creases, filters, pictures, scale, script
+from bezier_filters.cli.app import app
+from bezier_filters.cli.options import Json, Quiet, Source
+
+__all__ = ["app", "batch", "creases", "filters", "main", "pictures", "scale", "script"]
+
+
+@app.command(epilog="Example: bezier-filters info scan.ply")
+def info(source: Source, json: Json = False) -> None:
+    """Say what is in a mesh or point cloud, and whether it is fit for fitting."""
+    from bezier_filters.meshes.mesh import inspect_mesh, triangle_mesh
+    from bezier_filters.meshlab.mesh_files import load_mesh
+    from bezier_filters.meshlab.meshset import current_mesh, topological_measures
+
+    ms = load_mesh(source)
+    loaded = current_mesh(ms)
+    mesh = triangle_mesh(loaded.vertex_matrix(), loaded.face_matrix())
+    topology = topological_measures(mesh.vertices, mesh.faces) if mesh.face_count else {}
+    summary = console.mesh_summary(mesh, inspect_mesh(mesh), topology)
+    if json:
+        console.print_json({"file": str(source), **summary})
+    else:
+        console.print_mesh_summary(summary, str(source))
+
+
+@app.command(epilog="Example: bezier-filters demo my_scan.ply --out pictures")
+def demo(
+    source: Annotated[
+        Path | None, typer.Argument(help="Any mesh; the bunny that pymeshlab ships if left out.", metavar="[MESH]")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the files.")] = Path("out"),
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Write normals, mean and Gaussian curvature and torsion of a mesh as coloured PLYs and one picture."""
+    from bezier_filters.pictures.demo import picture_path, run_demo
+
+    files = []
+    for number, step in enumerate(run_demo(out, source)):
+        files.append({"output": str(step.path), **step.report})
+        if quiet or json:
+            continue
+        if number == 0:
+            console.print_status(step.report, str(source or "bunny"))
+        console.print_statistics(step.report, step.field.label)
+        console.print_written(step.report, str(step.path))
+    if json:
+        console.print_json({"files": files, "picture": str(picture_path(out, source))})
+    elif not quiet:
+        console.out.print(f"wrote [bold]{escape(str(picture_path(out, source)))}[/]; open the PLY files in MeshLab")
+
+
+def main() -> None:
+    """Run the command line; bad input ends it with one line and exit status 2, also where a library crashes on it."""
+    from bezier_filters.runtime.supervision import run_supervised
+
+    status, reason = run_supervised(_run)
+    if reason:
+        console.err.print(f"bezier-filters: {reason}", markup=False)
+    raise SystemExit(status)
+
+
+def _run() -> str:
+    """Run the command line; return why it failed, in one line."""
+    from bezier_filters.errors import CancelledError
+
+    try:
+        app()
+    except (ValueError, OSError, ImportError, CancelledError) as error:
+        return _in_one_line(error)
+    except MemoryError:
+        return "there is not enough memory for this mesh; nothing was written"
+    except Exception as error:
+        # pymeshlab's exceptions share no base but Exception, and importing it here would be slow.
+        if not any(base.__name__ == "PyMeshLabException" for base in type(error).__mro__):
+            raise
+        return _in_one_line(error)
+    return ""
+
+
+def _in_one_line(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__

@@ -1,0 +1,224 @@
+"""What the command line prints: reports as text or JSON, and the progress bar."""
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from bezier_filters.meshes.diagnosis import diagnose, is_fit
+from bezier_filters.meshes.mesh import MeshReport, TriangleMesh
+from bezier_filters.runtime.parallel import Progress as ProgressCallback
+from bezier_filters.status import FitStatus
+
+MOST_HOLES = 20
+"""That are listed one by one."""
+
+err = Console(stderr=True, highlight=False, soft_wrap=True)
+out = Console(highlight=False, soft_wrap=True)
+
+
+@contextmanager
+def progress_bar(label: str, *, quiet: bool) -> Iterator[ProgressCallback | None]:
+    """A bar on stderr while the block runs, gone afterwards; the callback that moves it, or None."""
+    with stage_bar(label, quiet=quiet) as bar:
+        yield None if bar is None else lambda done, total: bar(label, done, total)
+
+
+@contextmanager
+def stage_bar(label: str, *, quiet: bool) -> Iterator[Callable[[str, int, int], None] | None]:
+    """The same for work in several stages, whose names the callback takes first."""
+    if quiet or not err.is_terminal:
+        yield None
+        return
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=err, transient=True) as bar:
+        task = bar.add_task(label, total=None)
+
+        def report(stage: str, done: int, total: int) -> None:
+            bar.update(task, description=stage, completed=done, total=total)
+
+        yield report
+
+
+def print_json(data: dict[str, Any]) -> None:
+    """Print a report as JSON on stdout."""
+    print(json.dumps(data, indent=2, ensure_ascii=False))
+
+
+def print_status(report: dict[str, Any], source: str) -> None:
+    """Say how the fits of a mesh went."""
+    out.print(f"[bold]{escape(source)}[/]: {sum(report['status'].values()):,} vertices")
+    fit = report["fit"]
+    weight = "weights learned from the mesh" if fit["alpha"] is None else f"alpha {fit['alpha']:g}"
+    noise = "" if fit["noise_sigma"] is None else f"; noise {fit['noise_sigma']:.3g} (standard deviation, length)"
+    where = f"on {fit['rings']} rings" if fit["radius"] is None else f"within a radius of {fit['radius']:.4g} (length)"
+    out.print(f"  fitted {where}, degree {fit['degree']}, {weight}{noise}")
+    for name, count in report["status"].items():
+        out.print(f"  {count:>9,}  {FitStatus[name].message} ({name})")
+
+
+def print_tiles(report: dict[str, Any]) -> None:
+    """Say how the tiles of a large mesh went."""
+    there = report["tiles"] - report["computed_tiles"]
+    out.print(
+        f"  {report['tiles']:,} tiles of {report['tile_vertices']:,} vertices, {report['halo']:.0%} read around them; "
+        f"{there:,} were there already; {report['peak_bytes']['worker'] / 1e9:.2f} GB per worker at most"
+    )
+    if report["damaged_tiles"]:
+        out.print(f"  damaged, and computed again: tiles {', '.join(map(str, report['damaged_tiles']))}")
+
+
+def print_smoothing(report: dict[str, Any], source: str) -> None:
+    """Say what smoothing did to a mesh."""
+
+    def edges(length: float | None) -> str:
+        return "unknown" if length is None else f"{length / report['mean_edge']:.3g}"
+
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 2))
+    table.add_row(
+        "noise", f"{edges(report['noise_before'])} before, {edges(report['noise_after'])} after \\[mean edges]"
+    )
+    moved = ", ".join(f"{name} {edges(value)}" for name, value in report["displacement"].items())
+    table.add_row("displacement", f"{moved} \\[mean edges]; {report['moved']:,} vertices moved")
+    if report["volume_ratio"] is not None:
+        table.add_row("volume", f"{report['volume_ratio']:.6f} times as before")
+    for kind in ("flipped", "degenerate"):
+        table.add_row(f"{kind} faces", f"{report[f'{kind}_before']:,} before, {report[f'{kind}_after']:,} after")
+    out.print(f"[bold]{escape(source)}[/]")
+    out.print(table)
+
+
+def print_holes(report: dict[str, Any], source: str) -> None:
+    """Say what was done to the holes of a mesh."""
+    out.print(f"[bold]{escape(source)}[/]")
+    if not report["holes"]:
+        out.print("  no holes")
+        return
+    table = Table(box=None, padding=(0, 2, 0, 2))
+    for column in ("edges", "diameter [length]", "fill", "new faces", "rim angle"):
+        table.add_column(escape(column), justify="right" if column != "fill" else "left")
+    table.add_column("remarks", overflow="fold")
+    for hole in sorted(report["holes"], key=lambda hole: -hole["edge_count"])[:MOST_HOLES]:
+        angle = f"{hole['rim_dihedral']:.1f}\u00b0" if hole["filled"] else ""
+        method = hole["method"] or "no"
+        table.add_row(
+            f"{hole['edge_count']:,}",
+            f"{hole['diameter']:.3g}",
+            method,
+            f"{hole['new_faces']:,}",
+            angle,
+            hole["reason"].replace("outer_rims=True", "--outer-rims"),
+        )
+    out.print(table)
+    if len(report["holes"]) > MOST_HOLES:
+        out.print(f"  and {len(report['holes']) - MOST_HOLES:,} smaller ones")
+    out.print(
+        f"  {report['closed_holes']:,} filled with {report['new_faces']:,} faces, {report['open_holes']:,} left open"
+    )
+
+
+def print_creases(report: dict[str, Any], source: str) -> None:
+    """Say how many lines there are of each kind, how long they are, and how strong."""
+    out.print(f"[bold]{escape(source)}[/]")
+    table = Table(box=None, padding=(0, 2, 0, 2))
+    for column in ("", "lines", "length", "strongest"):
+        table.add_column(column, justify="right" if column else "left")
+    for kind in ("ridge", "ravine"):
+        for is_sharp in (True, False):
+            lines = [line for line in report["lines"] if (line["kind"], line["is_sharp"]) == (kind, is_sharp)]
+            length, strongest = (
+                sum(line["length"] for line in lines),
+                max((line["strength"] for line in lines), default=0),
+            )
+            table.add_row(f"{'sharp ' * is_sharp}{kind}s", f"{len(lines):,}", f"{length:.4g}", f"{strongest:.3g}")
+    out.print(table)
+
+
+def print_statistics(report: dict[str, Any], label: str) -> None:
+    """Say what the values of a quality are."""
+    unit = f" [{report['unit']}]" if report["unit"] else ""
+    numbers = ", ".join(f"{name} {value:.4g}" for name, value in report["statistics"].items())
+    out.print(f"{label}{escape(unit)}: {numbers}")
+
+
+def print_written(report: dict[str, Any], target: str) -> None:
+    """Say which file was written and how long the filter took."""
+    out.print(f"wrote [bold]{escape(target)}[/] ({sum(report['seconds'].values()):.2f} s)")
+
+
+def print_batch(summary: dict[str, Any]) -> None:
+    """Say what became of the files of a batch."""
+    width = max(len(file["input"]) for file in summary["files"])
+    for file in summary["files"]:
+        seconds = "" if file["result"] == "skipped" else f"{file['seconds']:.2f} s"
+        remark = file["error"] or _remark(file["report"] or {})
+        out.print(f"{file['input']:<{width}}  {file['result']:<7}  {seconds:>9}  {remark}".rstrip(), markup=False)
+    numbers = ", ".join(f"{summary[result]:,} {result}" for result in ("done", "skipped", "failed"))
+    out.print(f"{summary['command']}: {numbers} ({summary['seconds']:.1f} s)")
+
+
+def _remark(report: dict[str, Any]) -> str:
+    """The most telling numbers of a filter's report."""
+    if "closed_holes" in report:
+        return f"{report['closed_holes']:,} holes filled, {report['open_holes']:,} left open"
+    if "noise_before" in report:
+        before, after = (f"{report[key]:.3g}" if report[key] is not None else "unknown" for key in _NOISE)
+        return f"noise {before} before, {after} after [length]"
+    if "statistics" in report:
+        unit = f" [{report['unit']}]" if report["unit"] else ""
+        return f"{report['quality']}: median {report['statistics']['median']:.4g}{unit}"
+    return ""
+
+
+_NOISE = ("noise_before", "noise_after")
+
+
+def mesh_summary(mesh: TriangleMesh, report: MeshReport, topology: dict[str, Any]) -> dict[str, Any]:
+    """What `info` tells, as one dict."""
+    low, high = (mesh.vertices.min(axis=0), mesh.vertices.max(axis=0))
+    return {
+        "vertices": mesh.vertex_count,
+        "faces": mesh.face_count,
+        "components": topology.get("connected_components_number", 0),
+        "genus": topology.get("genus", -1),
+        "boundary_loops": topology.get("number_holes", -1),
+        "non_manifold_vertices": topology.get("non_two_manifold_vertices", 0),
+        **asdict(report),
+        "bounding_box": [low.tolist(), high.tolist()],
+        "fit_for_fitting": is_fit(mesh),
+        "findings": diagnose(mesh, report),
+    }
+
+
+def print_mesh_summary(summary: dict[str, Any], source: str) -> None:
+    """Say what is in a mesh and whether it can be fitted."""
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    low, high = summary["bounding_box"]
+
+    def number(key: str) -> str:
+        return f"{summary[key]:,}" if summary[key] >= 0 else "undefined (not a manifold)"
+
+    table.add_row("vertices, faces", f"{summary['vertices']:,}, {summary['faces']:,}")
+    table.add_row("size", " x ".join(f"{b - a:.6g}" for a, b in zip(low, high, strict=True)))
+    if summary["faces"]:
+        table.add_row("mean edge", f"{summary['mean_edge_length']:.6g}")
+        table.add_row("components", number("components"))
+        table.add_row("genus", number("genus"))
+        table.add_row("boundary loops", f"{number('boundary_loops')}, {summary['boundary_edges']:,} edges")
+        table.add_row(
+            "non-manifold", f"{summary['non_manifold_edges']:,} edges, {number('non_manifold_vertices')} vertices"
+        )
+    out.print(f"[bold]{escape(source)}[/]")
+    out.print(table)
+    if not summary["findings"]:
+        out.print("Fit for fitting: nothing stands in the way.")
+        return
+    out.print("Fit for fitting, but note:" if summary["fit_for_fitting"] else "[bold]Not fit for fitting:[/]")
+    for finding in summary["findings"]:
+        out.print(f"  - {finding}")

@@ -1,0 +1,123 @@
+"""The commands that show the fields of files: as a picture, in a window, or in MeshLab."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bezier_filters.cli import console
+from bezier_filters.cli.app import app, examples
+from bezier_filters.cli.options import ColorRange, Json, Percentile, Quiet, Source
+
+FieldNames = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--field",
+        help="quality, color, shape (grey) or a bz_* column; may be repeated. The quality by default, if there is one.",
+    ),
+]
+PictureColors = Annotated[
+    str, typer.Option(help="auto (Cool Warm or Viridis), Paper, or a colour map of matplotlib: turbo, RdBu_r, ...")
+]
+Up = Annotated[str, typer.Option(help="Axis that points up: auto, x, y, z, -x, -y or -z.")]
+
+
+@app.command(
+    epilog=examples(
+        "render curved.ply curved.png --field quality --field bz_shape_index --histogram",
+        "render scan.ply clean.ply both.png --view iso",
+    )
+)
+def render(
+    sources: Annotated[list[Path], typer.Argument(help="Meshes side by side, for example before and after.")],
+    picture: Annotated[Path, typer.Argument(help="PNG file to write.", metavar="PICTURE.png")],
+    field: FieldNames = None,
+    view: Annotated[
+        list[str] | None, typer.Option(help="front, back, left, right, top, bottom or iso; may be repeated.")
+    ] = None,
+    colormap: PictureColors = "auto",
+    percentile: Percentile = 2.0,
+    limits: ColorRange = None,
+    histogram: Annotated[bool, typer.Option("--histogram", help="Draw a histogram above every colour bar.")] = False,
+    size: Annotated[int, typer.Option(help="Largest side of one image in pixels.", min=50, max=4000)] = 600,
+    up: Up = "auto",
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Draw meshes with their quality or other fields as a PNG with colour bars, without any display.
+
+    One mesh has a column for every field. Several have a column each and a row for every field, with the same colours
+    in the row; a mesh that lacks the field is grey.
+    """
+    from bezier_filters.pictures.pictures import default_field, field_panels, read_mesh_file
+    from bezier_filters.pictures.render import render_panels
+
+    files = [read_mesh_file(source) for source in sources]
+    fields, views = field or [default_field(files)], view or ["front", "back"]
+    panels, shown = [], []
+    for name in fields:
+        row = field_panels(files, name, colormap=colormap, percentile=percentile, limits=limits, histogram=histogram)
+        panels += row
+        legend = next((panel for panel in row if panel.values is not None), row[0])
+        shown.append({"field": name, "label": legend.label, "unit": legend.unit, "limits": legend.limits})
+    columns = len(files) if len(files) > 1 else None
+    render_panels(picture, panels, views=views, columns=columns, size=(size, size), up=up)
+    if json:
+        inputs = [str(source) for source in sources]
+        console.print_json({"inputs": inputs, "output": str(picture), "views": views, "panels": shown})
+    elif not quiet:
+        console.out.print(f"wrote [bold]{picture}[/]")
+
+
+@app.command(epilog=examples("view curved.ply --field quality --field bz_shape_index"))
+def view(
+    sources: Annotated[list[Path], typer.Argument(help="Meshes side by side, for example before and after.")],
+    field: FieldNames = None,
+    colormap: PictureColors = "auto",
+    percentile: Percentile = 2.0,
+    limits: ColorRange = None,
+    up: Up = "auto",
+) -> None:
+    """Show meshes with their fields in a window, to turn with the mouse; q closes it. Needs a display."""
+    from bezier_filters.pictures.pictures import default_field, field_panels, read_mesh_file
+    from bezier_filters.pictures.viewing import check_display, show_panels
+
+    check_display()
+    files = [read_mesh_file(source) for source in sources]
+    panels = []
+    for name in field or [default_field(files)]:
+        panels += field_panels(files, name, colormap=colormap, percentile=percentile, limits=limits)
+    show_panels(panels, columns=len(files) if len(files) > 1 else None, up=up)
+
+
+@app.command(epilog=examples("qmap curved.ply curved.qmap --field bz_k_max"))
+def qmap(
+    source: Source,
+    target: Annotated[Path, typer.Argument(help="Quality mapper file to write.", metavar="OUTPUT.qmap")],
+    field: Annotated[str, typer.Option(help="Field whose range is taken: quality or a bz_* column.")] = "quality",
+    colormap: Annotated[
+        str, typer.Option(help="auto (Cool Warm or Viridis), Paper, or a colour map of pymeshlab: Turbo, ...")
+    ] = "auto",
+    percentile: Percentile = 2.0,
+    limits: ColorRange = None,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Write a colour map with its range for MeshLab's Quality Mapper, whose Load button opens it."""
+    from bezier_filters.colors.palettes import AUTO, default_colormap
+    from bezier_filters.meshlab.mesh_colors import save_quality_map
+    from bezier_filters.pictures.pictures import check_field, field_limits, read_mesh_file
+
+    files = [read_mesh_file(source)]
+    check_field(files, field)
+    shown = files[0].field(field)
+    if shown is None:
+        raise typer.BadParameter(f"{field!r} has no values; choose quality or a bz_* column")
+    low, high = field_limits(files, field, percentile=percentile, limits=limits)
+    name = default_colormap(signed=shown.signed) if colormap == AUTO else colormap
+    save_quality_map(target, low, high, name)
+    if json:
+        report = {"field": field, "label": shown.label, "unit": shown.unit, "limits": [low, high], "colormap": name}
+        console.print_json({"input": str(source), "output": str(target), **report})
+    elif not quiet:
+        console.out.print(f"wrote [bold]{target}[/]: {name}, {low:g} to {high:g} \\[{shown.unit}]")

@@ -1,0 +1,1 @@
+"""Ranges and palettes of colours, and tables for notebooks."""

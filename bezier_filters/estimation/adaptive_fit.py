@@ -1,0 +1,230 @@
+"""Chooses how to fit a surface, and fits every part of it with the plan that suits it.
+
+What is chosen follows from samples; vertices are then fitted by it one by one, all together or some at a time.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from bezier_filters.arrays import ByteArray, FloatArray, IntArray
+from bezier_filters.estimation.fallbacks import Attempt, fallback_chain, fit_with_fallbacks, planned_chain
+from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry
+from bezier_filters.kernels.kernel_input import KernelMesh
+from bezier_filters.learning.model_tree import Features, Leaf, Tree, at_leaves, grow, leaf_numbers, leaves
+from bezier_filters.learning.plans import THRIFT, Choices, plan_for
+from bezier_filters.learning.ring_analysis import RingAnalysis
+from bezier_filters.patches.fitting import PatchFit
+from bezier_filters.runtime.parallel import Progress, run_in_chunks
+
+Learn = Callable[[Choices], tuple[list[RingAnalysis], Leaf | None]]
+"""Learns a surface, as `learning.learn_surface` does."""
+
+
+@dataclass(frozen=True)
+class PartFit:
+    """How a part of a surface is fitted.
+
+    Attributes
+    ----------
+    rings, degree, noise_sigma
+        As in `FitPart`.
+    attempts : tuple of Attempt
+        Tried in order; none where the first fit is good enough.
+    error_ratios : tuple of float
+        What the standard errors of normal and curvatures are multiplied by, where the first fit stays.
+    """
+
+    rings: int
+    degree: int
+    noise_sigma: float
+    attempts: tuple[Attempt, ...]
+    error_ratios: tuple[float, float] = (1.0, 1.0)
+
+
+@dataclass(frozen=True)
+class SurfaceFit:
+    """How a surface is fitted: small, whatever the size of the mesh.
+
+    Attributes
+    ----------
+    choice : FitChoice
+        For all of it.
+    attempts : tuple of Attempt
+        Tried in order at every vertex.
+    parts : tree of PartFit, optional
+        What comes after that, by the features that the first fit shows.
+    """
+
+    choice: FitChoice
+    attempts: tuple[Attempt, ...]
+    parts: Tree[PartFit] | None = None
+
+
+@dataclass(frozen=True)
+class Learned:
+    """What is known of a surface from samples: neighbourhoods, and the model and plans for all of it."""
+
+    analyses: Sequence[RingAnalysis]
+    root: Leaf
+    choices: Choices
+
+    @property
+    def centers(self) -> IntArray:
+        """The sampled vertices, each once, in ascending order."""
+        result: IntArray = np.unique(np.concatenate([analysis.centers for analysis in self.analyses]))
+        return result
+
+
+def choose_fit(
+    learn: Learn, rings: int | Literal["auto"], fixed: PatchFit | None, degrees: tuple[int, ...]
+) -> tuple[SurfaceFit, Learned | None]:
+    """Choose what the user left open, as far as one choice holds for all.
+
+    Parameters
+    ----------
+    learn : callable
+        Called only if something is left open.
+    rings : int or "auto"
+        Size of the neighbourhood.
+    fixed : PatchFit or None
+        The patch; None if the data choose.
+    degrees : tuple of int
+        Degrees that they may choose.
+
+    Returns
+    -------
+    fit : SurfaceFit
+        Without parts.
+    learned : Learned or None
+        What `with_parts` finds parts from; None if there are none.
+    """
+    root, sigma = None, None
+    if fixed is None or rings == "auto":
+        choices = Choices(None if rings == "auto" else rings, degrees)
+        analyses, root = learn(choices)
+    if root is not None:
+        sigma, chosen = root.surface.sigma, root.chosen
+        if fixed is None:
+            choice = FitChoice(chosen.rings, chosen.degree, None, sigma)
+            return SurfaceFit(choice, tuple(planned_chain(root.plans, chosen))), Learned(analyses, root, choices)
+    if rings == "auto":
+        rings = 2 if root is None else root.chosen.rings
+    fit = fixed or PatchFit()
+    return SurfaceFit(FitChoice(rings, fit.degree, fit.alpha, sigma), tuple(fallback_chain(rings, fit))), None
+
+
+def with_parts(fit: SurfaceFit, learned: Learned, features: Features) -> SurfaceFit:
+    """The fit with what suits the parts of the surface, if they differ.
+
+    Parameters
+    ----------
+    fit : SurfaceFit
+        For all.
+    learned : Learned
+        What that was chosen from.
+    features : callable
+        Gives the `first_features` of sampled vertices.
+    """
+    root = learned.root
+    tree = grow(root, learned.analyses, features, learned.choices)
+    return fit if isinstance(tree, Leaf) else replace(fit, parts=_part_fits(root, tree))
+
+
+def _part_fits(root: Leaf, tree: Tree[Leaf]) -> Tree[PartFit]:
+    return at_leaves(tree, lambda leaf: _part_fit(root, leaf))
+
+
+def _part_fit(root: Leaf, leaf: Leaf) -> PartFit:
+    """A plan for a part: its own, or that of the whole if another fit is not worth its time."""
+    before, plan, there = root.chosen, leaf.chosen, plan_for(root.chosen, leaf.surface)
+    sigma = leaf.surface.sigma
+    if there is not None and there.error <= plan.error * (1.0 + plan.cost / there.cost) ** THRIFT:
+        ratios = there.normal_noise / before.normal_noise, there.curvature_noise / before.curvature_noise
+        return PartFit(there.rings, there.degree, sigma, (), ratios)
+    return PartFit(plan.rings, plan.degree, sigma, tuple(planned_chain(leaf.plans, plan)))
+
+
+def first_features(geometry: VertexGeometry, rows: IntArray) -> FloatArray:
+    """What the parts are told apart by, from the first fit: curvedness, but for a factor, and residual."""
+    return np.column_stack([np.hypot(geometry.k_min[rows], geometry.k_max[rows]), geometry.residual[rows]])
+
+
+def fit_parts(
+    mesh: KernelMesh,
+    ids: IntArray,
+    fit: SurfaceFit,
+    geometry: VertexGeometry,
+    *,
+    robust: bool = False,
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> FitChoice:
+    """Fit those of the vertices `ids` again that belong to a part with a plan worth its time.
+
+    Parameters
+    ----------
+    mesh : KernelMesh
+    ids : (k,) int32
+        Vertices, in ascending order.
+    fit : SurfaceFit
+        How.
+    geometry : VertexGeometry
+        The results of the first fit, which are replaced.
+    robust : bool
+        Whether points far off a fit lose their weight.
+    threads : int
+        Number of threads.
+    progress : callable, optional
+        Called with the number of vertices done: all of them.
+
+    Returns
+    -------
+    FitChoice
+        With the number of vertices of each part.
+    """
+    if fit.parts is None:
+        return fit.choice
+    numbers = _part_numbers(fit.parts, geometry, mesh.origin, ids)
+    parts = []
+    for number, part in enumerate(leaves(fit.parts)):
+        of_part = ids[numbers == number]
+        if part.attempts:
+            fit_with_fallbacks(
+                mesh,
+                of_part,
+                part.attempts,
+                geometry,
+                robust=robust,
+                threads=threads,
+                progress=_at_the_end(progress, len(ids)),
+            )
+        else:
+            _rescale_errors(geometry, mesh.origin[of_part], *part.error_ratios)
+        parts.append(FitPart(len(of_part), part.rings, part.degree, part.noise_sigma))
+    return replace(fit.choice, parts=tuple(parts))
+
+
+def _part_numbers(parts: Tree[PartFit], geometry: VertexGeometry, origin: IntArray, ids: IntArray) -> ByteArray:
+    """The number of the part that each vertex belongs to, (k,); some at a time, as features take room."""
+    numbers = np.empty(len(ids), dtype=np.int8)
+
+    def number(start: int, stop: int) -> None:
+        numbers[start:stop] = leaf_numbers(parts, first_features(geometry, origin[ids[start:stop]]))
+
+    run_in_chunks(lambda: number, len(ids), threads=1)
+    return numbers
+
+
+def _rescale_errors(geometry: VertexGeometry, rows: IntArray, of_normal: float, of_curvature: float) -> None:
+    """Give vertices the standard errors of the same fit under another model."""
+    geometry.normal_std[rows] *= of_normal
+    for errors in (geometry.mean_curvature_std, geometry.gaussian_curvature_std):
+        errors[rows] *= of_curvature
+
+
+def _at_the_end(progress: Progress | None, total: int) -> Progress | None:
+    """Progress of what comes after the last vertex."""
+    return None if progress is None else lambda *_: progress(total, total)

@@ -1,0 +1,302 @@
+"""Differential geometry at every vertex of a mesh: the function that users call."""
+
+from dataclasses import fields, replace
+from numbers import Integral, Real
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.errors import InvalidParameterError
+from bezier_filters.estimation.adaptive_fit import choose_fit, first_features, fit_parts, with_parts
+from bezier_filters.estimation.ball_fit import fit_in_balls
+from bezier_filters.estimation.fallbacks import fit_with_fallbacks
+from bezier_filters.estimation.first_call import first_call
+from bezier_filters.estimation.outliers import without_outliers
+from bezier_filters.estimation.point_cloud import point_cloud
+from bezier_filters.estimation.vertex_geometry import FitChoice, VertexGeometry, empty_geometry
+from bezier_filters.kernels.kernel_input import KernelMesh, kernel_mesh
+from bezier_filters.learning.learn import learn_surface
+from bezier_filters.learning.model_tree import Leaf
+from bezier_filters.learning.plans import CANDIDATE_DEGREES, Choices
+from bezier_filters.learning.ring_analysis import RingAnalysis
+from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
+from bezier_filters.meshes.creases import crease_vertices
+from bezier_filters.meshes.frames import tangent_planes
+from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
+from bezier_filters.meshes.spatial_order import SpatialOrder, in_spatial_order
+from bezier_filters.patches.fitting import PatchFit
+from bezier_filters.patches.smoothness import Smoothness
+from bezier_filters.runtime.parallel import Progress, thread_count
+from bezier_filters.status import FitStatus
+
+Automatic = Literal["auto"]
+
+
+def estimate_vertex_geometry(
+    vertices: ArrayLike,
+    faces: ArrayLike | None,
+    *,
+    normals: ArrayLike | None = None,
+    rings: int | Automatic = "auto",
+    radius: float | None = None,
+    alpha: float | Automatic = "auto",
+    degree: int | Automatic = "auto",
+    smoothness: Smoothness = "third_order",
+    robust: bool = False,
+    selected: BoolArray | None = None,
+    conditions: bool = False,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> VertexGeometry:
+    """Normals, curvatures, principal directions and torsion of a mesh or a point cloud at its vertices.
+
+    A patch is fitted to the k-ring of every vertex, as a height field over the tangent plane, by
+    least squares with a smoothness that holds its higher terms back (after Li, Barsky, Jin, "An
+    effective third-order local fitting patch and its application", IEEE SMI 2009). Its
+    derivatives at the vertex give the geometry.
+
+    By default the data choose: the noise of the mesh and the variation of its surface are learned
+    from a sample of neighbourhoods, and the neighbourhood, the degree and the weight of the
+    smoothness are those with the smallest predicted error of normal and curvature. With a number
+    for `alpha`, [alpha A; (1 - alpha) S] b = [alpha z; 0] is solved as in the paper;
+    ``rings=2, alpha=0.8, smoothness="paper"`` is the paper's method to the letter, whose curvature
+    is biased at every resolution.
+
+    Without faces the vertices are a point cloud: each point's neighbours are found among the nearest
+    points (see `point_cloud`), and all else is as for a mesh. What is outside follows from `normals`,
+    or else from the shape: closed bodies have positive volume, sheets look towards +z or the axis
+    that they face most.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array_like of float
+        Coordinates.
+    faces : (m, 3) array_like of int, or None
+        Triangles, counter-clockwise seen from outside; none at all for a point cloud.
+    normals : (n, 3) array_like of float, optional
+        For point clouds only: vectors of any length that tell on which side of each point the outside
+        is, zero where that is unknown. Nothing else of them is used.
+    rings : int or "auto"
+        Size of the neighbourhood in edges, at least 1.
+    radius : float, optional
+        Size of the neighbourhood as a length instead, so that a mesh of varying density, or several
+        meshes, are seen at one scale: every vertex within this distance that can be reached along
+        edges within it. Balls with too few points are replaced by 2 rings or more
+        (`FitStatus.WIDER_RING`). What the data choose is one choice for all vertices then.
+    alpha : float or "auto"
+        Weight of the points against the smoothness, in (0, 1]; 1 fits the points alone.
+    degree : int or "auto"
+        With a number for `alpha`, degree of the patch in each parameter: 2, 3 or 4, and "auto"
+        is 3. Otherwise total degree of the polynomial: 2 to 6.
+    smoothness : {"third_order", "paper", "twists"}
+        What S penalises: see `smoothness_matrix`. With ``"paper"``, "auto" stands for the paper's
+        settings: 2 rings, alpha 0.8, degree 3. With ``"twists"``, `alpha` must be a number.
+    robust : bool
+        Whether points far off their patch lose their weight (Tukey's biweight), for scans with
+        outliers: one vertex in twenty displaced by many times the noise. It takes some two times as long
+        and is slightly less accurate where there are none.
+    selected : (n,) bool, optional
+        Vertices to estimate; the others get zeros and `FitStatus.SKIPPED`.
+    conditions : bool
+        Whether the result has the condition number of every fit. Vertices are then fitted one at a time, which takes
+        some three times as long and gives the same up to rounding.
+    threads : int, optional
+        Number of threads; by default BEZIER_FILTERS_THREADS or all usable cores. The result
+        does not depend on it.
+    progress : callable, optional
+        ``progress(done, total)`` is called from this thread now and then; if it returns False
+        the estimate is cancelled.
+
+    Returns
+    -------
+    VertexGeometry
+        Curvatures in 1/length, positive where the surface is convex towards its outside. Where
+        a vertex needed a fallback, `status` says which; `fit` says what was chosen.
+
+    Raises
+    ------
+    InvalidMeshError
+        If the arrays are not a mesh with finite coordinates.
+    InvalidParameterError
+        If a parameter is out of range, or if there are both faces and normals.
+    CancelledError
+        If `progress` returned False.
+
+    Examples
+    --------
+    >>> from bezier_filters.surfaces import sphere
+    >>> ball = sphere(radius=2.0)
+    >>> geometry = estimate_vertex_geometry(ball.vertices, ball.faces)
+    >>> bool(abs(geometry.mean_curvature - 0.5).max() < 1e-4)
+    True
+    >>> of_points_alone = estimate_vertex_geometry(ball.vertices, None)
+    >>> bool(abs(of_points_alone.mean_curvature - 0.5).max() < 1e-4)
+    True
+    """
+    mesh = triangle_mesh(vertices, [] if faces is None else faces)
+    outside = _outside(normals, mesh)
+    _check_radius(radius, rings)
+    rings, fixed, degrees = fit_options(rings, alpha, degree, smoothness)
+    mask = None if selected is None else _checked_mask(selected, mesh.vertex_count)
+    threads = thread_count(threads)
+
+    with first_call():
+        ordered = in_spatial_order(mesh, threads=threads)
+        mesh, order = ordered.mesh, ordered.order
+        if mesh.face_count:
+            arrays, adjacency = fitted_mesh(mesh, ordered, creases=fixed is None, threads=threads)
+        else:
+            adjacency, planes = point_cloud(mesh, None if outside is None else outside[order], threads=threads)
+            arrays = kernel_mesh(mesh, adjacency, planes, None, ordered)
+        ids: IntArray = (np.arange(mesh.vertex_count) if mask is None else np.flatnonzero(mask[order])).astype(np.int32)
+        geometry = empty_geometry(mesh.vertex_count)
+        if conditions:
+            geometry = replace(geometry, condition_number=np.zeros(mesh.vertex_count))
+        if radius is None:
+            choice = _fit(arrays, adjacency, ids, rings, fixed, degrees, geometry, robust, threads, progress)
+        else:
+            choice = fit_in_balls(
+                arrays,
+                adjacency,
+                ids,
+                float(radius),
+                fixed,
+                degrees,
+                geometry,
+                robust=robust,
+                threads=threads,
+                progress=progress,
+            )
+        if mask is not None:
+            _clear(geometry, ~mask)
+        return replace(geometry, fit=choice)
+
+
+def fit_options(
+    rings: object, alpha: object, degree: object, smoothness: Smoothness
+) -> tuple[int | Automatic, PatchFit | None, tuple[int, ...]]:
+    """What the user's options leave open: rings, the patch or None, and the degrees if the data choose.
+
+    Raises
+    ------
+    InvalidParameterError
+        If an option is out of range.
+    """
+    if smoothness == "paper":
+        rings, alpha = (2 if rings == "auto" else rings), (0.8 if alpha == "auto" else alpha)
+    checked = _checked_rings(rings)
+    if alpha == "auto":
+        _check_choices(degree, smoothness)
+        return checked, None, CANDIDATE_DEGREES if degree == "auto" else (int(degree),)  # type: ignore[call-overload]
+    fixed = PatchFit(3 if degree == "auto" else degree, alpha, smoothness)  # type: ignore[arg-type]
+    return checked, fixed, CANDIDATE_DEGREES if degree == "auto" else (fixed.degree,)
+
+
+def fitted_mesh(
+    mesh: TriangleMesh, ordered: SpatialOrder | None = None, *, creases: bool, threads: int = 1
+) -> tuple[KernelMesh, Adjacency]:
+    """Neighbours, planes and creases of a mesh, ready for the kernels."""
+    adjacency = vertex_adjacency(mesh, threads=threads)
+    planes = tangent_planes(mesh, adjacency, threads=threads)
+    stops = crease_vertices(mesh, adjacency, planes, threads=threads) if creases else None
+    return kernel_mesh(mesh, adjacency, planes, stops, ordered), adjacency
+
+
+def _fit(
+    arrays: KernelMesh,
+    adjacency: Adjacency,
+    ids: IntArray,
+    rings: int | Automatic,
+    fixed: PatchFit | None,
+    degrees: tuple[int, ...],
+    geometry: VertexGeometry,
+    robust: bool,
+    threads: int,
+    progress: Progress | None,
+) -> FitChoice:
+    """Choose how to fit what the user left open, and do it.
+
+    The sampled vertices are fitted, too, so that the parts do not depend on `ids`; what is written there means nothing.
+    """
+
+    def learn(choices: Choices) -> tuple[list[RingAnalysis], Leaf | None]:
+        learned_from = without_outliers(arrays, threads=threads) if robust else arrays
+        return learn_surface(learned_from, adjacency, choices, threads=threads)
+
+    fit, learned = choose_fit(learn, rings, fixed, degrees)
+    first = ids if learned is None else _union(ids, learned.centers, len(arrays.vertices))
+    of_wanted = None if progress is None else lambda done, _: progress(min(done, len(ids)), len(ids))
+    fit_with_fallbacks(arrays, first, fit.attempts, geometry, robust=robust, threads=threads, progress=of_wanted)
+    if learned is not None:
+        fit = with_parts(fit, learned, lambda centers: first_features(geometry, arrays.origin[centers]))
+    return fit_parts(arrays, ids, fit, geometry, robust=robust, threads=threads, progress=progress)
+
+
+def _union(ids: IntArray, others: IntArray, n: int) -> IntArray:
+    """Numbers below n that are in one of two arrays, in ascending order."""
+    if len(ids) == n:
+        return ids
+    present = np.zeros(n, dtype=np.bool_)
+    present[ids] = True
+    present[others] = True
+    return np.flatnonzero(present).astype(np.int32)
+
+
+def _outside(normals: ArrayLike | None, mesh: TriangleMesh) -> FloatArray | None:
+    """The given normals of a point cloud, checked."""
+    if normals is None:
+        return None
+    if mesh.face_count:
+        raise InvalidParameterError("normals: got some for a mesh with faces, whose orientation says what is outside")
+    try:
+        vectors = np.asarray(normals, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidParameterError(f"normals: expected real numbers of shape (n, 3); {error}") from None
+    if vectors.shape != mesh.vertices.shape or not np.isfinite(vectors).all():
+        raise InvalidParameterError(
+            f"normals: got shape {vectors.shape}, expected finite numbers of shape {mesh.vertices.shape}"
+        )
+    return vectors
+
+
+def _checked_rings(rings: object) -> int | Automatic:
+    if rings == "auto":
+        return "auto"
+    if isinstance(rings, bool) or not isinstance(rings, Integral) or rings < 1:
+        raise InvalidParameterError(f"rings: got {rings!r}, expected an integer of 1 or more, or 'auto'")
+    return int(rings)
+
+
+def _check_radius(radius: object, rings: object) -> None:
+    if radius is None:
+        return
+    if isinstance(radius, bool) or not isinstance(radius, Real) or not 0.0 < float(radius) < np.inf:
+        raise InvalidParameterError(f"radius: got {radius!r}, expected a positive length, or None")
+    if rings != "auto":
+        raise InvalidParameterError(f"radius: got {radius!r} and rings={rings!r}; give one of them, not both")
+
+
+def _check_choices(degree: object, smoothness: object) -> None:
+    if degree != "auto" and degree not in CANDIDATE_DEGREES:
+        raise InvalidParameterError(f"degree: got {degree!r}, expected one of {CANDIDATE_DEGREES}, or 'auto'")
+    if smoothness != "third_order":
+        raise InvalidParameterError(
+            f"smoothness: got {smoothness!r}, expected 'third_order' or 'paper', or a number for alpha"
+        )
+
+
+def _checked_mask(selected: BoolArray, n: int) -> BoolArray:
+    mask = np.asarray(selected)
+    if mask.shape != (n,) or mask.dtype != np.bool_:
+        raise InvalidParameterError(f"selected: got {mask.dtype} of shape {mask.shape}, expected bool of shape ({n},)")
+    return mask
+
+
+def _clear(geometry: VertexGeometry, rows: BoolArray) -> None:
+    """Forget what is known of some vertices."""
+    for part in fields(geometry):
+        values = getattr(geometry, part.name)
+        if isinstance(values, np.ndarray):
+            values[rows] = FitStatus.SKIPPED if part.name == "status" else 0

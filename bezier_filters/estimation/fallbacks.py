@@ -1,0 +1,289 @@
+"""What is tried at a vertex, in order, until one fit is sound."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numba import config
+
+from bezier_filters.arrays import BoolArray, ByteArray, IntArray
+from bezier_filters.estimation.vertex_geometry import VertexGeometry
+from bezier_filters.kernels.kernel_input import FITTED, FOLDED, ILL_POSED, OUTCOMES, KernelFit, KernelMesh
+from bezier_filters.kernels.lane_kernel import lane_task
+from bezier_filters.kernels.scalar_kernel import scalar_task
+from bezier_filters.kernels.uncertainty import StandardErrors
+from bezier_filters.learning.learn import MOST_TURNED
+from bezier_filters.learning.plans import FitPlan
+from bezier_filters.patches.fitting import PatchFit
+from bezier_filters.patches.jets import GraphGeometry
+from bezier_filters.patches.polynomials import elimination_order, lexicographic_places, row_starts
+from bezier_filters.runtime.parallel import Progress, RangeTask, run_in_chunks
+from bezier_filters.status import FitStatus
+
+SMALLEST_PIVOT = 1e-6
+"""Relative pivot below which the points do not determine a patch: its error stays near 1e-10."""
+SMALLEST_PRIOR_PIVOT = 1e-10
+"""The same for fits with a prior, which decides what the points leave open."""
+MORE_RINGS = 3
+"""How many rings an ill-posed neighbourhood may grow."""
+ENOUGH_POINTS = 0.75
+"""Of the usual number: at a boundary or a crease, where a neighbourhood has fewer, it takes more rings."""
+QUADRATIC = PatchFit(degree=2, alpha=0.1)
+"""Practically a plain quadratic: six coefficients that six well-placed points determine."""
+
+ROBUST_ROUNDS = 5
+"""Most rounds of reweighting; nearly all neighbourhoods settle after two or three."""
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One way to fit a vertex, tried on the vertices whose last outcome is in `after`.
+
+    Attributes
+    ----------
+    status : FitStatus
+        What a success is recorded as.
+    after : frozenset of int
+        Outcomes of the kernel.
+    rings : int
+        Size of the neighbourhood in edges, unless there is a radius.
+    fit : PatchFit or FitPlan
+        The patch to fit.
+    mean_plane : bool
+        Whether the plane is normal to the mean normal of the neighbourhood, not to the vertex normal.
+    most_turned : float
+        Share of the vertices whose normals may turn away from the plane; if negative, not even a
+        single face may fold.
+    noise : tuple of float
+        Standard deviation of the heights, a length, for the standard errors of the normal and of
+        the curvatures; 0 for none.
+    over_creases : bool
+        Whether the neighbourhood may reach across creases.
+    fewest_points : int
+        Fewer points count as ill posed.
+    radius : float or None
+        Of the ball that is the neighbourhood, a length.
+    """
+
+    status: FitStatus
+    after: frozenset[int]
+    rings: int
+    fit: PatchFit | FitPlan
+    mean_plane: bool = False
+    most_turned: float = -1.0
+    noise: tuple[float, float] = (0.0, 0.0)
+    over_creases: bool = False
+    fewest_points: int = 0
+    radius: float | None = None
+
+
+def fallback_chain(rings: int, fit: PatchFit, radius: float | None = None) -> Iterator[Attempt]:
+    """The fit asked for, then the paper's fallbacks made sound.
+
+    Too few or badly placed points take a wider ring; a folded projection takes another plane,
+    then the 1-ring. What is left is fitted by a quadratic, because the paper's system is
+    singular on 1-rings of six neighbours or fewer. If there is a radius, its ball is tried before
+    the rings.
+    """
+    ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED})
+    yield Attempt(FitStatus.OK, frozenset({FITTED}), rings, fit, radius=radius)
+    for more in range(1, MORE_RINGS + 1):
+        yield Attempt(FitStatus.WIDER_RING, ill_posed, rings + more, fit)
+    yield Attempt(FitStatus.OTHER_PLANE, folded, rings, fit, mean_plane=True, radius=radius)
+    yield from last_resorts(rings)
+
+
+def last_resorts(rings: int) -> Iterator[Attempt]:
+    """Quadratic fits for what nothing else fits."""
+    ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED})
+    yield Attempt(FitStatus.ONE_RING, folded, 1, QUADRATIC)
+    yield Attempt(FitStatus.LOWER_DEGREE, ill_posed, max(rings, 2), QUADRATIC)
+    yield Attempt(FitStatus.LOWER_DEGREE, ill_posed, rings + MORE_RINGS, QUADRATIC)
+    yield Attempt(FitStatus.FOLDED, ill_posed | folded, max(rings, 2), QUADRATIC, mean_plane=True, most_turned=1.0)
+
+
+def planned_chain(plans: Sequence[FitPlan], chosen: FitPlan, radius: float | None = None) -> Iterator[Attempt]:
+    """The chosen plan and its fallbacks: narrower rings where it folds, wider ones where it is ill posed.
+
+    A prior makes nearly every neighbourhood well posed, and noise folds a few faces of a wide one;
+    so these fits take the mean plane and mind only folds of the surface. If there is a radius, the
+    chosen plan is that of its ball; wider rings than a ball have few points, which must all count.
+    """
+    ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED})
+
+    def planned(status: FitStatus, after: frozenset[int], rings: int, plan: FitPlan, fewest: int = 0) -> Attempt:
+        return Attempt(
+            status,
+            after,
+            rings,
+            plan,
+            mean_plane=True,
+            most_turned=MOST_TURNED,
+            noise=(plan.normal_noise, plan.curvature_noise),
+            fewest_points=fewest,
+        )
+
+    fewest = int(ENOUGH_POINTS * chosen.points) if radius is None else 0
+    yield replace(planned(FitStatus.OK, frozenset({FITTED}), chosen.rings, chosen, fewest), radius=radius)
+    for plan in sorted((plan for plan in plans if plan.rings < chosen.rings), key=lambda plan: -plan.rings):
+        yield planned(FitStatus.NARROWER_RING, folded, plan.rings, plan)
+    narrowest, wider = (chosen.rings, chosen) if radius is None else (1, replace(chosen, weight_radius=np.inf))
+    for more in range(1, MORE_RINGS + 1):
+        yield planned(FitStatus.WIDER_RING, ill_posed, narrowest + more, wider, fewest if more < MORE_RINGS else 0)
+    for attempt in last_resorts(min(chosen.rings, 2)):
+        yield replace(attempt, noise=(chosen.normal_noise, chosen.curvature_noise), over_creases=True)
+
+
+def without_faces(attempt: Attempt) -> Attempt:
+    """The attempt for a point cloud, where only the points' normals can tell a fold."""
+    return replace(attempt, most_turned=max(attempt.most_turned, MOST_TURNED))
+
+
+def fit_with_fallbacks(
+    mesh: KernelMesh,
+    ids: IntArray,
+    attempts: Sequence[Attempt],
+    geometry: VertexGeometry,
+    *,
+    robust: bool = False,
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> None:
+    """Run the attempts on the vertices `ids` and write what they give into `geometry`, in rows ``mesh.origin[ids]``.
+
+    A vertex that no attempt fits keeps what an earlier call found or, if there was none, has the normal of its faces
+    or nearest points, and zero curvature.
+    If robust, points far off a fit lose their weight, except in the last resorts, which have too few to tell.
+    """
+    if not len(mesh.faces):
+        attempts = [without_faces(attempt) for attempt in attempts]
+    has_normal = (mesh.normals != 0.0).any(axis=1)[ids]
+    geometry.status[mesh.origin[ids[~has_normal]]] = FitStatus.ISOLATED
+    unsettled = _where(has_normal, ids)
+    outcomes = np.full(len(unsettled), FITTED, dtype=np.int8)
+    tried = 0
+    for attempt in attempts:
+        concerned = np.array([outcome in attempt.after for outcome in OUTCOMES])[outcomes]
+        if not concerned.any():
+            continue
+        report = _overall_progress(progress, tried, len(ids))
+        outcomes[concerned] = _run(attempt, mesh, _where(concerned, unsettled), geometry, robust, threads, report)
+        tried = len(ids)
+        fitted = concerned & (outcomes == FITTED)
+        _give_status(attempt.status, unsettled, fitted, mesh.origin, geometry)
+        unsettled, outcomes = unsettled[~fitted], outcomes[~fitted]
+        if not len(unsettled):
+            return
+    never_fitted = unsettled[geometry.status[mesh.origin[unsettled]] == FitStatus.SKIPPED]
+    geometry.normals[mesh.origin[never_fitted]] = mesh.normals[never_fitted]
+    geometry.status[mesh.origin[never_fitted]] = FitStatus.NORMAL_ONLY
+
+
+def _give_status(status: FitStatus, ids: IntArray, mask: BoolArray, origin: IntArray, geometry: VertexGeometry) -> None:
+    """Set the status of the vertices where a mask is true, some at a time, as their rows take room."""
+
+    def give(start: int, stop: int) -> None:
+        geometry.status[origin[ids[start:stop][mask[start:stop]]]] = status
+
+    run_in_chunks(lambda: give, len(ids), threads=1)
+
+
+def _where(mask: BoolArray, ids: IntArray) -> IntArray:
+    """The numbers where a mask is true; no copy if that is everywhere."""
+    return ids if mask.all() else ids[mask]
+
+
+def _run(
+    attempt: Attempt,
+    mesh: KernelMesh,
+    ids: IntArray,
+    geometry: VertexGeometry,
+    robust: bool,
+    threads: int,
+    progress: Progress | None,
+) -> ByteArray:
+    """Run the kernel on the vertices `ids`; return their outcomes."""
+    n = len(mesh.vertices)
+    if attempt.over_creases:
+        mesh = mesh._replace(stops=np.zeros(n, dtype=np.bool_))
+    outcomes = np.empty(len(ids), dtype=np.int8)
+    fit = kernel_fit(attempt, robust=robust)
+    result = GraphGeometry(
+        geometry.normals,
+        geometry.k_min,
+        geometry.k_max,
+        geometry.direction_min,
+        geometry.direction_max,
+        geometry.extremality_min,
+        geometry.extremality_max,
+        geometry.displacements,
+    )
+    errors = StandardErrors(geometry.normal_std, geometry.mean_curvature_std, geometry.gaussian_curvature_std)
+
+    # Lanes are compiled code only; reweighting by residuals takes each vertex its own number of rounds;
+    # condition numbers are asked for rarely, and everybody would wait for their compilation.
+    compiled = not config.DISABLE_JIT  # type: ignore[attr-defined]
+    in_lanes = compiled and not fit.rounds and geometry.condition_number is None
+
+    def make_task() -> RangeTask:
+        arguments = mesh, fit, ids, result, errors, geometry.residual, geometry.rings_used, outcomes
+        return lane_task(*arguments) if in_lanes else scalar_task(*arguments, geometry.condition_number)
+
+    run_in_chunks(make_task, len(ids), threads=threads, progress=progress)
+    return outcomes
+
+
+def kernel_fit(attempt: Attempt, *, robust: bool = False) -> KernelFit:
+    """What the kernel needs to know of one attempt."""
+    fit = attempt.fit
+    space = fit.space
+    order: IntArray = np.arange(space.dimension, dtype=np.int32)
+    if attempt.noise[0] > 0.0:
+        space, order = elimination_order(space)
+    lower = np.tril_indices(space.dimension)
+    weight_scale, weight_power = 0.0, 0
+    moment_exponents, moment_place = space.moments
+    if isinstance(fit, PatchFit):
+        fewest, square, penalty = fit.free_coefficients, fit.square, fit.monomial_penalty[np.ix_(order, order)][lower]
+        prior, smallest_pivot = np.zeros(len(lower[0])), SMALLEST_PIVOT
+    else:
+        fewest, square, penalty = max(6, attempt.fewest_points), True, np.zeros(len(lower[0]))
+        if np.isfinite(fit.weight_radius):
+            weight_scale, weight_power = 1.0 / fit.weight_radius**2, fit.degree + 1
+        prior, smallest_pivot = fit.prior[np.ix_(order, order)][lower], SMALLEST_PRIOR_PIVOT
+    entries = np.flatnonzero(prior)
+    degrees = space.total_degrees[lower[0]][entries]
+    places: IntArray = entries[np.argsort(degrees, kind="stable")].astype(np.int32)
+    return KernelFit(
+        rings=attempt.rings,
+        radius=attempt.radius or 0.0,
+        fewest_points=fewest,
+        square=square,
+        mean_plane=attempt.mean_plane,
+        most_turned=attempt.most_turned,
+        highest_power=2 * fit.degree,
+        any_axis=isinstance(fit, FitPlan),
+        exponents=space.exponents,
+        starts=row_starts(space.exponents),
+        lexicographic=lexicographic_places(space.exponents),
+        moment_exponents=moment_exponents,
+        moment_starts=row_starts(moment_exponents),
+        moment_place=moment_place,
+        penalty=penalty,
+        prior=prior[places],
+        prior_place=places,
+        prior_degree=np.sort(degrees).astype(np.int32),
+        smallest_pivot=smallest_pivot,
+        normal_noise=attempt.noise[0],
+        curvature_noise=attempt.noise[1],
+        weight_scale=weight_scale,
+        weight_power=weight_power,
+        rounds=ROBUST_ROUNDS if robust and fit is not QUADRATIC else 0,
+    )
+
+
+def _overall_progress(progress: Progress | None, tried: int, total: int) -> Progress | None:
+    """Progress of one attempt as that of the whole: fallbacks come after the last vertex."""
+    if progress is None:
+        return None
+    return lambda done, _: progress(min(tried + done, total), total)

@@ -1,0 +1,240 @@
+"""Points without faces: their neighbours and tangent planes, found from the points themselves.
+
+Each point gets the neighbours that it would have in a Delaunay triangulation of its surroundings,
+flattened onto its tangent plane. There are six of them on average, as on a mesh, also where the
+points lie in scan lines or are denser on one side; so all that knows meshes by their vertex
+neighbours works on point clouds.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.meshes.adjacency import Adjacency, Rows
+from bezier_filters.meshes.frames import TangentPlanes
+from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.orientation import oriented
+from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
+
+CANDIDATES = 20
+"""Nearest points among which the neighbours are sought: some three layers around a point."""
+LARGEST_GAP = np.radians(120.0)
+"""A point whose nearest points leave a wider angle free is on the boundary of an open cloud."""
+THINNEST = 1e-12
+"""Points whose second principal variance is a smaller share of the first lie on a line."""
+STRAY = 3.0
+"""A point this many times farther away than a point's own nearest ones is no neighbour of that point."""
+COCIRCULAR = 1e-6
+"""Relative tolerance for points on one circle, all of which become neighbours."""
+
+
+class PointCloud(NamedTuple):
+    """What takes the place of a mesh's connectivity and face normals."""
+
+    adjacency: Adjacency
+    planes: TangentPlanes
+
+
+def point_cloud(mesh: TriangleMesh, normals: FloatArray | None = None, *, threads: int = 1) -> PointCloud:
+    """Neighbours and tangent planes of the vertices of a mesh without faces.
+
+    The planes are those of least squares through the nearest points (Hoppe et al., "Surface
+    reconstruction from unorganized points", SIGGRAPH 1992). Points at the same place count as one
+    neighbour. Points that have no plane, because they are alone or on a line, get zero normals.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        Its faces are ignored.
+    normals : (n, 3) float64, optional
+        Vectors of any length that tell on which side of a point the outside is. Where they are
+        zero, `oriented` decides.
+    threads : int
+        Number of threads.
+
+    Examples
+    --------
+    >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> from bezier_filters.surfaces import sphere
+    >>> ball = sphere()
+    >>> cloud = point_cloud(triangle_mesh(ball.vertices, []))
+    >>> float(cloud.adjacency.vertices.lengths.mean().round(1))
+    6.0
+    >>> bool((np.einsum("ij,ij->i", cloud.planes.normals, ball.normals) > 0.99).all())
+    True
+    """
+    first, place_of = _distinct(mesh.vertices)
+    points = mesh.vertices[first]
+    nearest, reach = _nearest(points, threads)
+    planes = _least_squares_normals(points, nearest)
+    neighbours, on_boundary = _neighbours(points, nearest, reach, planes, threads)
+    planes = oriented(points, planes, neighbours, None if normals is None else normals[first])[place_of]
+    if normals is not None:
+        inward = np.einsum("ij,ij->i", planes, normals) < 0.0
+        planes[inward] *= -1.0
+    no_faces = Rows(np.zeros(mesh.vertex_count + 1, np.int32), np.empty(0, np.int32))
+    adjacency = Adjacency(no_faces, _at_all_points(neighbours, first, place_of), on_boundary[place_of])
+    return PointCloud(adjacency, TangentPlanes(planes, np.full(mesh.vertex_count, 2.0)))
+
+
+def _distinct(points: FloatArray) -> tuple[IntArray, IntArray]:
+    """Index of one point for each place, in an order that only depends on the places, and the place of each point."""
+    order = np.lexsort(points.T)
+    new = np.ones(len(points), dtype=np.bool_)
+    new[1:] = (points[order[1:]] != points[order[:-1]]).any(axis=1)
+    place_of = np.empty(len(points), dtype=np.int32)
+    place_of[order] = np.cumsum(new) - 1
+    return order[new].astype(np.int32), place_of
+
+
+def _at_all_points(neighbours: Rows, first: IntArray, place_of: IntArray) -> Rows:
+    """Rows of the places as rows of the points."""
+    lengths = neighbours.lengths[place_of]
+    indptr = np.append(0, np.cumsum(lengths)).astype(np.int32)
+    within = np.arange(indptr[-1]) - np.repeat(indptr[:-1], lengths)
+    places = neighbours.indices[np.repeat(neighbours.indptr[place_of], lengths) + within]
+    rows = csr_array((np.ones(len(places), dtype=np.int8), first[places], indptr), shape=2 * place_of.shape)
+    rows.sort_indices()
+    return Rows(indptr, rows.indices.astype(np.int32))
+
+
+def _nearest(points: FloatArray, threads: int) -> tuple[IntArray, FloatArray]:
+    """Nearest other points, shape (n, min(CANDIDATES, n - 1)), nearest first, and the distance (n,) of the last."""
+    count = min(CANDIDATES, len(points) - 1)
+    if count < 1:
+        return np.empty((len(points), 0), dtype=np.int32), np.zeros(len(points))
+    distances, nearest = cKDTree(points).query(points, k=np.arange(2, count + 2), workers=threads)
+    return np.ascontiguousarray(nearest, dtype=np.int32), distances[:, -1].copy()
+
+
+def _least_squares_normals(points: FloatArray, nearest: IntArray) -> FloatArray:
+    """Unit normals, of any sign, of the planes through each point's surroundings; zero without a plane."""
+    count = nearest.shape[1] + 1
+    total, squares = np.zeros((len(points), 3)), np.zeros((len(points), 3, 3))
+    for column in nearest.T:
+        away = points[column] - points
+        total += away
+        squares += away[:, :, np.newaxis] * away[:, np.newaxis, :]
+    squares -= total[:, :, np.newaxis] * total[:, np.newaxis, :] / count
+    variances, axes = np.linalg.eigh(squares)
+    on_a_line = variances[:, 1] <= THINNEST * variances[:, 2]
+    normals: FloatArray = np.where(on_a_line[:, np.newaxis], 0.0, axes[:, :, 0])
+    return normals
+
+
+def _neighbours(
+    points: FloatArray, nearest: IntArray, reach: FloatArray, normals: FloatArray, threads: int
+) -> tuple[Rows, BoolArray]:
+    """Symmetric neighbour rows and boundary flags."""
+    n = len(points)
+    chosen = np.zeros(nearest.shape, dtype=np.bool_)
+    on_boundary = np.zeros(n, dtype=np.bool_)
+
+    def make_task() -> RangeTask:
+        return lambda start, stop: _choose_neighbours(points, nearest, normals, reach, start, stop, chosen, on_boundary)
+
+    run_in_chunks(make_task, n, threads=threads)
+    indptr = np.append(0, np.cumsum(chosen.sum(axis=1)))
+    graph = csr_array((np.ones(indptr[-1], dtype=np.int8), nearest[chosen], indptr), shape=(n, n))
+    graph = (graph + graph.T).tocsr()
+    return Rows(graph.indptr.astype(np.int32), graph.indices.astype(np.int32)), on_boundary
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _choose_neighbours(
+    points: FloatArray,
+    nearest: IntArray,
+    normals: FloatArray,
+    reach: FloatArray,
+    start: int,
+    stop: int,
+    chosen: BoolArray,
+    on_boundary: BoolArray,
+) -> None:
+    """Mark the Delaunay neighbours among the nearest points, and the points with a wide gap around them.
+
+    Inversion in the unit circle turns the circles through a point into lines, and the Delaunay
+    neighbours of the point into the corners of a convex hull.
+    """
+    inverted = np.empty((nearest.shape[1] + 1, 2))
+    candidate = np.empty(nearest.shape[1] + 1, np.int32)
+    angles = np.empty(nearest.shape[1])
+    for i in range(start, stop):
+        nx, ny, nz = normals[i]
+        if nx == 0.0 and ny == 0.0 and nz == 0.0:
+            continue
+        x, y = _tangents(nx, ny, nz)
+        inverted[0] = 0.0  # the points far away, where the surface ends
+        candidate[0] = -1
+        count = 1
+        for q in range(nearest.shape[1]):
+            edge = points[nearest[i, q]] - points[i]
+            a = edge[0] * x[0] + edge[1] * x[1] + edge[2] * x[2]
+            b = edge[0] * y[0] + edge[1] * y[1] + edge[2] * y[2]
+            flat = np.sqrt(a * a + b * b)
+            # Flattened at its full length, so that a point above this one does not seem near.
+            length = np.sqrt(edge[0] * edge[0] + edge[1] * edge[1] + edge[2] * edge[2])
+            if flat == 0.0 or length > STRAY * reach[nearest[i, q]]:
+                continue
+            inverted[count, 0], inverted[count, 1] = a / (flat * length), b / (flat * length)
+            angles[count - 1] = np.arctan2(b, a)
+            candidate[count] = q
+            count += 1
+        _mark_hull(inverted, candidate, count, chosen[i])
+        on_boundary[i] = _largest_gap(angles[: count - 1]) > LARGEST_GAP
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _tangents(nx: float, ny: float, nz: float) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """Two orthonormal tangents of a unit normal."""
+    if abs(nx) < 0.7:
+        length = np.sqrt(ny * ny + nz * nz)
+        x = (0.0, nz / length, -ny / length)
+    else:
+        length = np.sqrt(nx * nx + nz * nz)
+        x = (-nz / length, 0.0, nx / length)
+    return x, (ny * x[2] - nz * x[1], nz * x[0] - nx * x[2], nx * x[1] - ny * x[0])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _mark_hull(points: FloatArray, candidate: IntArray, count: int, marks: BoolArray) -> None:
+    """Mark the candidates on the convex hull of points[:count] in the plane, by gift wrapping from the farthest."""
+    start, farthest = 0, 0.0
+    for k in range(1, count):
+        square = points[k, 0] * points[k, 0] + points[k, 1] * points[k, 1]
+        if square > farthest:
+            start, farthest = k, square
+    if start == 0:
+        return
+    corner = start
+    for _ in range(count):
+        if candidate[corner] >= 0:
+            marks[candidate[corner]] = True
+        following, fx, fy, reach = -1, 0.0, 0.0, 0.0
+        for k in range(count):
+            dx, dy = points[k, 0] - points[corner, 0], points[k, 1] - points[corner, 1]
+            square = dx * dx + dy * dy
+            if k == corner or square == 0.0:
+                continue
+            side = (fx * dy - fy * dx) / np.sqrt(reach * square) if following >= 0 else -1.0
+            if side < -COCIRCULAR or (side <= COCIRCULAR and square < reach and fx * dx + fy * dy > 0.0):
+                following, fx, fy, reach = k, dx, dy, square
+        corner = following
+        if corner == start or corner < 0:
+            return
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _largest_gap(angles: FloatArray) -> float:
+    """Largest difference between neighbouring angles around the circle, radians."""
+    if angles.shape[0] == 0:
+        return 2.0 * np.pi
+    angles.sort()
+    gap = angles[0] + 2.0 * np.pi - angles[-1]
+    for k in range(angles.shape[0] - 1):
+        gap = max(gap, angles[k + 1] - angles[k])
+    return float(gap)

@@ -1,0 +1,1 @@
+"""Sharp edges, ridges and ravines."""

@@ -1,0 +1,259 @@
+"""Creases of a mesh as lines: sharp edges, and the ridges and ravines of the surface between them."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import radians
+from numbers import Real
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.errors import InvalidMeshError, InvalidParameterError
+from bezier_filters.estimation.estimate import estimate_vertex_geometry
+from bezier_filters.estimation.vertex_geometry import VertexGeometry
+from bezier_filters.feature_lines.crest_segments import CurvatureAlongLines, crest_segments, points_on_edges
+from bezier_filters.feature_lines.polylines import chains
+from bezier_filters.feature_lines.sharp_edges import find_sharp_edges
+from bezier_filters.meshes.adjacency import vertex_adjacency
+from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
+from bezier_filters.meshes.mesh_edges import MeshEdges, mesh_edges
+from bezier_filters.runtime.parallel import Progress, thread_count
+from bezier_filters.status import FitStatus
+
+CreaseKind = Literal["ridge", "ravine"]
+COLORS = {"ridge": (0.8, 0.1, 0.1), "ravine": (0.1, 0.2, 0.8)}
+"""Red, green and blue of the lines wherever they are drawn."""
+FEWEST_EDGES = 3
+"""Of a sharp line that ends neither at the border nor at another one: noise makes shorter ones."""
+
+
+@dataclass(frozen=True)
+class CreaseLine:
+    """One line along which a surface bends most.
+
+    Attributes
+    ----------
+    kind : {"ridge", "ravine"}
+        Whether the surface bends away from its outside or towards it.
+    is_sharp : bool
+        Whether it consists of sharp edges of the mesh, not of points on a smooth surface.
+    points : (k, 3) float64
+        In order; a closed line ends with the point that it begins with.
+    edges : (k, 2) int32
+        Vertices of the edge of the mesh that each point lies on, twice the same where it is a vertex.
+    shares : (k,) float64
+        Where on that edge: 0 at the first vertex, 1 at the second.
+    strength : float
+        Its length in radii of the curvature across it, less where that hardly changes across the line; see
+        `find_creases`.
+    """
+
+    kind: CreaseKind
+    is_sharp: bool
+    points: FloatArray
+    edges: IntArray
+    shares: FloatArray
+    strength: float
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether it ends where it begins."""
+        return bool((self.edges[0] == self.edges[-1]).all())
+
+    @property
+    def nearest_vertices(self) -> IntArray:
+        """Vertex of the mesh at each point, (k,): that end of its edge which is nearer."""
+        first_is_nearer = self.shares <= 0.5
+        return np.asarray(np.where(first_is_nearer, self.edges[:, 0], self.edges[:, 1]), dtype=np.int32)
+
+    @property
+    def length(self) -> float:
+        """Its length."""
+        return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
+
+
+@dataclass(frozen=True)
+class Creases:
+    """What `find_creases` found.
+
+    Attributes
+    ----------
+    lines : tuple of CreaseLine
+        The strongest first.
+    sharp_edges : (e, 2) int32
+        Vertices of all edges of the sharp lines, the smaller first.
+    geometry : VertexGeometry
+        From which the smooth lines follow.
+    """
+
+    lines: tuple[CreaseLine, ...]
+    sharp_edges: IntArray
+    geometry: VertexGeometry
+
+    def of_kind(self, kind: CreaseKind) -> tuple[CreaseLine, ...]:
+        """The ridges alone, or the ravines."""
+        return tuple(line for line in self.lines if line.kind == kind)
+
+
+def edge_mesh(lines: Sequence[CreaseLine]) -> tuple[FloatArray, IntArray, IntArray]:
+    """Points (k, 3) of all lines, the edges (e, 2) between them, and the line of each point (k,).
+
+    Closed lines have their first point twice.
+
+    Examples
+    --------
+    >>> from bezier_filters.surfaces import block_with_sharp_edges
+    >>> points, edges, line_of_point = edge_mesh(find_creases(*block_with_sharp_edges(resolution=8)).lines)
+    >>> np.ptp(points, axis=0), len(points) - len(edges) == line_of_point[-1] + 1
+    (array([1., 1., 1.]), np.True_)
+    """
+    counts = np.array([len(line.points) for line in lines], dtype=np.int64)
+    points = np.vstack([np.empty((0, 3)), *(line.points for line in lines)])
+    line_of_point = np.repeat(np.arange(len(lines), dtype=np.int32), counts)
+    first = np.flatnonzero(line_of_point[1:] == line_of_point[:-1]).astype(np.int32)
+    return points, np.stack([first, first + 1], axis=1), line_of_point
+
+
+def find_creases(
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    geometry: VertexGeometry | None = None,
+    *,
+    angle: float = 40.0,
+    min_strength: float = 2.0,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Creases:
+    """Find the sharp edges of a mesh, and its crest lines: ridges and ravines.
+
+    A ridge of a smooth surface runs where the largest curvature has a maximum along its own direction, and is larger
+    than the other curvature in size. There the extremality, its derivative along that direction, vanishes, and this
+    is what the lines are traced by, across the triangles of the mesh (Ohtake, Belyaev, Seidel, "Ridge-valley lines on
+    meshes via implicit surface fitting", SIGGRAPH 2004). A ravine is a ridge of the surface seen from inside. Edges at
+    which faces meet at a large angle are lines by themselves, and patches do not reach across them.
+
+    The strength of a smooth line is the integral of ``k min(1, |k''| / k^3)`` along it, k the curvature across it and
+    k'' its second derivative that way: the length of the line in radii of curvature, less where the curvature falls off
+    more slowly than within a radius. It depends neither on the size of the mesh nor on its unit. Planes, spheres,
+    cylinders, cones and tori have no lines. Of sharp edges it is the same with the curvature that the mesh resolves,
+    the angle over the width that belongs to the edge (see `MeshEdges`).
+
+    Parameters
+    ----------
+    vertices : (n, 3) array_like of float
+        Coordinates.
+    faces : (m, 3) array_like of int
+        Triangles, counter-clockwise seen from outside.
+    geometry : VertexGeometry, optional
+        Of these vertices, from `estimate_vertex_geometry` with settings of your own.
+    angle : float
+        Angle between faces in degrees, above 0 and up to 180, from which on an edge may be sharp. It must also be much
+        sharper than most edges around it, so that noise is not.
+    min_strength : float
+        Smooth lines that are weaker are left out; 0 keeps all. By default a line must be as long as the circle that
+        fits it is wide. Of sharp lines, those are left out that have one or two edges and hang on nothing.
+    threads : int, optional
+        Number of threads; by default BEZIER_FILTERS_THREADS or all usable cores. The result
+        does not depend on it.
+    progress : callable, optional
+        ``progress(done, total)`` as in `estimate_vertex_geometry`.
+
+    Returns
+    -------
+    Creases
+
+    Raises
+    ------
+    InvalidMeshError
+        If the arrays are not a mesh with faces and finite coordinates.
+    InvalidParameterError
+        If a parameter is out of range, or `geometry` has another number of vertices.
+    CancelledError
+        If `progress` returned False.
+
+    Examples
+    --------
+    On an ellipsoid, the ellipse of the two longer axes is a ridge.
+
+    >>> from bezier_filters.surfaces import ellipsoid
+    >>> shape = ellipsoid(semi_axes=(1.0, 0.8, 0.5), resolution=20, jitter=0.2)
+    >>> strongest = find_creases(shape.vertices, shape.faces).lines[0]
+    >>> strongest.kind, strongest.is_closed, bool(np.abs(strongest.points[:, 2]).max() < 0.01)
+    ('ridge', True, True)
+    """
+    mesh = triangle_mesh(vertices, faces)
+    if not mesh.face_count:
+        raise InvalidMeshError("faces: got none; creases need a mesh, not a point cloud")
+    _check(angle, min_strength)
+    if geometry is None:
+        geometry = estimate_vertex_geometry(mesh.vertices, mesh.faces, threads=threads, progress=progress)
+    elif len(geometry.status) != mesh.vertex_count:
+        raise InvalidParameterError(
+            f"geometry: got that of {len(geometry.status)} vertices, expected {mesh.vertex_count}; "
+            "estimate it on the same mesh"
+        )
+    edges = mesh_edges(mesh)
+    adjacency = vertex_adjacency(mesh, threads=thread_count(threads))
+    sharp = find_sharp_edges(edges, adjacency, radians(angle), geometry.noise_sigma or 0.0)
+    usable = geometry.status <= FitStatus.LOWER_DEGREE
+    usable[edges.vertices[sharp]] = False
+    lines: list[CreaseLine] = []
+    for kind in get_args(CreaseKind):
+        lines += _sharp_lines(mesh, edges, sharp, adjacency.on_boundary, kind)
+        lines += _smooth_lines(mesh, edges, geometry, usable, kind, min_strength)
+    lines.sort(key=lambda line: -line.strength)
+    found = [np.sort(_edges_along(line), axis=1) for line in lines if line.is_sharp]
+    return Creases(tuple(lines), np.vstack([np.empty((0, 2), dtype=np.int32), *found]), geometry)
+
+
+def _edges_along(line: CreaseLine) -> IntArray:
+    return np.stack([line.edges[:-1, 0], line.edges[1:, 0]], axis=1)
+
+
+def _sharp_lines(
+    mesh: TriangleMesh, edges: MeshEdges, sharp: BoolArray, on_boundary: BoolArray, kind: CreaseKind
+) -> Iterator[CreaseLine]:
+    """Chains of sharp edges of one kind."""
+    ids = np.flatnonzero(sharp & (edges.is_convex == (kind == "ridge")))
+    pairs = edges.vertices[ids]
+    meeting = np.bincount(edges.vertices[sharp].ravel(), minlength=mesh.vertex_count)
+    is_attached = (meeting > 1) | on_boundary
+    lengths = np.linalg.norm(mesh.vertices[pairs[:, 1]] - mesh.vertices[pairs[:, 0]], axis=1)
+    weights = edges.angles[ids] * lengths / np.maximum(edges.widths[ids], 1e-300)
+    for nodes, segments in chains(pairs, np.flatnonzero(meeting > 2).astype(np.int32)):
+        if len(segments) >= FEWEST_EDGES or is_attached[nodes].all():
+            on = np.stack([nodes, nodes], axis=1).astype(np.int32)
+            strength = float(weights[segments].sum())
+            yield CreaseLine(kind, True, mesh.vertices[nodes], on, np.zeros(len(on)), strength)
+
+
+def _smooth_lines(
+    mesh: TriangleMesh,
+    edges: MeshEdges,
+    geometry: VertexGeometry,
+    usable: BoolArray,
+    kind: CreaseKind,
+    min_strength: float,
+) -> Iterator[CreaseLine]:
+    """Chains of crest segments of one kind; from inside, the smallest curvature is the largest, with the other sign."""
+    g = geometry
+    if kind == "ridge":
+        field = CurvatureAlongLines(g.k_max, g.k_min, g.direction_max, g.extremality_max)
+    else:
+        field = CurvatureAlongLines(-g.k_min, -g.k_max, g.direction_min, -g.extremality_min)
+    faces = np.flatnonzero(usable[mesh.faces].all(axis=1) & (edges.of_faces >= 0).all(axis=1)).astype(np.int32)
+    found = crest_segments(mesh, edges, field, faces)
+    for nodes, segments in chains(found.edges):
+        strength = float(found.weights[segments].sum())
+        if strength >= min_strength:
+            points = points_on_edges(mesh, edges, found.shares, nodes)
+            yield CreaseLine(kind, False, points, edges.vertices[nodes], found.shares[nodes], strength)
+
+
+def _check(angle: object, min_strength: object) -> None:
+    if isinstance(angle, bool) or not isinstance(angle, Real) or not 0.0 < float(angle) <= 180.0:
+        raise InvalidParameterError(f"angle: got {angle!r}, expected degrees above 0 and up to 180")
+    if isinstance(min_strength, bool) or not isinstance(min_strength, Real) or not 0.0 <= float(min_strength) < np.inf:
+        raise InvalidParameterError(f"min_strength: got {min_strength!r}, expected a number of 0 or more")

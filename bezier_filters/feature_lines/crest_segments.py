@@ -1,0 +1,122 @@
+"""Ridges within the triangles of a mesh: where the largest curvature has a maximum along its own direction."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.mesh_edges import MeshEdges
+
+
+@dataclass(frozen=True)
+class CurvatureAlongLines:
+    """One principal curvature with its sign such that ridges are where it is large, at n vertices.
+
+    Attributes
+    ----------
+    largest, other : (n,) float64
+        That curvature, and the other one.
+    directions : (n, 3) float64
+        Its unit directions, whose signs are arbitrary.
+    slopes : (n,) float64
+        Its derivative along them, the extremality; 0 where it is not known.
+    """
+
+    largest: FloatArray
+    other: FloatArray
+    directions: FloatArray
+    slopes: FloatArray
+
+
+@dataclass(frozen=True)
+class CrestSegments:
+    """Straight pieces of ridges, each across one triangle.
+
+    Attributes
+    ----------
+    edges : (s, 2) int32
+        The edges of the mesh between which each one runs.
+    shares : (e,) float64
+        For every edge of the mesh, where on it the slope vanishes, if anywhere: 0 at its first end, 1 at its second.
+    weights : (s,) float64
+        What each one contributes to the strength of its line, without a unit; see `crest_segments`.
+    """
+
+    edges: IntArray
+    shares: FloatArray
+    weights: FloatArray
+
+
+def crest_segments(mesh: TriangleMesh, edges: MeshEdges, field: CurvatureAlongLines, faces: IntArray) -> CrestSegments:
+    """Trace ridges across triangles.
+
+    The direction at one vertex is turned to agree with those at the two others, after which the slope is taken for
+    linear in the triangle (Ohtake, Belyaev, Seidel, "Ridge-valley lines on meshes via implicit surface fitting", 2004).
+    A ridge runs along its zeros where it falls in its direction, and where the curvature is larger than the other one
+    in size. Triangles around which the directions turn by half a turn, as at umbilics, have none (Hildebrandt,
+    Polthier, Wardetzky, "Smooth feature lines on surface meshes", 2005).
+
+    A segment of the length l, curvature k and second derivative k'' weighs ``k l min(1, |k''| / k^3)``: its length in
+    radii of curvature, as far as the curvature falls off within a radius. The weight does not change with
+    scale, and vanishes in planes and on surfaces whose curvature is constant along its lines.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    edges : MeshEdges
+        Of the same mesh.
+    field : CurvatureAlongLines
+        At its vertices.
+    faces : (f,) int
+        Triangles to look at, none of which names a vertex twice.
+    """
+    # Zeros by edge, so that both triangles at an edge see the same: signs with which the slopes at both ends agree.
+    tail, head = edges.vertices.T
+    agree = np.where(np.einsum("ij,ij->i", field.directions[tail], field.directions[head]) < 0.0, -1.0, 1.0)
+    sign = np.where(field.slopes < 0.0, -1.0, 1.0)
+    crossed = sign[tail] * agree * sign[head] < 0.0
+    size = np.abs(field.slopes)
+    total = size[tail] + size[head]
+    shares = np.divide(size[tail], total, out=np.full(len(tail), 0.5), where=total > 0.0)
+
+    corners, own = mesh.faces[faces], edges.of_faces[faces]
+    through = (crossed[own].sum(axis=1) == 2) & size[corners].any(axis=1)
+    corners, own = corners[through], own[through]
+    pairs = np.sort(own[crossed[own]].reshape(-1, 2), axis=1).astype(np.int32)
+    second_derivatives = _derivatives_along_directions(mesh, corners, field)
+
+    def at_ends(values: FloatArray) -> FloatArray:
+        on_edges = (1.0 - shares[pairs]) * values[tail[pairs]] + shares[pairs] * values[head[pairs]]
+        return np.asarray(on_edges.mean(axis=1), dtype=np.float64)
+
+    largest, other = at_ends(field.largest), at_ends(field.other)
+    is_ridge = (second_derivatives < 0.0) & (largest > np.abs(other))
+    points = points_on_edges(mesh, edges, shares, pairs[is_ridge])
+    lengths = np.linalg.norm(points[:, 1] - points[:, 0], axis=1)
+    k = largest[is_ridge]
+    weights = lengths * np.minimum(k, -second_derivatives[is_ridge] / k**2)
+    return CrestSegments(pairs[is_ridge], shares, weights)
+
+
+def points_on_edges(mesh: TriangleMesh, edges: MeshEdges, shares: FloatArray, ids: IntArray) -> FloatArray:
+    """Points (..., 3) at the given shares (e,) of some edges."""
+    ends, share = mesh.vertices[edges.vertices[ids]], shares[ids][..., np.newaxis]
+    return np.asarray((1.0 - share) * ends[..., 0, :] + share * ends[..., 1, :], dtype=np.float64)
+
+
+def _derivatives_along_directions(mesh: TriangleMesh, corners: IntArray, field: CurvatureAlongLines) -> FloatArray:
+    """Derivative of the slope, linear in each triangle (f, 3), along its mean direction, (f,)."""
+    directions, slopes = field.directions[corners], field.slopes[corners]
+    signs = np.where(np.einsum("fj,fkj->fk", directions[:, 0], directions) < 0.0, -1.0, 1.0)
+    mean = np.einsum("fk,fkj->fj", signs, directions)
+    mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
+    a, b, c = (mesh.vertices[corners[:, k]] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    squared = np.einsum("ij,ij->i", normal, normal)
+    # The gradient of the linear function is the sum of its values times (normal x opposite edge) / |normal|^2.
+    opposite = np.stack([c - b, a - c, b - a], axis=1)
+    gradient = np.cross(normal, np.einsum("fk,fkj->fj", signs * slopes, opposite))
+    along = np.einsum("ij,ij->i", gradient, mean)
+    result: FloatArray = np.divide(along, squared, out=np.zeros_like(along), where=squared > 0.0)
+    return result

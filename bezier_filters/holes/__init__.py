@@ -1,0 +1,1 @@
+"""Fills holes: finds them, continues surface and creases, and places the new faces."""

@@ -1,0 +1,295 @@
+"""Splitting and flipping in the triangulation of a hole.
+
+Triangles are refined until their edges are as long as those of the surroundings, with edges flipped until all of them
+are locally Delaunay (P. Liepa, "Filling holes in meshes", SGP 2003). The edges at the rim stay as they are.
+"""
+
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass
+
+import numpy as np
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.runtime.lean import inner_njit, lean_njit
+
+DENSITY = float(np.sqrt(2.0))
+"""Triangles are split while their centroid is farther from their corners than the wanted edge length over this."""
+FEW_FACES = 2_000
+"""Of a fill, and twice the square of its rim's number of edges, some twelve times as many as a round hole needs:
+where a rim has edges of very different lengths, triangles stay larger than they would be."""
+MOST_PASSES = 60
+MOST_FLIPS = 30
+"""Passes over all edges."""
+
+
+@dataclass(frozen=True)
+class Fill:
+    """The triangulation of a hole.
+
+    Attributes
+    ----------
+    points : (n, 3) float64
+        Vertices, those of the rim first.
+    sizes : (n,) float64
+        Edge length that is wanted around each of them.
+    faces : (m, 3) int32
+        Triangles.
+    fixed : frozenset of (int, int)
+        Edges within the fill that must stay: creases. Pairs of vertices, the smaller first.
+    rim_count : int
+        Number of vertices of the rim.
+    """
+
+    points: FloatArray
+    sizes: FloatArray
+    faces: IntArray
+    rim_count: int
+    fixed: AbstractSet[tuple[int, int]] = frozenset()
+
+
+def refined(fill: Fill, existing: AbstractSet[tuple[int, int]]) -> Fill:
+    """Split triangles that are too large, and flip edges.
+
+    Parameters
+    ----------
+    fill : Fill
+    existing : set of (int, int)
+        Pairs of rim vertices that must not be joined, the smaller first.
+    """
+    points, sizes, faces = fill.points, fill.sizes, fill.faces
+    neighbours = face_neighbours(faces, len(points))
+    keys = _keys(existing | fill.fixed)
+    fixed = _fixed_edges(faces, fill.fixed)
+    most = FEW_FACES + 2 * fill.rim_count**2
+    for _ in range(MOST_PASSES):
+        n, m = len(points), len(faces)
+        if m > most:
+            break
+        points, sizes = np.vstack([points, np.zeros((m, 3))]), np.concatenate([sizes, np.zeros(m)])
+        room = np.zeros((2 * m, 3), dtype=np.int32)
+        faces, neighbours = np.vstack([faces, room]), np.vstack([neighbours, room])
+        fixed = np.vstack([fixed, np.zeros((2 * m, 3), dtype=np.bool_)])
+        added = _split(points, sizes, faces, neighbours, fixed, n, m)
+        points, sizes = points[: n + added], sizes[: n + added]
+        m += 2 * added
+        faces, neighbours, fixed = faces[:m], neighbours[:m], fixed[:m]
+        flips = _flip(points, faces, neighbours, fixed, keys, fill.rim_count, MOST_FLIPS)
+        if added == 0 and flips == 0:
+            break
+    return Fill(points, sizes, faces, fill.rim_count, fill.fixed)
+
+
+def flipped(fill: Fill, existing: AbstractSet[tuple[int, int]]) -> Fill:
+    """Flip edges until all are locally Delaunay."""
+    faces = fill.faces.copy()
+    neighbours = face_neighbours(faces, len(fill.points))
+    fixed = _fixed_edges(faces, fill.fixed)
+    _flip(fill.points, faces, neighbours, fixed, _keys(existing | fill.fixed), fill.rim_count, MOST_FLIPS)
+    return Fill(fill.points, fill.sizes, faces, fill.rim_count, fill.fixed)
+
+
+def face_neighbours(faces: IntArray, n: int) -> IntArray:
+    """Face beyond the edge from corner k to the next, -1 at the border, (m, 3), of faces that are manifold."""
+    start, end = faces.ravel().astype(np.int64), np.roll(faces, -1, axis=1).ravel()
+    edges = np.minimum(start, end) * n + np.maximum(start, end)
+    order = np.argsort(edges, kind="stable")
+    twins = np.flatnonzero(np.diff(edges[order]) == 0)
+    first, second = order[twins], order[twins + 1]
+    result = np.full(len(edges), -1, dtype=np.int32)
+    result[first], result[second] = second // 3, first // 3
+    return result.reshape(-1, 3)
+
+
+def _keys(pairs: AbstractSet[tuple[int, int]]) -> IntArray:
+    """Sorted pairs, (p, 2)."""
+    return np.array(sorted(pairs), dtype=np.int32).reshape(-1, 2)
+
+
+def _fixed_edges(faces: IntArray, fixed: AbstractSet[tuple[int, int]]) -> BoolArray:
+    """Which edges of faces, from corner k to the next, must not be flipped, (m, 3)."""
+    result = np.zeros(faces.shape, dtype=np.bool_)
+    if fixed:
+        low, high = (function(faces, np.roll(faces, -1, axis=1)) for function in (np.minimum, np.maximum))
+        for a, b in fixed:
+            result |= (low == a) & (high == b)
+    return result
+
+
+@lean_njit()
+def _split(
+    points: FloatArray, sizes: FloatArray, faces: IntArray, neighbours: IntArray, fixed: BoolArray, n: int, m: int
+) -> int:
+    """Split those of the first m faces that are too large at their centroids; return how many."""
+    added = 0
+    for f in range(m):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        size = (sizes[a] + sizes[b] + sizes[c]) / 3.0
+        x = (points[a, 0] + points[b, 0] + points[c, 0]) / 3.0
+        y = (points[a, 1] + points[b, 1] + points[c, 1]) / 3.0
+        z = (points[a, 2] + points[b, 2] + points[c, 2]) / 3.0
+        large = True
+        for k in range(3):
+            i = faces[f, k]
+            dx, dy, dz = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
+            distance = DENSITY * np.sqrt(dx * dx + dy * dy + dz * dz)
+            large = large and distance > size and distance > sizes[i]
+        if not large:
+            continue
+        tip, g, h = n + added, m + 2 * added, m + 2 * added + 1
+        points[tip, 0], points[tip, 1], points[tip, 2], sizes[tip] = x, y, z, size
+        beyond_bc, beyond_ca = neighbours[f, 1], neighbours[f, 2]
+        faces[g, 0], faces[g, 1], faces[g, 2] = b, c, tip
+        faces[h, 0], faces[h, 1], faces[h, 2] = c, a, tip
+        faces[f, 2] = tip
+        neighbours[g, 0], neighbours[g, 1], neighbours[g, 2] = beyond_bc, h, f
+        neighbours[h, 0], neighbours[h, 1], neighbours[h, 2] = beyond_ca, f, g
+        neighbours[f, 1], neighbours[f, 2] = g, h
+        fixed[g, 0], fixed[h, 0], fixed[f, 1], fixed[f, 2] = fixed[f, 1], fixed[f, 2], False, False
+        _relink(faces, neighbours, beyond_bc, c, g)
+        _relink(faces, neighbours, beyond_ca, a, h)
+        added += 1
+    return added
+
+
+@inner_njit()
+def _relink(faces: IntArray, neighbours: IntArray, f: int, start: int, new: int) -> None:
+    """Tell face f, if there is one, which face lies beyond its edge that begins at a vertex."""
+    if f >= 0:
+        k = 0 if faces[f, 0] == start else 1 if faces[f, 1] == start else 2
+        neighbours[f, k] = new
+
+
+@lean_njit()
+def _flip(
+    points: FloatArray,
+    faces: IntArray,
+    neighbours: IntArray,
+    fixed: BoolArray,
+    existing: IntArray,
+    rim_count: int,
+    passes: int,
+) -> int:
+    """Flip edges that are not locally Delaunay, in passes over all faces; return how many."""
+    flips = 0
+    for _ in range(passes):
+        before = flips
+        for f in range(faces.shape[0]):
+            for k in range(3):
+                g = neighbours[f, k]
+                if g < 0 or fixed[f, k]:
+                    continue
+                a, b, c = faces[f, k], faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
+                q = 0 if faces[g, 0] == b else 1 if faces[g, 1] == b else 2
+                d = faces[g, (q + 2) % 3]
+                if (
+                    c == d
+                    or not _is_better_flipped(points, a, b, c, d)
+                    or (c < rim_count and d < rim_count and _is_listed(existing, min(c, d), max(c, d)))
+                    or _are_joined(faces, neighbours, f, c, d)
+                ):
+                    continue
+                # Faces (a, b, c) and (b, a, d) become (d, c, a) and (c, d, b).
+                p1, p2 = (k + 1) % 3, (k + 2) % 3
+                q1, q2 = (q + 1) % 3, (q + 2) % 3
+                beyond_bc, beyond_ca, beyond_ad, beyond_db = (
+                    neighbours[f, p1],
+                    neighbours[f, p2],
+                    neighbours[g, q1],
+                    neighbours[g, q2],
+                )
+                fixed_bc, fixed_ca, fixed_ad, fixed_db = fixed[f, p1], fixed[f, p2], fixed[g, q1], fixed[g, q2]
+                faces[f, 0], faces[f, 1], faces[f, 2] = d, c, a
+                faces[g, 0], faces[g, 1], faces[g, 2] = c, d, b
+                neighbours[f, 0], neighbours[f, 1], neighbours[f, 2] = g, beyond_ca, beyond_ad
+                neighbours[g, 0], neighbours[g, 1], neighbours[g, 2] = f, beyond_db, beyond_bc
+                fixed[f, 0], fixed[f, 1], fixed[f, 2] = False, fixed_ca, fixed_ad
+                fixed[g, 0], fixed[g, 1], fixed[g, 2] = False, fixed_db, fixed_bc
+                _relink(faces, neighbours, beyond_ad, d, f)
+                _relink(faces, neighbours, beyond_bc, c, g)
+                flips += 1
+                break
+        if flips == before:
+            break
+    return flips
+
+
+@inner_njit()
+def _is_better_flipped(points: FloatArray, a: int, b: int, c: int, d: int) -> bool:
+    """Whether the angles at c and d, opposite the edge (a, b), exceed pi, and (c, d) makes no sharper edge."""
+    at_c, across_c = _angle_parts(points, c, a, b)
+    at_d, across_d = _angle_parts(points, d, b, a)
+    if across_c * at_d + at_c * across_d >= -1e-10 * (abs(across_c * at_d) + abs(at_c * across_d)):
+        return False
+    now = _cosine(points, a, b, c, b, a, d)
+    then = _cosine(points, d, c, a, c, d, b)
+    return then >= min(now, 0.5) - 1e-9
+
+
+@inner_njit()
+def _angle_parts(points: FloatArray, tip: int, left: int, right: int) -> tuple[float, float]:
+    """Cosine and sine of the angle at a corner, times the lengths of its sides."""
+    ux, uy, uz = (
+        points[left, 0] - points[tip, 0],
+        points[left, 1] - points[tip, 1],
+        points[left, 2] - points[tip, 2],
+    )
+    vx, vy, vz = (
+        points[right, 0] - points[tip, 0],
+        points[right, 1] - points[tip, 1],
+        points[right, 2] - points[tip, 2],
+    )
+    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    return ux * vx + uy * vy + uz * vz, np.sqrt(x * x + y * y + z * z)
+
+
+@inner_njit()
+def _cosine(points: FloatArray, a: int, b: int, c: int, d: int, e: int, f: int) -> float:
+    """Cosine of the angle between the triangles (a, b, c) and (d, e, f); -1 if one has no area."""
+    x, y, z = _cross(points, a, b, c)
+    u, v, w = _cross(points, d, e, f)
+    lengths = np.sqrt((x * x + y * y + z * z) * (u * u + v * v + w * w))
+    if lengths == 0.0:
+        return -1.0
+    return float((x * u + y * v + z * w) / lengths)
+
+
+@inner_njit()
+def _cross(points: FloatArray, a: int, b: int, c: int) -> tuple[float, float, float]:
+    ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
+    vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
+    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+
+
+@inner_njit()
+def _is_listed(pairs: IntArray, a: int, b: int) -> bool:
+    """Whether (a, b) is among sorted pairs."""
+    low, high = 0, pairs.shape[0]
+    while low < high:
+        middle = (low + high) // 2
+        if pairs[middle, 0] < a or (pairs[middle, 0] == a and pairs[middle, 1] < b):
+            low = middle + 1
+        else:
+            high = middle
+    return bool(low < pairs.shape[0] and pairs[low, 0] == a and pairs[low, 1] == b)
+
+
+@inner_njit()
+def _are_joined(faces: IntArray, neighbours: IntArray, start: int, c: int, d: int) -> bool:
+    """Whether an edge joins c and d: turn around c, from a face at it, one way and, at the rim, the other.
+
+    Where faces meet in ways that no turn ends, the answer is yes.
+    """
+    for way in range(2):
+        f = start
+        for turn in range(faces.shape[0] + 1):
+            k = 0 if faces[f, 0] == c else 1 if faces[f, 1] == c else 2
+            if faces[f, (k + 1) % 3] == d or faces[f, (k + 2) % 3] == d:
+                return True
+            f = neighbours[f, k] if way == 0 else neighbours[f, (k + 2) % 3]
+            if f == start:
+                return False
+            if f < 0:
+                break
+            if turn == faces.shape[0]:
+                return True
+    return False

@@ -1,0 +1,275 @@
+"""Hole filling: the function that users call."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+from numbers import Real
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from bezier_filters.arrays import BoolArray, FloatArray
+from bezier_filters.errors import CancelledError, InvalidParameterError
+from bezier_filters.estimation.estimate import estimate_vertex_geometry
+from bezier_filters.holes.fill_methods import Attempt, crease_attempts, paper_attempts, smooth_attempts
+from bezier_filters.holes.fill_placement import (
+    Piece,
+    count_cuts,
+    hole_box,
+    piece_of_mesh,
+    placed,
+    problem_with,
+    rim_dihedral,
+)
+from bezier_filters.holes.hole_choice import HoleChoice
+from bezier_filters.holes.hole_detection import Hole, find_holes
+from bezier_filters.holes.hole_result import HoleFillingResult, HoleReport
+from bezier_filters.holes.surroundings import Surroundings, surroundings_of
+from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
+from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
+from bezier_filters.meshes.self_intersections import faces_in_boxes
+from bezier_filters.patches.fitting import PatchFit
+from bezier_filters.runtime.parallel import Progress, thread_count
+
+FillingMethod = Literal["auto", "paper"]
+RINGS = 5
+"""Around a hole, from which its fill follows."""
+NOISE = 0.05
+"""Of an edge, from which on points are fitted rather than interpolated: face normals are some 4 degrees off then."""
+
+
+def fill_holes(
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    method: FillingMethod = "auto",
+    *,
+    max_edges: int | None = None,
+    max_perimeter: float | None = None,
+    max_diameter: float | None = None,
+    holes: Sequence[int] | None = None,
+    selected: BoolArray | None = None,
+    outer_rims: bool = False,
+    creases: bool = True,
+    noise: float | None = None,
+    alpha: float = 0.8,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> HoleFillingResult:
+    """Fill the holes of a mesh.
+
+    The new triangles are about as large as those around the hole. By default they lie on the surface which
+    continues the one around the hole: the zero set of a polyharmonic spline that interpolates points of five rings and
+    the normals of their Bezier patches, or fits them on noisy meshes, where the smoothness of the spline follows from
+    the data. Where that is not possible, or cuts the mesh, simpler fills are tried, and the report says so. The old
+    vertices and faces stay as they are.
+
+    ``method="paper"`` lifts the Delaunay triangulation of the rim in the plane of the hole to one bicubic patch and
+    corrects it to pass through the rim (Li, Barsky, Jin, "An effective third-order local fitting patch and its
+    application", IEEE SMI 2009).
+
+    Parameters
+    ----------
+    vertices : (n, 3) array_like of float
+        Coordinates.
+    faces : (m, 3) array_like of int
+        Triangles, counter-clockwise seen from outside.
+    method : {"auto", "paper"}
+        How to fill.
+    max_edges : int, optional
+        Fill only holes with no more edges, those of islands included; at least 3.
+    max_perimeter, max_diameter : float, optional
+        Fill only holes that are no larger, lengths.
+    holes : sequence of int, optional
+        Fill only these, as they are numbered in the result; outer rims may be among them.
+    selected : (n,) bool, optional
+        Fill only holes with a selected vertex on their rim.
+    outer_rims : bool
+        Whether to fill the outer rims of open sheets, too: loops whose total geodesic curvature, as the sheet
+        sees it, exceeds pi. It is 2 pi around a flat sheet, 0 at the ends of a tube and -2 pi around a hole.
+    creases : bool
+        Whether sharp edges that end at a hole are continued through it.
+    noise : float, optional
+        Standard deviation of the noise along the normal, a length, if it is known better than it can be
+        learned; 0 interpolates.
+    alpha : float
+        Weight of the points against the smoothness of the patch, in (0, 1], for ``"paper"`` only.
+    threads : int, optional
+        Number of threads; by default BEZIER_FILTERS_THREADS or all usable cores. The result
+        does not depend on it.
+    progress : callable, optional
+        ``progress(done, total)`` is called from this thread now and then; if it returns False
+        the call is cancelled.
+
+    Returns
+    -------
+    HoleFillingResult
+
+    Raises
+    ------
+    InvalidMeshError
+        If the arrays are not a mesh with finite coordinates, or an edge at a hole has more than two faces or two
+        faces that run through it the same way.
+    InvalidParameterError
+        If a parameter is out of range.
+    CancelledError
+        If `progress` returned False.
+
+    Examples
+    --------
+    >>> from bezier_filters.surfaces import sphere
+    >>> ball = sphere(resolution=16)
+    >>> cap = ball.vertices[ball.faces].mean(axis=1)[:, 2] > 0.9
+    >>> result = fill_holes(ball.vertices, ball.faces[~cap])
+    >>> result.filled, result.holes[0].method
+    (1, 'surface')
+    >>> new = result.vertices[len(ball.vertices):]
+    >>> bool(np.abs(np.linalg.norm(new, axis=1) - 1.0).max() < 1e-3)
+    True
+    """
+    mesh = triangle_mesh(vertices, faces)
+    if method not in get_args(FillingMethod):
+        raise InvalidParameterError(f"method: got {method!r}, expected one of {get_args(FillingMethod)}")
+    if noise is not None and (isinstance(noise, bool) or not isinstance(noise, Real) or not 0.0 <= noise < np.inf):
+        raise InvalidParameterError(f"noise: got {noise!r}, expected a length of 0 or more, or None")
+    PatchFit(alpha=alpha)
+    choice = HoleChoice(max_edges, max_perimeter, max_diameter, holes, selected, outer_rims)
+    threads = thread_count(threads)
+    adjacency = vertex_adjacency(mesh, threads=threads)
+    found = find_holes(mesh, adjacency)
+    choice.check(mesh.vertex_count, len(found))
+    refusals = [choice.refusal(k, hole) for k, hole in enumerate(found)]
+    # The lid of a sheet that is not flat may go through the holes in it: it must give way to their fills.
+    numbers = sorted(np.flatnonzero([not refusal for refusal in refusals]), key=lambda k: found[k].is_outer_rim)
+    chosen = [found[k] for k in numbers]
+    normals, noise = _normals_and_noise(mesh, adjacency, chosen, noise, threads)
+    boxes = np.array([hole_box(mesh, hole) for hole in chosen]).reshape(-1, 2, 3)
+    near = faces_in_boxes(mesh.vertices, mesh.faces, boxes[:, 0], boxes[:, 1])
+    reports = [_left_open(hole, refusal) for hole, refusal in zip(found, refusals, strict=True)]
+    pieces: dict[int, Piece] = {}
+    vertex_count, face_count = mesh.vertex_count, mesh.face_count
+    joined: dict[int, set[int]] = {}
+    places = np.full(mesh.vertex_count, -1, dtype=np.int32)
+    for done, (number, hole) in enumerate(zip(numbers, chosen, strict=True)):
+        if progress is not None and progress(done, len(chosen)) is False:
+            raise CancelledError("cancelled by the progress callback; nothing was changed")
+        around = surroundings_of(mesh, adjacency, hole.loops, RINGS, joined, places)
+        noisy = noise is not None and noise > NOISE * float(around.sizes.mean())
+        known = normals[around.ids]
+        if method == "paper":
+            attempts = paper_attempts(around, known, float(alpha), noisy=noisy, threads=threads)
+        else:
+            attempts = smooth_attempts(around, known, noisy=noisy, threads=threads)
+            attempts = chain(crease_attempts(around, noisy=noisy), attempts) if creases else attempts
+        low, high = boxes[done]
+        meeting = np.flatnonzero(((boxes[:done, 0] <= high) & (boxes[:done, 1] >= low)).all(axis=1))
+        obstacles = [piece_of_mesh(mesh, near.row(done)), *(pieces[k] for k in meeting.tolist() if k in pieces)]
+        accepted = _best(attempts, mesh, hole, around, obstacles, vertex_count)
+        if accepted.piece is None:
+            reports[number] = _left_open(hole, accepted.reason)
+            continue
+        reports[number] = _report(hole, around, accepted, vertex_count, face_count)
+        pieces[done] = accepted.piece
+        for a, b in accepted.piece.chords(mesh.vertex_count):
+            joined.setdefault(a, set()).add(b)
+            joined.setdefault(b, set()).add(a)
+        vertex_count += len(reports[number].new_vertices)
+        face_count += len(reports[number].new_faces)
+    return HoleFillingResult(
+        np.vstack([mesh.vertices, *(piece.points[piece.ids >= mesh.vertex_count] for piece in pieces.values())]),
+        np.vstack([mesh.faces, *(piece.ids[piece.faces] for piece in pieces.values())]).astype(np.int32),
+        tuple(reports),
+        noise,
+    )
+
+
+@dataclass(frozen=True)
+class _Accepted:
+    """The attempt that was taken, as a part of the mesh; no piece if none was."""
+
+    attempt: Attempt | None
+    piece: Piece | None
+    cuts: int
+    reason: str
+
+
+def _normals_and_noise(
+    mesh: TriangleMesh, adjacency: Adjacency, holes: list[Hole], noise: float | None, threads: int
+) -> tuple[FloatArray, float | None]:
+    """Normals of the Bezier patches around the holes, zero elsewhere, and the noise of the mesh."""
+    if not holes:
+        return np.zeros_like(mesh.vertices), noise
+    around = surroundings_of(mesh, adjacency, tuple(loop for hole in holes for loop in hole.loops), RINGS)
+    selected = np.zeros(mesh.vertex_count, dtype=np.bool_)
+    selected[around.ids] = True
+    geometry = estimate_vertex_geometry(mesh.vertices, mesh.faces, selected=selected, threads=threads)
+    return geometry.normals, geometry.noise_sigma if noise is None else noise
+
+
+def _best(
+    attempts: Iterable[Attempt],
+    mesh: TriangleMesh,
+    hole: Hole,
+    around: Surroundings,
+    obstacles: list[Piece],
+    next_vertex: int,
+) -> _Accepted:
+    """The first attempt that cuts nothing, or else the one that cuts least."""
+    best = _Accepted(None, None, 0, "")
+    reasons: list[str] = []
+    for attempt in attempts:
+        problem, cuts, piece = attempt.reason, 0, None
+        if attempt.fill is not None:
+            piece = placed(attempt.fill, around, next_vertex)
+            problem = problem_with(piece, mesh, hole)
+        if piece is not None and not problem:
+            cuts = count_cuts(piece, obstacles)
+            if best.piece is None or cuts < best.cuts:
+                best = _Accepted(attempt, piece, cuts, "")
+            if cuts == 0:
+                break
+            problem = f"{cuts} new faces cut others"
+        reasons.append(f"{attempt.method}: {problem}")
+    return replace(best, reason="; ".join(dict.fromkeys(reasons)))
+
+
+def _left_open(hole: Hole, reason: str) -> HoleReport:
+    return HoleReport(
+        rim=hole.rim,
+        islands=len(hole.loops) - 1,
+        edge_count=hole.edge_count,
+        perimeter=hole.perimeter,
+        diameter=hole.diameter,
+        is_outer_rim=hole.is_outer_rim,
+        filled=False,
+        method="",
+        reason=reason,
+        parts=0,
+        creases=np.empty((0, 2), dtype=np.int32),
+        new_vertices=range(0),
+        new_faces=range(0),
+        rim_error=0.0,
+        rim_dihedral=0.0,
+        self_intersections=0,
+    )
+
+
+def _report(hole: Hole, around: Surroundings, accepted: _Accepted, vertex_count: int, face_count: int) -> HoleReport:
+    attempt, piece = accepted.attempt, accepted.piece
+    assert attempt is not None
+    assert attempt.fill is not None
+    assert piece is not None
+    rim_count = around.rim_count
+    creases = np.empty((0, 2), dtype=np.int32) if attempt.creases is None else attempt.creases
+    return replace(
+        _left_open(hole, accepted.reason),
+        filled=True,
+        method=attempt.method,
+        parts=attempt.parts,
+        creases=piece.ids[creases].astype(np.int32),
+        new_vertices=range(vertex_count, vertex_count + len(piece.ids) - rim_count),
+        new_faces=range(face_count, face_count + len(piece.faces)),
+        rim_error=float(np.abs(piece.points[:rim_count] - around.vertices[:rim_count]).max()),
+        rim_dihedral=rim_dihedral(attempt.fill, around),
+        self_intersections=accepted.cuts,
+    )

@@ -1,0 +1,136 @@
+"""Fills without tension: interior vertices where the k-th power of the Laplacian vanishes.
+
+With k = 2 the fill continues the tangent planes around the hole, with k = 3 the curvature, too (M. Botsch, L.
+Kobbelt, "An intuitive framework for real-time freeform modeling", SIGGRAPH 2004).
+"""
+
+from typing import TypeAlias
+
+import numpy as np
+from scipy.sparse import csc_matrix, csr_matrix, diags, issparse
+from scipy.sparse.linalg import splu
+
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.runtime.lean import lean_njit
+
+Matrix: TypeAlias = FloatArray | csr_matrix
+
+MOST_DENSE = 300
+"""Vertices up to which matrices are dense."""
+LEAST_COTANGENT, LARGEST_COTANGENT = 0.02, 5.0
+"""Bounds of the weights: slivers do not rule, and there is always one solution."""
+
+
+def without_tension(points: FloatArray, faces: IntArray, free: IntArray, order: int) -> FloatArray:
+    """Move some vertices to where the Laplacian to a power vanishes, the others fixed.
+
+    Parameters
+    ----------
+    points : (n, 3) float64
+        Vertices of the fill and `order` rings around it.
+    faces : (m, 3) int32
+        Faces of both.
+    free : (k,) int
+        Vertices that move.
+    order : int
+        1, 2 or 3.
+
+    Returns
+    -------
+    (n, 3) float64
+
+    Examples
+    --------
+    >>> hub = np.array([[0.0, 0.0, 5.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+    >>> wheel = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]], dtype=np.int32)
+    >>> bool(np.allclose(without_tension(hub, wheel, np.array([0]), 1)[0], 0.0))
+    True
+    """
+    if len(free) == 0:
+        return points.copy()
+    stiffness, areas = cotangent_matrix(points, faces)
+    rows = stiffness[free]
+    for _ in range(order - 1):
+        rows = (rows @ diags(1.0 / areas) if issparse(rows) else rows / areas) @ stiffness
+    fixed = np.ones(len(points), dtype=np.bool_)
+    fixed[free] = False
+    result = points.copy()
+    result[free] = solved(rows[:, free], -(rows[:, fixed] @ points[fixed]))
+    return result
+
+
+def shifted(points: FloatArray, faces: IntArray, shift: FloatArray) -> FloatArray:
+    """Harmonic continuation of shifts (r, 3) of the first r points to all n of them, (n, 3).
+
+    It is nowhere larger than at these points, and what differs from one to the next dies away within an edge or two.
+    """
+    count = len(shift)
+    if len(points) == count:
+        return shift.copy()
+    stiffness, _ = cotangent_matrix(points, faces)
+    rows = stiffness[count:]
+    return np.vstack([shift, solved(rows[:, count:], -(rows[:, :count] @ shift))])
+
+
+def solved(matrix: Matrix, right: FloatArray) -> FloatArray:
+    """Solution (n, c) of a symmetric, positive definite system with right-hand sides (n, c)."""
+    if not issparse(matrix):
+        return np.linalg.solve(matrix, right)
+    # Without pivoting, in an order for symmetric matrices: several times as fast as for any matrix.
+    options = {"SymmetricMode": True}
+    factor = splu(csc_matrix(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+    return np.asarray(factor.solve(np.ascontiguousarray(right)), dtype=np.float64)
+
+
+def cotangent_matrix(points: FloatArray, faces: IntArray) -> tuple[Matrix, FloatArray]:
+    """Positive semidefinite cotangent matrix (n, n) and the areas of the vertices (n,), all positive.
+
+    The matrix is dense if it is small: that takes a tenth of the time then.
+    """
+    n = len(points)
+    areas, weights = np.zeros(n), np.zeros((len(faces), 3))
+    _measure(points, faces, areas, weights)
+    areas = np.maximum(areas, 1e-3 * max(float(areas.mean()), 1e-300))
+    off: Matrix
+    if n <= MOST_DENSE:
+        off = np.zeros((n, n))
+        _add_weights(faces, weights, off)
+        return np.diag(off.sum(axis=1)) - off, areas
+    starts, ends = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    places = np.concatenate([starts, ends]), np.concatenate([ends, starts])
+    off = csr_matrix((np.tile(weights.ravel(), 2), places), shape=(n, n))
+    off.data = np.maximum(off.data, LEAST_COTANGENT)
+    return (diags(np.asarray(off.sum(axis=1)).ravel()) - off).tocsr(), areas
+
+
+@lean_njit()
+def _measure(points: FloatArray, faces: IntArray, areas: FloatArray, weights: FloatArray) -> None:
+    """Add the areas of faces to their vertices, and write half the cotangents opposite their edges.
+
+    Edge k of a face runs from its corner k to the next.
+    """
+    for f in range(faces.shape[0]):
+        for k in range(3):
+            i, j, tip = faces[f, k], faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
+            ux, uy, uz = points[i, 0] - points[tip, 0], points[i, 1] - points[tip, 1], points[i, 2] - points[tip, 2]
+            vx, vy, vz = points[j, 0] - points[tip, 0], points[j, 1] - points[tip, 1], points[j, 2] - points[tip, 2]
+            x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+            twice = np.sqrt(x * x + y * y + z * z)
+            cotangent = (ux * vx + uy * vy + uz * vz) / max(twice, 1e-300)
+            weights[f, k] = 0.5 * min(max(cotangent, -LARGEST_COTANGENT), LARGEST_COTANGENT)
+            areas[tip] += twice / 6.0
+
+
+@lean_njit()
+def _add_weights(faces: IntArray, weights: FloatArray, matrix: FloatArray) -> None:
+    """Add the weights of edges to both of their entries, of which none is left too small."""
+    for f in range(faces.shape[0]):
+        for k in range(3):
+            i, j = faces[f, k], faces[f, (k + 1) % 3]
+            matrix[i, j] += weights[f, k]
+            matrix[j, i] += weights[f, k]
+    for f in range(faces.shape[0]):
+        for k in range(3):
+            i, j = faces[f, k], faces[f, (k + 1) % 3]
+            matrix[i, j] = max(matrix[i, j], LEAST_COTANGENT)
+            matrix[j, i] = max(matrix[j, i], LEAST_COTANGENT)

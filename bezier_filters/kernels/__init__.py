@@ -1,0 +1,1 @@
+"""The hot loops that fit every vertex."""

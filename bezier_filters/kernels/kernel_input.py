@@ -1,0 +1,91 @@
+"""What the kernels read: the arrays of a mesh, and how to fit."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
+from bezier_filters.meshes.adjacency import Adjacency
+from bezier_filters.meshes.frames import TangentPlanes
+from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.spatial_order import SpatialOrder
+
+# Outcomes of one fit.
+FITTED = 0
+NO_FRAME = 1
+"""The vertex has no face, or its face normals cancel out."""
+ILL_POSED = 2
+"""Too few points, or points that do not determine the polynomial."""
+FOLDED = 3
+"""The neighbourhood folds over when projected onto the plane."""
+OUTCOMES = (FITTED, NO_FRAME, ILL_POSED, FOLDED)
+
+
+class KernelMesh(NamedTuple):
+    """The arrays of a mesh that the kernels read, in an order of their own."""
+
+    vertices: FloatArray
+    faces: IntArray
+    face_ptr: IntArray
+    face_indices: IntArray
+    ring_ptr: IntArray
+    ring_indices: IntArray
+    normals: FloatArray
+    safe_cosine: SingleArray
+    stops: BoolArray  # where neighbourhoods end: see `collect_ring`
+    origin: IntArray  # row of each vertex in the results
+
+
+def kernel_mesh(
+    mesh: TriangleMesh,
+    adjacency: Adjacency,
+    planes: TangentPlanes,
+    stops: BoolArray | None = None,
+    ordered: SpatialOrder | None = None,
+) -> KernelMesh:
+    """Collect the arrays for the kernels; without `ordered`, vertices are in the order of the results."""
+    return KernelMesh(
+        mesh.vertices,
+        mesh.faces,
+        adjacency.faces.indptr,
+        adjacency.faces.indices,
+        adjacency.vertices.indptr,
+        adjacency.vertices.indices,
+        planes.normals,
+        planes.safe_cosine,
+        np.zeros(mesh.vertex_count, dtype=np.bool_) if stops is None else stops,
+        np.arange(mesh.vertex_count, dtype=np.int32) if ordered is None else ordered.order,
+    )
+
+
+class KernelFit(NamedTuple):
+    """How to fit: `fallbacks.Attempt` in arrays.
+
+    Coefficients are in the order of elimination. If there are standard errors, those of x, y, x^2,
+    x y and y^2 come last: their covariance then follows from the last corner of the Cholesky factor.
+    """
+
+    rings: int
+    radius: float  # of a ball that takes the place of the rings; 0 for none
+    fewest_points: int
+    square: bool
+    any_axis: bool  # whether the result is the same for any direction of the x axis
+    mean_plane: bool
+    most_turned: float  # share of vertices that may turn away; if negative, no face may fold
+    highest_power: int
+    exponents: IntArray
+    starts: IntArray  # of the coefficients of s^a t^b for each a, in lexicographic order,
+    lexicographic: IntArray  # and where each coefficient is in that order
+    moment_exponents: IntArray  # in lexicographic order
+    moment_starts: IntArray
+    moment_place: IntArray
+    penalty: FloatArray
+    prior: FloatArray  # non-zero entries of the prior, per length,
+    prior_place: IntArray  # where they belong in the packed matrix,
+    prior_degree: IntArray  # and their degree, ascending
+    smallest_pivot: float
+    normal_noise: float  # standard deviation of the heights; 0 for no standard errors
+    curvature_noise: float
+    weight_scale: float  # points weigh 1 / (1 + (scale distance^2)^power); 0 for equal weights
+    weight_power: int
+    rounds: int  # of reweighting by residuals; 0 for none

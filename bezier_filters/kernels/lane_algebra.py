@@ -1,0 +1,273 @@
+"""Dense algebra for eight neighbourhoods at a time: powers, moments, normal equations, derivatives.
+
+Arrays are flat arrays of lanes (see `lanes`); a table with rows of `stride` lanes has entry (k, p)
+at k stride + p. Four sums go side by side wherever possible: one alone waits for its own last result.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.runtime.lanes import load, multiply_add, spread, square_root, store, where_greater
+from bezier_filters.runtime.lean import inner_njit
+
+GROUP = 4
+"""Sums side by side. Tables have this many rows, or points, more than are asked for."""
+
+
+@inner_njit()
+def raise_powers(table: FloatArray, stride: int, count: int, highest: int) -> None:
+    """Rows k = 1 .. highest of a table become row 0 times powers of what was row 1."""
+    for p in range(count):
+        base = load(table, stride + p)
+        power = load(table, p)
+        for k in range(1, highest + 1):
+            power = power * base
+            store(table, k * stride + p, power)
+
+
+@inner_njit()
+def add_moments(
+    left: FloatArray, right: FloatArray, stride: int, count: int, starts: IntArray, sums: FloatArray
+) -> None:
+    """Add the products of row a of one table and row b of another, summed over points, for many (a, b).
+
+    Parameters
+    ----------
+    left, right : lanes
+        Tables; the right one has `GROUP` - 1 more rows than are asked for, of any content.
+    stride, count : int
+        Lanes per row, and how many of them are summed.
+    starts : (A + 1,) int32
+        Row a of the left one goes with rows 0 .. starts[a + 1] - starts[a] - 1 of the right one.
+    sums : lanes
+        The sum for (a, b) is added to entry starts[a] + b; there are `GROUP` - 1 more.
+    """
+    rows = starts.shape[0] - 1
+    for a in range(0, rows, 2):
+        row, stop, stop_of_next = a * stride, starts[a + 1], starts[min(a + 2, rows)]
+        for b in range(0, max(stop - starts[a], stop_of_next - stop), GROUP):
+            k, next_k, other = starts[a] + b, stop + b, b * stride
+            s0, s1, s2, s3 = load(sums, k), load(sums, k + 1), load(sums, k + 2), load(sums, k + 3)
+            if next_k < stop_of_next:
+                t0, t1, t2, t3 = (
+                    load(sums, next_k),
+                    load(sums, next_k + 1),
+                    load(sums, next_k + 2),
+                    load(sums, next_k + 3),
+                )
+                for p in range(count):
+                    f, g = load(left, row + p), load(left, row + stride + p)
+                    x0, x1 = load(right, other + p), load(right, other + stride + p)
+                    x2, x3 = load(right, other + 2 * stride + p), load(right, other + 3 * stride + p)
+                    s0, t0 = multiply_add(f, x0, s0), multiply_add(g, x0, t0)
+                    s1, t1 = multiply_add(f, x1, s1), multiply_add(g, x1, t1)
+                    s2, t2 = multiply_add(f, x2, s2), multiply_add(g, x2, t2)
+                    s3, t3 = multiply_add(f, x3, s3), multiply_add(g, x3, t3)
+                _store_group(sums, next_k, stop_of_next, t0, t1, t2, t3)
+            else:
+                for p in range(count):
+                    f = load(left, row + p)
+                    s0 = multiply_add(f, load(right, other + p), s0)
+                    s1 = multiply_add(f, load(right, other + stride + p), s1)
+                    s2 = multiply_add(f, load(right, other + 2 * stride + p), s2)
+                    s3 = multiply_add(f, load(right, other + 3 * stride + p), s3)
+            _store_group(sums, k, stop, s0, s1, s2, s3)
+
+
+@inner_njit()
+def _store_group(sums: FloatArray, k: int, stop: int, s0: Any, s1: Any, s2: Any, s3: Any) -> None:
+    """Write up to four sums to entries k .. stop-1."""
+    if k < stop:
+        store(sums, k, s0)
+    if k + 1 < stop:
+        store(sums, k + 1, s1)
+    if k + 2 < stop:
+        store(sums, k + 2, s2)
+    if k + 3 < stop:
+        store(sums, k + 3, s3)
+
+
+@inner_njit()
+def factorise(matrix: FloatArray, rows: int, columns: int, smallest_pivot: float, sound: FloatArray) -> None:
+    """Cholesky factors of eight symmetric positive semidefinite matrices, or of their first columns.
+
+    Parameters
+    ----------
+    matrix : lanes
+        Lower triangle, row by row; rows may go on beyond the matrix, like right-hand sides. The
+        first `columns` of it become those of the factor, with reciprocal diagonal. There are `GROUP`
+        more rows, of any content.
+    rows, columns : int
+        How many there are, and how many columns to eliminate.
+    smallest_pivot : float
+        A column whose pivot is below this fraction of its diagonal entry depends on those before; it becomes zero.
+    sound : lanes
+        Receives one entry: 1 for matrices without such columns, else 0.
+    """
+    zero, one = spread(0.0), spread(1.0)
+    full_rank = one
+    if columns % 2 == 1:  # the first alone, then pairs
+        before = load(matrix, 0)
+        scale = where_greater(before, spread(smallest_pivot) * before, one / square_root(before), zero)
+        full_rank = where_greater(scale, zero, one, zero)
+        store(matrix, 0, scale)
+        for i in range(1, rows):
+            store(matrix, i * (i + 1) // 2, load(matrix, i * (i + 1) // 2) * scale)
+    for j in range(columns % 2, columns, 2):
+        row_j = j * (j + 1) // 2
+        row_l = row_j + j + 1
+        least_j, least_l = (
+            spread(smallest_pivot) * load(matrix, row_j + j),
+            spread(smallest_pivot) * load(matrix, row_l + j + 1),
+        )
+        scale_j, across, scale_l = one, zero, one
+        for i in range(j, rows, GROUP):
+            r0 = i * (i + 1) // 2
+            r1, r2, r3 = r0 + i + 1, r0 + 2 * i + 3, r0 + 3 * i + 6
+            s0, s1, s2, s3 = zero, zero, zero, zero
+            t0, t1, t2, t3 = zero, zero, zero, zero
+            for k in range(j):
+                of_j, of_l = load(matrix, row_j + k), load(matrix, row_l + k)
+                x0, x1, x2, x3 = load(matrix, r0 + k), load(matrix, r1 + k), load(matrix, r2 + k), load(matrix, r3 + k)
+                s0, t0 = multiply_add(of_j, x0, s0), multiply_add(of_l, x0, t0)
+                s1, t1 = multiply_add(of_j, x1, s1), multiply_add(of_l, x1, t1)
+                s2, t2 = multiply_add(of_j, x2, s2), multiply_add(of_l, x2, t2)
+                s3, t3 = multiply_add(of_j, x3, s3), multiply_add(of_l, x3, t3)
+            if i == j:
+                pivot = load(matrix, row_j + j) - s0
+                full_rank = where_greater(pivot, least_j, full_rank, zero)
+                scale_j = where_greater(pivot, least_j, one / square_root(pivot), zero)
+                across = (load(matrix, row_l + j) - s1) * scale_j
+                pivot = load(matrix, row_l + j + 1) - t1 - across * across
+                full_rank = where_greater(pivot, least_l, full_rank, zero)
+                scale_l = where_greater(pivot, least_l, one / square_root(pivot), zero)
+                store(matrix, row_j + j, scale_j)
+                store(matrix, row_l + j, across)
+                store(matrix, row_l + j + 1, scale_l)
+            else:
+                _eliminate(matrix, r0 + j, s0, t0, scale_j, across, scale_l)
+                if i + 1 < rows:
+                    _eliminate(matrix, r1 + j, s1, t1, scale_j, across, scale_l)
+            if i + 2 < rows:
+                _eliminate(matrix, r2 + j, s2, t2, scale_j, across, scale_l)
+            if i + 3 < rows:
+                _eliminate(matrix, r3 + j, s3, t3, scale_j, across, scale_l)
+    store(sound, 0, full_rank)
+
+
+@inner_njit()
+def _eliminate(matrix: FloatArray, place: int, s: Any, t: Any, scale_j: Any, across: Any, scale_l: Any) -> None:
+    """Entries at `place` and after it become those of the factor, whose products with columns before are s and t."""
+    x = (load(matrix, place) - s) * scale_j
+    store(matrix, place, x)
+    store(matrix, place + 1, (load(matrix, place + 1) - t - x * across) * scale_l)
+
+
+@inner_njit()
+def substitute_back(factors: FloatArray, order: int, last: int, solution: FloatArray) -> None:
+    """Solve L^T x = b for factors from `factorise`, b being their row number `last`; 0 where a column of L is."""
+    for i in range(order):
+        store(solution, i, load(factors, last * (last + 1) // 2 + i))
+    for i in range(order - 1, -1, -1):
+        row = i * (i + 1) // 2
+        found = load(solution, i) * load(factors, row + i)
+        store(solution, i, found)
+        for k in range(i):
+            store(solution, k, load(solution, k) - load(factors, row + k) * found)
+
+
+@inner_njit()
+def solve_lanes(matrix: FloatArray, order: int, smallest_pivot: float, solution: FloatArray, sound: FloatArray) -> None:
+    """Solve eight symmetric positive definite systems.
+
+    Parameters
+    ----------
+    matrix : lanes
+        Lower triangle of the symmetric matrix, row by row, and the right-hand side as a last row.
+        It becomes the factor, see `factorise`. There are `GROUP` more rows, of any content.
+    order : int
+        Of the matrix.
+    smallest_pivot : float
+        A pivot below this fraction of its diagonal entry means a rank-deficient system.
+    solution : lanes
+        Receives the solutions.
+    sound : lanes
+        Receives one entry: 1 for systems of full rank, else 0, and the solution means nothing.
+    """
+    factorise(matrix, order + 1, order, smallest_pivot, sound)
+    substitute_back(matrix, order, order, solution)
+
+
+@inner_njit()
+def add_squared_residuals(
+    coefficients: FloatArray, starts: IntArray, points: FloatArray, stride: int, count: int, total: FloatArray
+) -> None:
+    """Add the squared differences between a polynomial and heights, by Horner's scheme.
+
+    Parameters
+    ----------
+    coefficients : lanes
+        That of s^a t^b is entry starts[a] + b.
+    starts : (A + 1,) int32
+    points : lanes
+        A table with rows s, t, height and presence, 1 or 0 for what is no point at all.
+    stride, count : int
+        Lanes per row, and how many points there are; up to `GROUP` - 1 more are looked at.
+    total : lanes
+        One entry.
+    """
+    zero = spread(0.0)
+    total0, total1, total2, total3 = load(total, 0), zero, zero, zero
+    for p in range(0, count, GROUP):
+        s0, s1, s2, s3 = load(points, p), load(points, p + 1), load(points, p + 2), load(points, p + 3)
+        q = stride + p
+        t0, t1, t2, t3 = load(points, q), load(points, q + 1), load(points, q + 2), load(points, q + 3)
+        v0, v1, v2, v3 = zero, zero, zero, zero
+        for a in range(starts.shape[0] - 2, -1, -1):
+            h0, h1, h2, h3 = zero, zero, zero, zero
+            for k in range(starts[a + 1] - 1, starts[a] - 1, -1):
+                c = load(coefficients, k)
+                h0 = multiply_add(h0, t0, c)
+                h1 = multiply_add(h1, t1, c)
+                h2 = multiply_add(h2, t2, c)
+                h3 = multiply_add(h3, t3, c)
+            v0 = multiply_add(v0, s0, h0)
+            v1 = multiply_add(v1, s1, h1)
+            v2 = multiply_add(v2, s2, h2)
+            v3 = multiply_add(v3, s3, h3)
+        z, here = q + stride, q + 2 * stride
+        v0 = (v0 - load(points, z)) * load(points, here)
+        v1 = (v1 - load(points, z + 1)) * load(points, here + 1)
+        v2 = (v2 - load(points, z + 2)) * load(points, here + 2)
+        v3 = (v3 - load(points, z + 3)) * load(points, here + 3)
+        total0 = multiply_add(v0, v0, total0)
+        total1 = multiply_add(v1, v1, total1)
+        total2 = multiply_add(v2, v2, total2)
+        total3 = multiply_add(v3, v3, total3)
+    store(total, 0, (total0 + total1) + (total2 + total3))
+
+
+@inner_njit()
+def differentiate(
+    coefficients: FloatArray, exponents: IntArray, powers_s: FloatArray, powers_t: FloatArray, jets: FloatArray
+) -> None:
+    """Partial derivatives, entry 4 r + q of `jets`: r times by s and q times by t, r + q <= 3.
+
+    `powers_s` and `powers_t` are lanes of 1, s, s^2, ... and 1, t, t^2, ..., where they are wanted.
+    """
+    for k in range(16):
+        store(jets, k, spread(0.0))
+    for k in range(exponents.shape[0]):
+        a, b = exponents[k, 0], exponents[k, 1]
+        coefficient = load(coefficients, k)
+        factor_s = 1.0
+        for r in range(min(a, 3) + 1):
+            along_s = coefficient * load(powers_s, a - r)
+            factor = factor_s
+            for q in range(min(b, 3 - r) + 1):
+                term = spread(factor) * load(powers_t, b - q)
+                store(jets, 4 * r + q, multiply_add(along_s, term, load(jets, 4 * r + q)))
+                factor *= np.float64(b - q)
+            factor_s *= np.float64(a - r)

@@ -1,0 +1,98 @@
+"""Learns a surface from its neighbourhoods: ring after ring, as long as they promise something."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from bezier_filters.kernels.kernel_input import KernelMesh
+from bezier_filters.learning.model_tree import Leaf, best_leaf, leaf_of
+from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample, draw_from_mesh, sample_neighbourhoods
+from bezier_filters.learning.plans import Choices
+from bezier_filters.learning.ring_analysis import RingAnalysis, analyse_rings
+from bezier_filters.meshes.adjacency import Adjacency
+
+CANDIDATE_RINGS = (1, 2, 3, 4, 5, 6, 8, 10)
+NEAR_RINGS = 5
+"""Most meshes need no wider rings than these, of which many neighbourhoods can be afforded."""
+SAMPLES = {1: 300, 2: 400, 3: 400, 4: 240, 5: 180, 6: 200, 8: 160, 10: 120}
+"""Neighbourhoods analysed per ring: the wider, the more points each has."""
+MOST_TURNED = 0.02
+"""Share of the vertices of a neighbourhood whose normals noise may turn away from its plane."""
+USABLE_SHARE = 0.8
+"""A ring that folds at more than the rest of the sampled vertices is too wide."""
+HOPELESS = 10.0
+"""Wider rings are not tried once the predicted error has grown by this factor."""
+
+Sampler = Callable[[int, int], NeighbourhoodSample]
+"""Gives neighbourhoods out to some rings of some number of vertices."""
+
+
+def learn_surface(
+    mesh: KernelMesh, adjacency: Adjacency, choices: Choices, *, threads: int = 1, seed: int = 0
+) -> tuple[list[RingAnalysis], Leaf | None]:
+    """Analyse rings of ascending width, and learn one model for all from them.
+
+    Parameters
+    ----------
+    mesh : KernelMesh
+    adjacency : Adjacency
+        Of the same mesh.
+    choices : Choices
+        What is allowed; the ring that is wanted is analysed in any case, if it can be.
+    threads : int
+        Number of threads.
+    seed : int
+        Of the sample.
+
+    Returns
+    -------
+    analyses : list of RingAnalysis
+        None at all for meshes with too few usable neighbourhoods.
+    root : Leaf or None
+        The model; None if the analyses allow no plan.
+    """
+
+    def sample(rings: int, count: int) -> NeighbourhoodSample:
+        ids = draw_from_mesh(mesh, count, seed)
+        return sample_neighbourhoods(mesh, adjacency, ids, rings=rings, most_turned=MOST_TURNED, threads=threads)
+
+    return learn_from_samples(sample, len(mesh.vertices), choices, threads=threads)
+
+
+def learn_from_samples(
+    sampler: Sampler, vertex_count: int, choices: Choices, *, threads: int = 1
+) -> tuple[list[RingAnalysis], Leaf | None]:
+    """The same for a mesh of which only samples are known.
+
+    Parameters
+    ----------
+    sampler : callable
+        ``sampler(rings, count)`` gives neighbourhoods, the same vertices for the same count.
+    vertex_count : int
+        Number of vertices of the mesh.
+    choices : Choices
+        What is allowed.
+    threads : int
+        Number of threads.
+    """
+    rings = sorted({*CANDIDATE_RINGS, *(() if choices.rings is None else (choices.rings,))})
+    stages = [[k for k in rings if k <= NEAR_RINGS], *([k] for k in rings if k > NEAR_RINGS)]
+    analyses: list[RingAnalysis] = []
+    whole, promising = None, True
+    for stage in stages:
+        if not promising and choices.rings not in stage:
+            continue
+        count = SAMPLES[2] if stage is stages[0] else SAMPLES[6]
+        sample = sampler(stage[-1], count)
+        most: dict[int, int] = {}
+        for k in stage:
+            promising = promising and sample.usable[:, k].sum() >= USABLE_SHARE * sample.clear[:, k].sum()
+            if promising or k == choices.rings or not (analyses or most):
+                most[k] = SAMPLES.get(k, SAMPLES[10])
+        found = analyse_rings(sample, most, vertex_count=vertex_count, threads=threads)
+        if found:
+            analyses += found
+            whole = leaf_of(analyses, replace(choices, rings=None))
+        if whole is not None:
+            errors = [plan.error for plan in whole.plans]
+            promising = promising and errors[-1] <= HOPELESS * min(errors)
+    return analyses, None if whole is None else best_leaf(whole.surface, whole.plans, choices)

@@ -1,0 +1,196 @@
+"""A model for every part of a surface: a regression tree over what a first fit shows.
+
+Noise, density and shape may vary over a mesh. A first fit with one plan for all gives each vertex
+a curvedness and a residual; a sample split by one of them may have different models on both
+sides, and where the predicted error drops, the split stays.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Generic, TypeAlias, TypeVar
+
+import numpy as np
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.learning.plans import Choices, FitPlan, all_plans, best_plan, plan_for, plans_around
+from bezier_filters.learning.ring_analysis import FREE_DEGREE, RingAnalysis
+from bezier_filters.learning.surface_model import SurfaceModel, learn_model
+from bezier_filters.patches.harmonics import harmonic_basis
+
+Kind = TypeVar("Kind")
+Other = TypeVar("Other")
+Features = Callable[[IntArray], FloatArray]
+"""Gives the features (k, F) of vertices (k,)."""
+
+QUANTILES = (0.15, 0.3, 0.5, 0.7, 0.85)
+"""Where a sample is tried to be split."""
+FEWEST_ON_A_SIDE = 40
+"""Neighbourhoods of the sample that a model of its own needs."""
+WORTHWHILE = 0.1
+"""Mean logarithm of the predicted error that a split must save."""
+DEEPEST = 3
+"""Splits above each leaf."""
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """A part of the surface: its model and plans.
+
+    Attributes
+    ----------
+    surface : SurfaceModel
+    plans : tuple of FitPlan
+        One for each ring.
+    chosen : FitPlan
+        The best of them.
+    """
+
+    surface: SurfaceModel
+    plans: tuple[FitPlan, ...]
+    chosen: FitPlan
+
+
+@dataclass(frozen=True)
+class Split(Generic[Kind]):
+    """Two parts: vertices whose feature is at most the threshold, and the others."""
+
+    feature: int
+    threshold: float
+    low: "Kind | Split[Kind]"
+    high: "Kind | Split[Kind]"
+
+
+Tree: TypeAlias = Kind | Split[Kind]
+"""Splits, and something of one kind at every leaf."""
+
+
+def _overflows() -> np.errstate:
+    """Where coordinates are of very different sizes, some plans have no finite error, and are left out."""
+    return np.errstate(over="ignore", invalid="ignore", divide="ignore")
+
+
+def leaf_of(analyses: Sequence[RingAnalysis], choices: Choices) -> Leaf | None:
+    """One model for all; None if the analyses allow no plan."""
+    if not any(analysis.degree > FREE_DEGREE for analysis in analyses):
+        return None
+    with _overflows():
+        surface = learn_model(analyses)
+        return best_leaf(surface, all_plans(surface, choices.degrees), choices)
+
+
+def best_leaf(surface: SurfaceModel, plans: Sequence[FitPlan], choices: Choices) -> Leaf | None:
+    """A leaf with the best of the plans that may be chosen; None if there is none."""
+    sound = tuple(plan for plan in plans if np.isfinite(plan.error))
+    allowed = [plan for plan in sound if choices.rings in (None, plan.rings)]
+    return Leaf(surface, sound, best_plan(allowed)) if allowed and np.isfinite(surface.sigma) else None
+
+
+def part_of(root: Leaf, analyses: Sequence[RingAnalysis], choices: Choices) -> Leaf | None:
+    """A model for a part of what another leaf is the model of; None if the analyses allow no plan.
+
+    Rings that would do much worse keep the plans of the whole.
+    """
+    if not any(analysis.degree > FREE_DEGREE for analysis in analyses):
+        return None
+    with _overflows():
+        surface = learn_model(analyses, root.surface)
+        own = plans_around(surface, choices.degrees, choices.rings or root.chosen.rings)
+        leaf = best_leaf(surface, own, choices)
+    others = (plan for plan in root.plans if plan.rings not in {plan.rings for plan in own})
+    return None if leaf is None else replace(leaf, plans=(*own, *others))
+
+
+def grow(
+    root: Leaf, analyses: Sequence[RingAnalysis], features: Features, choices: Choices, depth: int = DEEPEST
+) -> Tree[Leaf]:
+    """Split a leaf as long as that is worthwhile.
+
+    Parameters
+    ----------
+    root : Leaf
+        Model of the neighbourhoods.
+    analyses : sequence of RingAnalysis
+        The neighbourhoods.
+    features : callable
+        Asked for those at the centers of neighbourhoods.
+    choices : Choices
+        What is allowed.
+    depth : int
+        How many times to split at most.
+    """
+    likeliest = max(_candidates(root, analyses, features), default=None) if depth else None
+    if likeliest is None:
+        return root
+    _, feature, threshold = likeliest
+    halves = (
+        [part.where((features(part.centers)[:, feature] <= threshold) == is_low) for part in analyses]
+        for is_low in (True, False)
+    )
+    sides = [[part for part in half if part is not None] for half in halves]
+    parts = [part_of(root, side, choices) for side in sides]
+    leaves_ = [leaf for leaf in parts if leaf is not None]
+    if len(leaves_) < len(parts):
+        return root
+    saved = [_saved(root.chosen, leaf) for leaf in leaves_]
+    sizes = [max(len(part.centers) for part in side) for side in sides]
+    if sum(s * n for s, n in zip(saved, sizes, strict=True)) <= WORTHWHILE * sum(sizes):
+        return root
+    low, high = (grow(leaf, side, features, choices, depth - 1) for leaf, side in zip(leaves_, sides, strict=True))
+    return Split(feature, threshold, low, high)
+
+
+def _saved(plan: FitPlan, leaf: Leaf) -> float:
+    """Logarithm of what a leaf's own plan takes off the predicted error of another; -inf if it has no such ring."""
+    before = plan_for(plan, leaf.surface)
+    smallest = np.finfo(np.float64).tiny  # on exact planes there is no error at all
+    return -np.inf if before is None else float(np.log(max(before.error, smallest) / max(leaf.chosen.error, smallest)))
+
+
+def leaves(tree: Tree[Kind]) -> list[Kind]:
+    """The leaves, from left to right."""
+    return leaves(tree.low) + leaves(tree.high) if isinstance(tree, Split) else [tree]
+
+
+def at_leaves(tree: Tree[Kind], function: Callable[[Kind], Other]) -> Tree[Other]:
+    """The same tree with something else at every leaf."""
+    if not isinstance(tree, Split):
+        return function(tree)
+    low, high = at_leaves(tree.low, function), at_leaves(tree.high, function)
+    return Split(tree.feature, tree.threshold, low, high)
+
+
+def leaf_numbers(tree: Tree[Kind], features: FloatArray) -> IntArray:
+    """Which of the `leaves` each row of features (n, F) belongs to, (n,)."""
+    if not isinstance(tree, Split):
+        return np.zeros(len(features), dtype=np.int32)
+    low, high = leaf_numbers(tree.low, features), leaf_numbers(tree.high, features)
+    is_low: BoolArray = features[:, tree.feature] <= tree.threshold
+    result: IntArray = np.where(is_low, low, high + len(leaves(tree.low))).astype(np.int32)
+    return result
+
+
+def _candidates(root: Leaf, analyses: Sequence[RingAnalysis], features: Features) -> Iterator[tuple[float, int, float]]:
+    """Possible splits with what they add to the log likelihood of the sample: gain, feature, threshold."""
+    analysis = next(analysis for analysis in analyses if analysis.rings == root.chosen.rings)
+    of_rows = features(analysis.centers)
+    everywhere = np.ones(len(of_rows), dtype=np.bool_)
+    for feature in range(of_rows.shape[1]):
+        for threshold in np.unique(np.quantile(of_rows[:, feature], QUANTILES)):
+            low = of_rows[:, feature] <= threshold
+            if min(low.sum(), (~low).sum()) < FEWEST_ON_A_SIDE:
+                continue
+            gain = _log_likelihood(analysis, low) + _log_likelihood(analysis, ~low)
+            gain -= _log_likelihood(analysis, everywhere)
+            yield gain, feature, float(threshold)
+
+
+def _log_likelihood(analysis: RingAnalysis, rows: BoolArray) -> float:
+    """Of Gaussian terms of degree 3 and more and a Gaussian rest, each with its own variance."""
+    free = harmonic_basis().up_to(FREE_DEGREE)
+    groups = harmonic_basis().groups[free : analysis.parts.shape[1]]
+    groups = groups - harmonic_basis().groups[free]
+    sums = np.bincount(groups, weights=np.square(analysis.parts[rows, free:]).sum(axis=0))
+    counts = np.bincount(groups) * rows.sum()
+    sums = np.append(sums, analysis.residuals[rows, -1].sum())
+    counts = np.append(counts, analysis.freedom[rows, -1].sum())
+    return float(-0.5 * (counts * np.log(np.maximum(sums, 1e-300) / np.maximum(counts, 1.0))).sum())

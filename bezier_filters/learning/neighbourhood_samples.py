@@ -1,0 +1,233 @@
+"""A sample of neighbourhoods in local coordinates, from which the surface is learned."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.kernels.kernel_input import KernelMesh
+from bezier_filters.meshes.adjacency import Adjacency
+from bezier_filters.meshes.frames import farthest_direction, mean_normal, turned_share
+from bezier_filters.meshes.neighbourhoods import forget, next_ring
+from bezier_filters.runtime.lean import inner_njit, lean_njit, variable
+from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
+
+CHUNK = 32
+"""Neighbourhoods per chunk."""
+
+
+@dataclass(frozen=True)
+class NeighbourhoodSample:
+    """Neighbourhoods of N vertices, out to the widest ring.
+
+    Attributes
+    ----------
+    centers : (N,) int32
+        The vertices.
+    points : (N, n, 3) float64
+        Coordinates (x, y, z) over the tangent plane of each vertex, ordered by distance in edges;
+        rows beyond a neighbourhood's size are zero.
+    sizes : (N, rings + 1) int32
+        Number of points within k edges, for each k up to the widest ring.
+    clear : (N, rings + 1) bool
+        Whether the k-ring has no boundary or crease inside.
+    usable : (N, rings + 1) bool
+        Whether, in addition, the k-ring projects with at most the allowed share of turned vertices.
+    """
+
+    centers: IntArray
+    points: FloatArray
+    sizes: IntArray
+    clear: BoolArray
+    usable: BoolArray
+
+
+@dataclass(frozen=True)
+class Population:
+    """Vertices to draw from, numbered in the user's order, wherever they are kept.
+
+    Attributes
+    ----------
+    size : int
+        How many there are.
+    members : callable
+        Gives the vertices of some numbers (k,), (k,) int32.
+    """
+
+    size: int
+    members: Callable[[IntArray], IntArray]
+
+
+def sample_neighbourhoods(
+    mesh: KernelMesh,
+    adjacency: Adjacency,
+    ids: IntArray,
+    *,
+    rings: int,
+    most_turned: float,
+    most_points: int = 450,
+    threads: int = 1,
+) -> NeighbourhoodSample:
+    """Project the neighbourhoods of some vertices onto their tangent planes.
+
+    Parameters
+    ----------
+    mesh : KernelMesh
+    adjacency : Adjacency
+        Of the same mesh.
+    ids : (N,) int32
+        The vertices, see `draw_vertices`.
+    rings : int
+        Widest ring.
+    most_turned : float
+        Share of turned vertices above which a ring is not usable.
+    most_points : int
+        Rings with more points count as not usable.
+    threads : int
+        Number of threads.
+    """
+    points = np.zeros((len(ids), most_points, 3))
+    sizes = np.zeros((len(ids), rings + 1), dtype=np.int32)
+    clear, usable = np.zeros((2, len(ids), rings + 1), dtype=np.bool_)
+    n = len(mesh.vertices)
+
+    def make_task() -> RangeTask:
+        members, visited = np.empty(n + 1, np.int32), np.zeros(n, np.bool_)
+        return lambda start, stop: _project_sample(
+            mesh,
+            adjacency.on_boundary,
+            ids,
+            rings,
+            start,
+            stop,
+            members,
+            visited,
+            points,
+            sizes,
+            clear,
+            usable,
+            most_turned,
+        )
+
+    run_in_chunks(make_task, len(ids), threads=threads, chunk=CHUNK)
+    return NeighbourhoodSample(ids, points, sizes, clear, usable)
+
+
+def draw_from_mesh(mesh: KernelMesh, count: int, seed: int = 0) -> IntArray:
+    """Up to `count` vertices of a mesh that have a normal, in random order: see `draw_vertices`."""
+
+    def has_normal(ids: IntArray) -> BoolArray:
+        result: BoolArray = np.asarray(mesh.normals[ids].any(axis=1))
+        return result
+
+    def with_normals() -> Population:
+        candidates = vertex_of_row[has_normal(vertex_of_row)]
+        return Population(len(candidates), candidates.__getitem__)
+
+    vertex_of_row = np.empty_like(mesh.origin)
+    vertex_of_row[mesh.origin] = np.arange(len(mesh.origin), dtype=np.int32)
+    every = Population(len(vertex_of_row), vertex_of_row.__getitem__)
+    return draw_vertices(every, has_normal, with_normals, count, seed)
+
+
+def draw_vertices(
+    every: Population,
+    has_normal: Callable[[IntArray], BoolArray],
+    with_normals: Callable[[], Population],
+    count: int,
+    seed: int = 0,
+) -> IntArray:
+    """Up to `count` vertices that have a normal, in random order.
+
+    One is drawn from each of as many stretches of the user's mesh, so that hardly a region is missed and
+    turning the mesh does not matter.
+
+    Parameters
+    ----------
+    every : Population
+        All vertices.
+    has_normal : callable
+        Tells which of some vertices (k,) have a normal, (k,) bool.
+    with_normals : callable
+        Finds those that have one; called only if a vertex without one was drawn.
+    count : int
+        Number of vertices to draw; fewer if there are fewer.
+    seed : int
+        Of the draw.
+    """
+    generator = np.random.default_rng(seed)
+    ids = every.members(_one_per_stretch(every.size, count, generator))
+    if not has_normal(ids).all():
+        candidates = with_normals()
+        ids = candidates.members(_one_per_stretch(candidates.size, count, generator))
+    result: IntArray = generator.permutation(ids)
+    return result
+
+
+def _one_per_stretch(n: int, count: int, generator: np.random.Generator) -> IntArray:
+    """One of the numbers below n from each of `count` equal stretches, or all, if there are fewer."""
+    ends = np.linspace(0, n, min(n, count) + 1).astype(np.int32)
+    return generator.integers(ends[:-1], ends[1:], dtype=np.int32) if n else ends[:0]
+
+
+@lean_njit()
+def _project_sample(
+    mesh: KernelMesh,
+    on_boundary: BoolArray,
+    ids: IntArray,
+    rings: int,
+    start: int,
+    stop: int,
+    members: IntArray,
+    visited: BoolArray,
+    points: FloatArray,
+    sizes: IntArray,
+    clear: BoolArray,
+    usable: BoolArray,
+    most_turned: float,
+) -> None:
+    """Fill rows start .. stop-1 of the arrays of a `NeighbourhoodSample`."""
+    for row in range(start, stop):
+        i = ids[row]
+        members[0] = i
+        visited[i] = True
+        inner, count, plane_count = variable(0), variable(1), variable(0)
+        open_ring = False
+        for k in range(1, rings + 1):
+            before, inner = inner, count
+            count = next_ring(mesh.ring_ptr, mesh.ring_indices, mesh.stops, before, inner, visited, members)
+            sizes[row, k] = count
+            for a in range(before, inner):
+                open_ring = open_ring or on_boundary[members[a]] or mesh.stops[members[a]]
+            clear[row, k] = not open_ring
+            if open_ring or count > points.shape[1]:
+                continue
+            nx, ny, nz = mean_normal(mesh.normals, members, count)
+            if nx == 0.0 and ny == 0.0 and nz == 0.0:
+                continue
+            if turned_share(mesh.normals, members, inner, nx, ny, nz) > most_turned:
+                continue
+            usable[row, k] = True
+            plane_count = count
+        forget(visited, members, count)
+        if plane_count > 0:
+            _project(mesh, members, plane_count, points[row])
+
+
+@inner_njit()
+def _project(mesh: KernelMesh, members: IntArray, count: int, points: FloatArray) -> None:
+    """Write the coordinates of members[:count] over the plane of their mean normal."""
+    i = members[0]
+    neighbours = mesh.ring_ptr[i + 1] - mesh.ring_ptr[i]
+    nx, ny, nz = mean_normal(mesh.normals, members, count)
+    x = farthest_direction(mesh.vertices, members, neighbours, count, nx, ny, nz)
+    y = (ny * x[2] - nz * x[1], nz * x[0] - nx * x[2], nx * x[1] - ny * x[0])
+    for a in range(count):
+        j = members[a]
+        dx = mesh.vertices[j, 0] - mesh.vertices[i, 0]
+        dy = mesh.vertices[j, 1] - mesh.vertices[i, 1]
+        dz = mesh.vertices[j, 2] - mesh.vertices[i, 2]
+        points[a, 0] = dx * x[0] + dy * x[1] + dz * x[2]
+        points[a, 1] = dx * y[0] + dy * y[1] + dz * y[2]
+        points[a, 2] = dx * nx + dy * ny + dz * nz

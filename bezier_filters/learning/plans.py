@@ -1,0 +1,260 @@
+"""Which neighbourhood, degree and weight to fit with: predicted errors of all the choices."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from bezier_filters.arrays import FloatArray
+from bezier_filters.learning.predicted_errors import (
+    WEIGHTED_RINGS,
+    FitEquations,
+    claimed_variances,
+    fit_equations,
+    squared_errors,
+)
+from bezier_filters.learning.ring_analysis import FREE_DEGREE
+from bezier_filters.learning.surface_model import RingModel, SurfaceModel
+from bezier_filters.patches.harmonics import harmonic_basis
+from bezier_filters.patches.polynomials import PolynomialSpace, total_degree_space
+
+CANDIDATE_DEGREES = (2, 3, 4, 5, 6)
+WEAKER_PRIORS = (0.03, 0.001)
+"""The prior takes what a degree leaves out for noise; on regular meshes it cancels out, and less is better."""
+STRONGEST_PRIOR = 1e5
+"""Times what the points say of a term: leaves nothing of it, and the normal equations well conditioned."""
+LEAST_WEIGHT_RADIUS = 0.3
+"""Of the radius of the neighbourhood, lest a fit have too few points."""
+THRIFT = 0.18
+"""Power of the cost that the predicted error is multiplied by: twice the time must take an eighth off the error."""
+MUCH_WORSE = 1.3
+"""Once a lower degree, or another ring, has raised the predicted error by this factor, none beyond it is tried."""
+Candidate = TypeVar("Candidate")
+
+
+@dataclass(frozen=True)
+class FitPlan:
+    """A polynomial fit of given degree with a prior for its higher terms.
+
+    Attributes
+    ----------
+    rings : int
+        Size of the neighbourhood.
+    degree : int
+        Total degree of the polynomial.
+    points : float
+        Number of points that a neighbourhood has on average.
+    radius : float
+        Unit of x and y for `term_prior`, a length.
+    term_prior : (m,) float64
+        sigma^2 over the variance of each term of `harmonic_basis`, 0 for the free degrees.
+    weight_radius : float
+        Distance beyond which points weigh less, a length: at r they weigh 1 / (1 + (r / radius)^(2 degree + 2)), the
+        reciprocal of noise and what the degree leaves out. Infinite for equal weights.
+    normal_error : float
+        Predicted standard error of the normal, radians.
+    curvature_error : float
+        Predicted standard error of the second derivatives, 1/length.
+    normal_noise, curvature_noise : float
+        Standard deviation of the heights with which the covariance of the coefficients gives these
+        errors, cautiously, on average, a length.
+    """
+
+    rings: int
+    degree: int
+    points: float
+    radius: float
+    term_prior: FloatArray
+    weight_radius: float
+    normal_error: float
+    curvature_error: float
+    normal_noise: float = 0.0
+    curvature_noise: float = 0.0
+
+    @property
+    def space(self) -> PolynomialSpace:
+        """The polynomials."""
+        return total_degree_space(self.degree)
+
+    @property
+    def prior(self) -> FloatArray:
+        """sigma^2 times the inverse covariance of the monomials' coefficients, (m, m), for lengths.
+
+        It couples only monomials of the same degree.
+        """
+        basis, m = harmonic_basis(), len(self.term_prior)
+        to_terms = np.linalg.inv(basis.monomials[:m, :m])
+        with np.errstate(over="ignore", invalid="ignore"):  # beyond 1e25 lengths; the fit is then refused
+            powers = self.radius ** basis.degrees[:m].astype(np.float64)
+            result: FloatArray = (to_terms.T * self.term_prior) @ to_terms * np.outer(powers, powers)
+        return result
+
+    @property
+    def error(self) -> float:
+        """What is minimised: the geometric mean of both errors, as each has a unit of its own."""
+        return float(np.sqrt(self.normal_error * self.curvature_error))
+
+    @property
+    def cost(self) -> float:
+        """Operations per vertex, up to a factor: points times moments."""
+        return self.rings**2 * (self.degree + 1.0) * (2.0 * self.degree + 1.0)
+
+
+@dataclass(frozen=True)
+class Choices:
+    """What may be chosen.
+
+    Attributes
+    ----------
+    rings : int or None
+        The one size of neighbourhood that is allowed; None for all.
+    degrees : tuple of int
+        Degrees.
+    """
+
+    rings: int | None = None
+    degrees: tuple[int, ...] = CANDIDATE_DEGREES
+
+
+def all_plans(surface: SurfaceModel, degrees: Sequence[int] = CANDIDATE_DEGREES) -> list[FitPlan]:
+    """The best plan of every ring, in ascending order of rings."""
+    plans = (_ring_plan(surface, ring, degrees) for ring in surface.by_rings)
+    return [plan for plan in plans if plan is not None]
+
+
+def plans_around(surface: SurfaceModel, degrees: Sequence[int], rings: int) -> list[FitPlan]:
+    """The best plans of this and of ever wider and narrower rings, as long as they are not much worse."""
+    plans: list[FitPlan] = []
+    wider = [ring for ring in surface.by_rings if ring.analysis.rings >= rings]
+    narrower = [ring for ring in reversed(surface.by_rings) if ring.analysis.rings < rings]
+    for side in (wider, narrower):
+        _add_until_much_worse(plans, side, lambda ring: _ring_plan(surface, ring, degrees))
+    return sorted(plans, key=lambda plan: plan.rings)
+
+
+def _ring_plan(surface: SurfaceModel, ring: RingModel, degrees: Sequence[int]) -> FitPlan | None:
+    """The best plan of one ring; None if it determines no degree, or is too small to compute variances."""
+    if not np.isfinite(ring.variances).all():
+        return None
+    plans = ring_plans(surface, ring, degrees)
+    return _calibrated(surface, ring, best_plan(plans)) if plans else None
+
+
+def ring_plans(surface: SurfaceModel, ring: RingModel, degrees: Sequence[int] = CANDIDATE_DEGREES) -> list[FitPlan]:
+    """Plans for one ring: distance weights and every degree that it determines, and weaker priors for the best.
+
+    A single degree is taken as it is: the prior determines what the points do not.
+    """
+    if len(degrees) > 1:
+        degrees = [degree for degree in degrees if degree <= ring.analysis.degree]
+    from_the_highest = sorted(degrees, reverse=True)
+    plans: list[FitPlan] = []
+    if ring.analysis.rings <= WEIGHTED_RINGS:
+        _add_until_much_worse(plans, from_the_highest, lambda degree: _weighted_plan(surface, ring, degree))
+    _add_until_much_worse(plans, from_the_highest, lambda degree: _plan(surface, ring, degree))
+    if plans:
+        best = best_plan(plans)
+        if np.isinf(best.weight_radius):
+            plans += [_plan(surface, ring, best.degree, strength) for strength in WEAKER_PRIORS]
+    return plans
+
+
+def _add_until_much_worse(
+    plans: list[FitPlan], candidates: Iterable[Candidate], plan_of: Callable[[Candidate], FitPlan | None]
+) -> None:
+    """Append plans of one candidate after the other, up to the first that is much worse than the best."""
+    for candidate in candidates:
+        plan = plan_of(candidate)
+        if plan is not None:
+            plans.append(plan)
+            if plan.error > MUCH_WORSE * min(other.error for other in plans):
+                break
+
+
+def best_plan(plans: Sequence[FitPlan]) -> FitPlan:
+    """The plan with the smallest predicted error, as far as that is worth its cost."""
+    return min(plans, key=lambda plan: plan.error * plan.cost**THRIFT)
+
+
+def plan_for(plan: FitPlan, surface: SurfaceModel) -> FitPlan | None:
+    """The same fit with the errors that another model predicts; None if that has no such ring."""
+    for ring in surface.by_rings:
+        if ring.analysis.rings == plan.rings:
+            return _calibrated(surface, ring, _predicted(surface, ring, plan))
+    return None
+
+
+def _plan(surface: SurfaceModel, ring: RingModel, degree: int, strength: float = 1.0) -> FitPlan:
+    """The optimal prior of one degree over one ring, times a factor."""
+    # What the degree leaves out acts on the fit much like noise.
+    noise = float(ring.analysis.mean_squares[min(degree, ring.analysis.degree)])
+    plan = FitPlan(
+        ring.analysis.rings,
+        degree,
+        float(ring.analysis.sizes.mean()),
+        ring.analysis.radius,
+        _term_prior(ring, degree, strength * noise),
+        np.inf,
+        0.0,
+        0.0,
+    )
+    return _predicted(surface, ring, plan)
+
+
+def _weighted_plan(surface: SurfaceModel, ring: RingModel, degree: int) -> FitPlan | None:
+    """The optimal prior and distance weights of one degree over one ring; None if the weights are practically equal."""
+    basis, noise = harmonic_basis(), surface.sigma**2
+    # What the degree leaves out, from its variance at the radius downwards like its first term.
+    left_out = ring.variances[basis.degrees > degree].sum()
+    power = 2 * degree + 2
+    # noise = left_out r^power
+    near = LEAST_WEIGHT_RADIUS if left_out <= 0.0 else max(LEAST_WEIGHT_RADIUS, (noise / left_out) ** (1.0 / power))
+    if left_out <= 0.0 or near >= 1.0:
+        return None
+    noise = max(noise, left_out * near**power)
+    prior = _term_prior(ring, degree, noise)
+    radius = ring.analysis.radius
+    points = float(ring.analysis.sizes.mean())
+    plan = FitPlan(ring.analysis.rings, degree, points, radius, prior, near * radius, 0.0, 0.0)
+    return _predicted(surface, ring, plan)
+
+
+def _term_prior(ring: RingModel, degree: int, noise: float) -> FloatArray:
+    """Noise / variance of the terms up to a degree; 0 for the free ones."""
+    basis = harmonic_basis()
+    m = basis.up_to(degree)
+    said = np.ones(m)
+    said[: len(ring.analysis.energies)] = ring.analysis.energies[:m]
+    least = np.maximum(noise / (STRONGEST_PRIOR * np.maximum(said, 1e-300)), 1e-300)
+    prior: FloatArray = np.where(basis.degrees[:m] <= FREE_DEGREE, 0.0, noise / np.maximum(ring.variances[:m], least))
+    return prior
+
+
+def _predicted(surface: SurfaceModel, ring: RingModel, plan: FitPlan) -> FitPlan:
+    """A fit with the errors that a model predicts."""
+    slopes, curvatures = squared_errors(_equations(surface, ring, plan), ring.variances)
+    return replace(
+        plan,
+        normal_error=_root(slopes) / ring.analysis.radius,
+        curvature_error=_root(8.0 * curvatures) / ring.analysis.radius**2,
+    )
+
+
+def _root(squared_error: float) -> float:
+    """Square root, or infinity where rounding has won, in nearly singular equations, as of points that coincide."""
+    return float(np.sqrt(squared_error)) if squared_error >= 0.0 else np.inf
+
+
+def _calibrated(surface: SurfaceModel, ring: RingModel, plan: FitPlan) -> FitPlan:
+    """The plan with the noise that makes its standard errors those that are predicted cautiously."""
+    equations = _equations(surface, ring, plan)
+    expected, claimed = squared_errors(equations, ring.cautious), claimed_variances(equations)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        normal, curvature = (float(np.nan_to_num(np.sqrt(e / c))) for e, c in zip(expected, claimed, strict=True))
+    return replace(plan, normal_noise=normal, curvature_noise=curvature)
+
+
+def _equations(surface: SurfaceModel, ring: RingModel, plan: FitPlan) -> FitEquations:
+    weight_radius = plan.weight_radius / ring.analysis.radius
+    return fit_equations(ring, surface.sigma, plan.degree, plan.term_prior, weight_radius)

@@ -1,0 +1,191 @@
+"""What a sample of neighbourhoods says about a surface: its noise, and how fast it varies.
+
+Over a neighbourhood the height is a polynomial plus noise of standard deviation sigma. Terms of
+total degree 3 and more count as random, with one variance per degree and angular frequency (see
+`harmonics`); height, slope and curvature are free. The variances follow from the coefficients of
+fits of every degree, over a sample: a coefficient is that term, a share of later ones and noise.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import log_ndtr
+
+from bezier_filters.arrays import FloatArray
+from bezier_filters.learning.ring_analysis import FREE_DEGREE, RingAnalysis
+from bezier_filters.patches.harmonics import HIGHEST_DEGREE, harmonic_basis
+
+FEWEST_RINGS_FOR_NOISE = 2
+"""Narrower rings leave too few points for a fit of high degree to tell noise from shape."""
+PRIOR_RANGE = 8.0
+"""Standard errors over which a variance is as likely, beforehand, as it is to be nothing at all."""
+CAUTIOUS_RANGE = 4.0
+"""The same for standard errors, which had better be too large than too small."""
+SURELY = 4.0
+"""Standard errors by which one estimate of a variance must be above another to be taken instead."""
+CERTAIN = 30.0
+"""Standard errors beyond which an estimate is taken as it is."""
+
+
+@dataclass(frozen=True)
+class RingModel:
+    """The surface as its k-rings see it.
+
+    Attributes
+    ----------
+    analysis : RingAnalysis
+    variances : (M,) float64
+        Of the terms, for coordinates in units of the radius, length^2; 0 for the free degrees.
+    cautious : (M,) float64
+        The same with less doubt that a term is there at all: what may be, for standard errors.
+    unmodelled : float
+        Mean square of the heights that is neither noise nor any of the terms, length^2.
+    """
+
+    analysis: RingAnalysis
+    variances: FloatArray
+    cautious: FloatArray
+    unmodelled: float
+
+
+@dataclass(frozen=True)
+class SurfaceModel:
+    """Noise and smoothness of a surface, or of a part of it.
+
+    Attributes
+    ----------
+    sigma : float
+        Standard deviation of the noise of the heights, a length.
+    by_rings : tuple of RingModel
+        In ascending order of k.
+    """
+
+    sigma: float
+    by_rings: tuple[RingModel, ...]
+
+
+def learn_model(analyses: Sequence[RingAnalysis], whole: SurfaceModel | None = None) -> SurfaceModel:
+    """Find the noise, and the variances that it leaves to the surface.
+
+    The noise is the smallest residual of a fit of the highest degree: where a neighbourhood is
+    wide enough for degrees beyond, they show as a larger residual. Where a ring says little of a
+    variance, the next wider one, which sees more of the term, is listened to, and the whole of
+    which this is a part.
+
+    Parameters
+    ----------
+    analyses : sequence of RingAnalysis
+        In ascending order of k, at least one.
+    whole : SurfaceModel, optional
+        Model of the whole surface, with the same rings and possibly wider ones.
+    """
+    reliable = [analysis for analysis in analyses if analysis.rings >= FEWEST_RINGS_FOR_NOISE] or analyses
+    noise = min(analysis.typical_square for analysis in reliable)
+    basis = harmonic_basis()
+    free = basis.degrees <= FREE_DEGREE
+    of_whole = {} if whole is None else {model.analysis.rings: model.variances for model in whole.by_rings}
+    models: list[RingModel] = []
+    wider_errors = np.zeros(len(free))
+    for analysis in reversed(analyses):
+        values, errors = _term_variances(analysis, noise)
+        if models:
+            scale = (analysis.radius / models[-1].analysis.radius) ** (2.0 * basis.degrees)
+            values, errors = _with_hint(values, errors, scale * models[-1].variances, scale * wider_errors)
+        if analysis.rings in of_whole:
+            values, errors = _with_hint(values, errors, of_whole[analysis.rings], np.zeros(len(values)))
+        believed, cautious = (
+            _falling_off(
+                np.where(free | np.isinf(errors), 0.0, expected_variance(values, errors, odds)), values, errors
+            )
+            for odds in (PRIOR_RANGE, CAUTIOUS_RANGE)
+        )
+        modelled = float((analysis.unexplained @ believed).sum() / analysis.freedom[:, -1].sum())
+        unmodelled = max(float(analysis.mean_squares[-1]) - noise - modelled, 0.0)
+        models.append(RingModel(analysis, believed, cautious, unmodelled))
+        wider_errors = errors
+    return SurfaceModel(float(np.sqrt(noise)), tuple(reversed(models)))
+
+
+def _falling_off(believed: FloatArray, values: FloatArray, errors: FloatArray) -> FloatArray:
+    """Variances that fall off with the degree, unless the data are sure of more.
+
+    Over a neighbourhood that polynomials follow, a term is not larger than those one degree lower,
+    or than a quarter of those two degrees lower, as on a sphere of the neighbourhood's own radius.
+    """
+    degrees = harmonic_basis().degrees
+    result = believed.copy()
+    curved = degrees == FREE_DEGREE
+    largest = {FREE_DEGREE - 1: 0.0, FREE_DEGREE: float((values + SURELY * errors)[curved].max())}
+    for degree in range(FREE_DEGREE + 1, HIGHEST_DEGREE + 1):
+        most = max(largest[degree - 1], largest[degree - 2] / 16.0)
+        unsure = (degrees == degree) & (values < SURELY * errors)
+        result[unsure] = np.minimum(result[unsure], most)
+        largest[degree] = float(result[degrees == degree].max())
+    return result
+
+
+def expected_variance(surplus: FloatArray, by_chance: FloatArray, prior_range: float = PRIOR_RANGE) -> FloatArray:
+    """Mean of a variance v >= 0 whose estimate is normal about it, given the estimate.
+
+    Beforehand v is nothing at all or anything, the range of `prior_range` standard errors being as
+    likely as nothing: what rises clearly above chance is believed, and what does not, hardly.
+
+    Parameters
+    ----------
+    surplus, by_chance : (k,) float64
+        Estimates of v and their standard errors.
+    prior_range : float
+        0 if v cannot be nothing.
+
+    Examples
+    --------
+    >>> expected_variance(np.array([-1.0, 0.0, 1.0, 5.0]), np.ones(4)).round(2)
+    array([0.04, 0.11, 0.39, 5.  ])
+    """
+    certain = surplus >= CERTAIN * by_chance
+    x = np.divide(surplus, by_chance, out=np.zeros_like(surplus), where=~certain & (by_chance > 0.0))
+    x = np.maximum(x, -CERTAIN)
+    log_density, log_share = -0.5 * x * x - 0.5 * np.log(2.0 * np.pi), log_ndtr(x)
+    ratio = np.exp(log_density - log_share)
+    with np.errstate(invalid="ignore"):  # unknown ones, whose standard error is infinite
+        believed: FloatArray = by_chance * (x + ratio) / (1.0 + prior_range * ratio)
+    return np.where(certain, np.maximum(surplus, 0.0), believed)
+
+
+def _term_variances(analysis: RingAnalysis, noise: float) -> tuple[FloatArray, FloatArray]:
+    """Variances of all terms as one ring shows them, and their standard errors, infinite if it does not.
+
+    The coefficient of a term follows from a fit of any degree that has it: a low one leaves it
+    with less noise, a high one with less of later terms, whose share may have either sign. Of
+    the estimates of its variance, the one is taken that is surely the largest.
+    """
+    squares, weights, counts = (
+        part.sum(axis=0) for part in (analysis.term_squares, analysis.term_weights, analysis.term_counts)
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        values = (squares - noise * counts) / weights
+        errors = noise * np.sqrt(2.0 * counts / analysis.independent) / weights
+    surely = np.where(counts > 0.0, values - SURELY * errors, -np.inf)
+    best = surely.argmax(axis=0), np.arange(counts.shape[1])
+    found = counts[best] > 0.0
+    basis, m = harmonic_basis(), analysis.parts.shape[1]
+    result, uncertainty = np.zeros(len(basis.groups)), np.full(len(basis.groups), np.inf)
+    result[:m] = np.where(found, values[best], 0.0)[basis.groups[:m]]
+    uncertainty[:m] = np.where(found, errors[best], np.inf)[basis.groups[:m]]
+    return result, uncertainty
+
+
+def _with_hint(
+    values: FloatArray, errors: FloatArray, hints: FloatArray, hint_errors: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Estimates improved by those of another ring or of the whole, which may differ by as much as they are large.
+
+    A hint of 0 is none.
+    """
+    hint_errors = np.hypot(hints, hint_errors)
+    use = (hints > 0.0) & np.isfinite(hint_errors)
+    known = use & np.isfinite(errors)
+    share = np.divide(errors, np.hypot(errors, hint_errors), out=np.ones_like(errors), where=known) ** 2
+    better = np.where(known, np.where(known, errors, 0.0) * np.sqrt(1.0 - share), hint_errors)
+    return np.where(use, values + share * (hints - values), values), np.where(use, better, errors)

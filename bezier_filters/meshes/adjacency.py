@@ -1,0 +1,206 @@
+"""Which faces and vertices touch a vertex, as compressed rows (CSR)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bezier_filters.arrays import BoolArray, IntArray
+from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.runtime.lean import inner_njit, lean_njit, variable
+from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Compressed rows of integers: row i is ``indices[indptr[i]:indptr[i + 1]]``.
+
+    Attributes
+    ----------
+    indptr : (n + 1,) int32
+    indices : (indptr[n],) int32
+    """
+
+    indptr: IntArray
+    indices: IntArray
+
+    def __len__(self) -> int:
+        return len(self.indptr) - 1
+
+    def row(self, i: int) -> IntArray:
+        """Entries of row i, a view."""
+        return self.indices[self.indptr[i] : self.indptr[i + 1]]
+
+    def lengths_of(self, rows: IntArray) -> IntArray:
+        """Number of entries of some rows, (k,)."""
+        return self.indptr[rows + 1] - self.indptr[rows]
+
+    @property
+    def lengths(self) -> IntArray:
+        """Number of entries of every row, shape (n,)."""
+        return np.diff(self.indptr)
+
+
+@dataclass(frozen=True)
+class Adjacency:
+    """Neighbours in a mesh or a point cloud, found once and used by everything else.
+
+    Attributes
+    ----------
+    faces : Rows
+        Faces at every vertex, in ascending order. Faces that name a vertex twice are left out.
+    vertices : Rows
+        Vertices that share an edge with every vertex, in ascending order; in a point cloud, those
+        that would share one in a triangulation (see `point_cloud`).
+    on_boundary : (n,) bool
+        Vertices on an edge of one face only, or points with a wide gap around them.
+    """
+
+    faces: Rows
+    vertices: Rows
+    on_boundary: BoolArray
+
+
+def vertex_adjacency(mesh: TriangleMesh, *, threads: int = 1) -> Adjacency:
+    """Faces, neighbours and boundary flag of every vertex.
+
+    Examples
+    --------
+    >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> square = triangle_mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    >>> vertex_adjacency(square).vertices.row(1)
+    array([0, 2], dtype=int32)
+    """
+    n = mesh.vertex_count
+    face_ptr, fill = np.zeros(n + 1, dtype=np.int32), np.empty(n, dtype=np.int32)
+    _count_faces(mesh.faces, face_ptr, fill)
+    faces = Rows(face_ptr, np.empty(face_ptr[-1], dtype=np.int32))
+    _fill_in_faces(mesh.faces, fill, faces.indices)
+    indptr = np.zeros(n + 1, dtype=np.int32)
+    on_boundary = np.zeros(n, dtype=np.bool_)
+    # Each range of rows is written where there is room for two vertices per face, then all are moved together.
+    roomy = np.empty(2 * len(faces.indices), dtype=np.int32)
+
+    most = int(faces.lengths.max(initial=0))
+
+    def neighbour_task() -> RangeTask:
+        after, before = np.empty((2, most), dtype=np.int32)
+        return lambda start, stop: _neighbours(
+            mesh.faces, faces.indptr, faces.indices, start, stop, after, before, roomy, indptr[1:], on_boundary
+        )
+
+    run_in_chunks(neighbour_task, n, threads=threads)
+    np.cumsum(indptr, out=indptr)
+    indices = np.empty(indptr[-1], dtype=np.int32)
+
+    def move(start: int, stop: int) -> None:
+        target = indices[indptr[start] : indptr[stop]]
+        target[:] = roomy[2 * faces.indptr[start] :][: len(target)]
+
+    run_in_chunks(lambda: move, n, threads=threads)
+    return Adjacency(faces, Rows(indptr, indices), on_boundary)
+
+
+@lean_njit()
+def _count_faces(faces: IntArray, ptr: IntArray, starts: IntArray) -> None:
+    """Where the rows of the faces at each vertex begin and end; `ptr` is zero at first."""
+    for f in range(faces.shape[0]):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        if a != b and b != c and c != a:
+            ptr[a + 1] += 1
+            ptr[b + 1] += 1
+            ptr[c + 1] += 1
+    for i in range(starts.shape[0]):
+        starts[i] = ptr[i]
+        ptr[i + 1] += ptr[i]
+
+
+@lean_njit()
+def _fill_in_faces(faces: IntArray, fill: IntArray, indices: IntArray) -> None:
+    """Append every face to the rows of its vertices, which `fill` says where to."""
+    for f in range(faces.shape[0]):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        if a != b and b != c and c != a:
+            for k in range(3):
+                i = faces[f, k]
+                indices[fill[i]] = f
+                fill[i] += 1
+
+
+@lean_njit()
+def _neighbours(
+    faces: IntArray,
+    face_ptr: IntArray,
+    face_indices: IntArray,
+    start: int,
+    stop: int,
+    after: IntArray,
+    before: IntArray,
+    roomy: IntArray,
+    lengths: IntArray,
+    on_boundary: BoolArray,
+) -> None:
+    """Distinct neighbours of vertices start .. stop-1 side by side from entry 2 face_ptr[start], and their numbers.
+
+    A neighbour is met once per face on the common edge, so once at a boundary. Work space for the
+    vertices that come after and before a vertex in its faces: one entry per face at the most.
+    """
+    written = 2 * face_ptr[start]
+    for i in range(start, stop):
+        begin, count = written, face_ptr[i + 1] - face_ptr[i]
+        for q in range(count):
+            f = face_indices[face_ptr[i] + q]
+            a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+            after[q] = b if a == i else c if b == i else a
+            before[q] = c if a == i else a if b == i else b
+        _sort(after, variable(0), count)
+        _sort(before, variable(0), count)
+        if _are_distinct_and_equal(after, before, count):  # faces all around, seen from one side
+            for q in range(count):
+                roomy[begin + q] = after[q]
+            written = begin + count
+        else:
+            for q in range(count):
+                roomy[begin + q] = after[q]
+                roomy[begin + count + q] = before[q]
+            end = begin + 2 * count
+            _sort(roomy, begin, end)
+            q = begin
+            while q < end:
+                j = roomy[q]
+                met = 0
+                while q < end and roomy[q] == j:
+                    q += 1
+                    met += 1
+                roomy[written] = j
+                written += 1
+                if met == 1:
+                    on_boundary[i] = True
+        lengths[i] = written - begin
+
+
+@inner_njit()
+def _are_distinct_and_equal(values: IntArray, others: IntArray, count: int) -> bool:
+    """Whether two sorted lists are the same, without repetition."""
+    result = True
+    for q in range(count):
+        result &= values[q] == others[q]
+    for q in range(1, count):
+        result &= values[q] > values[q - 1]
+    return result
+
+
+@inner_njit()
+def _sort(values: IntArray, begin: int, end: int) -> None:
+    """Sort values[begin:end] in place by Shell's method: fast for a dozen, sound for thousands."""
+    gap = 1
+    while gap < (end - begin) // 9:
+        gap = 3 * gap + 1
+    while gap > 0:
+        for q in range(begin + gap, end):
+            value = values[q]
+            p = q
+            while p >= begin + gap and values[p - gap] > value:
+                values[p] = values[p - gap]
+                p -= gap
+            values[p] = value
+        gap //= 3

@@ -1,0 +1,279 @@
+"""Tangent planes: vertex normals, fold detection and the local x axis."""
+
+from dataclasses import dataclass
+from math import cos, radians, sin
+
+import numpy as np
+
+from bezier_filters.arrays import FloatArray, IntArray, SingleArray
+from bezier_filters.meshes.adjacency import Adjacency
+from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.runtime.lean import inner_njit, lean_njit, variable
+from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
+
+STEEPEST = radians(89.0)
+"""A face that leans further than this from the plane makes its points coincide: a fold."""
+FOLD_COSINE, STEEPEST_SINE = cos(STEEPEST), sin(STEEPEST)
+ROUNDING = 2e-7
+"""More than a bound up to 2 may lose in single precision."""
+TIE = 1e-6
+"""Relative difference below which lengths count as equal: far above rounding, far below irregularity."""
+
+
+@dataclass(frozen=True)
+class TangentPlanes:
+    """Approximate tangent planes of all vertices.
+
+    Attributes
+    ----------
+    normals : (n, 3) float64
+        Mean of the unit normals of the faces at each vertex, normalised; zero without any.
+    safe_cosine : (n,) float32
+        If the cosine between a direction and the normal is larger than this, no face at the
+        vertex folds when projected along that direction; 2 if there is no such bound.
+    """
+
+    normals: FloatArray
+    safe_cosine: SingleArray
+
+
+def tangent_planes(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> TangentPlanes:
+    """Tangent planes from the adjacent unit face normals, as in the paper."""
+    of_faces = np.empty((mesh.face_count, 3))
+    normals = np.zeros((mesh.vertex_count, 3))
+    safe_cosine = np.full(mesh.vertex_count, 2.0, dtype=np.float32)
+    rows = adjacency.faces
+
+    def face_task() -> RangeTask:
+        return lambda start, stop: _unit_face_normals(mesh.vertices, mesh.faces, start, stop, of_faces)
+
+    def vertex_task() -> RangeTask:
+        return lambda start, stop: _vertex_planes(
+            of_faces, rows.indptr, rows.indices, start, stop, normals, safe_cosine
+        )
+
+    run_in_chunks(face_task, mesh.face_count, threads=threads)
+    run_in_chunks(vertex_task, mesh.vertex_count, threads=threads)
+    return TangentPlanes(normals, safe_cosine)
+
+
+@inner_njit()
+def face_normal(vertices: FloatArray, faces: IntArray, f: int) -> tuple[float, float, float]:
+    """Normal of face f, twice its area long."""
+    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+    ux, uy, uz = vertices[b, 0] - vertices[a, 0], vertices[b, 1] - vertices[a, 1], vertices[b, 2] - vertices[a, 2]
+    vx, vy, vz = vertices[c, 0] - vertices[a, 0], vertices[c, 1] - vertices[a, 1], vertices[c, 2] - vertices[a, 2]
+    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+
+
+@inner_njit()
+def unit_face_normal(vertices: FloatArray, faces: IntArray, f: int) -> tuple[float, float, float]:
+    """Unit normal of face f, zero if its area is zero."""
+    x, y, z = face_normal(vertices, faces, f)
+    length = np.sqrt(x * x + y * y + z * z)
+    if length == 0.0:
+        return 0.0, 0.0, 0.0
+    return x / length, y / length, z / length
+
+
+@lean_njit()
+def _unit_face_normals(vertices: FloatArray, faces: IntArray, start: int, stop: int, normals: FloatArray) -> None:
+    """Unit normals of faces start .. stop-1, zero for those without area."""
+    for f in range(start, stop):
+        normals[f, 0], normals[f, 1], normals[f, 2] = unit_face_normal(vertices, faces, f)
+
+
+@lean_njit()
+def _vertex_planes(
+    of_faces: FloatArray,
+    face_ptr: IntArray,
+    face_indices: IntArray,
+    start: int,
+    stop: int,
+    normals: FloatArray,
+    safe_cosine: SingleArray,
+) -> None:
+    """Normal of vertices start .. stop-1 and the bound that its cone of face normals gives."""
+    for i in range(start, stop):
+        x, y, z = 0.0, 0.0, 0.0
+        for q in range(face_ptr[i], face_ptr[i + 1]):
+            f = face_indices[q]
+            x, y, z = x + of_faces[f, 0], y + of_faces[f, 1], z + of_faces[f, 2]
+        length = np.sqrt(x * x + y * y + z * z)
+        if length < 1e-9:  # no face, or faces that cancel out
+            continue
+        x, y, z = x / length, y / length, z / length
+        normals[i, 0], normals[i, 1], normals[i, 2] = x, y, z
+        cosine = 1.0
+        for q in range(face_ptr[i], face_ptr[i + 1]):
+            f = face_indices[q]
+            fx, fy, fz = of_faces[f, 0], of_faces[f, 1], of_faces[f, 2]
+            if fx != 0.0 or fy != 0.0 or fz != 0.0:
+                cosine = min(cosine, fx * x + fy * y + fz * z)
+        # Every face leans at most `cone`, of this cosine, from the normal, so a direction at less than
+        # STEEPEST - cone from the normal sees them all from the front.
+        if cosine > FOLD_COSINE:
+            bound = FOLD_COSINE * cosine + STEEPEST_SINE * np.sqrt(1.0 - cosine * cosine)
+            safe_cosine[i] = bound + ROUNDING
+
+
+@inner_njit()
+def folds(
+    vertices: FloatArray,
+    faces: IntArray,
+    face_ptr: IntArray,
+    face_indices: IntArray,
+    normals: FloatArray,
+    safe_cosine: SingleArray,
+    members: IntArray,
+    count: int,
+    nx: float,
+    ny: float,
+    nz: float,
+) -> bool:
+    """Whether a face at members[:count] folds or stands on edge when projected along (nx, ny, nz)."""
+    for a in range(count):
+        j = np.uint32(members[a])
+        if normals[j, 0] * nx + normals[j, 1] * ny + normals[j, 2] * nz > safe_cosine[j]:
+            continue
+        for q in range(face_ptr[j], face_ptr[j + 1]):
+            fx, fy, fz = unit_face_normal(vertices, faces, variable(face_indices[q]))
+            if fx * nx + fy * ny + fz * nz <= FOLD_COSINE and (fx != 0.0 or fy != 0.0 or fz != 0.0):
+                return True
+    return False
+
+
+@inner_njit()
+def turned_share(normals: FloatArray, members: IntArray, count: int, nx: float, ny: float, nz: float) -> float:
+    """Share of members[:count] whose own normal turns away from (nx, ny, nz).
+
+    Noise folds single faces of a wide neighbourhood; where the surface itself turns away, so do
+    the vertex normals of a whole part of it.
+    """
+    turned = 0
+    for a in range(count):
+        j = np.uint32(members[a])
+        if normals[j, 0] * nx + normals[j, 1] * ny + normals[j, 2] * nz <= FOLD_COSINE:
+            turned += 1
+    return turned / max(count, 1)
+
+
+@inner_njit()
+def mean_normal(normals: FloatArray, members: IntArray, count: int) -> tuple[float, float, float]:
+    """Normalised mean of the normals of members[:count], zero if they cancel out."""
+    x, y, z = 0.0, 0.0, 0.0
+    for a in range(count):
+        j = np.uint32(members[a])
+        x, y, z = x + normals[j, 0], y + normals[j, 1], z + normals[j, 2]
+    length = np.sqrt(x * x + y * y + z * z)
+    if length < 1e-9:
+        return 0.0, 0.0, 0.0
+    return x / length, y / length, z / length
+
+
+@lean_njit()
+def farthest_direction(
+    vertices: FloatArray, members: IntArray, neighbours: int, count: int, nx: float, ny: float, nz: float
+) -> tuple[float, float, float]:
+    """Unit projection of the neighbour that projects farthest from the center members[0].
+
+    The paper points the x axis to any projected neighbour, and what it fits depends on which.
+    The farthest one follows from the geometry alone. Where several are equally far, as on
+    regular meshes, the whole neighbourhood decides: see `_signature`. Those that tie in this,
+    too, see the same surroundings or their mirror image, and the one that comes first is taken.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64
+    members : (n,) int32
+        The center, then its neighbours, then the rest of the neighbourhood.
+    neighbours, count : int
+        How many of the members are neighbours, and how many there are in all.
+    nx, ny, nz : float
+        Unit normal of the plane.
+
+    Returns
+    -------
+    x, y, z : float
+        Zero if every neighbour projects onto the center.
+    """
+    farthest, second = 0.0, 0.0
+    bx, by, bz = 0.0, 0.0, 0.0
+    for a in range(1, neighbours + 1):
+        x, y, z = _projected_edge(vertices, members[0], members[a], nx, ny, nz)
+        square = x * x + y * y + z * z
+        if square > farthest:
+            farthest, second = square, farthest
+            bx, by, bz = x, y, z
+        else:
+            second = max(second, square)
+    length = np.sqrt(farthest)
+    if second <= (1.0 - TIE) * farthest:
+        return (bx / length, by / length, bz / length) if farthest > 0.0 else (0.0, 0.0, 0.0)
+    best = (-np.inf, -np.inf)
+    tied = 0
+    for a in range(1, neighbours + 1):
+        x, y, z = _projected_edge(vertices, members[0], members[a], nx, ny, nz)
+        if x * x + y * y + z * z > (1.0 - TIE) * farthest:
+            tied += 1
+            x, y, z = x / length, y / length, z / length
+            if tied == 1:
+                bx, by, bz = x, y, z
+                continue
+            if tied == 2:
+                best = _signature(vertices, members, count, length, bx, by, bz, nx, ny, nz)
+            other = _signature(vertices, members, count, length, x, y, z, nx, ny, nz)
+            if other[0] > best[0] + TIE or (other[0] > best[0] - TIE and other[1] > best[1] * (1.0 + TIE)):
+                bx, by, bz = x, y, z
+                best = other
+    return bx, by, bz
+
+
+@inner_njit()
+def direction_to(vertices: FloatArray, i: int, j: int, nx: float, ny: float, nz: float) -> tuple[float, float, float]:
+    """Unit projection of the edge from vertex i to vertex j, zero if it stands on edge."""
+    x, y, z = _projected_edge(vertices, i, j, nx, ny, nz)
+    length = np.sqrt(x * x + y * y + z * z)
+    if length == 0.0:
+        return 0.0, 0.0, 0.0
+    return x / length, y / length, z / length
+
+
+@inner_njit()
+def _projected_edge(
+    vertices: FloatArray, i: int, j: int, nx: float, ny: float, nz: float
+) -> tuple[float, float, float]:
+    """Edge from vertex i to vertex j without its part along the normal."""
+    x, y, z = vertices[j, 0] - vertices[i, 0], vertices[j, 1] - vertices[i, 1], vertices[j, 2] - vertices[i, 2]
+    height = x * nx + y * ny + z * nz
+    return x - height * nx, y - height * ny, z - height * nz
+
+
+@inner_njit()
+def _signature(
+    vertices: FloatArray,
+    members: IntArray,
+    count: int,
+    length: float,
+    x: float,
+    y: float,
+    z: float,
+    nx: float,
+    ny: float,
+    nz: float,
+) -> tuple[float, float]:
+    """Two numbers that tell how a neighbourhood lies about an axis, the same in any numbering.
+
+    With a the coordinate along the axis and h the height, the means of a^3 + a^4 and of a^2 h^2
+    in units of `length`. Turning the normal round does not change them.
+    """
+    i = members[0]
+    along, heights = 0.0, 0.0
+    for k in range(1, count):
+        j = members[k]
+        dx, dy, dz = vertices[j, 0] - vertices[i, 0], vertices[j, 1] - vertices[i, 1], vertices[j, 2] - vertices[i, 2]
+        a = (dx * x + dy * y + dz * z) / length
+        h = (dx * nx + dy * ny + dz * nz) / length
+        along += a * a * a + a * a * a * a
+        heights += a * a * h * h
+    return along / count, heights / count

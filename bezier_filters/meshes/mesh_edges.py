@@ -1,0 +1,81 @@
+"""The edges of a mesh, each one once, with the angle at which its faces meet."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.meshes.mesh import TriangleMesh
+
+
+@dataclass(frozen=True)
+class MeshEdges:
+    """The distinct edges of a mesh; those of faces that name a vertex twice are left out.
+
+    Attributes
+    ----------
+    vertices : (e, 2) int32
+        Their ends, the smaller one first; rows in ascending order.
+    of_faces : (m, 3) int32
+        Number of the edge from each corner of each face to the next corner; -1 where the face names a vertex twice.
+    angles : (e,) float64
+        Angle between the normals of the two faces, in radians, 0 to pi: 0 where the surface is flat, where there are
+        not just two faces, and where a face has no area.
+    is_convex : (e,) bool
+        Whether the faces bend away from the outside.
+    widths : (e,) float64
+        Length across the edge of the part of its faces that is nearer to it than to their other edges: two thirds
+        of their area over the length of the edge, a third of each height.
+    """
+
+    vertices: IntArray
+    of_faces: IntArray
+    angles: FloatArray
+    is_convex: BoolArray
+    widths: FloatArray
+
+
+def mesh_edges(mesh: TriangleMesh) -> MeshEdges:
+    """Find the edges of a mesh.
+
+    Examples
+    --------
+    >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> ridge = triangle_mesh([[0, 0, 0], [0, 1, 0], [1, 0, -1], [-1, 0, -1]], [[0, 2, 1], [0, 1, 3]])
+    >>> edges = mesh_edges(ridge)
+    >>> edges.vertices[0], np.degrees(edges.angles[0]).round(), edges.is_convex[0]
+    (array([0, 1], dtype=int32), np.float64(90.0), np.True_)
+    """
+    faces = mesh.faces
+    proper = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    starts = faces[proper].ravel().astype(np.int64)
+    ends = faces[proper][:, [1, 2, 0]].ravel().astype(np.int64)
+    keys, number, count = np.unique(
+        np.minimum(starts, ends) * mesh.vertex_count + np.maximum(starts, ends), return_inverse=True, return_counts=True
+    )
+    vertices = np.stack(np.divmod(keys, max(mesh.vertex_count, 1)), axis=1).astype(np.int32)
+    of_faces = np.full((len(faces), 3), -1, dtype=np.int32)
+    of_faces[proper] = number.reshape(-1, 3)
+
+    corners = mesh.vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    doubled_areas = np.linalg.norm(normals, axis=1)
+    known = doubled_areas > 0.0
+    normals[known] /= doubled_areas[known, np.newaxis]
+    lengths = np.linalg.norm(mesh.vertices[vertices[:, 1]] - mesh.vertices[vertices[:, 0]], axis=1)
+    area = np.bincount(number, weights=np.repeat(doubled_areas[proper], 3), minlength=len(keys))
+    widths = np.divide(area, 3.0 * lengths, out=np.zeros(len(keys)), where=lengths > 0.0)
+
+    # The two half-edges of each edge that has two.
+    order = np.argsort(number, kind="stable")
+    paired = np.flatnonzero(count == 2)
+    first = order[(np.cumsum(count) - count)[paired]]
+    second = order[(np.cumsum(count) - count)[paired] + 1]
+    face_ids = np.flatnonzero(proper)
+    own, other = face_ids[first // 3], face_ids[second // 3]
+    half_chord = 0.5 * np.linalg.norm(normals[own] - normals[other], axis=1)
+    angles, is_convex = np.zeros(len(keys)), np.zeros(len(keys), dtype=np.bool_)
+    angles[paired] = np.where(known[own] & known[other], 2.0 * np.arcsin(np.minimum(half_chord, 1.0)), 0.0)
+    tips = faces[other, (second + 2) % 3]
+    is_convex[paired] = np.einsum("ij,ij->i", mesh.vertices[tips] - corners[own, 0], normals[own]) < 0.0
+    return MeshEdges(vertices, of_faces, angles, is_convex, widths)

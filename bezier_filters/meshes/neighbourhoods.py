@@ -1,0 +1,183 @@
+"""Neighbourhoods of a vertex: k-rings, the vertices within k edges, and balls, those within a distance."""
+
+import numpy as np
+from numba import njit
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.errors import InvalidParameterError
+from bezier_filters.meshes.adjacency import Adjacency, Rows
+from bezier_filters.runtime.lean import inner_njit, lean_njit, variable
+
+
+def k_rings(adjacency: Adjacency, rings: int) -> Rows:
+    """Vertices within `rings` edges of every vertex, the vertex itself first.
+
+    The fit never needs them all at once and collects them one by one; this is for users who do.
+
+    Parameters
+    ----------
+    adjacency : Adjacency
+        From `vertex_adjacency`.
+    rings : int
+        At least 0; 0 gives the vertex alone.
+
+    Returns
+    -------
+    Rows
+        One row per vertex, ordered by distance in edges.
+
+    Examples
+    --------
+    >>> from bezier_filters.meshes.adjacency import vertex_adjacency
+    >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> strip = triangle_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], [[0, 1, 2], [2, 1, 3]])
+    >>> k_rings(vertex_adjacency(strip), 1).row(3)
+    array([3, 1, 2], dtype=int32)
+    """
+    if rings < 0:
+        raise InvalidParameterError(f"rings: got {rings}, expected 0 or more")
+    indptr, indices = _k_rings(adjacency.vertices.indptr, adjacency.vertices.indices, rings)
+    return Rows(indptr, indices)
+
+
+@lean_njit()
+def collect_ring(
+    indptr: IntArray,
+    indices: IntArray,
+    stops: BoolArray,
+    center: int,
+    rings: int,
+    visited: BoolArray,
+    members: IntArray,
+) -> tuple[int, int]:
+    """Breadth-first search from one vertex, as far as `rings` edges.
+
+    Parameters
+    ----------
+    indptr, indices : int32
+        Neighbour rows of all n vertices.
+    stops : (n,) bool
+        Vertices that the search reaches but does not go on from, unless it starts there.
+    center, rings : int
+        Where to start, how far to go.
+    visited : (n,) bool
+        Work space, false everywhere before and after the search.
+    members : (n + 1,) int32
+        Receives the vertices, the center first, ordered by distance in edges; what comes after is overwritten.
+
+    Returns
+    -------
+    count, inner : int
+        How many vertices were written, and how many of them lie within ``rings - 1`` edges.
+    """
+    members[0] = center
+    visited[center] = True
+    inner, count = variable(0), variable(1)
+    for _ in range(rings):
+        start, inner = inner, count
+        count = next_ring(indptr, indices, stops, start, count, visited, members)
+    forget(visited, members, count)
+    return count, inner
+
+
+@inner_njit()
+def forget(visited: BoolArray, members: IntArray, count: int) -> None:
+    """Make the marks at members[:count] false again."""
+    for a in range(count):
+        visited[np.uint32(members[a])] = False
+
+
+@inner_njit()
+def next_ring(
+    indptr: IntArray,
+    indices: IntArray,
+    stops: BoolArray,
+    start: int,
+    stop: int,
+    visited: BoolArray,
+    members: IntArray,
+) -> int:
+    """Take the search of `collect_ring` one edge further, from members[start:stop]; return the new count."""
+    count = stop
+    for a in range(start, stop):
+        j = members[a]
+        if stops[j] and a > 0:
+            continue
+        for q in range(indptr[j], indptr[j + 1]):
+            k = indices[np.uint32(q)]
+            # Without a branch, as nobody can predict it: what was met before is written over.
+            members[np.uint64(count)] = k
+            count += not visited[np.uint32(k)]
+            visited[np.uint32(k)] = True
+    return count
+
+
+@inner_njit()
+def collect_ball(
+    vertices: FloatArray,
+    indptr: IntArray,
+    indices: IntArray,
+    stops: BoolArray,
+    center: int,
+    radius: float,
+    visited: BoolArray,
+    members: IntArray,
+) -> tuple[int, int, int, int]:
+    """Breadth-first search from one vertex that does not leave the ball of a radius around it.
+
+    Another sheet of the surface, or its other side, may lie within the radius, too: what the
+    search cannot reach inside the ball does not belong to the neighbourhood.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64
+        Coordinates.
+    indptr, indices, stops, center, visited, members
+        As in `collect_ring`.
+    radius : float
+        A length.
+
+    Returns
+    -------
+    count, inner, neighbours, rings : int
+        How many vertices were written, how many of them lie within ``rings - 1`` edges and, after
+        the center, within one, and the number of rings that the search went through.
+    """
+    members[0] = center
+    visited[center] = True
+    start, inner, count, neighbours, rings = variable(0), variable(0), variable(1), 0, 0
+    x, y, z = vertices[center, 0], vertices[center, 1], vertices[center, 2]
+    while inner < count:
+        start, inner = inner, count
+        met = next_ring(indptr, indices, stops, start, inner, visited, members)
+        for a in range(inner, met):
+            k = members[a]
+            dx, dy, dz = vertices[k, 0] - x, vertices[k, 1] - y, vertices[k, 2] - z
+            if dx * dx + dy * dy + dz * dz <= radius * radius:
+                members[count] = k
+                count += 1
+            else:
+                visited[k] = False
+        if count > inner:
+            rings += 1
+        if rings == 1:
+            neighbours = count - 1
+    forget(visited, members, count)
+    return count, start, neighbours, rings
+
+
+@njit(cache=True, nogil=True)
+def _k_rings(indptr: IntArray, indices: IntArray, rings: int) -> tuple[IntArray, IntArray]:
+    """Concatenated rings of all vertices; counts first, so that the result is allocated once."""
+    n = indptr.shape[0] - 1
+    members = np.empty(n + 1, np.int32)
+    ptr = np.zeros(n + 1, np.int32)
+    visited, stops = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
+    for i in range(n):
+        ptr[i + 1] = ptr[i] + collect_ring(indptr, indices, stops, i, rings, visited, members)[0]
+    result = np.empty(ptr[n], np.int32)
+    for i in range(n):
+        collect_ring(indptr, indices, stops, i, rings, visited, members)
+        for a in range(ptr[i + 1] - ptr[i]):
+            result[ptr[i] + a] = members[a]
+    return ptr, result

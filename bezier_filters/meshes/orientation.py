@@ -1,0 +1,106 @@
+"""Which side of a point cloud is outside: unsigned normals get consistent signs."""
+
+import numpy as np
+from numba import njit
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
+
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.meshes.adjacency import Rows
+
+SHEET = 0.5
+"""Length of the mean normal from which on a cloud is a sheet seen from one side, not a body."""
+
+
+def oriented(points: FloatArray, normals: FloatArray, neighbours: Rows, given: FloatArray | None = None) -> FloatArray:
+    """Turn normals so that neighbours agree and the outside is outside.
+
+    Signs spread along the minimum spanning tree of the neighbour graph, between normals that are
+    nearly parallel (Hoppe et al., "Surface reconstruction from unorganized points", SIGGRAPH 1992)
+    and along edges that are nearly tangential, not from one side of a thin plate to the other. Then
+    each connected part is turned as a whole: to the side of the given normals if it has any, else a
+    body so that its volume is positive, and a sheet so that the largest component of its mean
+    normal is, for example towards +z.
+
+    Parameters
+    ----------
+    points : (n, 3) float64
+    normals : (n, 3) float64
+        Unit normals of any sign, or zero.
+    neighbours : Rows
+        Symmetric neighbour graph.
+    given : (n, 3) float64, optional
+        Vectors of any length that tell the outside where they are not zero.
+
+    Returns
+    -------
+    (n, 3) float64
+
+    Examples
+    --------
+    >>> points = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
+    >>> path = Rows(np.array([0, 1, 3, 4], np.int32), np.array([1, 0, 2, 1], np.int32))
+    >>> oriented(points, np.array([[0.0, 0, -1], [0, 0, 1], [0, 0, -1]]), path)[:, 2]
+    array([1., 1., 1.])
+    """
+    n = len(points)
+    if n == 0:
+        return normals
+    start, end = np.repeat(np.arange(n, dtype=np.int32), neighbours.lengths), neighbours.indices
+    edges = points[end] - points[start]
+    squares = np.einsum("ij,ij->i", edges, edges)
+    heights = [np.square(np.einsum("ij,ij->i", normals[side], edges)) for side in (start, end)]
+    upper = start < end
+    agreement = np.abs(np.einsum("ij,ij->i", normals[start], normals[end]))
+    # Sparse graphs take zeros for missing edges: a constant is added, which does not change the tree.
+    costs = 2.0 - agreement + (heights[0] + heights[1]) / squares
+    tree = minimum_spanning_tree(coo_array((costs[upper], (start[upper], end[upper])), shape=(n, n)).tocsr())
+    parts, part_of = connected_components(tree, directed=False)
+    normals = normals * _spread_signs(normals, *_walk(tree, parts, part_of))[:, np.newaxis]
+    areas = np.bincount(start, weights=squares, minlength=n) / np.maximum(neighbours.lengths, 1)
+    outward = _outward(points, normals, areas, parts, part_of, np.zeros_like(points) if given is None else given)
+    result: FloatArray = normals * outward[part_of][:, np.newaxis]
+    return result
+
+
+def _walk(tree: coo_array, parts: int, part_of: IntArray) -> tuple[IntArray, IntArray]:
+    """Points of a forest, each after its predecessor, and their predecessors; -1 for roots."""
+    n = tree.shape[0]
+    _, roots = np.unique(part_of, return_index=True)
+    tree = tree.tocoo()
+    # One more node joins the roots, so that one walk meets all parts.
+    rows, columns = np.append(tree.row, np.full(parts, n)), np.append(tree.col, roots)
+    joined = coo_array((np.ones(len(rows)), (rows, columns)), shape=(n + 1, n + 1)).tocsr()
+    order, predecessors = breadth_first_order(joined, n, directed=False)
+    predecessors[roots] = -1
+    return order[1:], predecessors[:n]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _spread_signs(normals: FloatArray, order: IntArray, predecessors: IntArray) -> FloatArray:
+    """Signs that make every normal agree with its predecessor's."""
+    signs = np.ones(normals.shape[0])
+    for i in order:
+        j = predecessors[i]
+        if j >= 0:
+            agreement = normals[i, 0] * normals[j, 0] + normals[i, 1] * normals[j, 1] + normals[i, 2] * normals[j, 2]
+            signs[i] = signs[j] if agreement >= 0.0 else -signs[j]
+    return signs
+
+
+def _outward(
+    points: FloatArray, normals: FloatArray, areas: FloatArray, parts: int, part_of: IntArray, given: FloatArray
+) -> FloatArray:
+    """+1 for each part whose normals point outward, -1 for the others."""
+
+    def total(values: FloatArray) -> FloatArray:
+        return np.bincount(part_of, weights=values, minlength=parts).astype(np.float64)
+
+    area = np.maximum(total(areas), np.finfo(np.float64).tiny)
+    vector = np.column_stack([total(areas * normals[:, k]) for k in range(3)]) / area[:, np.newaxis]
+    center = np.column_stack([total(areas * points[:, k]) for k in range(3)]) / area[:, np.newaxis]
+    volume = total(areas * np.einsum("ij,ij->i", normals, points - center[part_of]))
+    main = np.take_along_axis(vector, np.abs(vector).argmax(axis=1)[:, np.newaxis], axis=1)[:, 0]
+    by_shape = np.where(np.linalg.norm(vector, axis=1) > SHEET, main, volume)
+    told = total(np.sign(np.einsum("ij,ij->i", normals, given)))
+    return np.where(np.where(told != 0.0, told, by_shape) < 0.0, -1.0, 1.0)

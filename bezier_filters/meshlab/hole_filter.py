@@ -1,0 +1,203 @@
+"""The filter on a pymeshlab MeshSet that fills holes."""
+
+import re
+import time
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from bezier_filters.arrays import IntArray
+from bezier_filters.errors import InvalidMeshError, InvalidParameterError
+from bezier_filters.holes.hole_filling import FillingMethod, fill_holes
+from bezier_filters.holes.hole_result import HoleFillingResult, HoleReport
+from bezier_filters.meshlab.mesh_growth import Grown, Growth, grow_mesh
+from bezier_filters.meshlab.meshset import (
+    BezierFilterError,
+    CurrentMesh,
+    Length,
+    MeshSet,
+    absolute_length,
+    check_unchanged,
+    preserved_filter_script,
+    read_current_mesh,
+)
+from bezier_filters.runtime.parallel import Progress
+
+
+def meshing_close_holes_by_bezier_patch(
+    ms: MeshSet,
+    *,
+    method: FillingMethod = "auto",
+    maxholesize: int | None = None,
+    maxperimeter: Length | None = None,
+    maxdiameter: Length | None = None,
+    outerrims: bool = False,
+    creases: bool = True,
+    noise: Length | None = None,
+    alpha: float = 0.8,
+    onselected: bool = False,
+    newfaceselected: bool = False,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Fill the holes of the current mesh: smooth where the surface is smooth, sharp where it is sharp.
+
+    The new triangles are about as large as those around a hole, and lie on the surface that continues the one around
+    it; sharp edges that end at a hole are continued through it. See `bezier_filters.fill_holes`. A hole is filled
+    whole or left as it is.
+
+    pymeshlab can add faces only by merging layers, so the mesh becomes a new layer with a new id, which is the current
+    one then. Old vertices and faces stay the first, bit for bit and in their order, with their textures, colours,
+    quality, selection and custom attributes; label, transform and visibility stay, too. New vertices and faces have the
+    colours, quality and attributes of the nearest old ones, and 0 in ``bz_*`` columns, where nothing has been
+    estimated. New faces show the texture of the old faces beside them, from the edge that they share on; where a
+    texture has a name with spaces, or two have the same, they show none. Vertex and face normals are those of the
+    faces. If no hole is filled, nothing changes.
+
+    Coordinates are used as stored, like in pymeshlab's own filters: the transform matrix is ignored.
+
+    Parameters
+    ----------
+    ms : pymeshlab.MeshSet
+        Its current mesh must have faces.
+    method : {"auto", "paper"}
+        ``"paper"`` lifts a flat triangulation to one bicubic patch, as Li, Barsky, Jin (2009) do.
+    maxholesize : int, optional
+        Fill only holes with so many edges or fewer, at least 3. (MeshLab's own filter leaves holes of just this
+        size open.)
+    maxperimeter, maxdiameter : pymeshlab.PercentageValue, pymeshlab.PureValue or float, optional
+        Fill only holes that are no larger, lengths or percentages of the diagonal of the bounding box.
+    outerrims : bool
+        Whether to fill the outer rims of open sheets, too.
+    creases : bool
+        Whether sharp edges that end at a hole are continued through it.
+    noise : pymeshlab.PercentageValue, pymeshlab.PureValue or float, optional
+        Standard deviation of the noise along the normal, a length or a percentage; by default it is learned.
+        0 takes every point as it is.
+    alpha : float
+        Weight of the points against the smoothness of the patch, in (0, 1]. Only for ``"paper"``.
+    onselected : bool
+        Fill only holes with a selected vertex on their rim or, if no vertex is selected, with a vertex of a
+        selected face.
+    newfaceselected : bool
+        Whether the new faces, and nothing else, are selected afterwards. MeshLab's filters act on selected faces
+        alone if there are any.
+    threads : int, optional
+        Number of threads; by default all usable cores. The result does not depend on it.
+    progress : callable, optional
+        ``progress(done, total)`` is called now and then; if it returns False, the filter stops.
+
+    Returns
+    -------
+    dict
+        ``closed_holes``, ``open_holes``, ``new_vertices`` and ``new_faces`` (numbers), ``id`` (of the layer that is the
+        mesh now), ``noise`` (standard deviation, a length, or None), ``lost_attributes`` (custom attributes that
+        pymeshlab does not let us copy: those with capital letters or signs in their names), ``textured`` (whether the
+        new faces show a texture), ``seconds`` (read,
+        fit, write) and ``holes``, a dict for each with ``filled``, ``method``, ``reason``, ``edge_count``,
+        ``perimeter``, ``diameter``, ``islands``, ``is_outer_rim``, ``parts``, ``crease_edges``, ``new_vertices`` and
+        ``new_faces`` (numbers), ``rim_error`` (0), ``rim_dihedral`` (mean angle along the rim, degrees) and
+        ``self_intersections``; see `bezier_filters.HoleReport`. It can be written as JSON.
+
+    Raises
+    ------
+    BezierFilterError
+        If the mesh, an attribute on it or a parameter is refused; the MeshSet is as it was.
+    CancelledError
+        If `progress` returned False; the MeshSet is as it was.
+
+    Examples
+    --------
+    >>> from pymeshlab import MeshSet
+    >>> ms = MeshSet()
+    >>> ms.create_sphere(radius=1.0, subdiv=4)
+    >>> ms.compute_selection_by_condition_per_face(condselect="z0 > 0.9 && z1 > 0.9 && z2 > 0.9")
+    >>> ms.meshing_remove_selected_faces()
+    >>> result = meshing_close_holes_by_bezier_patch(ms)
+    >>> result["closed_holes"], result["holes"][0]["method"]
+    (1, 'surface')
+    """
+    begin = time.perf_counter()
+    mesh = read_current_mesh(ms)
+    if not len(mesh.faces):
+        raise BezierFilterError("the current mesh has no faces, so it has no holes")
+    start = time.perf_counter()
+    try:
+        result = fill_holes(
+            mesh.vertices,
+            mesh.faces,
+            method,
+            max_edges=maxholesize,
+            max_perimeter=None
+            if maxperimeter is None
+            else absolute_length(maxperimeter, mesh.vertices, "maxperimeter"),
+            max_diameter=None if maxdiameter is None else absolute_length(maxdiameter, mesh.vertices, "maxdiameter"),
+            selected=mesh.selected_vertices() if onselected else None,
+            outer_rims=outerrims,
+            creases=creases,
+            noise=None if noise is None else absolute_length(noise, mesh.vertices, "noise"),
+            alpha=alpha,
+            threads=threads,
+            progress=progress,
+        )
+    except (InvalidMeshError, InvalidParameterError) as error:
+        raise BezierFilterError(re.sub("^max_edges", "maxholesize", str(error))) from error
+    fitted = time.perf_counter()
+    check_unchanged(ms, mesh)
+    grown = Grown([], False)
+    if result.filled:
+        with preserved_filter_script(ms):
+            grown = grow_mesh(ms, _growth(mesh, result), select=newfaceselected)
+    written = time.perf_counter()
+    return {
+        "closed_holes": result.filled,
+        "open_holes": len(result.holes) - result.filled,
+        "new_vertices": len(result.vertices) - len(mesh.vertices),
+        "new_faces": len(result.faces) - len(mesh.faces),
+        "id": ms.current_mesh_id(),
+        "noise": result.noise,
+        "lost_attributes": grown.lost_attributes,
+        "textured": grown.textured,
+        "holes": [_described(hole) for hole in result.holes],
+        "seconds": {"read": start - begin, "fit": fitted - start, "write": written - fitted},
+    }
+
+
+def _growth(mesh: CurrentMesh, result: HoleFillingResult) -> Growth:
+    """What was added, and which old vertices and faces it resembles: those nearest on the rims."""
+    vertices, faces = result.vertices[len(mesh.vertices) :], result.faces[len(mesh.faces) :]
+    rim = np.unique(faces[faces < len(mesh.vertices)])
+    on_rim = np.zeros(len(result.vertices), dtype=np.bool_)
+    on_rim[rim] = True
+    beside = np.flatnonzero(on_rim[mesh.faces].any(axis=1)).astype(np.int32)
+    centers = mesh.vertices[mesh.faces[beside]].mean(axis=1)
+    like_vertex = rim[cKDTree(mesh.vertices[rim]).query(vertices)[1]]
+    like_face = beside[cKDTree(centers).query(result.vertices[faces].mean(axis=1))[1]].astype(np.int32)
+    _prefer_neighbours(like_face, faces, mesh.faces, beside)
+    return Growth(vertices, faces, like_vertex.astype(np.int32), like_face)
+
+
+def _prefer_neighbours(like_face: IntArray, faces: IntArray, old_faces: IntArray, beside: IntArray) -> None:
+    """Let new faces that share an edge with an old one be like that one."""
+    sides = [(0, 1), (1, 2), (2, 0)]
+    owner = {
+        (a, b): face
+        for i, j in sides
+        for face, (a, b) in zip(beside.tolist(), old_faces[beside][:, [i, j]].tolist(), strict=True)
+    }
+    for i, j in sides:
+        for k, (a, b) in enumerate(faces[:, [j, i]].tolist()):
+            like_face[k] = owner.get((a, b), like_face[k])
+
+
+def _described(hole: HoleReport) -> dict[str, Any]:
+    """A report as a dict of plain values, with numbers in the place of lists."""
+    description = asdict(hole)
+    del description["rim"], description["creases"]
+    return description | {
+        "crease_edges": len(hole.creases),
+        "new_vertices": len(hole.new_vertices),
+        "new_faces": len(hole.new_faces),
+    }

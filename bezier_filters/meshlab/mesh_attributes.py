@@ -1,0 +1,250 @@
+"""Numbers from Python into a mesh inside a MeshSet: custom attributes, quality and normals, bit for bit.
+
+pymeshlab can add a custom attribute from an array, but neither overwrite nor remove one, and its
+expression filters copy one attribute to another place. So new columns are simply added, and to
+overwrite a column its values ride in on an attribute that goes away again: the filter
+``compute_selection_point_cloud_outliers`` keeps its intermediate results in the vertex attributes
+``sigma`` and ``plof`` and deletes both at its end. With ``propthreshold=1`` it selects nothing, with
+``knearest=1`` it takes the least time, and it touches nothing else but an attribute ``outlierScore``,
+which stays, filled with 0.
+
+Measured with pymeshlab 2025.7 on 1 M vertices: adding 16 columns 0.2 s, overwriting them 3.2 s, both
+exact; 4000 overwrites in a row left the memory of the process unchanged to the byte. A morph of the
+coordinates as carrier would take longer and recompute the normals, which then need a carrier
+themselves; a transfer from a point cloud fails on coincident vertices; a fresh name per run leaks.
+The time grows with the square of the number of vertices at one and the same place (20,000: 0.4 s
+for two columns).
+"""
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+
+import numpy as np
+
+from bezier_filters.arrays import FloatArray
+from bezier_filters.meshlab.meshset import BezierFilterError, Mesh, MeshSet, PyMeshLabException, current_mesh
+
+CARRIERS = ("sigma", "plof")
+"""Attributes that the outlier filter deletes."""
+LEFTOVER = "outlierScore"
+"""Attribute that the outlier filter leaves behind."""
+KEPT_LEFTOVER = "outlierScore_kept"
+"""Where a user's attribute of that name waits while the filter overwrites it."""
+
+_LEGAL_NAME = re.compile(r"(?!_(pi|e)$)[A-Za-z_][A-Za-z0-9_]*")
+_VARIABLES = ("q", "nx", "ny", "nz")  # of the expressions below: an attribute of that name hides them
+_DROP_ATTRIBUTES = "generate_copy_of_current_mesh makes a copy of the mesh without custom attributes"
+
+
+def scalar_attribute(mesh: Mesh, name: str) -> FloatArray | None:
+    """Values of a custom scalar attribute of the vertices, shape (n,), or None if there is none."""
+    try:
+        return np.array(mesh.vertex_custom_scalar_attribute_array(name), dtype=np.float64)
+    except PyMeshLabException:
+        return None
+
+
+def read_columns(ms: MeshSet, names: Iterable[str]) -> dict[str, FloatArray]:
+    """Those of the named scalar attributes that the current mesh has."""
+    mesh = current_mesh(ms)
+    columns = {name: scalar_attribute(mesh, name) for name in names}
+    return {name: values for name, values in columns.items() if values is not None}
+
+
+def check_writable(ms: MeshSet, names: Iterable[str]) -> None:
+    """Refuse a mesh whose attributes would make writing the named columns fail, or worse.
+
+    Raises
+    ------
+    BezierFilterError
+        If a name is taken by a point attribute (adding a scalar one would end in a segmentation
+        fault), or some attribute's name breaks pymeshlab's expressions.
+    """
+    mesh = current_mesh(ms)
+    for name in (*names, *CARRIERS, LEFTOVER, KEPT_LEFTOVER):
+        if _has_point_attribute(mesh, name):
+            raise BezierFilterError(
+                f"the mesh has a point attribute {name!r} where a scalar one is needed; {_DROP_ATTRIBUTES}"
+            )
+    _check_names(ms, mesh)
+
+
+def _check_names(ms: MeshSet, mesh: Mesh) -> None:
+    hidden = [name for name in _VARIABLES if _has_attribute(mesh, name)]
+    try:
+        # Attributes are declared before the expression is parsed, and nothing is changed if that fails.
+        ms.compute_selection_by_condition_per_vertex(condselect="(")
+    except PyMeshLabException:
+        if not hidden:
+            return
+        culprits = hidden
+    except RuntimeError:  # how pymeshlab reports names that are no identifiers
+        culprits = [name for name in _listed_attributes(ms) if not _is_legal(mesh, name)] or ["(not listed)"]
+    finally:
+        # A filter that failed leaves a reference to its MeshSet behind, and loading a mesh after the end of that
+        # MeshSet crashes (SIGSEGV or bad_alloc, every time). Any filter that succeeds mends it; this one does nothing.
+        ms.set_selection_none(allfaces=False, allverts=False)
+    raise BezierFilterError(
+        f"the mesh has a vertex attribute that stops pymeshlab's expression filters: {', '.join(culprits)} "
+        f"(as pymeshlab lists it: in lower case, other characters replaced); {_DROP_ATTRIBUTES}"
+    )
+
+
+def _listed_attributes(ms: MeshSet) -> list[str]:
+    """Names of the vertex attributes, changed by pymeshlab to lower case and identifier characters."""
+    keys = ms.filter_parameter_values("ply")
+    return [key[len("__ca_vs__") :] for key in keys if key.startswith(("__ca_vs__", "__ca_vp__"))]
+
+
+def _is_legal(mesh: Mesh, listed: str) -> bool:
+    """Whether a listed name is a true one, and fit for expressions."""
+    return _LEGAL_NAME.fullmatch(listed) is not None and _has_attribute(mesh, listed)
+
+
+def _has_attribute(mesh: Mesh, name: str) -> bool:
+    return scalar_attribute(mesh, name) is not None or _has_point_attribute(mesh, name)
+
+
+def _has_point_attribute(mesh: Mesh, name: str) -> bool:
+    try:
+        mesh.vertex_custom_point_attribute_matrix(name)
+    except PyMeshLabException:
+        return False
+    return True
+
+
+def check_finite(columns: Mapping[str, FloatArray]) -> None:
+    """Refuse values that are not finite: pymeshlab's colour filters abort the process on NaN.
+
+    Raises
+    ------
+    BezierFilterError
+        Naming the first such column.
+    """
+    for name, values in columns.items():
+        count = int(np.count_nonzero(~np.isfinite(values)))
+        if count:
+            raise BezierFilterError(f"{name}: {count} values are not finite; nothing was written")
+
+
+def write_columns(ms: MeshSet, columns: Mapping[str, FloatArray]) -> None:
+    """Write columns of shape (n,) as custom scalar attributes of the current mesh, new or old.
+
+    Call `check_writable` first. Nothing else of the mesh changes, except that overwriting leaves
+    the attribute `LEFTOVER`. Columns that hold these very bits already are left alone.
+
+    Raises
+    ------
+    BezierFilterError
+        If a value is not finite or a length is not n; then nothing is written.
+    """
+    check_finite(columns)
+    mesh = current_mesh(ms)
+    for name, values in columns.items():
+        if values.shape != (mesh.vertex_number(),):
+            raise BezierFilterError(f"{name}: got shape {values.shape}, expected ({mesh.vertex_number()},)")
+    old = {name: values for name, values in columns.items() if scalar_attribute(mesh, name) is not None}
+    for name in columns.keys() - old.keys():
+        mesh.add_vertex_custom_scalar_attribute(np.ascontiguousarray(columns[name]), name)
+    _overwrite_columns(ms, _changed(mesh, old))
+
+
+def _changed(mesh: Mesh, columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Those columns whose bits differ from the attribute of their name, which exists."""
+    return {
+        name: values
+        for name, values in columns.items()
+        if not np.array_equal(
+            np.ascontiguousarray(values).view(np.int64),
+            np.ascontiguousarray(mesh.vertex_custom_scalar_attribute_array(name)).view(np.int64),
+        )
+    }
+
+
+def _overwrite_columns(ms: MeshSet, columns: Mapping[str, FloatArray]) -> None:
+    names = list(columns)
+    if not names:
+        return
+    with _carriers_free(ms):
+        for k in range(0, len(names), len(CARRIERS)):
+            batch = names[k : k + len(CARRIERS)]
+            with _carried(ms, *(columns[name] for name in batch)) as carriers:
+                for name, carrier in zip(batch, carriers, strict=True):
+                    ms.compute_new_custom_scalar_attribute_per_vertex(name=name, expr=carrier)
+
+
+@contextmanager
+def restored_on_failure(ms: MeshSet, names: Iterable[str]) -> Iterator[None]:
+    """Put quality, vertex normals and the named columns back if the block fails or is interrupted.
+
+    Columns and a quality that the mesh did not have cannot be removed any more: such columns stay as
+    they are, such a quality becomes 0.
+    """
+    mesh = current_mesh(ms)
+    columns = read_columns(ms, names)
+    normals = np.array(mesh.vertex_normal_matrix(), dtype=np.float64)
+    quality = np.array(mesh.vertex_scalar_array()) if mesh.has_vertex_scalar() else np.zeros(len(normals))
+    try:
+        yield
+    except BaseException:
+        _overwrite_columns(ms, _changed(mesh, columns))
+        _restore_normals(ms, normals)
+        if mesh.has_vertex_scalar() and not np.array_equal(mesh.vertex_scalar_array(), quality, equal_nan=True):
+            with _carriers_free(ms), _carried(ms, quality) as (carrier,):
+                ms.compute_scalar_by_function_per_vertex(q=carrier)
+        raise
+
+
+def _restore_normals(ms: MeshSet, normals: FloatArray) -> None:
+    if np.array_equal(current_mesh(ms).vertex_normal_matrix(), normals, equal_nan=True):
+        return
+    with _carriers_free(ms):
+        with _carried(ms, normals[:, 0], normals[:, 1]) as (x, y):
+            ms.compute_normal_by_function_per_vertex(x=x, y=y, z="nz")
+        with _carried(ms, normals[:, 2]) as (z,):
+            ms.compute_normal_by_function_per_vertex(x="nx", y="ny", z=z)
+
+
+@contextmanager
+def _carried(ms: MeshSet, *values: FloatArray) -> Iterator[list[str]]:
+    """One or two arrays as scalar attributes, whose names are yielded; they are gone after the block."""
+    mesh = current_mesh(ms)
+    carriers = list(CARRIERS[: len(values)])
+    try:
+        for name, array in zip(carriers, values, strict=True):
+            mesh.add_vertex_custom_scalar_attribute(np.ascontiguousarray(array), name)
+        yield carriers
+    finally:
+        _drop_carriers(ms)
+
+
+@contextmanager
+def _carriers_free(ms: MeshSet) -> Iterator[None]:
+    """Set aside the user's own attributes that have the names of the carriers, or of the leftover."""
+    mesh = current_mesh(ms)
+    aside = read_columns(ms, CARRIERS)
+    leftover = scalar_attribute(mesh, LEFTOVER)
+    keep = leftover is not None and leftover.any()  # ours is all 0
+    if keep:
+        ms.compute_new_custom_scalar_attribute_per_vertex(name=KEPT_LEFTOVER, expr=LEFTOVER)
+    try:
+        if aside:
+            _drop_carriers(ms)
+        yield
+    finally:
+        for name, values in aside.items():
+            if scalar_attribute(mesh, name) is None:
+                mesh.add_vertex_custom_scalar_attribute(values, name)
+        if keep:
+            ms.compute_new_custom_scalar_attribute_per_vertex(name=LEFTOVER, expr=KEPT_LEFTOVER)
+
+
+def _drop_carriers(ms: MeshSet) -> None:
+    ms.compute_selection_point_cloud_outliers(propthreshold=1.0, knearest=1)
+    left = read_columns(ms, CARRIERS)
+    if left:
+        raise BezierFilterError(
+            f"this version of pymeshlab does not remove the attributes {', '.join(left)}, so columns of an earlier "
+            f"run cannot be overwritten; {_DROP_ATTRIBUTES}"
+        )

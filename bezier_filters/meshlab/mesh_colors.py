@@ -1,0 +1,210 @@
+"""Vertex colours from quality, high values always at the red or bright end, and colour maps as files for MeshLab."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from bezier_filters.arrays import FloatArray
+from bezier_filters.colors.palettes import AUTO, PALETTES, Palette, default_colormap
+from bezier_filters.meshlab.meshset import BezierFilterError, Mesh, MeshSet, current_mesh
+from bezier_filters.runtime.atomic import atomic_write
+
+
+@dataclass(frozen=True)
+class ColorMap:
+    """A colour map of pymeshlab, or a palette of ours.
+
+    Attributes
+    ----------
+    name : str
+        pymeshlab's name of it, or ours.
+    transfer_function : bool
+        Which of pymeshlab's two filters has it.
+    red_is_low : bool
+        Whether pymeshlab gives low values the red end.
+    palette : Palette, optional
+        Colours that pymeshlab reads from a file.
+    """
+
+    name: str
+    transfer_function: bool = False
+    red_is_low: bool = False
+    palette: Palette | None = None
+
+
+# The transfer function "RGB" is missing: it is the first map again, with darker colours in between.
+COLOR_MAPS = (
+    ColorMap("RGB", red_is_low=True),
+    ColorMap("Viridis"),
+    ColorMap("Plasma"),
+    ColorMap("Cividis"),
+    ColorMap("Turbo"),
+    ColorMap("RdPu"),
+    ColorMap("Meshlab RGB", transfer_function=True),
+    ColorMap("French RGB", transfer_function=True, red_is_low=True),
+    ColorMap("Red Scale", transfer_function=True),
+    ColorMap("Green Scale", transfer_function=True),
+    ColorMap("Blue Scale", transfer_function=True),
+    ColorMap("Grey Scale", transfer_function=True),
+    ColorMap("Flat", transfer_function=True),
+    ColorMap("Saw 4", transfer_function=True),
+    ColorMap("Saw 8", transfer_function=True),
+    *(ColorMap(palette.name, palette=palette) for palette in PALETTES),
+)
+COLOR_MAP_NAMES = tuple(color_map.name for color_map in COLOR_MAPS)
+
+
+def find_color_map(name: str, *, signed: bool = False) -> ColorMap:
+    """Colour map of a name in any case; ``"auto"`` depends on whether zero is the middle of the field's range.
+
+    Raises
+    ------
+    BezierFilterError
+        If there is none; the message lists the names.
+    """
+    wanted = default_colormap(signed=signed) if name == AUTO else name
+    for color_map in COLOR_MAPS:
+        if isinstance(wanted, str) and color_map.name.lower() == wanted.lower():
+            return color_map
+    raise BezierFilterError(f"colormap: got {name!r}, expected one of {', '.join((AUTO, *COLOR_MAP_NAMES))}")
+
+
+def check_limits(low: float, high: float) -> None:
+    """Refuse ends of a colour range that pymeshlab cannot tell apart in single precision.
+
+    Raises
+    ------
+    BezierFilterError
+        If the range is empty, not finite or beyond single precision.
+    """
+    with np.errstate(over="ignore", under="ignore"):
+        ends = np.array([low, high], dtype=np.float64).astype(np.float32)
+    if not (np.isfinite(ends).all() and ends[0] < ends[1]):
+        raise BezierFilterError(
+            f"colour range: got {low!r} to {high!r}, expected low < high, distinct in single precision; "
+            "if the mesh is extremely large or small, scale it"
+        )
+
+
+def color_by_quality(ms: MeshSet, low: float, high: float, colormap: str = AUTO) -> None:
+    """Colour the vertices of the current mesh by their quality; nothing else changes.
+
+    Parameters
+    ----------
+    ms : pymeshlab.MeshSet
+        Its current mesh must have a finite quality.
+    low, high : float
+        Qualities of the first and the last colour; those beyond get the colours of the ends.
+    colormap : str
+        A colour map of pymeshlab, in any case: RGB, Viridis, Plasma, Cividis, Turbo, RdPu, Meshlab RGB, French
+        RGB, Red Scale, Green Scale, Blue Scale, Grey Scale, Flat, Saw 4 or Saw 8; or one of ours: Cool Warm, from
+        blue over grey to red, or Paper, from green over blue to red. ``"auto"`` is Cool Warm for a range that is
+        symmetric about 0, else Viridis; both are told apart with any kind of colour vision. High values are red or
+        bright, unlike in pymeshlab, whose RGB and French RGB have red low. RdPu ends in dark purple, as it does
+        elsewhere; Flat is a single grey, Saw 4 and Saw 8 are 4 and 8 ramps from black to light.
+
+    Raises
+    ------
+    BezierFilterError
+        If the colour map is unknown, the range is empty, or the quality is missing or not finite.
+
+    Examples
+    --------
+    >>> from pymeshlab import MeshSet
+    >>> ms = MeshSet()
+    >>> ms.create_sphere(subdiv=2)
+    >>> ms.compute_scalar_by_function_per_vertex(q="z")
+    >>> color_by_quality(ms, -1.0, 1.0, "turbo")
+    """
+    color_map = find_color_map(colormap, signed=low == -high)
+    check_limits(low, high)
+    mesh = current_mesh(ms)
+    if not mesh.has_vertex_scalar():
+        raise BezierFilterError("the mesh has no quality to colour by; compute one first")
+    if not np.isfinite(mesh.vertex_scalar_array()).all():  # NaN aborts the process
+        raise BezierFilterError("the quality of the mesh is not finite everywhere, so it cannot be coloured")
+    if not color_map.red_is_low:
+        _apply(ms, color_map, low, high)
+        return
+    ms.compute_scalar_by_function_per_vertex(q="-q", onselected=False)
+    try:
+        _apply(ms, color_map, -high, -low)
+    finally:
+        ms.compute_scalar_by_function_per_vertex(q="-q", onselected=False)  # exact
+
+
+def _apply(ms: MeshSet, color_map: ColorMap, low: float, high: float) -> None:
+    ends = {"minqualityval": low, "maxqualityval": high, "midhandlepos": 50.0, "brightness": 1.0}
+    if color_map.palette is not None:
+        with TemporaryDirectory(prefix="bezier_filters_") as folder:
+            path = str(Path(folder) / "palette.qmap")
+            _write_quality_map(path, np.array(color_map.palette.colors), low, high)
+            ms.compute_color_from_scalar_using_transfer_function_per_vertex(
+                **ends, tfslist="Custom Transfer Function File", csvfilename=path
+            )
+    elif color_map.transfer_function:
+        ms.compute_color_from_scalar_using_transfer_function_per_vertex(**ends, tfslist=color_map.name)
+    else:
+        ms.compute_color_from_scalar_per_vertex(
+            minval=low, maxval=high, perc=0.0, zerosym=False, colormap=color_map.name
+        )
+
+
+def save_quality_map(path: str | os.PathLike[str], low: float, high: float, colormap: str = AUTO) -> None:
+    """Write a colour map and its range as a quality mapper file (.qmap), which MeshLab's Quality Mapper loads.
+
+    With it, the colours in MeshLab are those of `color_by_quality`, and can be changed there.
+
+    Parameters
+    ----------
+    path : path
+        File to write or replace, usually ``.qmap``.
+    low, high : float
+        Qualities of the first and the last colour.
+    colormap : str
+        As for `color_by_quality`.
+
+    Raises
+    ------
+    BezierFilterError
+        If the colour map is unknown or the range is empty.
+    OSError
+        If the file cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "curvature.qmap"
+    >>> save_quality_map(path, -1.0, 1.0)
+    >>> path.read_text().splitlines()[1]
+    '0;0.23;0.5;0.9;1;0.75;'
+    """
+    color_map = find_color_map(colormap, signed=low == -high)
+    check_limits(low, high)
+    colors = _sampled(color_map) if color_map.palette is None else np.array(color_map.palette.colors)
+    with atomic_write(path) as temporary:
+        _write_quality_map(temporary, colors, low, high)
+
+
+def _sampled(color_map: ColorMap) -> FloatArray:
+    """Colours that pymeshlab gives to 256 qualities from 0 to 1, shape (256, 3)."""
+    ms = MeshSet()
+    ms.add_mesh(Mesh(np.zeros((256, 3)), v_scalar_array=np.linspace(0.0, 1.0, 256)))
+    color_by_quality(ms, 0.0, 1.0, color_map.name)
+    colors: FloatArray = current_mesh(ms).vertex_color_matrix()[:, :3]
+    return colors
+
+
+def _write_quality_map(path: str | os.PathLike[str], colors: FloatArray, low: float, high: float) -> None:
+    """Write the nodes of the three channels, each x;y;, then lowest value, middle, highest value and brightness."""
+    places = np.linspace(0.0, 1.0, len(colors))
+    lines = ["// COLOR BAND FILE STRUCTURE: nodes x;y; of the red, the green and the blue channel"]
+    lines += ["".join(f"{x:.6g};{y:.6g};" for x, y in zip(places, channel, strict=True)) for channel in colors.T]
+    lines += [
+        "// EQUALIZER SETTINGS: lowest quality; middle; highest quality; brightness",
+        f"{low:.9g};0.5;{high:.9g};1;",
+    ]
+    Path(path).write_text("\n".join(lines) + "\n", encoding="ascii")

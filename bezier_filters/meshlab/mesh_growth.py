@@ -1,0 +1,231 @@
+"""New vertices and faces for a mesh inside a MeshSet.
+
+pymeshlab can only merge layers, and welds vertices with equal coordinates when it does. So a copy of the mesh and a
+layer with the new faces are merged while each vertex has its number for a coordinate: vertices that lie in
+one place, as at the seams of textures, stay apart. The mesh itself is deleted when everything has gone well.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.files.fields import PREFIX
+from bezier_filters.meshlab.mesh_attributes import KEPT_LEFTOVER, LEFTOVER
+from bezier_filters.meshlab.mesh_coordinates import write_coordinates
+from bezier_filters.meshlab.meshset import BezierFilterError, Image, Mesh, MeshSet, PyMeshLabException, current_mesh
+from bezier_filters.meshlab.texture_growth import load_patch, textures_of, wedge_coordinates
+from bezier_filters.status import FitStatus
+
+_GETTERS = {
+    "__ca_vs__": "vertex_custom_scalar_attribute_array",
+    "__ca_vp__": "vertex_custom_point_attribute_matrix",
+    "__ca_fs__": "face_custom_scalar_attribute_array",
+    "__ca_fp__": "face_custom_point_attribute_matrix",
+}
+_SETTERS = {
+    "__ca_vs__": "add_vertex_custom_scalar_attribute",
+    "__ca_vp__": "add_vertex_custom_point_attribute",
+    "__ca_fs__": "add_face_custom_scalar_attribute",
+    "__ca_fp__": "add_face_custom_point_attribute",
+}
+
+
+@dataclass(frozen=True)
+class Growth:
+    """What is added to a mesh of n vertices and m faces.
+
+    Attributes
+    ----------
+    vertices : (k, 3) float64
+        New vertices, numbered from n on.
+    faces : (f, 3) int32
+        New faces.
+    like_vertex : (k,) int32
+        Old vertex from which each new one has its colour, quality and attributes.
+    like_face : (f,) int32
+        Old face from which each new one has them.
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+    like_vertex: IntArray
+    like_face: IntArray
+
+
+@dataclass(frozen=True)
+class Grown:
+    """What became of what pymeshlab does not keep by itself.
+
+    Attributes
+    ----------
+    lost_attributes : list of str
+        Custom attributes that could not be kept: those whose names pymeshlab does not tell, in the form
+        in which it lists them.
+    textured : bool
+        Whether the new faces show a texture; False also where there is none.
+    """
+
+    lost_attributes: list[str]
+    textured: bool
+
+
+@dataclass(frozen=True)
+class _Texture:
+    """Texture coordinates (3 f, 2) of new faces, the number of the texture of each, and all textures by name."""
+
+    coordinates: FloatArray
+    numbers: IntArray
+    pictures: dict[str, Image]
+
+
+def grow_mesh(ms: MeshSet, growth: Growth, *, select: bool) -> Grown:
+    """Add vertices and faces to the current mesh, which becomes a new layer with a new id.
+
+    Old vertices and faces stay the first, in their order. Label, transform, textures, colours, quality, selection and
+    custom attributes stay; vertex and face normals are those of the faces. If anything fails, the MeshSet is as
+    it was but for the id of the next new layer.
+
+    Parameters
+    ----------
+    ms : pymeshlab.MeshSet
+    growth : Growth
+    select : bool
+        Whether exactly the new faces are selected afterwards, rather than what was.
+
+    Returns
+    -------
+    Grown
+    """
+    old = current_mesh(ms)
+    wanted, label, transform = old.id(), old.label(), np.array(old.transform_matrix())
+    vertices = np.vstack([old.vertex_matrix(), growth.vertices])
+    attributes, lost = _attributes(ms, old, growth)
+    texture = _texture(ms, old, growth, vertices)
+    with _undone_on_failure(ms):
+        ms.generate_copy_of_current_mesh()
+        copy = ms.current_mesh_id()
+        for layer in list(ms):
+            ms.set_mesh_visibility(layer.id(), layer.id() == copy)
+        ms.set_matrix(transformmatrix=np.eye(4), freeze=False)
+        numbers = np.zeros_like(vertices)
+        numbers[:, 0] = np.arange(len(vertices))
+        write_coordinates(ms, numbers[: old.vertex_number()])
+        textured = _add_patch(ms, old, growth, numbers, texture)
+        ms.set_current_mesh(copy)
+        ms.generate_by_merging_visible_meshes(
+            mergevisible=True, deletelayer=True, mergevertices=True, alsounreferenced=True
+        )
+        grown = current_mesh(ms)
+        if not np.array_equal(grown.vertex_matrix(), numbers):
+            raise BezierFilterError("pymeshlab merged the new faces with the mesh in another way than expected")
+        write_coordinates(ms, vertices)
+        for prefix, name, values in attributes:
+            getattr(grown, _SETTERS[prefix])(values, name)
+        if select:
+            _select_faces_from(ms, old.face_number())
+        ms.set_matrix(transformmatrix=transform, freeze=False)
+        grown.set_label(label)
+        merged = grown.id()
+        ms.set_current_mesh(wanted)
+        ms.delete_current_mesh()
+        ms.set_current_mesh(merged)
+    return Grown(lost, textured)
+
+
+@contextmanager
+def _undone_on_failure(ms: MeshSet) -> Iterator[None]:
+    """Keep which layers are visible; if the block fails, delete layers that it made, and return to the current one."""
+    before = {layer.id(): layer.is_visible() for layer in ms}
+    current = ms.current_mesh_id()
+    try:
+        yield
+    except BaseException:
+        for layer in [layer.id() for layer in ms if layer.id() not in before]:
+            ms.set_current_mesh(layer)
+            ms.delete_current_mesh()
+        ms.set_current_mesh(current)
+        raise
+    finally:
+        for layer in [layer.id() for layer in ms]:
+            # A mesh that grew is as visible as it was.
+            ms.set_mesh_visibility(layer, before.get(layer, before[current]))
+
+
+def _attributes(ms: MeshSet, mesh: Mesh, growth: Growth) -> tuple[list[tuple[str, str, FloatArray]], list[str]]:
+    """Custom attributes with rows for what is new, and the listed names of those that cannot be read."""
+    found: list[tuple[str, str, FloatArray]] = []
+    lost = []
+    for key in ms.filter_parameter_values("ply"):
+        prefix = next((prefix for prefix in _GETTERS if key.startswith(prefix)), None)
+        if prefix is None:
+            continue
+        name = key[len(prefix) :]
+        values = _values(mesh, prefix, name)
+        if values is None:
+            lost.append(name)
+            continue
+        new = values[growth.like_vertex if prefix.startswith("__ca_v") else growth.like_face]
+        if name.startswith(PREFIX):  # nothing has been estimated there
+            new[:] = FitStatus.SKIPPED if name == f"{PREFIX}fit_status" else 0.0
+        found.append((prefix, name, np.concatenate([values, new])))
+    return found, lost
+
+
+def _values(mesh: Mesh, prefix: str, listed: str) -> FloatArray | None:
+    """Values of an attribute by the name that pymeshlab lists; None if the true name differs and is not known."""
+    for name in (listed, *(name for name in (LEFTOVER, KEPT_LEFTOVER) if name.lower() == listed)):
+        try:
+            return np.array(getattr(mesh, _GETTERS[prefix])(name), dtype=np.float64)
+        except PyMeshLabException:
+            continue
+    return None
+
+
+def _texture(ms: MeshSet, old: Mesh, growth: Growth, vertices: FloatArray) -> _Texture | None:
+    """What the new faces show, if the old ones show something."""
+    if not old.has_wedge_tex_coord() or not old.texture_number():
+        return None
+    names, numbers = textures_of(ms)
+    if len(set(names)) < len(names):  # numbers follow the names when layers are merged
+        return None
+    like = growth.like_face
+    coordinates = wedge_coordinates(
+        vertices[growth.faces], vertices[old.face_matrix()[like]], old.wedge_tex_coord_matrix().reshape(-1, 3, 2)[like]
+    )
+    return _Texture(coordinates.reshape(-1, 2), numbers[like], {name: old.texture(name) for name in names})
+
+
+def _add_patch(ms: MeshSet, old: Mesh, growth: Growth, numbers: FloatArray, texture: _Texture | None) -> bool:
+    """Add the new faces as a layer, and say whether they show a texture."""
+    patch = _patch(old, growth, numbers)
+    if texture is not None and load_patch(ms, patch, texture.coordinates, texture.numbers, texture.pictures):
+        return True
+    ms.add_mesh(patch, "new faces", set_as_current=False)
+    return False
+
+
+def _patch(old: Mesh, growth: Growth, numbers: FloatArray) -> Mesh:
+    """The new faces as a mesh of their own, with the colours and quality of what they are like."""
+    used, local = np.unique(growth.faces, return_inverse=True)
+    source = np.concatenate([np.arange(old.vertex_number()), growth.like_vertex])[used]
+    options: dict[str, Any] = {}
+    if old.has_vertex_color():
+        options["v_color_matrix"] = old.vertex_color_matrix()[source]
+    if old.has_vertex_tex_coord():
+        options["v_tex_coords_matrix"] = old.vertex_tex_coord_matrix()[source]
+    if old.has_vertex_scalar():
+        options["v_scalar_array"] = old.vertex_scalar_array()[source]
+    if old.has_face_color():
+        options["f_color_matrix"] = old.face_color_matrix()[growth.like_face]
+    if old.has_face_scalar():
+        options["f_scalar_array"] = old.face_scalar_array()[growth.like_face]
+    return Mesh(numbers[used], local.reshape(-1, 3).astype(np.int32), **options)
+
+
+def _select_faces_from(ms: MeshSet, first: int) -> None:
+    ms.set_selection_none(allfaces=True, allverts=True)
+    ms.compute_selection_by_condition_per_face(condselect=f"fi >= {first}")

@@ -1,0 +1,277 @@
+"""The gate to pymeshlab: its types, the current mesh as arrays, and a filter script left as it was.
+
+This is the only module that imports pymeshlab; the others take its names from here.
+"""
+
+import os
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, TypeAlias
+from xml.etree import ElementTree
+
+import numpy as np
+import pymeshlab
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.runtime.interrupts import interrupts_held
+
+# pymeshlab has no type information, so these are Any to a type checker.
+MeshSet: TypeAlias = pymeshlab.MeshSet
+Mesh: TypeAlias = pymeshlab.Mesh
+Image: TypeAlias = pymeshlab.Image
+PyMeshLabException = pymeshlab.PyMeshLabException
+PercentageValue: TypeAlias = pymeshlab.PercentageValue
+PureValue: TypeAlias = pymeshlab.PureValue
+Color: TypeAlias = pymeshlab.Color
+Length: TypeAlias = pymeshlab.PercentageValue | pymeshlab.PureValue | float
+
+_lock = threading.RLock()
+
+
+class BezierFilterError(pymeshlab.PyMeshLabException):  # type: ignore[misc]
+    """A filter refused its input; the message says what was got and what is allowed.
+
+    It is a `pymeshlab.PyMeshLabException`, so scripts catch it like the errors of pymeshlab's own filters.
+    """
+
+
+@dataclass(frozen=True)
+class CurrentMesh:
+    """Copies of what the filters read from the current mesh of a MeshSet.
+
+    Attributes
+    ----------
+    id : int
+        Id of the layer.
+    vertices : (n, 3) float64
+        Coordinates as stored; the transform matrix is not applied, as in pymeshlab's own filters.
+    faces : (m, 3) int32
+        Triangles; none in a point cloud.
+    vertex_normals : (n, 3) float64
+        Vertex normals as stored, of any length.
+    vertex_selection, face_selection : (n,) bool, (m,) bool
+        What is selected.
+    """
+
+    id: int
+    vertices: FloatArray
+    faces: IntArray
+    vertex_normals: FloatArray
+    vertex_selection: BoolArray
+    face_selection: BoolArray
+
+    def selected_vertices(self) -> BoolArray:
+        """Selected vertices or, if there is none, the vertices of the selected faces; shape (n,).
+
+        Raises
+        ------
+        BezierFilterError
+            If nothing is selected.
+        """
+        if self.vertex_selection.any():
+            return self.vertex_selection
+        if not self.face_selection.any():
+            raise BezierFilterError(
+                "onselected: cannot apply only on selection: there is no selection. "
+                "Select vertices or faces first, or pass onselected=False."
+            )
+        mask = np.zeros(len(self.vertices), dtype=np.bool_)
+        mask[self.faces[self.face_selection]] = True
+        return mask
+
+
+def current_mesh(ms: MeshSet) -> Mesh:
+    """Return the current mesh of a MeshSet: a live reference, valid until layers change.
+
+    Raises
+    ------
+    BezierFilterError
+        If there is no current mesh.
+    """
+    if not isinstance(ms, pymeshlab.MeshSet):
+        raise BezierFilterError(f"ms: got {type(ms).__name__}, expected a pymeshlab.MeshSet")
+    try:
+        return ms.current_mesh()
+    except PyMeshLabException as error:
+        raise BezierFilterError("the MeshSet has no current mesh; load one with load_new_mesh first") from error
+
+
+def read_current_mesh(ms: MeshSet) -> CurrentMesh:
+    """Copy the arrays of the current mesh, which may be a point cloud.
+
+    Raises
+    ------
+    BezierFilterError
+        If there is no current mesh, or it has no vertices.
+    """
+    mesh = current_mesh(ms)
+    if not mesh.is_compact():
+        mesh.compact()
+    if mesh.vertex_number() == 0:
+        raise BezierFilterError(f"the current mesh {mesh.label()!r} is empty; load or create one with vertices")
+    return CurrentMesh(
+        id=mesh.id(),
+        vertices=np.array(mesh.vertex_matrix(), dtype=np.float64, order="C"),
+        faces=np.array(mesh.face_matrix(), dtype=np.int32, order="C"),
+        vertex_normals=np.array(mesh.vertex_normal_matrix(), dtype=np.float64, order="C"),
+        vertex_selection=np.array(mesh.vertex_selection_array(), dtype=np.bool_),
+        face_selection=np.array(mesh.face_selection_array(), dtype=np.bool_),
+    )
+
+
+def check_unchanged(ms: MeshSet, mesh: CurrentMesh) -> None:
+    """Refuse to write to another mesh than the one that was read: callbacks and threads can change it.
+
+    Raises
+    ------
+    BezierFilterError
+        If another mesh is the current one, or it has other vertices or faces than before.
+    """
+    now = current_mesh(ms)
+    same = (now.id(), now.vertex_number(), now.face_number()) == (mesh.id, len(mesh.vertices), len(mesh.faces))
+    # NaN compares as equal: whether that is refused is for others to say.
+    if not same or not np.array_equal(now.vertex_matrix(), mesh.vertices, equal_nan=True):
+        raise BezierFilterError("the current mesh was changed while the filter ran; nothing was written")
+
+
+def absolute_length(length: Length, vertices: FloatArray, name: str) -> float:
+    """A length that may be a percentage of the diagonal of the bounding box, as in pymeshlab.
+
+    Parameters
+    ----------
+    length : pymeshlab.PercentageValue, pymeshlab.PureValue or float
+        The length; anything else is returned as it is.
+    vertices : (n, 3) float64
+        Coordinates that the box encloses, at least one.
+    name : str
+        Of the parameter, for messages.
+
+    Raises
+    ------
+    BezierFilterError
+        If the length is text.
+
+    Examples
+    --------
+    >>> absolute_length(PercentageValue(10), np.array([[0.0, 0.0, 0.0], [2.0, 3.0, 6.0]]), "radius")
+    0.7000000000000001
+    """
+    if isinstance(length, str):
+        raise BezierFilterError(
+            f"{name}: got {length!r}, expected a positive length, or for example pymeshlab.PercentageValue(2) for 2 % "
+            "of the diagonal of the bounding box"
+        )
+    if isinstance(length, pymeshlab.PercentageValue):
+        return float(length.value() / 100.0 * np.linalg.norm(np.ptp(vertices, axis=0)))
+    return length.value() if isinstance(length, pymeshlab.PureValue) else length
+
+
+def shipped_bunny() -> Path:
+    """Path of the Stanford bunny that the pymeshlab package brings along: 28,088 vertices, closed."""
+    return Path(pymeshlab.__file__).parent / "tests" / "sample_meshes" / "bunny.obj"
+
+
+def mesh_filter_names() -> list[str]:
+    """Names of pymeshlab's own filters."""
+    return list(pymeshlab.filter_list())
+
+
+def former_filter_names() -> dict[str, str]:
+    """Names that pymeshlab's filters had before 2022, made from MeshLab's, and those that they have now."""
+    table = Path(pymeshlab.__file__).parent / "keys.txt"
+    pairs = (line.split() for line in table.read_text(encoding="utf-8").splitlines()) if table.is_file() else ()
+    return {pair[0]: pair[1] for pair in pairs if len(pair) == 2}
+
+
+def topological_measures(vertices: FloatArray, faces: IntArray) -> dict[str, Any]:
+    """What pymeshlab's ``get_topological_measures`` says of a mesh given as arrays.
+
+    On a MeshSet that filter clears the selection, so it runs on a MeshSet of its own.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64
+        Coordinates.
+    faces : (m, 3) int32
+        Triangles.
+
+    Returns
+    -------
+    dict
+        pymeshlab's entries, among them ``boundary_edges``, ``connected_components_number``, ``genus``,
+        ``is_mesh_two_manifold``, ``number_holes`` and ``unreferenced_vertices``. Genus and number of
+        holes are -1 where non-manifold parts leave them undefined; the rim of an open sheet is a hole.
+    """
+    with one_at_a_time():
+        scratch = MeshSet()
+        scratch.add_mesh(Mesh(vertices, faces))
+        return dict(scratch.get_topological_measures())
+
+
+@contextmanager
+def one_at_a_time() -> Iterator[None]:
+    """Let no other thread of this package call pymeshlab inside the block.
+
+    Its filters keep their state in one place for all MeshSets of a process: filters with expressions in two threads
+    give wrong numbers or end the process. A script that calls pymeshlab in several threads itself needs
+    a lock of its own, or processes.
+    """
+    with _lock:
+        yield
+
+
+def _renew_lock() -> None:
+    """In a process that was forked there is no thread any more to release the lock."""
+    global _lock
+    _lock = threading.RLock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_renew_lock)
+
+
+@contextmanager
+def preserved_filter_script(ms: MeshSet) -> Iterator[None]:
+    """Let filters run inside the block, without a trace in the MeshSet's filter script, interrupts or other threads.
+
+    pymeshlab records every filter. Ours would fail on replay, because the numbers that they read
+    come from Python, so the script is saved before and loaded after the block. Loading prints one
+    line per filter on stderr, whatever the verbosity; only that is silenced. Ctrl-C waits for the end of the
+    block, so that a MeshSet never stays between two states.
+    """
+    with interrupts_held(), one_at_a_time(), TemporaryDirectory(prefix="bezier_filters_") as folder:
+        script = str(Path(folder) / "script.mlx")
+        ms.save_filter_script(script)
+        try:
+            yield
+        finally:
+            if len(ElementTree.parse(script).getroot()):
+                with _silent_stderr():
+                    ms.load_filter_script(script)  # replaces what was recorded since
+            else:
+                ms.clear_filter_script()
+
+
+@contextmanager
+def _silent_stderr() -> Iterator[None]:
+    """Discard what C++ code of this process writes to stderr inside the block; for one thread at a time."""
+    try:
+        if sys.stderr is not None:
+            sys.stderr.flush()
+        kept = os.dup(2)
+    except (OSError, ValueError):  # closed, as under pythonw: nothing to silence
+        yield
+        return
+    sink = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(sink, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(sink)

@@ -1,0 +1,215 @@
+"""Runs filter scripts that mix MeshLab's filters with those of this package."""
+
+import difflib
+import keyword
+import re
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from bezier_filters.errors import InvalidScriptError
+from bezier_filters.files.filter_scripts import ScriptStep
+from bezier_filters.meshlab.meshset import (
+    BezierFilterError,
+    MeshSet,
+    PureValue,
+    PyMeshLabException,
+    former_filter_names,
+    mesh_filter_names,
+)
+from bezier_filters.meshlab.registration import FILTERS
+from bezier_filters.meshlab.script_values import parameters_of, value_like, value_of_type
+from bezier_filters.runtime.parallel import Progress
+
+_OURS = {function.__name__: function for function in FILTERS}
+
+# MeshLab's names of filters that are younger than pymeshlab's table of former names.
+_NEWER_NAMES = {
+    "alpha_wrap": "generate_alpha_wrap",
+    "colorize_by_approximated_geodesic_distance_from_the_selected_points": (
+        "compute_scalar_by_heat_geodesic_distance_from_selection_per_vertex"
+    ),
+    "compute_ambient_occlusion": "compute_scalar_ambient_occlusion",
+    "compute_obscurance": "compute_scalar_by_volumetric_obscurance",
+    "compute_shape_diameter_function": "compute_scalar_by_shape_diameter_function_per_vertex",
+    "cubic_stylization": "apply_coord_cubic_stylization",
+    "dodecahedron_symmetric": "create_dodecahedron_sym",
+    "make_mesh_developable": "apply_coord_developability_of_mesh",
+    "per_face_normal_function": "compute_normal_by_function_per_face",
+    "re_orient_all_faces_coherently": "meshing_re_orient_faces_coherently",
+    "reorient_face_normals_by_geometry": "meshing_re_orient_faces_by_geometry",
+    "subdivision_surfaces_doo_sabin": "meshing_surface_subdivision_doo_sabin",
+}
+
+
+@dataclass(frozen=True)
+class StepReport:
+    """What a step of a script did.
+
+    Attributes
+    ----------
+    filter : str
+        Name of the filter in Python.
+    by : {"bezier_filters", "MeshLab"}
+        Whose filter it is.
+    seconds : float
+        How long it took.
+    report : dict
+        What the filter returned; arrays as lists.
+    """
+
+    filter: str
+    by: str
+    seconds: float
+    report: dict[str, Any]
+
+
+def run_filter_script(
+    ms: MeshSet, steps: Sequence[ScriptStep], *, progress: Progress | None = None
+) -> Iterator[StepReport]:
+    """Run the steps of a filter script on a MeshSet, one after the other, as the iterator is advanced.
+
+    A name is MeshLab's (``"Laplacian Smooth"``), pymeshlab's (``"apply_coord_laplacian_smoothing"``) or ours. Names
+    of filters, and the parameters of ours, are checked before the first one runs.
+
+    Parameters
+    ----------
+    ms : pymeshlab.MeshSet
+        What the filters change.
+    steps : sequence of ScriptStep
+        As of `read_filter_script`.
+    progress : callable, optional
+        ``progress(done, total)`` is called by our filters now and then; if it returns False, they stop.
+
+    Yields
+    ------
+    StepReport
+        After each step.
+
+    Raises
+    ------
+    InvalidScriptError
+        If a filter is unknown (the message has the nearest names), or a parameter is unknown or of another type.
+    BezierFilterError
+        If a filter refuses the mesh or a parameter; the steps before it have been done.
+
+    Examples
+    --------
+    >>> from pymeshlab import MeshSet
+    >>> from bezier_filters import script_step
+    >>> ms = MeshSet()
+    >>> steps = [script_step("Sphere", subdiv=4), script_step("compute_curvature_by_bezier_patch_per_vertex")]
+    >>> [step.by for step in run_filter_script(ms, steps)]
+    ['MeshLab', 'bezier_filters']
+    """
+    names = check_steps(steps)
+    for number, (name, step) in enumerate(zip(names, steps, strict=True), start=1):
+        start = time.perf_counter()
+        try:
+            if name in _OURS:
+                report = _OURS[name](ms, **_our_values(name, step), progress=progress)
+            else:
+                report = _run_meshlab(ms, name, step)
+        except InvalidScriptError as error:
+            raise InvalidScriptError(f"step {number}, {step.name!r}: {error}") from error
+        except PyMeshLabException as error:
+            raise BezierFilterError(f"step {number}, {step.name!r}: {error}") from error
+        whose = "bezier_filters" if name in _OURS else "MeshLab"
+        yield StepReport(name, whose, time.perf_counter() - start, _plain(report))
+
+
+def check_steps(steps: Sequence[ScriptStep]) -> list[str]:
+    """Names in Python of the filters of a script.
+
+    Raises
+    ------
+    InvalidScriptError
+        If one is unknown, or a parameter of one of ours is unknown or of another type.
+    """
+    known = _known_names()
+    names = []
+    for number, step in enumerate(steps, start=1):
+        try:
+            name = known.get(step.name) or known.get(_snake_case(step.name))
+            if name is None:
+                raise InvalidScriptError(f"unknown filter; {_nearest(_snake_case(step.name), known)}")
+            if name in _OURS:
+                _our_values(name, step)
+        except InvalidScriptError as error:
+            raise InvalidScriptError(f"step {number}, {step.name!r}: {error}") from error
+        names.append(name)
+    return names
+
+
+def _known_names() -> dict[str, str]:
+    """Names in Python by every name that a filter has."""
+    names = mesh_filter_names()
+    theirs = {former: now for former, now in (former_filter_names() | _NEWER_NAMES).items() if now in names}
+    return theirs | {name: name for name in (*names, *_OURS)}
+
+
+def _snake_case(name: str) -> str:
+    """MeshLab's name of a filter as pymeshlab wrote it at first.
+
+    >>> _snake_case("Remeshing: Isotropic Explicit Remeshing")
+    'remeshing_isotropic_explicit_remeshing'
+    """
+    return re.sub("[^0-9a-z]+", "_", name.lower()).strip("_")
+
+
+def _nearest(name: str, known: Mapping[str, str]) -> str:
+    close = dict.fromkeys(known[match] for match in difflib.get_close_matches(name, known, n=3, cutoff=0.5))
+    return f"did you mean {' or '.join(close)}?" if close else "pymeshlab.print_filter_list() lists MeshLab's"
+
+
+def _our_values(name: str, step: ScriptStep) -> dict[str, Any]:
+    hints = parameters_of(_OURS[name])
+    return _converted(step, hints, lambda key, attributes: value_of_type(hints[key], attributes))
+
+
+def _converted(
+    step: ScriptStep, known: Mapping[str, Any], convert: Callable[[str, Mapping[str, str]], Any]
+) -> dict[str, Any]:
+    values = {}
+    for given, attributes in step.parameters.items():
+        key = given.lower().replace(" ", "_")
+        key = f"{key}_" if keyword.iskeyword(key) else key
+        if key not in known:
+            close = difflib.get_close_matches(key, known, n=1)
+            hint = f"did you mean {close[0]}?" if close else f"it has {', '.join(known) or 'none'}"
+            raise InvalidScriptError(f"unknown parameter {given!r}; {hint}")
+        try:
+            values[key] = convert(key, attributes)
+        except InvalidScriptError as error:
+            raise InvalidScriptError(f"parameter {given!r}: {error}") from error
+    return values
+
+
+def _run_meshlab(ms: MeshSet, name: str, step: ScriptStep) -> dict[str, Any]:
+    defaults = ms.filter_parameter_values(name)  # some depend on the mesh
+    values = _converted(step, defaults, lambda key, attributes: value_like(defaults[key], attributes))
+    while True:
+        try:
+            return dict(ms.apply_filter(name, **values) or {})
+        except PyMeshLabException as error:
+            # Of lengths without a type in the script, only pymeshlab itself knows that they are lengths.
+            length = re.match(r"Parameter (\w+): must be a pymeshlab.Percentage", str(error))
+            if length is None or not isinstance(values.get(length[1]), float):
+                raise
+            values[length[1]] = PureValue(values[length[1]])
+        except Exception as error:  # pymeshlab's exceptions have no base of their own
+            raise BezierFilterError(str(error).partition(" (#define")[0]) from error
+
+
+def _plain(value: Any) -> Any:
+    """A report as values that can be written as JSON."""
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    return value if isinstance(value, str | int | float | bool | None) else str(value)

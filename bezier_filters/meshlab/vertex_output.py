@@ -1,0 +1,249 @@
+"""What every filter on a MeshSet does around its own work: read, write, colour, report.
+
+Everything that can be refused is refused before the first write.
+"""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from bezier_filters.arrays import BoolArray, FloatArray
+from bezier_filters.colors.color_range import color_range
+from bezier_filters.errors import InvalidMeshError, InvalidParameterError
+from bezier_filters.files.fields import ScalarField
+from bezier_filters.meshlab.mesh_attributes import (
+    check_finite,
+    check_writable,
+    read_columns,
+    restored_on_failure,
+    write_columns,
+)
+from bezier_filters.meshlab.mesh_colors import ColorMap, check_limits, color_by_quality, find_color_map
+from bezier_filters.meshlab.mesh_coordinates import coordinates_restored_on_failure, write_coordinates
+from bezier_filters.meshlab.meshset import (
+    BezierFilterError,
+    CurrentMesh,
+    MeshSet,
+    check_unchanged,
+    preserved_filter_script,
+    read_current_mesh,
+)
+
+Columns = dict[str, FloatArray]
+
+
+@dataclass(frozen=True)
+class Output:
+    """Where results go: the field for the quality, if any, and the colours, of a given range if there is one."""
+
+    quality: ScalarField | None
+    onselected: bool
+    color: bool
+    colormap: str
+    percentile: float
+    color_range: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Computed:
+    """What a filter found, to be written.
+
+    Attributes
+    ----------
+    columns : dict of (n,) float64
+        By name.
+    known : (n,) bool
+        Vertices whose values count for colours and statistics.
+    report : dict
+        What the user is told, besides what all filters tell.
+    vertices : (n, 3) float64, optional
+        New coordinates.
+    normals : dict of str
+        Expressions for the vertex normals by parameter of pymeshlab's filter; none if they stay.
+    write_more : callable, optional
+        Writes what else the filter found, after the columns and with them: no interrupt comes between.
+    """
+
+    columns: Columns
+    known: BoolArray
+    report: dict[str, Any]
+    vertices: FloatArray | None = None
+    normals: dict[str, str] = field(default_factory=dict)
+    write_more: Callable[[], None] | None = None
+
+
+Work = Callable[[CurrentMesh, BoolArray], Computed]
+"""``work(mesh, mask)`` does it for the vertices of a mask (n,)."""
+
+
+@dataclass
+class _Stopwatch:
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def timing(self, name: str) -> Iterator[None]:
+        start = time.perf_counter()
+        yield
+        self.seconds[name] = time.perf_counter() - start
+
+
+def choose_field(name: str | None, fields: dict[str, ScalarField]) -> ScalarField | None:
+    """Field of a name that a user gave as `quality`; None stands for no field.
+
+    Raises
+    ------
+    BezierFilterError
+        If there is no such field; the message lists them.
+    """
+    if name is None:
+        return None
+    if not isinstance(name, str) or name not in fields:
+        raise BezierFilterError(f"quality: got {name!r}, expected {', '.join(map(repr, fields))} or None")
+    return fields[name]
+
+
+def run_filter(ms: MeshSet, names: list[str], work: Work, output: Output) -> dict[str, Any]:
+    """Run a filter that writes the named columns on the current mesh, and return its report.
+
+    Raises
+    ------
+    BezierFilterError
+        If the mesh or a parameter is refused; the MeshSet is as it was.
+    CancelledError
+        If the progress callback returned False; the MeshSet is as it was.
+    KeyboardInterrupt
+        The MeshSet is as it was or, if Ctrl-C came while the results were written, has all of them.
+    """
+    _check_coloring(output)
+    watch = _Stopwatch()
+    with watch.timing("read"):
+        mesh = read_current_mesh(ms)
+        mask = mesh.selected_vertices() if output.onselected else np.ones(len(mesh.vertices), dtype=np.bool_)
+    with preserved_filter_script(ms):
+        check_writable(ms, names)
+    with watch.timing("fit"):  # nothing in the MeshSet changes meanwhile, so it may be interrupted
+        try:
+            computed = work(mesh, mask)
+        except (InvalidMeshError, InvalidParameterError) as error:
+            raise BezierFilterError(str(error)) from error
+    check_unchanged(ms, mesh)
+    quality = None if output.quality is None else computed.columns[output.quality.mesh_attribute]
+    limits = _limits(output, quality, computed.known)
+    with preserved_filter_script(ms):
+        columns = _merge(computed.columns, read_columns(ms, computed.columns), mask)
+        check_finite(columns)
+        _write(ms, mesh, columns, computed, output, limits, watch)
+    report: dict[str, Any] = computed.report | {
+        "attributes": list(columns),
+        "quality": None if output.quality is None else output.quality.name,
+        "unit": None if output.quality is None else output.quality.unit,
+        "statistics": None if quality is None else _statistics(quality[computed.known]),
+        "seconds": watch.seconds,
+    }
+    if limits is not None:
+        report |= {"color_range": list(limits), "colormap": _color_map(output).name}
+    return report
+
+
+def _write(
+    ms: MeshSet,
+    mesh: CurrentMesh,
+    columns: Columns,
+    computed: Computed,
+    output: Output,
+    limits: tuple[float, float] | None,
+    watch: _Stopwatch,
+) -> None:
+    """Write everything; if that fails, put back what can be put back."""
+    moves = nullcontext() if computed.vertices is None else coordinates_restored_on_failure(ms)
+    # The normals follow the coordinates, and so they are restored last, by the outer of the two.
+    with restored_on_failure(ms, columns), moves:
+        with watch.timing("write"):
+            if computed.vertices is not None:
+                write_coordinates(ms, computed.vertices)
+            write_columns(ms, columns)
+            with _vertices_selected(ms, mesh) if output.onselected else nullcontext():
+                _write_quality_and_normals(ms, computed, output)
+        if limits is not None:
+            with watch.timing("color"):
+                color_by_quality(ms, *limits, _color_map(output).name)
+        if computed.write_more is not None:
+            computed.write_more()
+
+
+def _check_coloring(output: Output) -> None:
+    if not output.color:
+        return
+    _color_map(output)
+    if output.quality is None:
+        raise BezierFilterError("color: got True with quality=None, expected a quality to colour by")
+    if output.color_range is not None:
+        check_limits(*output.color_range)
+    try:
+        color_range(np.empty(0), signed=False, percentile=output.percentile)
+    except InvalidParameterError as error:
+        raise BezierFilterError(str(error)) from error
+
+
+def _color_map(output: Output) -> ColorMap:
+    return find_color_map(output.colormap, signed=output.quality is not None and output.quality.signed)
+
+
+def _limits(output: Output, quality: FloatArray | None, known: BoolArray) -> tuple[float, float] | None:
+    """Values of the first and the last colour, or None if nothing is coloured."""
+    if not output.color or output.quality is None or quality is None:
+        return None
+    if output.color_range is not None:
+        return output.color_range
+    limits = color_range(quality, signed=output.quality.signed, percentile=output.percentile, mask=known)
+    check_limits(*limits)
+    return limits
+
+
+def _merge(new: Columns, old: Columns, mask: BoolArray) -> Columns:
+    """New values where `mask` says so, else old ones.
+
+    Rows that another filter added meanwhile hold whatever was in memory: what is not finite there
+    is replaced by the new column's fill value.
+    """
+    return {
+        name: np.where(mask | ~np.isfinite(old[name]), values, old[name]) if name in old else values
+        for name, values in new.items()
+    }
+
+
+@contextmanager
+def _vertices_selected(ms: MeshSet, mesh: CurrentMesh) -> Iterator[None]:
+    """If only faces are selected, select their vertices inside the block."""
+    if mesh.vertex_selection.any():
+        yield
+        return
+    ms.compute_selection_transfer_face_to_vertex(inclusive=False)
+    try:
+        yield
+    finally:
+        ms.set_selection_none(allfaces=False, allverts=True)
+
+
+def _write_quality_and_normals(ms: MeshSet, computed: Computed, output: Output) -> None:
+    if output.quality is not None:
+        ms.compute_scalar_by_function_per_vertex(
+            q=output.quality.mesh_attribute, normalize=False, map=False, onselected=output.onselected
+        )
+    if computed.normals:
+        ms.compute_normal_by_function_per_vertex(**computed.normals, onselected=output.onselected)
+
+
+def _statistics(values: FloatArray) -> dict[str, float] | None:
+    if not len(values):
+        return None
+    return {
+        "min": float(values.min()),
+        "median": float(np.median(values)),
+        "max": float(values.max()),
+        "mean": float(values.mean()),
+    }

@@ -1,0 +1,1 @@
+"""Polynomials and Bezier patches: fitting one to points, and its derivatives."""

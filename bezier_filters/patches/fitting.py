@@ -1,0 +1,135 @@
+"""Least-squares fit of one Bezier patch to the points of a neighbourhood."""
+
+from dataclasses import dataclass
+from numbers import Real
+
+import numpy as np
+
+from bezier_filters.arrays import FloatArray
+from bezier_filters.errors import InvalidParameterError
+from bezier_filters.patches.patch import BezierPatch, ParameterRectangle
+from bezier_filters.patches.polynomials import PolynomialSpace, monomials_from_bernstein, tensor_space
+from bezier_filters.patches.smoothness import Smoothness, smoothness_matrix
+
+DEGREES = (2, 3, 4)
+
+
+@dataclass(frozen=True)
+class PatchFit:
+    """Which patch is fitted, and how smooth it has to be.
+
+    Attributes
+    ----------
+    degree : int
+        2 (biquadratic), 3 (bicubic, the paper) or 4.
+    alpha : float
+        Weight of the points in [alpha A; (1 - alpha) S], in (0, 1]; 1 fits the points alone.
+    smoothness : {"third_order", "paper", "twists"}
+        The rows S: see `smoothness.smoothness_matrix`.
+
+    Raises
+    ------
+    InvalidParameterError
+        If a value is out of range.
+    """
+
+    degree: int = 3
+    alpha: float = 0.8
+    smoothness: Smoothness = "third_order"
+
+    def __post_init__(self) -> None:
+        if self.degree not in DEGREES:
+            raise InvalidParameterError(f"degree: got {self.degree!r}, expected one of {DEGREES}")
+        if not isinstance(self.alpha, Real) or not 0.0 < self.alpha <= 1.0:
+            raise InvalidParameterError(f"alpha: got {self.alpha!r}, expected a number in (0, 1]")
+        smoothness_matrix(self.smoothness, self.degree)
+
+    @property
+    def space(self) -> PolynomialSpace:
+        """The polynomials of the patch."""
+        return tensor_space(self.degree)
+
+    @property
+    def smoothness_rows(self) -> FloatArray:
+        """S, shape (r, (degree + 1)**2)."""
+        return smoothness_matrix(self.smoothness, self.degree)
+
+    @property
+    def monomial_penalty(self) -> FloatArray:
+        """((1 - alpha) / alpha)^2 S^T S, what the smoothness adds to A^T A, for monomials on [-1, 1]^2."""
+        rows = self.smoothness_rows @ np.linalg.inv(monomials_from_bernstein(self.degree))
+        return ((1.0 - self.alpha) / self.alpha) ** 2 * (rows.T @ rows)
+
+    @property
+    def free_coefficients(self) -> int:
+        """Coefficients that only the points can determine: fewer points cannot be fitted."""
+        rows = 0 if self.alpha == 1.0 else np.linalg.matrix_rank(self.smoothness_rows)
+        return int((self.degree + 1) ** 2 - rows)
+
+    @property
+    def square(self) -> bool:
+        """Whether the parameters cover the square around the vertex, not the paper's bounding rectangle.
+
+        The result of ``"third_order"`` does not depend on the rectangle's place.
+        """
+        return self.smoothness == "third_order"
+
+    def rectangle(self, x: FloatArray, y: FloatArray) -> ParameterRectangle:
+        """Parameter rectangle of points whose own vertex is at (0, 0); see `square`."""
+        return ParameterRectangle.centred(x, y) if self.square else ParameterRectangle.bounding(x, y)
+
+
+def fit_patch(points: FloatArray, origin: FloatArray, axes: FloatArray, fit: PatchFit | None = None) -> BezierPatch:
+    """Fit a patch to points, as a height field over a given plane.
+
+    Solves [alpha A; (1 - alpha) S] b = [alpha z; 0] for the heights of the control points, by
+    QR. For every vertex of a mesh use `estimate_vertex_geometry`, which is a thousand times faster.
+
+    Parameters
+    ----------
+    points : (n, 3) float64
+        Points in world coordinates.
+    origin : (3,) float64
+        Origin of the plane: the vertex whose neighbourhood is fitted.
+    axes : (3, 3) float64
+        Rows: unit x and y axes of the plane and its normal.
+    fit : PatchFit, optional
+        Degree, alpha and smoothness.
+
+    Returns
+    -------
+    BezierPatch
+
+    Raises
+    ------
+    InvalidParameterError
+        If the points do not determine the patch: too few, or badly placed.
+
+    Examples
+    --------
+    >>> x, y = np.meshgrid(np.linspace(-1, 1, 5), np.linspace(-1, 1, 5))
+    >>> points = np.column_stack([x.ravel(), y.ravel(), (x * y).ravel()])
+    >>> patch = fit_patch(points, np.zeros(3), np.eye(3), PatchFit(degree=2))
+    >>> u, v = patch.parameters(np.array([[0.5, 0.5, 0.0]]))
+    >>> patch.evaluate(u, v).round(6)
+    array([[0.5 , 0.5 , 0.25]])
+    """
+    fit = fit or PatchFit()
+    x, y, z = ((points - origin) @ axes.T).T
+    rectangle = fit.rectangle(x, y)
+    if not (rectangle.width > 0.0 and rectangle.height > 0.0):
+        raise InvalidParameterError("points: their projections lie on a line parallel to an axis")
+    patch = BezierPatch(origin, axes, rectangle, np.zeros((fit.degree + 1, fit.degree + 1)))
+    equations = fit.alpha * patch.design_matrix(*rectangle.parameters(x, y))
+    target = fit.alpha * z
+    if fit.alpha < 1.0:
+        smoothness = (1.0 - fit.alpha) * fit.smoothness_rows
+        equations = np.vstack([equations, smoothness])
+        target = np.append(target, np.zeros(len(smoothness)))
+    heights, _, rank, _ = np.linalg.lstsq(equations, target, rcond=None)
+    if rank < equations.shape[1]:
+        raise InvalidParameterError(
+            f"points: {len(points)} points determine only {rank} of {equations.shape[1]} control points; "
+            "add points or use third_order smoothness with alpha < 1"
+        )
+    return BezierPatch(origin, axes, rectangle, heights.reshape(fit.degree + 1, fit.degree + 1))

@@ -1,0 +1,72 @@
+"""The terms r^j cos(l phi), r^j sin(l phi) in which the variation of a surface is measured.
+
+A prior that prefers no direction has one variance per degree j and angular frequency
+l = j, j - 2, ...: the round terms (l = 0) act on the mean curvature, those with l = 2 on the
+difference of the principal curvatures.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+from math import comb
+
+import numpy as np
+
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.patches.polynomials import total_degree_space
+
+HIGHEST_DEGREE = 8
+"""Degrees of the model; those that a fit leaves out are its bias."""
+
+
+@dataclass(frozen=True)
+class HarmonicBasis:
+    """Terms up to `HIGHEST_DEGREE`, by ascending degree.
+
+    Attributes
+    ----------
+    degrees, frequencies : (M,) int32
+        j and l of every term.
+    groups : (M,) int32
+        Number of the pair (j, l), which both terms of a frequency share; ascending.
+    monomials : (M, M) float64
+        Column k holds the coefficients of term k for the monomials of `total_degree_space`.
+    """
+
+    degrees: IntArray
+    frequencies: IntArray
+    groups: IntArray
+    monomials: FloatArray
+
+    def up_to(self, degree: int) -> int:
+        """Number of terms up to a degree."""
+        return (degree + 1) * (degree + 2) // 2
+
+
+@cache
+def harmonic_basis() -> HarmonicBasis:
+    """The terms of the model."""
+    place = {tuple(pair): k for k, pair in enumerate(total_degree_space(HIGHEST_DEGREE).exponents.tolist())}
+    degrees: list[int] = []
+    frequencies: list[int] = []
+    groups: list[int] = []
+    columns: list[FloatArray] = []
+    for degree in range(HIGHEST_DEGREE + 1):
+        for frequency in range(degree, -1, -2):
+            half = (degree - frequency) // 2
+            term = np.zeros(len(place), dtype=np.complex128)  # (x^2 + y^2)^half (x + i y)^frequency
+            for n in range(half + 1):
+                for k in range(frequency + 1):
+                    pair = (2 * (half - n) + frequency - k, 2 * n + k)
+                    term[place[pair]] += comb(half, n) * comb(frequency, k) * 1j**k
+            group = groups[-1] + 1 if groups else 0
+            for part in (term.real, term.imag)[: 2 if frequency else 1]:
+                degrees.append(degree)
+                frequencies.append(frequency)
+                groups.append(group)
+                columns.append(part)
+    return HarmonicBasis(
+        np.array(degrees, np.int32),
+        np.array(frequencies, np.int32),
+        np.array(groups, np.int32),
+        np.column_stack(columns),
+    )

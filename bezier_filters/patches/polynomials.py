@@ -1,0 +1,87 @@
+"""Polynomials in two variables by their monomials, as the kernel solves for them.
+
+A Bezier patch and its monomial coefficients about the middle of the parameter rectangle are the
+same polynomial; the latter make A^T A a table of moments and derivatives a matter of reading off.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.patches.bernstein import centred_monomials
+
+
+@dataclass(frozen=True)
+class PolynomialSpace:
+    """Polynomials spanned by monomials s^a t^b on the square [-1, 1]^2.
+
+    Attributes
+    ----------
+    exponents : (m, 2) int32
+        The pairs (a, b).
+    """
+
+    exponents: IntArray
+
+    @property
+    def dimension(self) -> int:
+        """Number of coefficients."""
+        return len(self.exponents)
+
+    @cached_property
+    def total_degrees(self) -> IntArray:
+        """A + b of every monomial, shape (m,)."""
+        return np.asarray(self.exponents.sum(axis=1), dtype=np.int32)
+
+    def places(self, pairs: Sequence[tuple[int, int]]) -> IntArray:
+        """Indices of the monomials with the given exponents, which must be there."""
+        return np.array([np.flatnonzero((self.exponents == pair).all(axis=1))[0] for pair in pairs], dtype=np.int32)
+
+    @cached_property
+    def moments(self) -> tuple[IntArray, IntArray]:
+        """Exponents (q, 2) of the products of two monomials, and where each product is among them.
+
+        The second array has an entry for each entry of the lower triangle of A^T A, row by row.
+        """
+        row, column = np.tril_indices(self.dimension)
+        products = self.exponents[row] + self.exponents[column]
+        distinct, place = np.unique(products, axis=0, return_inverse=True)
+        return distinct.astype(np.int32), place.ravel().astype(np.int32)
+
+
+def tensor_space(degree: int) -> PolynomialSpace:
+    """Polynomials of bi-degree d, those of a Bezier patch: (d + 1)^2 monomials, b running fastest."""
+    a, b = np.divmod(np.arange((degree + 1) ** 2), degree + 1)
+    return PolynomialSpace(np.column_stack([a, b]).astype(np.int32))
+
+
+def total_degree_space(degree: int) -> PolynomialSpace:
+    """Polynomials of total degree d: (d + 1)(d + 2) / 2 monomials, ordered by total degree."""
+    pairs = [(total - b, b) for total in range(degree + 1) for b in range(total + 1)]
+    return PolynomialSpace(np.array(pairs, dtype=np.int32))
+
+
+def elimination_order(space: PolynomialSpace) -> tuple[PolynomialSpace, IntArray]:
+    """The same polynomials with the monomials x, y, x^2, x y and y^2 last, and where each monomial was."""
+    last = space.places([(1, 0), (0, 1), (2, 0), (1, 1), (0, 2)])
+    order = np.concatenate([np.setdiff1d(np.arange(space.dimension), last)[::-1], last]).astype(np.int32)
+    return PolynomialSpace(space.exponents[order]), order
+
+
+def row_starts(exponents: IntArray) -> IntArray:
+    """Where s^a t^0 is among all monomials s^a t^b in lexicographic order, for each a, and how many there are."""
+    return np.concatenate([[0], np.cumsum(np.bincount(exponents[:, 0]))]).astype(np.int32)
+
+
+def lexicographic_places(exponents: IntArray) -> IntArray:
+    """Where each monomial is in lexicographic order."""
+    return (row_starts(exponents)[exponents[:, 0]] + exponents[:, 1]).astype(np.int32)
+
+
+def monomials_from_bernstein(degree: int) -> FloatArray:
+    """Matrix from the control heights of a patch to the coefficients of its `tensor_space`."""
+    along_one = centred_monomials(degree)
+    return np.asarray(np.kron(along_one, along_one), dtype=np.float64)

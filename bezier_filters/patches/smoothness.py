@@ -1,0 +1,84 @@
+"""Smoothness equations that make the least-squares fit well posed.
+
+The fit solves [alpha A; (1 - alpha) S] b = [alpha z; 0]. The rows of S say what the patch
+should rather not do; what they leave alone (their null space) is fitted without bias.
+"""
+
+from math import factorial
+from typing import Literal, get_args
+
+import numpy as np
+
+from bezier_filters.arrays import FloatArray
+from bezier_filters.errors import InvalidParameterError
+from bezier_filters.patches.bernstein import centred_monomials
+
+Smoothness = Literal["third_order", "paper", "twists"]
+
+
+def smoothness_matrix(smoothness: Smoothness, degree: int) -> FloatArray:
+    """Rows S for a patch of the given bi-degree, shape (r, (degree + 1)**2).
+
+    Parameters
+    ----------
+    smoothness : {"third_order", "paper", "twists"}
+        ``"paper"``: the second differences of the four boundary polygons of the control net
+        (Li, Barsky, Jin 2009). It penalises quadratics, so curvature is biased at every
+        resolution. ``"third_order"``: the patch's monomial coefficients of total degree >= 3;
+        all quadratics are free, so the fit is consistent for every alpha. ``"twists"``: the mixed
+        second differences of the control net (Farin's shape equations); u^2 and v^2 are free,
+        u v is not, so curvature is biased and depends on the axes.
+    degree : int
+        2, 3 or 4.
+
+    Raises
+    ------
+    InvalidParameterError
+        If the name is unknown.
+    """
+    if smoothness == "paper":
+        return boundary_second_differences(degree)
+    if smoothness == "third_order":
+        return third_order_coefficients(degree)
+    if smoothness == "twists":
+        return mixed_second_differences(degree)
+    raise InvalidParameterError(f"smoothness: got {smoothness!r}, expected one of {get_args(Smoothness)}")
+
+
+def boundary_second_differences(degree: int) -> FloatArray:
+    """Second differences (1, -2, 1) along the four boundary polygons, shape (4 (d-1), (d+1)^2).
+
+    For degree 3 these are the eight rows of the paper's S (its printed matrix lost a column).
+    """
+    size = degree + 1
+    index = np.arange(size * size).reshape(size, size)
+    polygons = np.vstack([index[0], index[-1], index[:, 0], index[:, -1]])
+    rows = np.zeros((4, degree - 1, size * size))
+    for side, polygon in enumerate(polygons):
+        for k in range(degree - 1):
+            rows[side, k, polygon[k : k + 3]] = 1.0, -2.0, 1.0
+    return rows.reshape(-1, size * size)
+
+
+def mixed_second_differences(degree: int) -> FloatArray:
+    """Twists b_ij - b_(i+1)j - b_i(j+1) + b_(i+1)(j+1) of the control net, shape (d^2, (d+1)^2).
+
+    They vanish if every mesh of the control net is a parallelogram.
+    """
+    differences = np.diff(np.eye(degree + 1), axis=0)
+    return np.asarray(np.kron(differences, differences), dtype=np.float64)
+
+
+def third_order_coefficients(degree: int) -> FloatArray:
+    """Coefficients of the monomials s^a t^b with a + b >= 3 on the square [-1, 1]^2.
+
+    Each row carries the weight sqrt(a! b! / (a+b)!): the sum of squares over one total degree
+    is then Bombieri's norm, which does not change when the axes turn.
+    """
+    size = degree + 1
+    to_monomials = centred_monomials(degree)
+    coefficients = np.kron(to_monomials, to_monomials)
+    a, b = np.divmod(np.arange(size * size), size)
+    weight = np.sqrt([factorial(i) * factorial(j) / factorial(i + j) for i, j in zip(a, b, strict=True)])
+    rows: FloatArray = (weight[:, np.newaxis] * coefficients)[a + b >= 3]
+    return rows

@@ -1,0 +1,192 @@
+"""The fields that mesh files carry, with their names and units, and panels of them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.colors.color_range import color_range
+from bezier_filters.errors import FieldFileError, InvalidParameterError
+from bezier_filters.files.field_files import read_fields
+from bezier_filters.files.fields import CURVATURE_FIELDS, DIAGNOSTIC_FIELDS, PREFIX, TORSION_FIELD
+from bezier_filters.meshlab.crease_filter import CREASE_FIELDS
+from bezier_filters.meshlab.filters import NORMAL_FIELDS
+from bezier_filters.meshlab.mesh_files import load_mesh
+from bezier_filters.meshlab.meshset import current_mesh
+from bezier_filters.meshlab.smoothing_filter import SMOOTHING_FIELDS
+from bezier_filters.pictures.render import Panel
+from bezier_filters.pictures.sheets import round_limits
+
+QUALITY, COLOR, SHAPE = "quality", "color", "shape"
+NO_UNIT = "no unit"
+
+_GROUPS = (CURVATURE_FIELDS, NORMAL_FIELDS, SMOOTHING_FIELDS, CREASE_FIELDS, DIAGNOSTIC_FIELDS)
+_KNOWN = {field.mesh_attribute: field for group in _GROUPS for field in group.values()}
+_KNOWN[TORSION_FIELD.mesh_attribute] = TORSION_FIELD
+_GREY = 0.75
+
+
+@dataclass(frozen=True)
+class ShownField:
+    """A field of a file: its values (n,), and what a legend says of it."""
+
+    values: FloatArray
+    label: str
+    unit: str
+    signed: bool
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """A mesh file as arrays.
+
+    Attributes
+    ----------
+    path : Path
+        Where it is.
+    vertices, faces : (n, 3) float64, (m, 3) int32
+        The mesh.
+    columns : dict of (n,) float64
+        The ``bz_*`` columns and ``quality``, as far as there are any.
+    colors : (n, 4) float64, optional
+        Vertex colours.
+    """
+
+    path: Path
+    vertices: FloatArray
+    faces: IntArray
+    columns: dict[str, FloatArray]
+    colors: FloatArray | None
+
+    def field(self, name: str) -> ShownField | None:
+        """Field of a name, or None. A quality that equals a column of ours has the label and unit of that."""
+        if name not in self.columns:
+            return None
+        values = self.columns[name]
+        known = _KNOWN.get(name)
+        if name == QUALITY:
+            same = (key for key, column in self.columns.items() if key in _KNOWN and np.array_equal(column, values))
+            known = next((_KNOWN[key] for key in same), None)
+        if known is not None:
+            return ShownField(values, known.label, known.unit or NO_UNIT, known.signed)
+        signed = bool(values.min() < 0 < values.max())
+        return ShownField(values, name.removeprefix(PREFIX).replace("_", " "), "unit unknown", signed)
+
+    def names(self) -> list[str]:
+        """What can be shown."""
+        return [*self.columns, *([COLOR] if self.colors is not None else []), SHAPE]
+
+
+def read_mesh_file(path: Path) -> MeshFile:
+    """Read a mesh with its fields.
+
+    Raises
+    ------
+    BezierFilterError
+        If the file cannot be read.
+    """
+    ms = load_mesh(path)
+    mesh = current_mesh(ms)
+    vertices = np.array(mesh.vertex_matrix(), dtype=np.float64)
+    try:
+        columns = {name: column for name, column in read_fields(path).items() if len(column) == len(vertices)}
+    except FieldFileError:
+        columns = {}
+    if mesh.has_vertex_scalar():
+        columns[QUALITY] = np.array(mesh.vertex_scalar_array(), dtype=np.float64)
+    colors = np.array(mesh.vertex_color_matrix()) if mesh.has_vertex_color() else None
+    return MeshFile(path, vertices, np.array(mesh.face_matrix(), dtype=np.int32), columns, colors)
+
+
+def default_field(files: Sequence[MeshFile]) -> str:
+    """The quality if there is one, else the shape."""
+    return QUALITY if any(QUALITY in file.columns for file in files) else SHAPE
+
+
+def check_field(files: Sequence[MeshFile], name: str) -> None:
+    """Refuse a field that no file has; the message lists those that there are."""
+    if not any(name in file.names() for file in files):
+        have = dict.fromkeys(other for file in files for other in file.names())
+        paths = ", ".join(str(file.path) for file in files)
+        raise InvalidParameterError(f"field: {paths} has no {name!r}; it has {', '.join(have)}")
+
+
+def field_limits(
+    files: Sequence[MeshFile], name: str, *, percentile: float, limits: tuple[float, float] | None
+) -> tuple[float, float]:
+    """Colour range of a field, the same for all files."""
+    if limits is not None:
+        return limits
+    fields = [field for file in files if (field := file.field(name)) is not None]
+    values = np.concatenate([field.values for field in fields])
+    return round_limits(*color_range(values, signed=fields[0].signed, percentile=percentile))
+
+
+def field_panels(
+    files: Sequence[MeshFile],
+    name: str,
+    *,
+    colormap: str,
+    percentile: float,
+    limits: tuple[float, float] | None = None,
+    histogram: bool = False,
+) -> list[Panel]:
+    """One panel per file of a field with the same colours; files without it show their shape.
+
+    Parameters
+    ----------
+    files : sequence of MeshFile
+        What is shown.
+    name : str
+        ``quality``, a ``bz_*`` column, ``color``, or ``shape``: every face in grey.
+    colormap : str
+        As for `Panel`.
+    percentile : float
+        Percentage of the values that may lie beyond each end of the colours.
+    limits : (float, float), optional
+        Ends of the colours, instead.
+    histogram : bool
+        Whether the colour bar has a histogram of the values above it.
+
+    Raises
+    ------
+    InvalidParameterError
+        If no file has such a field; the message lists those that there are.
+    """
+    check_field(files, name)
+    if any(name in file.columns for file in files):
+        limits = field_limits(files, name, percentile=percentile, limits=limits)
+    panels = []
+    for file in files:
+        field = file.field(name)
+        if field is not None:
+            panels.append(
+                Panel(
+                    file.vertices,
+                    file.faces,
+                    field.values,
+                    label=field.label,
+                    unit=field.unit,
+                    colormap=colormap,
+                    signed=field.signed,
+                    limits=limits,
+                    histogram=histogram,
+                    title=file.path.name,
+                )
+            )
+        elif name == COLOR and file.colors is not None:
+            panels.append(Panel(file.vertices, file.faces, colors=file.colors, title=file.path.name))
+        else:
+            panels.append(_shape(file))
+    return panels
+
+
+def _shape(file: MeshFile) -> Panel:
+    """Every face flat and grey, so that nothing hides a rough surface."""
+    vertices, faces = file.vertices, file.faces
+    if len(faces):
+        vertices = np.ascontiguousarray(vertices[faces].reshape(-1, 3))
+        faces = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
+    return Panel(vertices, faces, colors=np.full((len(vertices), 3), _GREY), title=file.path.name)

@@ -1,0 +1,1 @@
+"""How things are run: compiled code, threads, processes, files written whole."""

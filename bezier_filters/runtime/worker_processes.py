@@ -1,0 +1,141 @@
+"""Runs jobs in a few processes; a job that fails, or ends its process, costs nothing but itself."""
+
+import multiprocessing
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import SpawnProcess
+from typing import Any
+
+from bezier_filters.runtime.parallel import THREADS_VARIABLE
+from bezier_filters.runtime.supervision import crash_message, this_process_is_expendable
+
+_SPAWN = multiprocessing.get_context("spawn")  # a forked copy of threads and compiled kernels may hang
+_PATIENCE = 10.0
+"""Seconds that a worker has to remove its temporary files."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a job.
+
+    Attributes
+    ----------
+    result : Any
+        What the function returned, or None.
+    error : str
+        Why it failed, in one line, or "".
+    seconds : float
+        How long it took.
+    """
+
+    result: Any
+    error: str
+    seconds: float
+
+
+def run_in_processes(
+    function: Callable[[Any], Any], jobs: Sequence[Any], *, processes: int, threads: int = 1
+) -> Generator[tuple[int, Outcome], None, None]:
+    """Call a function for every job, each in one of a few processes.
+
+    A worker that dies, for example because a library aborts on a damaged file, is replaced. When the iterator is
+    closed or an exception such as KeyboardInterrupt goes through it, the workers are ended.
+
+    Parameters
+    ----------
+    function : callable
+        Found by its name in a module; its jobs and results go through pipes.
+    jobs : sequence
+        What it is called with.
+    processes : int
+        Most workers at a time.
+    threads : int
+        That each worker may use, unless BEZIER_FILTERS_THREADS says otherwise.
+
+    Yields
+    ------
+    int, Outcome
+        Index of a job and what became of it, as they finish.
+
+    Examples
+    --------
+    >>> outcomes = dict(run_in_processes(abs, [-1, "x"], processes=1))
+    >>> outcomes[0].result, outcomes[1].error
+    (1, "bad operand type for abs(): 'str'")
+    """
+    waiting = list(enumerate(jobs))[::-1]
+    idle: list[_Worker] = []
+    busy: dict[Any, tuple[_Worker, int, float]] = {}  # by the connection
+    try:
+        while waiting or busy:
+            idle = [worker for worker in idle if worker.process.is_alive()]
+            while waiting and len(busy) < processes:
+                worker = idle.pop() if idle else _start(function, threads)
+                index, job = waiting.pop()
+                worker.connection.send(job)
+                busy[worker.connection] = (worker, index, time.perf_counter())
+            for connection in wait(list(busy)):
+                worker, index, start = busy.pop(connection)
+                try:
+                    result, error = worker.connection.recv()
+                    idle.append(worker)
+                except (EOFError, OSError):
+                    result, error = None, worker.last_words()
+                yield index, Outcome(result, error, time.perf_counter() - start)
+    finally:
+        workers = [*idle, *(worker for worker, _, _ in busy.values())]
+        for worker in workers:
+            worker.process.terminate()
+        for worker in workers:
+            worker.process.join(_PATIENCE)
+            worker.process.kill()  # hung in a library
+            worker.process.join()
+
+
+@dataclass(frozen=True)
+class _Worker:
+    process: SpawnProcess
+    connection: Connection
+
+    def last_words(self) -> str:
+        """How the process ended."""
+        self.process.join()
+        return last_words(self.process.exitcode or 0)
+
+
+def last_words(code: int) -> str:
+    """How a process ended that had this exit code."""
+    if code < 0:
+        return f"the process that worked on it {crash_message(signal.Signals(-code).name, 'reading it')}"
+    return f"the process that worked on it was ended with exit status {code}"
+
+
+def _start(function: Callable[[Any], Any], threads: int) -> _Worker:
+    ours, theirs = _SPAWN.Pipe()
+    process = _SPAWN.Process(target=_serve, args=(function, theirs, threads), daemon=True)
+    process.start()
+    theirs.close()  # only the worker holds this end now, so that its death is noticed
+    return _Worker(process, ours)
+
+
+def _serve(function: Callable[[Any], Any], connection: Connection, threads: int) -> None:
+    """What a worker does: answer every job with a result and an error."""
+    this_process_is_expendable()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends its workers itself,
+    signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))  # in order: nothing is left half written
+    os.environ.setdefault(THREADS_VARIABLE, str(threads))
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # libraries print there, and the parent's output may be JSON
+    while True:
+        try:
+            job = connection.recv()
+        except EOFError:  # the parent is gone
+            return
+        try:
+            connection.send((function(job), ""))
+        except Exception as error:
+            connection.send((None, " ".join(str(error).split()) or type(error).__name__))

@@ -1,0 +1,1 @@
+"""Takes the noise off a mesh and leaves its edges."""

@@ -1,0 +1,197 @@
+"""Laplacians of a mesh: how far every vertex is from the mean of its neighbours."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from bezier_filters.arrays import FloatArray, IntArray, SingleArray
+from bezier_filters.meshes.adjacency import Adjacency
+from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.runtime.lean import lean_njit
+from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
+
+Borders = Literal["curve", "fixed", "free"]
+"""Whether border vertices follow their neighbours along the border, stay, or follow all their neighbours."""
+
+LEAST_COTANGENT, LARGEST_COTANGENT = 0.05, 3.0
+"""Weights are kept within these bounds: none is negative, and slivers do not rule their vertices."""
+LEAST_AREA = 0.2
+"""Times a squared mean edge: a vertex with less area counts as having this, lest the Laplacian grow without bound."""
+FASTEST = 8.0
+"""Rate of a vertex, at the most: a few faster ones would cost all the others many steps, and a low-pass filter
+takes off what varies so fast in any case."""
+
+
+@dataclass(frozen=True)
+class Laplacian:
+    """The operator (L x)_i = rate_i (x_i - sum_j weight_ij x_j), whose eigenvalues lie in [0, bound].
+
+    Attributes
+    ----------
+    indptr, indices : int32
+        Rows of neighbours.
+    weights : float32
+        One for each neighbour; those of a row sum to 1, or are all 0.
+    rates : (n,) float32
+        How fast the vertices move, 1 on a regular mesh; 0 for those that do not.
+    """
+
+    indptr: IntArray
+    indices: IntArray
+    weights: SingleArray
+    rates: SingleArray
+
+    @property
+    def arrays(self) -> tuple[IntArray, IntArray, SingleArray, SingleArray]:
+        """All of it, as compiled code takes it."""
+        return self.indptr, self.indices, self.weights, self.rates
+
+    @property
+    def bound(self) -> float:
+        """No eigenvalue is larger (Gershgorin)."""
+        return 2.0 * float(self.rates.max(initial=0.5))
+
+
+def umbrella_laplacian(mesh: TriangleMesh, adjacency: Adjacency, borders: Borders, *, threads: int = 1) -> Laplacian:
+    """Differences from the plain mean of the neighbours.
+
+    It depends on the connections alone, not on coordinates and their noise, and evens out the triangles, too.
+    """
+    return _laplacian(mesh, adjacency, borders, 0.0, 0.0, threads)
+
+
+def cotangent_laplacian(
+    mesh: TriangleMesh, adjacency: Adjacency, borders: Borders, power: float, unit: float, *, threads: int = 1
+) -> Laplacian:
+    """Differences from the mean with cotangent weights, which vanish on planes: they move vertices along the normal.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    adjacency : Adjacency
+        Of the same mesh.
+    borders : {"curve", "fixed", "free"}
+        What border vertices do.
+    power : float
+        0 for one rate for all, which goes by edges; 1 for the Laplace-Beltrami operator, which goes by
+        lengths; or between.
+    unit : float
+        The mean edge, a length.
+    threads : int
+        Number of threads.
+    """
+    return _laplacian(mesh, adjacency, borders, power, unit, threads)
+
+
+def _laplacian(
+    mesh: TriangleMesh, adjacency: Adjacency, borders: Borders, power: float, unit: float, threads: int
+) -> Laplacian:
+    """Of cotangent weights if there is a unit."""
+    rows, n = adjacency.vertices, mesh.vertex_count
+    weights, rates = np.zeros(len(rows.indices), np.float32), np.zeros(n, np.float32)
+
+    def make_task() -> RangeTask:
+        return lambda start, stop: _write_rows(
+            mesh.vertices,
+            mesh.faces,
+            adjacency.faces.indptr,
+            adjacency.faces.indices,
+            rows.indptr,
+            rows.indices,
+            start,
+            stop,
+            unit,
+            power,
+            {"curve": 1, "fixed": 0, "free": 2}[borders],
+            weights,
+            rates,
+        )
+
+    run_in_chunks(make_task, n, threads=threads)
+    return Laplacian(rows.indptr, rows.indices, weights, rates)
+
+
+@lean_njit()
+def _write_rows(
+    vertices: FloatArray,
+    faces: IntArray,
+    face_ptr: IntArray,
+    face_indices: IntArray,
+    ptr: IntArray,
+    indices: IntArray,
+    start: int,
+    stop: int,
+    unit: float,
+    power: float,
+    borders: int,
+    weights: SingleArray,
+    rates: SingleArray,
+) -> None:
+    """Write the weights and rates of vertices start .. stop-1; plain means if the unit is 0."""
+    for i in range(start, stop):
+        first, last = ptr[i], ptr[i + 1]
+        on_border = False
+        for q in range(first, last):
+            met = 0
+            for p in range(face_ptr[i], face_ptr[i + 1]):
+                f = face_indices[p]
+                if indices[q] in (faces[f, 0], faces[f, 1], faces[f, 2]):
+                    met += 1
+            weights[q] = 1.0 if met != 1 else -1.0  # a sign marks the border for a moment
+            on_border = on_border or met == 1
+        for q in range(first, last):
+            if on_border and borders == 1:
+                weights[q] = 1.0 if weights[q] < 0.0 else 0.0
+            weights[q] = abs(weights[q])
+        area = 0.0
+        if unit > 0.0 and not on_border:
+            area = _add_cotangents(vertices, faces, face_ptr, face_indices, first, last, indices, i, weights)
+        total = 0.0
+        for q in range(first, last):
+            total += weights[q]
+        for q in range(first, last):
+            weights[q] = weights[q] / total if total > 0.0 else 0.0
+        rates[i] = 1.0
+        if unit > 0.0 and not on_border:
+            rates[i] = min((total / (4.0 * max(area / (unit * unit), LEAST_AREA))) ** power, FASTEST)
+        if total == 0.0 or (on_border and borders == 0):
+            rates[i] = 0.0
+
+
+@lean_njit()
+def _add_cotangents(
+    vertices: FloatArray,
+    faces: IntArray,
+    face_ptr: IntArray,
+    face_indices: IntArray,
+    first: int,
+    last: int,
+    indices: IntArray,
+    i: int,
+    weights: SingleArray,
+) -> float:
+    """Replace the weights of vertex i by half cotangent sums within bounds; return a third of the area around it."""
+    area = 0.0
+    for q in range(first, last):
+        weights[q] = 0.0
+    for p in range(face_ptr[i], face_ptr[i + 1]):
+        f = face_indices[p]
+        k = 0 if faces[f, 0] == i else 1 if faces[f, 1] == i else 2
+        a, b = faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
+        ux, uy, uz = vertices[a, 0] - vertices[i, 0], vertices[a, 1] - vertices[i, 1], vertices[a, 2] - vertices[i, 2]
+        vx, vy, vz = vertices[b, 0] - vertices[i, 0], vertices[b, 1] - vertices[i, 1], vertices[b, 2] - vertices[i, 2]
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        twice = np.sqrt(nx * nx + ny * ny + nz * nz)
+        area += twice / 6.0
+        if twice == 0.0:
+            continue
+        inner, uu, vv = ux * vx + uy * vy + uz * vz, ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz
+        for q in range(first, last):
+            if indices[q] == a:  # opposite is the angle at b
+                weights[q] += 0.5 * (vv - inner) / twice
+            elif indices[q] == b:
+                weights[q] += 0.5 * (uu - inner) / twice
+    for q in range(first, last):
+        weights[q] = min(max(weights[q], LEAST_COTANGENT), LARGEST_COTANGENT)
+    return area

@@ -1,0 +1,300 @@
+"""Face normals without their noise: means over the faces around that agree up to the noise.
+
+A face's neighbours count the less, the farther their normals are from its own, in units of the
+noise that is left in both (a bilateral filter). The noise is known: samples of it pass through
+the same means. So the filter becomes ever pickier as the noise falls, and comes to rest by itself
+where edges and corners, which noise does not explain, are as sharp as they are going to be.
+
+To tell how far the result follows the data, a mesh whose vertices are moved a little, the probe, passes along.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bezier_filters.arrays import FloatArray, IntArray, SingleArray
+from bezier_filters.meshes.adjacency import Rows
+from bezier_filters.meshes.frames import face_normal
+from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.runtime.lean import inner_njit, lean_njit
+from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
+
+SMALLEST_VARIANCE = 1e-12
+"""Of a normal, radians^2: below that everything agrees only with itself."""
+SQUARINGS = 5
+POWER = 2**SQUARINGS
+"""Weights are (1 - x / power)^power, nearly exp(-x) and soon computed."""
+
+
+@dataclass(frozen=True)
+class NoisyNormals:
+    """Unit normals of faces, and what noise did to them.
+
+    Attributes
+    ----------
+    faces : (m, 3) int32
+        Vertices of the faces.
+    both : (m, 8) float32
+        Normal of the mesh, twice the area of the face, normal of the probe, variance of the normal around the face.
+        Normals of faces without area are zero.
+    samples : (m, k, 3) float32
+        Changes of the normals by k samples of the noise, radians.
+    """
+
+    faces: IntArray
+    both: SingleArray
+    samples: SingleArray
+
+    @property
+    def normals(self) -> SingleArray:
+        """Unit normals of the mesh, (m, 3)."""
+        return self.both[:, 0:3]
+
+    @property
+    def probed_normals(self) -> SingleArray:
+        """Unit normals of the mesh with moved vertices, (m, 3)."""
+        return self.both[:, 4:7]
+
+
+def noisy_normals(mesh: TriangleMesh, probe: TriangleMesh, noise: SingleArray, *, threads: int = 1) -> NoisyNormals:
+    """Normals of two meshes, and how samples of the noise of vertices (n, k, 3) turn the first ones, to first order."""
+    m = mesh.face_count
+    both, samples = np.zeros((m, 8), dtype=np.float32), np.zeros((m, noise.shape[1], 3), dtype=np.float32)
+
+    def make_task() -> RangeTask:
+        return lambda start, stop: _write_normals(
+            mesh.vertices, probe.vertices, mesh.faces, noise, start, stop, both, samples
+        )
+
+    run_in_chunks(make_task, m, threads=threads)
+    return NoisyNormals(mesh.faces, both, samples)
+
+
+def filter_normals(
+    state: NoisyNormals, faces_at: Rows, rounds: int, tolerance: float, *, threads: int = 1
+) -> NoisyNormals:
+    """Replace every normal by its mean with those around it, some rounds.
+
+    Parameters
+    ----------
+    state : NoisyNormals
+        From `noisy_normals` or an earlier call; its arrays are overwritten.
+    faces_at : Rows
+        Faces at each vertex.
+    rounds : int
+        How many times.
+    tolerance : float
+        Difference of two normals, in standard deviations of what noise makes of it, at which a neighbour weighs
+        exp(-1/2).
+    threads : int
+        Number of threads.
+
+    Examples
+    --------
+    >>> from bezier_filters.meshes.adjacency import vertex_adjacency
+    >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> from bezier_filters.surfaces import block_with_sharp_edges
+    >>> block = triangle_mesh(*block_with_sharp_edges(resolution=6))
+    >>> start = noisy_normals(block, block, np.full((block.vertex_count, 2, 3), 1e-3, np.float32))
+    >>> before = start.normals.copy()
+    >>> end = filter_normals(start, vertex_adjacency(block).faces, 5, 2.0)
+    >>> bool(np.allclose(before, end.normals, atol=1e-6))
+    True
+    """
+    rows = faces_at.indptr, faces_at.indices
+    most = 1 + 3 * int(faces_at.lengths.max(initial=0))
+    result = replace(state, both=np.zeros_like(state.both), samples=np.zeros_like(state.samples))
+    for _ in range(rounds):
+        _write_variances(state, faces_at, tolerance, threads)
+        old, new = state, result
+
+        def make_task(old: NoisyNormals = old, new: NoisyNormals = new) -> RangeTask:
+            around, weights = np.empty(most, dtype=np.int32), np.empty((most, 2), dtype=np.float32)
+            return lambda start, stop: _filter(
+                old.faces, *rows, old.both, old.samples, start, stop, around, weights, new.both, new.samples
+            )
+
+        run_in_chunks(make_task, len(state.faces), threads=threads)
+        state, result = result, state
+    return state
+
+
+def _write_variances(state: NoisyNormals, faces_at: Rows, tolerance: float, threads: int) -> None:
+    """Write the mean squared change of the normals around each face, times the squared tolerance."""
+    faces, both = state.faces, state.both
+    m, n = len(faces), len(faces_at.lengths)
+    values = np.zeros(n, dtype=np.float32)
+    squared, least = np.float32(tolerance**2), np.float32(SMALLEST_VARIANCE)
+
+    def of_samples(start: int, stop: int) -> None:
+        _mean_squares(state.samples, squared, start, stop, both)
+
+    def to_vertices(start: int, stop: int) -> None:
+        _to_vertices(faces_at.indptr, faces_at.indices, both, start, stop, values)
+
+    def to_faces(start: int, stop: int) -> None:
+        _to_faces(faces, values, least * squared, start, stop, both)
+
+    run_in_chunks(lambda: of_samples, m, threads=threads)
+    for _ in range(2):
+        run_in_chunks(lambda: to_vertices, n, threads=threads)
+        run_in_chunks(lambda: to_faces, m, threads=threads)
+
+
+@lean_njit()
+def _mean_squares(samples: SingleArray, factor: np.float32, start: int, stop: int, both: SingleArray) -> None:
+    for f in range(start, stop):
+        total = np.float32(0.0)
+        for k in range(samples.shape[1]):
+            total += samples[f, k, 0] ** 2 + samples[f, k, 1] ** 2 + samples[f, k, 2] ** 2
+        both[f, 7] = factor * total / np.float32(samples.shape[1])
+
+
+@lean_njit()
+def _to_vertices(
+    face_ptr: IntArray, face_indices: IntArray, both: SingleArray, start: int, stop: int, values: SingleArray
+) -> None:
+    for i in range(start, stop):
+        total = np.float32(0.0)
+        for q in range(face_ptr[i], face_ptr[i + 1]):
+            total += both[face_indices[q], 7]
+        values[i] = total / np.float32(max(face_ptr[i + 1] - face_ptr[i], 1))
+
+
+@lean_njit()
+def _to_faces(
+    faces: IntArray, values: SingleArray, least: np.float32, start: int, stop: int, both: SingleArray
+) -> None:
+    for f in range(start, stop):
+        mean = (values[faces[f, 0]] + values[faces[f, 1]] + values[faces[f, 2]]) / np.float32(3.0)
+        both[f, 7] = max(mean, least)
+
+
+@lean_njit()
+def _write_normals(
+    vertices: FloatArray,
+    moved: FloatArray,
+    faces: IntArray,
+    noise: SingleArray,
+    start: int,
+    stop: int,
+    both: SingleArray,
+    samples: SingleArray,
+) -> None:
+    """Write unit normals, areas and the changes of the normals."""
+    for f in range(start, stop):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        x, y, z = face_normal(moved, faces, f)
+        length = np.sqrt(x * x + y * y + z * z)
+        if length > 0.0:
+            both[f, 4], both[f, 5], both[f, 6] = x / length, y / length, z / length
+        x, y, z = face_normal(vertices, faces, f)
+        length = np.sqrt(x * x + y * y + z * z)
+        both[f, 3] = length
+        if length == 0.0:
+            continue
+        x, y, z = x / length, y / length, z / length
+        both[f, 0], both[f, 1], both[f, 2] = x, y, z
+        ux, uy, uz = vertices[b, 0] - vertices[a, 0], vertices[b, 1] - vertices[a, 1], vertices[b, 2] - vertices[a, 2]
+        vx, vy, vz = vertices[c, 0] - vertices[a, 0], vertices[c, 1] - vertices[a, 1], vertices[c, 2] - vertices[a, 2]
+        for k in range(noise.shape[1]):
+            x0, y0, z0 = noise[a, k, 0], noise[a, k, 1], noise[a, k, 2]
+            px, py, pz = noise[b, k, 0] - x0, noise[b, k, 1] - y0, noise[b, k, 2] - z0
+            qx, qy, qz = noise[c, k, 0] - x0, noise[c, k, 1] - y0, noise[c, k, 2] - z0
+            dx = (py * vz - pz * vy + uy * qz - uz * qy) / length
+            dy = (pz * vx - px * vz + uz * qx - ux * qz) / length
+            dz = (px * vy - py * vx + ux * qy - uy * qx) / length
+            along = dx * x + dy * y + dz * z
+            samples[f, k, 0], samples[f, k, 1], samples[f, k, 2] = dx - along * x, dy - along * y, dz - along * z
+
+
+@lean_njit()
+def _filter(
+    faces: IntArray,
+    face_ptr: IntArray,
+    face_indices: IntArray,
+    both: SingleArray,
+    samples: SingleArray,
+    start: int,
+    stop: int,
+    around: IntArray,
+    weights: SingleArray,
+    new_both: SingleArray,
+    new_samples: SingleArray,
+) -> None:
+    """Write the means of faces start .. stop-1 with the faces that share a vertex with them.
+
+    Work space for the faces around one and their weights, by the normals of both meshes.
+    """
+    for f in range(start, stop):
+        around[0], weights[0, 0], weights[0, 1], count = f, both[f, 3], both[f, 3], 1
+        new_both[f, 3] = both[f, 3]
+        for corner in range(3):
+            i = faces[f, corner]
+            for q in range(face_ptr[i], face_ptr[i + 1]):
+                g = face_indices[q]
+                if g != f and not _met_before(faces, f, corner, g):
+                    around[count] = g
+                    weights[count, 0] = _weight(both, f, g, 0)
+                    weights[count, 1] = _weight(both, f, g, 4)
+                    count += 1
+        for first in range(0, 5, 4):
+            x = y = z = np.float32(0.0)
+            for q in range(count):
+                g, weight = around[q], weights[q, first // 4]
+                x += weight * both[g, first]
+                y += weight * both[g, first + 1]
+                z += weight * both[g, first + 2]
+            new_both[f, first], new_both[f, first + 1], new_both[f, first + 2] = x, y, z
+        _normalise(new_both, f, 4)
+        length = _normalise(new_both, f, 0)
+        if length == np.float32(0.0):
+            new_samples[f] = np.float32(0.0)
+            continue
+        nx, ny, nz = new_both[f, 0], new_both[f, 1], new_both[f, 2]
+        for k in range(samples.shape[1]):
+            x = y = z = np.float32(0.0)
+            for q in range(count):
+                g, weight = around[q], weights[q, 0]
+                x += weight * samples[g, k, 0]
+                y += weight * samples[g, k, 1]
+                z += weight * samples[g, k, 2]
+            along = x * nx + y * ny + z * nz
+            new_samples[f, k, 0] = (x - along * nx) / length
+            new_samples[f, k, 1] = (y - along * ny) / length
+            new_samples[f, k, 2] = (z - along * nz) / length
+
+
+@inner_njit()
+def _weight(both: SingleArray, f: int, g: int, first: int) -> np.float32:
+    """How much face g counts for face f, by the normals in three columns."""
+    dx, dy, dz = (
+        both[f, first] - both[g, first],
+        both[f, first + 1] - both[g, first + 1],
+        both[f, first + 2] - both[g, first + 2],
+    )
+    exponent = np.float32(0.5) * (dx * dx + dy * dy + dz * dz) / (both[f, 7] + both[g, 7])
+    result = max(np.float32(1.0) - exponent / np.float32(POWER), np.float32(0.0))
+    for _ in range(SQUARINGS):
+        result *= result
+    return np.float32(both[g, 3] * result)
+
+
+@inner_njit()
+def _normalise(both: SingleArray, f: int, first: int) -> np.float32:
+    """Divide the vector in three columns by its length; return that."""
+    x, y, z = both[f, first], both[f, first + 1], both[f, first + 2]
+    length: np.float32 = np.sqrt(x * x + y * y + z * z)
+    if length > np.float32(0.0):
+        both[f, first], both[f, first + 1], both[f, first + 2] = x / length, y / length, z / length
+    return length
+
+
+@inner_njit()
+def _met_before(faces: IntArray, f: int, corner: int, g: int) -> bool:
+    """Whether face g has one of the corners of face f before a given one."""
+    for k in range(corner):
+        i = faces[f, k]
+        if faces[g, 0] == i or faces[g, 1] == i or faces[g, 2] == i:
+            return True
+    return False

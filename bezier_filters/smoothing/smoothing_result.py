@@ -1,0 +1,90 @@
+"""What smoothing gives: a mesh, and what was done to it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bezier_filters.arrays import FloatArray
+from bezier_filters.colors.html_tables import html_table
+
+
+@dataclass(frozen=True, repr=False)
+class SmoothingResult:
+    """A smoothed mesh, and what was done to it.
+
+    Attributes
+    ----------
+    vertices : (n, 3) float64
+        The new coordinates; the faces are the same.
+    displacement : (n,) float64
+        How far each vertex moved, a length.
+    sharpness : (n,) float64
+        From 0, where the surface was smoothed like a scan of something round, to 1, where edges were kept as sharp
+        as can be; 0 with ``method="paper"``.
+    noise_before, noise_after : float or None
+        Standard deviation of the noise along the normal, a length; None if the mesh is too small to learn it.
+    volume_before, volume_after : float or None
+        What the closed parts enclose in all, length^3; None if there are none.
+    flipped_before, flipped_after : int
+        Faces more than 90 degrees away from the mean normal around them.
+    degenerate_before, degenerate_after : int
+        Faces without area.
+    new_bad_faces : int
+        Faces that are flipped or degenerate, and were not before.
+    """
+
+    vertices: FloatArray
+    displacement: FloatArray
+    sharpness: FloatArray
+    noise_before: float | None
+    noise_after: float | None
+    volume_before: float | None
+    volume_after: float | None
+    flipped_before: int
+    flipped_after: int
+    degenerate_before: int
+    degenerate_after: int
+    new_bad_faces: int
+
+    @property
+    def volume_ratio(self) -> float | None:
+        """Volume after over volume before; None if there is none to compare with."""
+        if not self.volume_before or self.volume_after is None:
+            return None
+        return self.volume_after / self.volume_before
+
+    @property
+    def mean_displacement(self) -> float:
+        """Mean distance that a vertex moved, a length."""
+        return float(self.displacement.mean()) if len(self.displacement) else 0.0
+
+    @property
+    def rms_displacement(self) -> float:
+        """Root mean square of the same."""
+        return float(np.sqrt(np.square(self.displacement).mean())) if len(self.displacement) else 0.0
+
+    @property
+    def max_displacement(self) -> float:
+        """Largest distance that a vertex moved, a length."""
+        return float(self.displacement.max(initial=0.0))
+
+    def __repr__(self) -> str:
+        """One line with the noise and the volume, without the arrays."""
+        return (
+            f"SmoothingResult({len(self.vertices)} vertices, noise {self.noise_before} before and {self.noise_after} "
+            f"after, volume ratio {self.volume_ratio}, {self.new_bad_faces} new bad faces)"
+        )
+
+    def _repr_html_(self) -> str:
+        """Tables for notebooks."""
+        rows: list[list[object]] = [
+            ["noise", "length", self.noise_before, self.noise_after],
+            ["volume", "length³", self.volume_before, self.volume_after],
+            ["flipped faces", "", self.flipped_before, self.flipped_after],
+            ["degenerate faces", "", self.degenerate_before, self.degenerate_after],
+        ]
+        moved = [["displacement", "length", self.mean_displacement, self.rms_displacement, self.max_displacement]]
+        title = f"Smoothing of {len(self.vertices):,} vertices"
+        return html_table(title, ["", "unit", "before", "after"], rows) + html_table(
+            "Vertices moved by", ["", "unit", "mean", "rms", "max"], moved
+        )
