@@ -46,6 +46,14 @@ def speck_and_a_far_vertex():
     return vertices, faces
 
 
+def dust_and_a_far_vertex():
+    """The same where squares of curvatures, or curvatures themselves, are beyond what a number holds."""
+    vertices, faces = ball()
+    n = len(vertices)
+    vertices = np.vstack([1e-52 * vertices, 1e-70 * vertices, 1e-170 * vertices, [[2.0, 1.0, 0.5]]])
+    return vertices, np.vstack([faces, faces + n, faces + 2 * n, [[0, 1, 3 * n]]])
+
+
 def unreferenced_vertices():
     vertices, faces = ball()
     return np.vstack([[[9.0, 9, 9]], vertices, np.full((5, 3), 7.0)]), faces + 1
@@ -178,6 +186,7 @@ MAKERS = {
         coincident_vertices,
         all_vertices_in_one_place,
         speck_and_a_far_vertex,
+        dust_and_a_far_vertex,
         unreferenced_vertices,
         fins,
         bow_tie,

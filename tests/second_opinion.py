@@ -16,6 +16,10 @@ FEWEST = 6  # coefficients that smoothness leaves open
 SMALLEST_PIVOT = 1e-6
 CERTAIN = 1e-6
 """Relative distance to a threshold below which rounding may decide."""
+SMALLEST_WIDTH = 1e-60
+"""Of a neighbourhood, a length: whatever is smaller is not fitted."""
+FLAT = 1e-14
+"""Width of a neighbourhood, as a part of its size, below which it is rounding that says where its points are."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +79,9 @@ def fitted(vertices, vertex, rings, z_axis):
     x_axis = near[order[-1]] / reach[order[-1]]
     y_axis = np.cross(z_axis, x_axis)
     x, y, z = edges @ x_axis, edges @ y_axis, edges @ z_axis
+    width = np.linalg.svd(np.column_stack([x, y]), compute_uv=False)[1] / np.sqrt(len(x))
+    if width < FLAT * np.linalg.norm(edges, axis=1).max() or np.ptp(y) < 2.0 * SMALLEST_WIDTH:
+        return Opinion(False)
     radius = np.hypot(x, y).max()
     rows = np.array([(x / radius) ** a * (y / radius) ** b for a, b in EXPONENTS]).T
     weight = ((1.0 - ALPHA) / ALPHA) ** 2
@@ -91,7 +98,6 @@ def fitted(vertices, vertex, rings, z_axis):
     r, s, t = 2 * c[2, 0] / radius**2, c[1, 1] / radius**2, 2 * c[0, 2] / radius**2
     w = np.sqrt(1 + p * p + q * q)
     curvature = -((1 + q * q) * r - 2 * p * q * s + (1 + p * p) * t) / (2 * w**3)
-    width = np.linalg.svd(np.column_stack([x, y]), compute_uv=False)[1] / np.sqrt(len(x))
     condition = np.linalg.cond(stacked / scale)
     tolerance = 1e-9 * condition**2 * np.linalg.norm(edges, axis=1).max() / width**2
     return Opinion(False, True, (z_axis - p * x_axis - q * y_axis) / w, curvature, tolerance)

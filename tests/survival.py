@@ -161,7 +161,9 @@ def check_creases(vertices, faces):
         assert np.isfinite(line.strength)
         assert np.isfinite(line.points).all()
         assert line.edges.max() < len(vertices)
-        assert ((line.points >= vertices.min(axis=0)) & (line.points <= vertices.max(axis=0))).all()
+        rounding = 1e-15 * np.abs(vertices).max(axis=0)
+        assert (line.points >= vertices.min(axis=0) - rounding).all()
+        assert (line.points <= vertices.max(axis=0) + rounding).all()
 
 
 def check_filter(vertices, faces, function):

@@ -20,6 +20,9 @@ FOLDED = 3
 """The neighbourhood folds over when projected onto the plane."""
 OUTCOMES = (FITTED, NO_FRAME, ILL_POSED, FOLDED)
 
+SMALLEST_WIDTH = 1e-60
+"""Of a neighbourhood, a length: below, the squares of third derivatives, times noise, are too large for a float64."""
+
 
 class KernelMesh(NamedTuple):
     """The arrays of a mesh that the kernels read, in an order of their own."""

@@ -37,7 +37,9 @@ def standard_errors(
     """
     zero, one, two, half = spread(0.0), spread(1.0), spread(2.0), spread(0.5)
     p, q, r, s, t = load(jets, 4), load(jets, 1), load(jets, 8), load(jets, 5), load(jets, 2)
-    scale2 = scale * scale
+    # Times the noise at once, which is small where the derivatives are large: squares must not overflow.
+    noise1 = spread(curvature_noise) * scale
+    noise2 = noise1 * scale
     a2, b2 = one + p * p, one + q * q
     per_w2 = one / (a2 + q * q)
     per_w3 = per_w2 * square_root(per_w2)
@@ -55,23 +57,23 @@ def standard_errors(
     h0, h1, h2, h3, h4 = _whitened(
         matrix,
         order,
-        scale * (p * t - q * s - p * bend) * per_w3,
-        scale * (q * r - p * s - q * bend) * per_w3,
-        scale2 * b2 * per_w3,
-        zero - scale2 * p * q * per_w3,
-        scale2 * a2 * per_w3,
+        noise1 * (p * t - q * s - p * bend) * per_w3,
+        noise1 * (q * r - p * s - q * bend) * per_w3,
+        noise2 * b2 * per_w3,
+        zero - noise2 * p * q * per_w3,
+        noise2 * a2 * per_w3,
     )
-    store(errors, 1, spread(curvature_noise) * square_root(_dot(h0, h1, h2, h3, h4, h0, h1, h2, h3, h4)))
+    store(errors, 1, square_root(_dot(h0, h1, h2, h3, h4, h0, h1, h2, h3, h4)))
     k0, k1, k2, k3, k4 = _whitened(
         matrix,
         order,
-        zero - spread(4.0) * scale * gaussian * p * per_w2,
-        zero - spread(4.0) * scale * gaussian * q * per_w2,
-        two * scale2 * t * per_w4,
-        zero - two * scale2 * s * per_w4,
-        two * scale2 * r * per_w4,
+        zero - spread(4.0) * noise1 * gaussian * p * per_w2,
+        zero - spread(4.0) * noise1 * gaussian * q * per_w2,
+        two * noise2 * t * per_w4,
+        zero - two * noise2 * s * per_w4,
+        two * noise2 * r * per_w4,
     )
-    store(errors, 2, spread(curvature_noise) * square_root(_dot(k0, k1, k2, k3, k4, k0, k1, k2, k3, k4)))
+    store(errors, 2, square_root(_dot(k0, k1, k2, k3, k4, k0, k1, k2, k3, k4)))
 
 
 @inner_njit()

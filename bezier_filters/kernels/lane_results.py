@@ -3,7 +3,7 @@
 from typing import Any
 
 from bezier_filters.arrays import ByteArray, FloatArray, IntArray
-from bezier_filters.kernels.kernel_input import FITTED, ILL_POSED, KernelFit
+from bezier_filters.kernels.kernel_input import FITTED, ILL_POSED, SMALLEST_WIDTH, KernelFit
 from bezier_filters.kernels.lane_errors import standard_errors
 from bezier_filters.kernels.lane_workspace import LaneWorkspace
 from bezier_filters.kernels.uncertainty import StandardErrors
@@ -47,7 +47,8 @@ def write_block(
     for lane in range(block.shape[0]):
         if outcomes[lane] != FITTED:
             continue
-        if not work.sound[lane] > 0.0:
+        per_half_width = max(work.box[LANES + lane], work.box[3 * LANES + lane])
+        if not (work.sound[lane] > 0.0 and per_half_width < 2.0 / SMALLEST_WIDTH):
             outcomes[lane] = ILL_POSED
             continue
         i = origin[block[lane]]

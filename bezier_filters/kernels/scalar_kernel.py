@@ -11,7 +11,7 @@ from numba import njit
 
 from bezier_filters.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from bezier_filters.kernels.condition import factor_condition
-from bezier_filters.kernels.kernel_input import FITTED, ILL_POSED, KernelFit, KernelMesh
+from bezier_filters.kernels.kernel_input import FITTED, ILL_POSED, SMALLEST_WIDTH, KernelFit, KernelMesh
 from bezier_filters.kernels.local_frames import write_axes, write_plane
 from bezier_filters.kernels.uncertainty import SEEN, StandardErrors, last_corner, write_standard_errors
 from bezier_filters.meshes.neighbourhoods import collect_ball, collect_ring
@@ -275,7 +275,7 @@ def _project(vertices: FloatArray, members: IntArray, count: int, square: bool, 
         radius = np.sqrt(radius)
         low_x, high_x, low_y, high_y = -radius, radius, -radius, radius
     width, height = high_x - low_x, high_y - low_y
-    if not (width > 0.0 and height > 0.0):
+    if not (width > SMALLEST_WIDTH and height > SMALLEST_WIDTH):
         return False
     box[0], box[1] = 0.5 * (low_x + high_x), 2.0 / width
     box[2], box[3] = 0.5 * (low_y + high_y), 2.0 / height

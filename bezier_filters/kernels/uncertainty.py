@@ -71,19 +71,22 @@ def write_standard_errors(
     numerator = (1.0 + q * q) * r - 2.0 * p * q * s + (1.0 + p * p) * t
     gaussian = (r * t - s * s) / (w2 * w2)
     work[:] = 0.0
+    # Times the noise at once, which is small where the derivatives are large: squares must not overflow.
+    noise1 = noise[1] * scale
+    noise2 = noise1 * scale
     # Rows: slope along x, slope along y, mean curvature, Gaussian curvature.
     work[0, 0] = scale
     work[1, 1] = scale
-    work[2, 0] = scale * (2.0 * (p * t - q * s) / (2.0 * w3) - 3.0 * p * numerator / (2.0 * w3 * w2))
-    work[2, 1] = scale * (2.0 * (q * r - p * s) / (2.0 * w3) - 3.0 * q * numerator / (2.0 * w3 * w2))
-    work[2, 2] = 2.0 * scale * scale * (1.0 + q * q) / (2.0 * w3)
-    work[2, 3] = -scale * scale * p * q / w3
-    work[2, 4] = 2.0 * scale * scale * (1.0 + p * p) / (2.0 * w3)
-    work[3, 0] = -4.0 * scale * gaussian * p / w2
-    work[3, 1] = -4.0 * scale * gaussian * q / w2
-    work[3, 2] = 2.0 * scale * scale * t / (w2 * w2)
-    work[3, 3] = -2.0 * scale * scale * s / (w2 * w2)
-    work[3, 4] = 2.0 * scale * scale * r / (w2 * w2)
+    work[2, 0] = noise1 * (2.0 * (p * t - q * s) / (2.0 * w3) - 3.0 * p * numerator / (2.0 * w3 * w2))
+    work[2, 1] = noise1 * (2.0 * (q * r - p * s) / (2.0 * w3) - 3.0 * q * numerator / (2.0 * w3 * w2))
+    work[2, 2] = 2.0 * noise2 * (1.0 + q * q) / (2.0 * w3)
+    work[2, 3] = -noise2 * p * q / w3
+    work[2, 4] = 2.0 * noise2 * (1.0 + p * p) / (2.0 * w3)
+    work[3, 0] = -4.0 * noise1 * gaussian * p / w2
+    work[3, 1] = -4.0 * noise1 * gaussian * q / w2
+    work[3, 2] = 2.0 * noise2 * t / (w2 * w2)
+    work[3, 3] = -2.0 * noise2 * s / (w2 * w2)
+    work[3, 4] = 2.0 * noise2 * r / (w2 * w2)
     for k in range(4):
         row = work[k]
         for a in range(SEEN):
@@ -93,5 +96,5 @@ def write_standard_errors(
     # |dn|^2 = ((1 + q^2) dp^2 - 2 p q dp dq + (1 + p^2) dq^2) / w^4
     turned = ((1.0 + q * q) * pp - 2.0 * p * q * pq + (1.0 + p * p) * qq) / (w2 * w2)
     result.normal[i] = noise[0] * np.sqrt(turned)
-    result.mean_curvature[i] = noise[1] * np.sqrt(dot(work[2], work[2], SEEN))
-    result.gaussian_curvature[i] = noise[1] * np.sqrt(dot(work[3], work[3], SEEN))
+    result.mean_curvature[i] = np.sqrt(dot(work[2], work[2], SEEN))
+    result.gaussian_curvature[i] = np.sqrt(dot(work[3], work[3], SEEN))

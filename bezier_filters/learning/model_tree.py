@@ -143,7 +143,9 @@ def _saved(plan: FitPlan, leaf: Leaf) -> float:
     """Logarithm of what a leaf's own plan takes off the predicted error of another; -inf if it has no such ring."""
     before = plan_for(plan, leaf.surface)
     smallest = np.finfo(np.float64).tiny  # on exact planes there is no error at all
-    return -np.inf if before is None else float(np.log(max(before.error, smallest) / max(leaf.chosen.error, smallest)))
+    if before is None:
+        return -np.inf
+    return float(np.log(max(before.error, smallest)) - np.log(max(leaf.chosen.error, smallest)))
 
 
 def leaves(tree: Tree[Kind]) -> list[Kind]:
