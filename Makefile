@@ -2,9 +2,11 @@
 PYTHON ?= python3
 MESH ?=
 OUT ?= out
+ARGS ?=
+PYTHONS ?= python3.10 python3.13
 SOURCES := pyproject.toml
 
-.PHONY: help demo test test-slow test-oldest check coverage docs bench bench-kernels bench-scale fuzz clean
+.PHONY: help demo test test-slow test-oldest test-pythons check coverage docs bench bench-kernels bench-scale fuzz clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
@@ -13,16 +15,24 @@ demo: .venv/ready  ## curvature, torsion and normals of the bunny (or MESH=file)
 	.venv/bin/bezier-filters demo $(MESH) --out $(OUT)
 
 test: .venv-dev/ready  ## run the test suite
-	.venv-dev/bin/python -m pytest
+	.venv-dev/bin/python -m pytest $(ARGS)
 
 test-slow: .venv-dev/ready  ## run the tests that take long
-	.venv-dev/bin/python -m pytest -m slow
+	.venv-dev/bin/python -m pytest -m slow $(ARGS)
 
 test-oldest: $(SOURCES)  ## run the test suite with the oldest versions of the dependencies that are allowed
 	$(PYTHON) -m venv --clear .venv-oldest
 	$(PYTHON) tests/oldest_versions.py > .venv-oldest/constraints.txt
-	.venv-oldest/bin/python -m pip install --quiet -e '.[viz,convert]' hypothesis pytest -c .venv-oldest/constraints.txt
-	.venv-oldest/bin/python -m pytest -W ignore::DeprecationWarning
+	.venv-oldest/bin/python -m pip install --quiet -e '.[viz,convert,test]' -c .venv-oldest/constraints.txt
+	.venv-oldest/bin/python -m pytest -W ignore::DeprecationWarning $(ARGS)
+
+test-pythons: $(SOURCES)  ## run the test suite on other Pythons: PYTHONS="python3.10 python3.13"
+	set -e; for python in $(PYTHONS); do \
+	    env=.venv-python$$($$python -c 'import sys; print("%d.%d" % sys.version_info[:2])'); \
+	    $$python -m venv --clear $$env; \
+	    $$env/bin/python -m pip install --quiet -e '.[viz,convert,test]'; \
+	    $$env/bin/python -m pytest $(ARGS); \
+	done
 
 check: .venv-dev/ready  ## style (ruff) and types (mypy)
 	.venv-dev/bin/ruff check .
@@ -59,7 +69,7 @@ fuzz: .venv-dev/ready  ## damage 100,000 meshes and 10,000 files at random and r
 	.venv-dev/bin/python benchmarks/fuzz_files.py
 
 clean:  ## remove environments, caches and outputs
-	rm -rf .venv .venv-dev .venv-oldest out build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-dev .venv-oldest .venv-python* out build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
 .venv/ready: $(SOURCES)
