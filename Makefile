@@ -9,7 +9,7 @@ SOURCES := pyproject.toml
 .PHONY: help demo test test-slow test-oldest test-pythons check coverage docs bench bench-kernels bench-scale fuzz clean
 
 help:  ## list the targets
-	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 16
 
 demo: .venv/ready  ## curvature, torsion and normals of the bunny (or MESH=file) into out/
 	.venv/bin/bezier-filters demo $(MESH) --out $(OUT)

@@ -37,11 +37,12 @@ from .meshlab.converters import to_trimesh as to_trimesh
 from .meshlab.crease_filter import (
     compute_selection_by_bezier_crease_per_edge as compute_selection_by_bezier_crease_per_edge,
 )
-from .meshlab.filters import (
+from .meshlab.curvature_filter import (
     compute_curvature_by_bezier_patch_per_vertex as compute_curvature_by_bezier_patch_per_vertex,
 )
-from .meshlab.filters import compute_normal_by_bezier_patch_per_vertex as compute_normal_by_bezier_patch_per_vertex
-from .meshlab.filters import compute_torsion_by_bezier_patch_per_vertex as compute_torsion_by_bezier_patch_per_vertex
+from .meshlab.curvature_filter import (
+    compute_torsion_by_bezier_patch_per_vertex as compute_torsion_by_bezier_patch_per_vertex,
+)
 from .meshlab.hole_filter import meshing_close_holes_by_bezier_patch as meshing_close_holes_by_bezier_patch
 from .meshlab.mesh_colors import color_by_quality as color_by_quality
 from .meshlab.mesh_colors import save_quality_map as save_quality_map
@@ -51,6 +52,9 @@ from .meshlab.script_runner import StepReport as StepReport
 from .meshlab.script_runner import run_filter_script as run_filter_script
 from .meshlab.script_values import script_step as script_step
 from .meshlab.smoothing_filter import apply_coord_bezier_patch_smoothing as apply_coord_bezier_patch_smoothing
+from .meshlab.vertex_normal_filter import (
+    compute_normal_by_bezier_patch_per_vertex as compute_normal_by_bezier_patch_per_vertex,
+)
 from .patches.fitting import PatchFit as PatchFit
 from .patches.fitting import fit_patch as fit_patch
 from .patches.patch import BezierPatch as BezierPatch

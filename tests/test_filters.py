@@ -11,12 +11,12 @@ from meshset_state import attributes, changed, filter_script, mesh_state
 from bezier_filters.errors import CancelledError
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.files.fields import CURVATURE_FIELDS, curvature_columns, normal_columns, torsion_columns
-from bezier_filters.meshlab.filters import (
+from bezier_filters.meshlab.curvature_filter import (
     compute_curvature_by_bezier_patch_per_vertex,
-    compute_normal_by_bezier_patch_per_vertex,
     compute_torsion_by_bezier_patch_per_vertex,
 )
 from bezier_filters.meshlab.meshset import BezierFilterError
+from bezier_filters.meshlab.vertex_normal_filter import compute_normal_by_bezier_patch_per_vertex
 from bezier_filters.status import FitStatus
 
 SAMPLES = Path(pymeshlab.__file__).parent / "tests" / "sample_meshes"

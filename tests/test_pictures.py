@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 
 import bezier_filters as bf
 from bezier_filters.cli.commands import app
-from bezier_filters.meshlab.filters import NORMAL_FIELDS
 from bezier_filters.meshlab.registration import FILTERS
+from bezier_filters.meshlab.vertex_normal_filter import NORMAL_FIELDS
 from bezier_filters.pictures.pictures import check_field, field_limits, field_panels, read_mesh_file
 from bezier_filters.pictures.sheets import ColorBar
 

@@ -61,7 +61,7 @@ def normals(
     and weights are chosen from the data unless they are given. PLY files keep the normals, the quality, the colours and
     columns bz_*: the components, their standard error in radians, and how every fit went.
     """
-    from bezier_filters.meshlab.filters import NORMAL_FIELDS, compute_normal_by_bezier_patch_per_vertex
+    from bezier_filters.meshlab.vertex_normal_filter import NORMAL_FIELDS, compute_normal_by_bezier_patch_per_vertex
 
     fit = {"rings": rings, "radius": radius, "alpha": alpha, "degree": degree, "smoothness": smoothness}
     colors = {"color": color, "colormap": colormap, "percentile": percentile, "colorrange": color_range}
@@ -111,7 +111,7 @@ def curvature(
     standard errors and how every fit went; other formats keep the colours.
     """
     from bezier_filters.files.fields import CURVATURE_FIELDS
-    from bezier_filters.meshlab.filters import compute_curvature_by_bezier_patch_per_vertex
+    from bezier_filters.meshlab.curvature_filter import compute_curvature_by_bezier_patch_per_vertex
 
     fit = {"rings": rings, "radius": radius, "alpha": alpha, "degree": degree, "smoothness": smoothness}
     colors = {"color": color, "colormap": colormap, "percentile": percentile, "colorrange": color_range}
@@ -157,7 +157,7 @@ def torsion(
     how every fit went. With --colormap Paper it is red where high, blue where medium and green where low.
     """
     from bezier_filters.files.fields import TORSION_FIELD
-    from bezier_filters.meshlab.filters import compute_torsion_by_bezier_patch_per_vertex
+    from bezier_filters.meshlab.curvature_filter import compute_torsion_by_bezier_patch_per_vertex
 
     fit = {"rings": rings, "radius": radius, "alpha": alpha, "degree": degree, "smoothness": smoothness}
     colors = {"color": color, "colormap": colormap, "percentile": percentile, "colorrange": color_range}

@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 
 from bezier_filters.files.fields import CURVATURE_FIELDS, TORSION_FIELD, ScalarField
-from bezier_filters.meshlab.filters import (
-    NORMAL_FIELDS,
+from bezier_filters.meshlab.curvature_filter import (
     compute_curvature_by_bezier_patch_per_vertex,
-    compute_normal_by_bezier_patch_per_vertex,
     compute_torsion_by_bezier_patch_per_vertex,
 )
 from bezier_filters.meshlab.mesh_files import load_mesh, save_mesh
 from bezier_filters.meshlab.meshset import MeshSet, read_current_mesh, shipped_bunny
+from bezier_filters.meshlab.vertex_normal_filter import NORMAL_FIELDS, compute_normal_by_bezier_patch_per_vertex
 from bezier_filters.pictures.render import Panel, render_panels
 
 VIEWS = ("front", "back")

@@ -12,10 +12,10 @@ from bezier_filters.errors import FieldFileError, InvalidParameterError
 from bezier_filters.files.field_files import read_fields
 from bezier_filters.files.fields import CURVATURE_FIELDS, DIAGNOSTIC_FIELDS, PREFIX, TORSION_FIELD
 from bezier_filters.meshlab.crease_filter import CREASE_FIELDS
-from bezier_filters.meshlab.filters import NORMAL_FIELDS
 from bezier_filters.meshlab.mesh_files import load_mesh
 from bezier_filters.meshlab.meshset import current_mesh
 from bezier_filters.meshlab.smoothing_filter import SMOOTHING_FIELDS
+from bezier_filters.meshlab.vertex_normal_filter import NORMAL_FIELDS
 from bezier_filters.pictures.render import Panel
 from bezier_filters.pictures.sheets import round_limits
 
