@@ -10,14 +10,38 @@ settings.register_profile("project", deadline=None)  # the first call of a kerne
 settings.load_profile("project")
 
 
-def pymeshlab_sample(name):
-    """Vertices and faces of a mesh that the pymeshlab wheel ships."""
+def load_sample(name):
+    """A MeshSet with a mesh that the pymeshlab wheel ships."""
     import pymeshlab
 
-    meshset = pymeshlab.MeshSet()
-    meshset.load_new_mesh(str(Path(pymeshlab.__file__).parent / "tests" / "sample_meshes" / name))
-    mesh = meshset.current_mesh()
+    ms = pymeshlab.MeshSet()
+    ms.load_new_mesh(str(Path(pymeshlab.__file__).parent / "tests" / "sample_meshes" / name))
+    return ms
+
+
+def pymeshlab_sample(name):
+    """Vertices and faces of such a mesh."""
+    ms = load_sample(name)
+    mesh = ms.current_mesh()
     return mesh.vertex_matrix(), mesh.face_matrix().astype(np.int32)
+
+
+@pytest.fixture
+def textured_bunny():
+    """The bunny with a texture and five holes, in a MeshSet."""
+    return load_sample("bunny10k_textured.obj")
+
+
+@pytest.fixture
+def textured(textured_bunny):
+    """The textured bunny in a MeshSet where everything that could get lost is set."""
+    from furnished import furnish
+
+    textured_bunny.create_cube()
+    textured_bunny.set_current_mesh(0)
+    furnish(textured_bunny, height=10, faces=3000)
+    textured_bunny.current_mesh().set_label("my bunny")
+    return textured_bunny
 
 
 @pytest.fixture(scope="session")

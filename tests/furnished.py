@@ -31,15 +31,20 @@ def furnished(vertices=None, faces=None, *, layers=2):
     if len(faces):
         ms.compute_texcoord_by_function_per_vertex(u="x", v="y")
         ms.compute_texcoord_by_function_per_wedge(u0="x0", u1="x1", u2="x2", v0="y0", v1="y1", v2="y2")
+    furnish(ms, height=0.2, faces=50)
+    return ms
+
+
+def furnish(ms, *, height, faces):
+    """Give the current mesh, layer 0, all that a mesh can carry; selected are what is above and the first faces."""
     ms.set_matrix(transformmatrix=TRANSFORM, freeze=False)
     ms.compute_scalar_by_function_per_vertex(q="x")
     ms.compute_color_by_function_per_vertex(x="vi * 0.05", y="7", z="9")
-    ms.compute_selection_by_condition_per_vertex(condselect="y > 0.2")
-    ms.compute_selection_by_condition_per_face(condselect="fi < 50")
+    ms.compute_selection_by_condition_per_vertex(condselect=f"y > {height}")
+    ms.compute_selection_by_condition_per_face(condselect=f"fi < {faces}")
     ms.set_mesh_visibility(0, False)
     mesh = ms.current_mesh()
     rng = np.random.default_rng(1)
     mesh.add_vertex_custom_scalar_attribute(rng.normal(size=mesh.vertex_number()), "mine")
     mesh.add_vertex_custom_point_attribute(rng.normal(size=(mesh.vertex_number(), 3)), "minepoint")
     mesh.add_face_custom_scalar_attribute(rng.normal(size=mesh.face_number()), "facemine")
-    return ms

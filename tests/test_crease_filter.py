@@ -6,13 +6,13 @@ import numpy as np
 import pymeshlab
 import pytest
 from meshset_state import mesh_state
-from test_filters import load
 from typer.testing import CliRunner
 
 from bezier_filters import estimate_vertex_geometry, find_creases
 from bezier_filters.cli.commands import app
 from bezier_filters.errors import CancelledError
 from bezier_filters.meshlab.crease_filter import COLUMNS, compute_selection_by_bezier_crease_per_edge
+from bezier_filters.meshlab.mesh_files import load_mesh
 from bezier_filters.meshlab.meshset import BezierFilterError
 from bezier_filters.surfaces import block_with_sharp_edges, ellipsoid
 
@@ -125,7 +125,7 @@ class TestCommand:
         assert result.exit_code == 0, result.output
         report = json.loads(result.stdout)
         (line,) = report["lines"]
-        ms = load(target)
+        ms = load_mesh(target)
         mesh = ms.current_mesh()
         assert mesh.edge_number() == line["points"] - 1
         a, b = mesh.vertex_matrix()[mesh.edge_matrix()].swapaxes(0, 1)

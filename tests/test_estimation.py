@@ -244,6 +244,18 @@ class TestStatus:
         assert geometry.status_counts() == {"NORMAL_ONLY": 3}
         np.testing.assert_array_equal(geometry.normals, [[0, 0, 1]] * 3)
 
+    def test_the_status_says_where_there_is_a_curvature(self):
+        """On a sphere, of which a part is not selected, beside a triangle and a lone point: it is 1 or not there."""
+        ball = sphere(resolution=4)
+        n = len(ball.vertices)
+        vertices = np.vstack([ball.vertices, [[5, 0, 0], [6, 0, 0], [5, 1, 0], [9, 9, 9]]])
+        selected = np.arange(n + 4) >= 10
+        geometry = estimate_vertex_geometry(vertices, [*ball.faces, [n, n + 1, n + 2]], selected=selected)
+        assert {"SKIPPED", "NORMAL_ONLY", "ISOLATED"} < set(geometry.status_counts())
+        has_curvature = [FitStatus(code).has_curvature for code in geometry.status]
+        np.testing.assert_array_equal(geometry.mean_curvature != 0.0, has_curvature)
+        assert sum(has_curvature) == n - 10
+
     def test_a_triangle_without_area_is_isolated(self):
         geometry = estimate_vertex_geometry([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]])
         assert geometry.status_counts() == {"ISOLATED": 3}

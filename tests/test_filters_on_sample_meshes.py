@@ -1,10 +1,8 @@
 """The filters on the meshes that pymeshlab ships."""
 
-from pathlib import Path
-
 import numpy as np
-import pymeshlab
 import pytest
+from conftest import load_sample
 
 from bezier_filters.meshlab.curvature_filter import (
     compute_curvature_by_bezier_patch_per_vertex,
@@ -18,22 +16,15 @@ VERTEX_FILTERS = (
     compute_curvature_by_bezier_patch_per_vertex,
     compute_torsion_by_bezier_patch_per_vertex,
 )
-SAMPLES = Path(pymeshlab.__file__).parent / "tests" / "sample_meshes"
 
 
 NAMES = ["bunny.obj", "bunny10k_textured.obj", "cow.obj", "bone.ply", "airplane.obj", "rangemaps/face000.ply"]
 
 
-def load(name):
-    ms = pymeshlab.MeshSet()
-    ms.load_new_mesh(str(SAMPLES / name))
-    return ms
-
-
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("function", VERTEX_FILTERS)
 def test_sample_meshes(name, function):
-    ms = load(name)
+    ms = load_sample(name)
     result = function(ms, color=True)
     mesh = ms.current_mesh()
     assert sum(result["status"].values()) == mesh.vertex_number()
@@ -44,7 +35,7 @@ def test_sample_meshes(name, function):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_smoothing_of_sample_meshes(name):
-    ms = load(name)
+    ms = load_sample(name)
     report = apply_coord_bezier_patch_smoothing(ms, quality="displacement", color=True)
     assert np.isfinite(ms.current_mesh().vertex_matrix()).all()
     assert report["new_bad_faces"] == 0

@@ -6,7 +6,6 @@ import numpy as np
 import pymeshlab
 import pytest
 from meshset_state import attributes, changed, frozen, layer_state, mesh_state
-from test_filters import load
 
 from bezier_filters.errors import CancelledError
 from bezier_filters.holes.hole_filling import fill_holes
@@ -22,26 +21,12 @@ NORMALS = {"vertex_normal_matrix", "face_normal_matrix"}
 
 
 @pytest.fixture
-def textured():
-    """The textured bunny with its five holes, in a MeshSet where everything that could get lost is set."""
-    ms = load("bunny10k_textured.obj")
-    ms.create_cube()
-    ms.set_current_mesh(0)
-    ms.set_matrix(transformmatrix=np.array([[0, -2, 0, 1], [2, 0, 0, 2], [0, 0, 2, 3], [0, 0, 0, 1.0]]), freeze=False)
-    ms.compute_scalar_by_function_per_vertex(q="x")
-    ms.compute_color_by_function_per_vertex(x="vi * 0.05", y="7", z="9")
-    ms.compute_selection_by_condition_per_vertex(condselect="y > 10")
-    ms.compute_selection_by_condition_per_face(condselect="fi < 3000")
-    ms.set_mesh_visibility(0, False)
-    mesh = ms.current_mesh()
-    mesh.set_label("my bunny")
-    rng = np.random.default_rng(1)
-    mesh.add_vertex_custom_scalar_attribute(rng.normal(size=mesh.vertex_number()), "mine")
+def textured(textured):
+    """With columns of our own, too."""
+    mesh = textured.current_mesh()
     mesh.add_vertex_custom_scalar_attribute(np.ones(mesh.vertex_number()), "bz_k_min")
     mesh.add_vertex_custom_scalar_attribute(np.zeros(mesh.vertex_number()), "bz_fit_status")
-    mesh.add_vertex_custom_point_attribute(rng.normal(size=(mesh.vertex_number(), 3)), "minepoint")
-    mesh.add_face_custom_scalar_attribute(rng.normal(size=mesh.face_number()), "facemine")
-    return ms
+    return textured
 
 
 def arrays(ms):

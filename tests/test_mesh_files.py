@@ -132,25 +132,23 @@ class TestSaving:
             ms.current_mesh().vertex_normal_matrix(), abs=1e-5
         )
 
-    def test_saving_changes_nothing_in_the_mesh_set(self, tmp_path):
-        ms = load_mesh(SAMPLES / "bunny10k_textured.obj")
-        before = mesh_state(ms)
-        save_mesh(ms, tmp_path / "out.obj")
-        assert changed(before, mesh_state(ms)) == set()
+    def test_saving_changes_nothing_in_the_mesh_set(self, tmp_path, textured_bunny):
+        before = mesh_state(textured_bunny)
+        save_mesh(textured_bunny, tmp_path / "out.obj")
+        assert changed(before, mesh_state(textured_bunny)) == set()
 
-    def test_an_obj_and_its_companions(self, tmp_path):
-        ms = load_mesh(SAMPLES / "bunny10k_textured.obj")
-        save_mesh(ms, tmp_path / "out.obj")
-        save_mesh(ms, tmp_path / "out.obj")
+    def test_an_obj_and_its_companions(self, tmp_path, textured_bunny):
+        save_mesh(textured_bunny, tmp_path / "out.obj")
+        save_mesh(textured_bunny, tmp_path / "out.obj")
         assert sorted(os.listdir(tmp_path)) == ["TextureDouble_A.png", "out.obj", "out.obj.mtl"]
         assert "mtllib ./out.obj.mtl" in (tmp_path / "out.obj").read_text()
         back = load_mesh(tmp_path / "out.obj")
         assert list(back.current_mesh().textures()) == ["TextureDouble_A.png"]
         assert back.current_mesh().has_wedge_tex_coord()
 
-    def test_an_image_that_exists_is_not_replaced(self, tmp_path):
+    def test_an_image_that_exists_is_not_replaced(self, tmp_path, textured_bunny):
         (tmp_path / "TextureDouble_A.png").write_bytes(b"mine")
-        save_mesh(load_mesh(SAMPLES / "bunny10k_textured.obj"), tmp_path / "out.ply")
+        save_mesh(textured_bunny, tmp_path / "out.ply")
         assert (tmp_path / "TextureDouble_A.png").read_bytes() == b"mine"
 
     def test_an_unknown_format(self, tmp_path, result):

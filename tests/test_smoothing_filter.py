@@ -6,7 +6,7 @@ import numpy as np
 import pymeshlab
 import pytest
 from meshset_state import changed, mesh_state
-from test_filters import array, load
+from test_filters import array
 
 from bezier_filters.errors import CancelledError
 from bezier_filters.meshlab.meshset import BezierFilterError
@@ -102,12 +102,11 @@ def test_a_noise_in_percent_is_one_of_the_diagonal(noisy):
     np.testing.assert_allclose(noisy.current_mesh().vertex_matrix(), expected.vertices, atol=1e-7)
 
 
-def test_textures_and_seams_stay():
-    ms = load("bunny10k_textured.obj")
-    before = mesh_state(ms)
-    apply_coord_bezier_patch_smoothing(ms, noise=0.1)
+def test_textures_and_seams_stay(textured_bunny):
+    before = mesh_state(textured_bunny)
+    apply_coord_bezier_patch_smoothing(textured_bunny, noise=0.1)
     geometry = {"vertex_matrix", "vertex_normal_matrix", "face_normal_matrix", "bounding_box"}
-    assert changed(before, mesh_state(ms)) <= {f"0: {name}" for name in geometry | COLUMNS}
+    assert changed(before, mesh_state(textured_bunny)) <= {f"0: {name}" for name in geometry | COLUMNS}
 
 
 @pytest.mark.parametrize(
