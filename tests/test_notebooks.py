@@ -7,6 +7,7 @@ import pymeshlab
 import pytest
 import pyvista
 import trimesh
+from conftest import load_sample
 
 import bezier_filters as bf
 from bezier_filters.surfaces import torus
@@ -112,3 +113,25 @@ class TestConverters:
         sphere = pyvista.Sphere()
         with pytest.raises(bf.InvalidMeshError, match=r"pass mesh.regular_faces, or use mesh_arrays"):
             bf.estimate_vertex_geometry(sphere.points, sphere.faces)
+
+
+OF_ARRAYS = (bf.estimate_vertex_geometry, bf.smooth, bf.fill_holes, bf.find_creases, bf.triangle_mesh, bf.to_pyvista)
+MESHES = {"meshset": lambda: load_sample("bone.ply"), "pyvista": pyvista.Sphere, "trimesh": trimesh.creation.icosphere}
+
+
+@pytest.mark.parametrize("make", [*MESHES.values(), lambda: "scan.ply"], ids=[*MESHES, "path"])
+@pytest.mark.parametrize(
+    "function",
+    [bf.estimate_vertex_geometry, bf.smooth, bf.fill_holes, bf.find_creases, bf.triangle_mesh, bf.to_pyvista],
+)
+def test_functions_of_arrays_tell_how_to_get_them_from_a_mesh(function, make):
+    mesh = make()
+    for arguments in ((mesh,), (mesh, [[0, 1, 2]])):
+        with pytest.raises(bf.InvalidMeshError, match=r"got a \w+, expected an array .* bezier_filters.mesh_arrays"):
+            function(*arguments)
+
+
+def test_what_the_message_names_reads_them():
+    for make in MESHES.values():
+        g = bf.estimate_vertex_geometry(*bf.mesh_arrays(make()), rings=2)
+        assert g.status_counts()

@@ -1,8 +1,6 @@
 """Differential geometry at every vertex of a mesh: the function that users call."""
 
 from dataclasses import fields, replace
-from numbers import Integral, Real
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,15 +11,17 @@ from bezier_filters.estimation.adaptive_fit import choose_fit, first_features, f
 from bezier_filters.estimation.ball_fit import fit_in_balls
 from bezier_filters.estimation.fallbacks import fit_with_fallbacks
 from bezier_filters.estimation.first_call import first_call
+from bezier_filters.estimation.fit_options import Automatic, check_radius, fit_options
 from bezier_filters.estimation.outliers import without_outliers
 from bezier_filters.estimation.point_cloud import point_cloud
 from bezier_filters.estimation.vertex_geometry import FitChoice, VertexGeometry, empty_geometry
 from bezier_filters.kernels.kernel_input import KernelMesh, kernel_mesh
 from bezier_filters.learning.learn import learn_surface
 from bezier_filters.learning.model_tree import Leaf
-from bezier_filters.learning.plans import CANDIDATE_DEGREES, Choices
+from bezier_filters.learning.plans import Choices
 from bezier_filters.learning.ring_analysis import RingAnalysis
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
+from bezier_filters.meshes.array_arguments import takes_arrays
 from bezier_filters.meshes.creases import crease_vertices
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
@@ -31,9 +31,8 @@ from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.runtime.parallel import Progress, thread_count
 from bezier_filters.status import FitStatus
 
-Automatic = Literal["auto"]
 
-
+@takes_arrays
 def estimate_vertex_geometry(
     vertices: ArrayLike,
     faces: ArrayLike | None,
@@ -137,7 +136,7 @@ def estimate_vertex_geometry(
     """
     mesh = triangle_mesh(vertices, [] if faces is None else faces)
     outside = _outside(normals, mesh)
-    _check_radius(radius, rings)
+    check_radius(radius, rings)
     rings, fixed, degrees = fit_options(rings, alpha, degree, smoothness)
     mask = None if selected is None else _checked_mask(selected, mesh.vertex_count)
     threads = thread_count(threads)
@@ -172,26 +171,6 @@ def estimate_vertex_geometry(
         if mask is not None:
             _clear(geometry, ~mask)
         return replace(geometry, fit=choice)
-
-
-def fit_options(
-    rings: object, alpha: object, degree: object, smoothness: Smoothness
-) -> tuple[int | Automatic, PatchFit | None, tuple[int, ...]]:
-    """What the user's options leave open: rings, the patch or None, and the degrees if the data choose.
-
-    Raises
-    ------
-    InvalidParameterError
-        If an option is out of range.
-    """
-    if smoothness == "paper":
-        rings, alpha = (2 if rings == "auto" else rings), (0.8 if alpha == "auto" else alpha)
-    checked = _checked_rings(rings)
-    if alpha == "auto":
-        _check_choices(degree, smoothness)
-        return checked, None, CANDIDATE_DEGREES if degree == "auto" else (int(degree),)  # type: ignore[call-overload]
-    fixed = PatchFit(3 if degree == "auto" else degree, alpha, smoothness)  # type: ignore[arg-type]
-    return checked, fixed, CANDIDATE_DEGREES if degree == "auto" else (fixed.degree,)
 
 
 def fitted_mesh(
@@ -259,32 +238,6 @@ def _outside(normals: ArrayLike | None, mesh: TriangleMesh) -> FloatArray | None
             f"normals: got shape {vectors.shape}, expected finite numbers of shape {mesh.vertices.shape}"
         )
     return vectors
-
-
-def _checked_rings(rings: object) -> int | Automatic:
-    if rings == "auto":
-        return "auto"
-    if isinstance(rings, bool) or not isinstance(rings, Integral) or rings < 1:
-        raise InvalidParameterError(f"rings: got {rings!r}, expected an integer of 1 or more, or 'auto'")
-    return int(rings)
-
-
-def _check_radius(radius: object, rings: object) -> None:
-    if radius is None:
-        return
-    if isinstance(radius, bool) or not isinstance(radius, Real) or not 0.0 < float(radius) < np.inf:
-        raise InvalidParameterError(f"radius: got {radius!r}, expected a positive length, or None")
-    if rings != "auto":
-        raise InvalidParameterError(f"radius: got {radius!r} and rings={rings!r}; give one of them, not both")
-
-
-def _check_choices(degree: object, smoothness: object) -> None:
-    if degree != "auto" and degree not in CANDIDATE_DEGREES:
-        raise InvalidParameterError(f"degree: got {degree!r}, expected one of {CANDIDATE_DEGREES}, or 'auto'")
-    if smoothness != "third_order":
-        raise InvalidParameterError(
-            f"smoothness: got {smoothness!r}, expected 'third_order' or 'paper', or a number for alpha"
-        )
 
 
 def _checked_mask(selected: BoolArray, n: int) -> BoolArray:

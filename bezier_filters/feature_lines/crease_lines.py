@@ -17,6 +17,7 @@ from bezier_filters.feature_lines.crest_segments import CurvatureAlongLines, cre
 from bezier_filters.feature_lines.polylines import chains
 from bezier_filters.feature_lines.sharp_edges import find_sharp_edges
 from bezier_filters.meshes.adjacency import vertex_adjacency
+from bezier_filters.meshes.array_arguments import takes_arrays
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
 from bezier_filters.meshes.mesh_edges import MeshEdges, mesh_edges
 from bezier_filters.runtime.parallel import Progress, thread_count
@@ -116,6 +117,7 @@ def edge_mesh(lines: Sequence[CreaseLine]) -> tuple[FloatArray, IntArray, IntArr
     return points, np.stack([first, first + 1], axis=1), line_of_point
 
 
+@takes_arrays
 def find_creases(
     vertices: ArrayLike,
     faces: ArrayLike,

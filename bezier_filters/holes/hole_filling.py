@@ -27,6 +27,7 @@ from bezier_filters.holes.hole_detection import Hole, find_holes
 from bezier_filters.holes.hole_result import HoleFillingResult, HoleReport
 from bezier_filters.holes.surroundings import Surroundings, surroundings_of
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
+from bezier_filters.meshes.array_arguments import takes_arrays
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
 from bezier_filters.meshes.self_intersections import faces_in_boxes
 from bezier_filters.patches.fitting import PatchFit
@@ -39,6 +40,7 @@ NOISE = 0.05
 """Of an edge, from which on points are fitted rather than interpolated: face normals are some 4 degrees off then."""
 
 
+@takes_arrays
 def fill_holes(
     vertices: ArrayLike,
     faces: ArrayLike,

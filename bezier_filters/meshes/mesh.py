@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import InvalidMeshError
+from bezier_filters.meshes.array_arguments import takes_arrays
 
 SMALLEST, LARGEST = 1e-40, 1e40
 """Sizes of the largest coordinate between which fourth powers of lengths and curvatures are floating point numbers."""
@@ -40,6 +41,7 @@ class TriangleMesh:
         return len(self.faces)
 
 
+@takes_arrays
 def triangle_mesh(vertices: ArrayLike, faces: ArrayLike) -> TriangleMesh:
     """Check arrays and make a mesh of them.
 

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
+from bezier_filters.meshes.array_arguments import takes_arrays
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
 from bezier_filters.smoothing.smoothing_result import SmoothingResult
 
@@ -25,6 +26,7 @@ _GEOMETRY = (
 )
 
 
+@takes_arrays
 def to_pyvista(vertices: ArrayLike, faces: ArrayLike | None, fields: Fields = None) -> "pyvista.PolyData":
     """Make a pyvista mesh that has the fields as point data.
 
@@ -69,6 +71,7 @@ def to_pyvista(vertices: ArrayLike, faces: ArrayLike | None, fields: Fields = No
     return cast("pyvista.PolyData", result)
 
 
+@takes_arrays
 def to_trimesh(vertices: ArrayLike, faces: ArrayLike, fields: Fields = None) -> "trimesh.Trimesh":
     """Make a trimesh mesh that has the fields as vertex attributes, and the fitted normals as vertex normals.
 

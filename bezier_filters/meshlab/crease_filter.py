@@ -6,7 +6,7 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray
 from bezier_filters.errors import InvalidMeshError
-from bezier_filters.estimation.estimate import Automatic
+from bezier_filters.estimation.fit_options import Automatic
 from bezier_filters.feature_lines.crease_lines import COLORS, CreaseLine, Creases, edge_mesh, find_creases
 from bezier_filters.files.fields import ScalarField
 from bezier_filters.meshlab.meshset import CurrentMesh, Length, Mesh, MeshSet, current_mesh

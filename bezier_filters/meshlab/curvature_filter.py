@@ -7,7 +7,7 @@ place on the current mesh, a dict as result.
 from typing import Any
 
 from bezier_filters.arrays import FloatArray
-from bezier_filters.estimation.estimate import Automatic
+from bezier_filters.estimation.fit_options import Automatic
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
 from bezier_filters.files.fields import CURVATURE_FIELDS, TORSION_FIELD, curvature_columns, torsion_columns
 from bezier_filters.meshlab.meshset import Length, MeshSet

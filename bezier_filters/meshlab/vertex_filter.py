@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray
-from bezier_filters.estimation.estimate import Automatic, estimate_vertex_geometry
+from bezier_filters.estimation.estimate import estimate_vertex_geometry
+from bezier_filters.estimation.fit_options import Automatic
 from bezier_filters.estimation.vertex_geometry import VertexGeometry, empty_geometry
 from bezier_filters.files.fields import PREFIX
 from bezier_filters.meshlab.meshset import CurrentMesh, Length, MeshSet, absolute_length

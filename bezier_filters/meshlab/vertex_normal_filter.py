@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
-from bezier_filters.estimation.estimate import Automatic
+from bezier_filters.estimation.fit_options import Automatic
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
 from bezier_filters.files.fields import PREFIX, ScalarField, normal_columns
 from bezier_filters.meshlab.meshset import Length, MeshSet

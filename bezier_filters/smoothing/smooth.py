@@ -15,6 +15,7 @@ from bezier_filters.kernels.kernel_input import kernel_mesh
 from bezier_filters.learning.learn import learn_surface
 from bezier_filters.learning.plans import Choices
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
+from bezier_filters.meshes.array_arguments import takes_arrays
 from bezier_filters.meshes.creases import crease_vertices
 from bezier_filters.meshes.flips import BadFaces, bad_faces, without_new_flips
 from bezier_filters.meshes.frames import tangent_planes
@@ -29,6 +30,7 @@ SmoothingMethod = Literal["auto", "paper"]
 SmoothedBorders = Literal["curve", "fixed"]
 
 
+@takes_arrays
 def smooth(
     vertices: ArrayLike,
     faces: ArrayLike,

@@ -1,0 +1,62 @@
+"""What the user's options leave to the data, and which are refused."""
+
+from numbers import Integral, Real
+from typing import Literal
+
+import numpy as np
+
+from bezier_filters.errors import InvalidParameterError
+from bezier_filters.learning.plans import CANDIDATE_DEGREES
+from bezier_filters.patches.fitting import PatchFit
+from bezier_filters.patches.smoothness import Smoothness
+
+Automatic = Literal["auto"]
+
+
+def fit_options(
+    rings: object, alpha: object, degree: object, smoothness: Smoothness
+) -> tuple[int | Automatic, PatchFit | None, tuple[int, ...]]:
+    """What the user's options leave open: rings, the patch or None, and the degrees if the data choose.
+
+    Raises
+    ------
+    InvalidParameterError
+        If an option is out of range.
+    """
+    if smoothness == "paper":
+        rings, alpha = (2 if rings == "auto" else rings), (0.8 if alpha == "auto" else alpha)
+    checked = _checked_rings(rings)
+    if alpha == "auto":
+        _check_choices(degree, smoothness)
+        return checked, None, CANDIDATE_DEGREES if degree == "auto" else (int(degree),)  # type: ignore[call-overload]
+    fixed = PatchFit(3 if degree == "auto" else degree, alpha, smoothness)  # type: ignore[arg-type]
+    return checked, fixed, CANDIDATE_DEGREES if degree == "auto" else (fixed.degree,)
+
+
+def _checked_rings(rings: object) -> int | Automatic:
+    if rings == "auto":
+        return "auto"
+    if isinstance(rings, bool) or not isinstance(rings, Integral) or rings < 1:
+        raise InvalidParameterError(f"rings: got {rings!r}, expected an integer of 1 or more, or 'auto'")
+    return int(rings)
+
+
+def check_radius(radius: object, rings: object) -> None:
+    """Refuse a radius that is no length, or one beside a number of rings."""
+    if radius is None:
+        return
+    if isinstance(radius, bool) or not isinstance(radius, Real) or not 0.0 < float(radius) < np.inf:
+        raise InvalidParameterError(
+            f"radius: got {radius!r}, expected a positive length, or None; percentages are for the filters of a MeshSet"
+        )
+    if rings != "auto":
+        raise InvalidParameterError(f"radius: got {radius!r} and rings={rings!r}; give one of them, not both")
+
+
+def _check_choices(degree: object, smoothness: object) -> None:
+    if degree != "auto" and degree not in CANDIDATE_DEGREES:
+        raise InvalidParameterError(f"degree: got {degree!r}, expected one of {CANDIDATE_DEGREES}, or 'auto'")
+    if smoothness != "third_order":
+        raise InvalidParameterError(
+            f"smoothness: got {smoothness!r}, expected 'third_order' or 'paper', or a number for alpha"
+        )
