@@ -23,14 +23,14 @@ test-slow: .venv-dev/ready  ## run the tests that take long
 test-oldest: $(SOURCES)  ## run the test suite with the oldest versions of the dependencies that are allowed
 	$(PYTHON) -m venv --clear .venv-oldest
 	$(PYTHON) tests/oldest_versions.py > .venv-oldest/constraints.txt
-	.venv-oldest/bin/python -m pip install --quiet -e '.[viz,convert,test]' -c .venv-oldest/constraints.txt
+	.venv-oldest/bin/python -m pip install --quiet -e '.[viz,convert,scale,test]' -c .venv-oldest/constraints.txt
 	.venv-oldest/bin/python -m pytest -W ignore::DeprecationWarning $(ARGS)
 
 test-pythons: $(SOURCES)  ## run the test suite on other Pythons: PYTHONS="python3.10 python3.13"
 	set -e; for python in $(PYTHONS); do \
 	    env=.venv-python$$($$python -c 'import sys; print("%d.%d" % sys.version_info[:2])'); \
 	    $$python -m venv --clear $$env; \
-	    $$env/bin/python -m pip install --quiet -e '.[viz,convert,test]'; \
+	    $$env/bin/python -m pip install --quiet -e '.[viz,convert,scale,test]'; \
 	    $$env/bin/python -m pytest $(ARGS); \
 	done
 

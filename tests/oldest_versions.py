@@ -7,19 +7,19 @@ import re
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
-EXTRAS = ("viz", "convert")
+EXTRAS = ("viz", "convert", "scale")
 """What users can install; the tools of the other extras may be as new as they like."""
 
 
 def oldest_versions(project: dict[str, object]) -> dict[str, str]:
     """Lower bounds of the dependencies of a ``[project]`` table, by name.
 
-    >>> oldest_versions({"dependencies": ["numpy>=1.26", "rich>=13,<99"], "optional-dependencies": {}})
+    >>> oldest_versions({"dependencies": ["numpy>=1.26", "rich[all]>=13,<99"], "optional-dependencies": {}})
     {'numpy': '1.26', 'rich': '13'}
     """
     extras = project["optional-dependencies"]
     requirements = [*project["dependencies"], *(line for name in EXTRAS for line in extras.get(name, []))]
-    return {found[1]: found[2] for line in requirements if (found := re.match(r"([\w.-]+)>=([\w.]+)", line))}
+    return {found[1]: found[2] for line in requirements if (found := re.match(r"([\w.-]+)(?:\[.*\])?>=([\w.]+)", line))}
 
 
 if __name__ == "__main__":

@@ -10,11 +10,17 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pymeshlab
 import pytest
 
 from bezier_filters import read_fields
+from bezier_filters.cli.app import app
+from bezier_filters.cli.batch import COMMANDS, Item, run_command, summarize
 from bezier_filters.cli.commands import main
+from bezier_filters.cli.console import print_batch
+from bezier_filters.meshlab.mesh_files import save_mesh
 from bezier_filters.runtime.worker_processes import run_in_processes
+from bezier_filters.surfaces import block_with_sharp_edges
 
 SAMPLES = Path(__file__).parent.parent / "sample_meshes"
 MODULE = [sys.executable, "-m", "bezier_filters"]
@@ -91,6 +97,41 @@ def test_an_interrupted_batch_goes_on_where_it_was(tmp_path):
     assert before.items() <= after.items()
 
 
+REMARKS = {
+    "normals": "angle: median ",
+    "curvature": "mean curvature: median ",
+    "torsion": "torsion: median ",
+    "smooth": "noise ",
+    "fill-holes": "0 holes filled, 0 left open",
+    "creases": "21 lines, 60 sharp edges",
+}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_does_what_it_does_for_one_file(command, tmp_path, capsys):
+    """A cube without one of its octants has 21 edges, here of two or four edges of the mesh."""
+    vertices, faces = block_with_sharp_edges(resolution=4)
+    ms = pymeshlab.MeshSet()
+    ms.add_mesh(pymeshlab.Mesh(vertices, faces))
+    source, of_batch, alone = (str(tmp_path / name) for name in ("a block.ply", "of batch.ply", "alone.ply"))
+    save_mesh(ms, source)
+    report = run_command([command, source, of_batch])
+    app([command, source, alone], standalone_mode=False)
+    assert Path(of_batch).read_bytes() == Path(alone).read_bytes()
+    capsys.readouterr()
+    print_batch(summarize(command, [Item(source, of_batch, "done", 1.0, report=report)], 1.0))
+    assert REMARKS[command] in capsys.readouterr().out
+
+
+def test_lines_of_many_files(tmp_path):
+    (tmp_path / "my parts").mkdir()
+    for name in ("block.ply", "torus.ply"):
+        shutil.copy(SAMPLES / name, tmp_path / "my parts")
+    done = run("batch", "creases", "my parts/*", "--out", "lines", "--suffix", ".obj", cwd=tmp_path)
+    assert "creases: 2 done, 0 skipped, 0 failed" in done.stdout
+    assert "\nl 1 2\n" in (tmp_path / "lines" / "block.obj").read_text()
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -101,6 +142,8 @@ def test_an_interrupted_batch_goes_on_where_it_was(tmp_path):
         (["smooth", "a.ply", "--out", "out", "--suffix", "ply"], "suffix: got 'ply'"),
         (["smooth", "a.ply", "--out", "out", "--options", "--json"], "options: got --json"),
         (["smooth", "a.ply", "--out", "out", "--options", "--colour"], "No such option"),
+        (["smooth", "a.ply", "--out", "out", "--options", "--save-script a.mlx"], "got --save-script, which names one"),
+        (["creases", "a.ply", "--out", "out", "--options", "--picture a.png"], "got --picture, which names one file"),
     ],
 )
 def test_mistakes_are_refused_before_anything_is_done(arguments, message, tmp_path, monkeypatch, capfd):

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -28,6 +29,7 @@ COMMANDS = [
     "qmap",
     "info",
     "demo",
+    "scale",
 ]
 
 
@@ -105,11 +107,22 @@ def test_filling_holes(tmp_path):
     result = run("fill-holes", SAMPLES / "punched_patch.ply", target)
     assert result.returncode == 0
     assert "left open" in result.stdout
+    assert "--outer-rims fills it, too" in result.stdout
+    assert max(map(len, result.stdout.splitlines()[:-1])) <= 80
     report = json.loads(run("fill-holes", SAMPLES / "punched_patch.ply", target, "--outer-rims", "--json").stdout)
     assert report["open_holes"] == 0
     assert load(target).get_topological_measures()["boundary_edges"] == 0
     result = run("fill-holes", SAMPLES / "sphere.ply", target)
     assert "no holes" in result.stdout
+
+
+def test_the_output_may_be_the_input(tmp_path):
+    mesh, other = tmp_path / "a scan.ply", tmp_path / "other.ply"
+    shutil.copy(SAMPLES / "punched_patch.ply", mesh)
+    assert run("fill-holes", mesh, other).returncode == 0
+    assert run("fill-holes", mesh, mesh).returncode == 0
+    assert mesh.read_bytes() == other.read_bytes()
+    assert len(list(tmp_path.iterdir())) == 2
 
 
 def test_formats_without_quality_are_written_with_a_note(tmp_path):
@@ -144,9 +157,18 @@ def test_formats_without_quality_are_written_with_a_note(tmp_path):
         ),
         (["info", SAMPLES], "it is a directory"),
         (["render", SAMPLES / "waves.ply", "out.png", "--field", "bz_k_min"], "has no 'bz_k_min'"),
+        (
+            ["render", SAMPLES / "waves.ply", "out.ply"],
+            "picture: got 'out.ply', expected a file name that ends in .png",
+        ),
+        (
+            ["creases", SAMPLES / "waves.ply", "out.obj", "--picture", "out.jpg"],
+            "picture: got 'out.jpg', expected a file name that ends in .png",
+        ),
+        (["run", "missing.mlx", SAMPLES / "waves.ply", "out.ply"], "missing.mlx: No such file or directory"),
         (["demo", "missing.ply"], "cannot read missing.ply"),
         (["view", SAMPLES / "waves.ply"], "there is no display to open a window on; `bezier-filters render` draws"),
-        (["qmap", SAMPLES / "waves.ply", "out.qmap"], "has no 'quality'; it has"),
+        (["qmap", SAMPLES / "waves.ply", "out.qmap"], "has no 'quality'; it has shape; commands such as curvature"),
         (["run", SAMPLES / "waves.ply", SAMPLES / "waves.ply", "out.ply"], "waves.ply: is no filter script"),
     ],
 )

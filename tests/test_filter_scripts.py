@@ -85,7 +85,7 @@ class TestRunning:
         again = pymeshlab.MeshSet()
         steps = bf.read_filter_script(tmp_path / "script.mlx")
         assert [step.name for step in steps][:2] == ["Torus", "Laplacian Smooth"]
-        reports = list(bf.run_filter_script(again, steps))
+        reports = bf.run_filter_script(again, steps)
         assert {report.by for report in reports} == {"MeshLab"}
         for expected, got in zip(state(ms), state(again), strict=True):
             np.testing.assert_array_equal(got, expected)
@@ -142,7 +142,7 @@ class TestRunning:
             '<Param name="targetlen" value="0.3"/><Param name="Iterations" value="1"/></filter>',
         )
         ms = pymeshlab.MeshSet()
-        list(bf.run_filter_script(ms, bf.read_filter_script(path)))
+        bf.run_filter_script(ms, bf.read_filter_script(path))
         assert 0.2 < ms.get_geometric_measures()["avg_edge_length"] < 0.4
 
     @pytest.mark.parametrize(
@@ -176,7 +176,7 @@ class TestRunning:
         ms = pymeshlab.MeshSet()
         steps = bf.read_filter_script(script(tmp_path, '<filter name="Sphere"/>' + content))
         with pytest.raises(bf.InvalidScriptError, match=re.escape(message)):
-            list(bf.run_filter_script(ms, steps))
+            bf.run_filter_script(ms, steps)
         assert ms.mesh_number() == 0
 
     @pytest.mark.parametrize(
@@ -192,7 +192,7 @@ class TestRunning:
         ms = pymeshlab.MeshSet()
         path = script(tmp_path, f'<filter name="Sphere"/><filter name="Close Holes">{content}</filter>')
         with pytest.raises((bf.InvalidScriptError, BezierFilterError), match=re.escape(message)):
-            list(bf.run_filter_script(ms, bf.read_filter_script(path)))
+            bf.run_filter_script(ms, bf.read_filter_script(path))
         assert ms.mesh_number() == 1
 
     def test_names_of_meshlab_lead_to_filters(self):

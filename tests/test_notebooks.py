@@ -10,7 +10,7 @@ import trimesh
 from conftest import load_sample
 
 import bezier_filters as bf
-from bezier_filters.surfaces import torus
+from bezier_filters.surfaces import block_with_sharp_edges, torus
 
 
 @pytest.fixture(scope="module")
@@ -50,6 +50,18 @@ class TestRichResults:
         rows = {row[0]: row[1:] for row in cells(result._repr_html_())}
         assert rows["volume"] == ["length³", f"{result.volume_before:.4g}", f"{result.volume_after:.4g}"]
         assert len(repr(result)) < 300
+
+    def test_creases(self):
+        """A cube without one of its eight octants: three of its edges, each half as long, are concave."""
+        found = bf.find_creases(*block_with_sharp_edges(resolution=8))
+        header, *rows = cells(found._repr_html_())
+        assert header == ["", "lines", "length [length]", "strongest"]
+        by_kind = {row[0]: row[1:] for row in rows}
+        assert list(by_kind) == ["sharp ridges", "ridges", "sharp ravines", "ravines"]
+        assert by_kind["sharp ravines"][:2] == ["3", "1.5"]
+        assert by_kind["ridges"] == ["0", "0", ""]
+        assert repr(found) == f"Creases({len(found.of_kind('ridge'))} ridges, 3 ravines)"
+        assert all(len(repr(line)) < 100 for line in found.lines)
 
     def test_holes(self, shape):
         open_faces = shape.faces[6:]

@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 import bezier_filters as bf
 from bezier_filters.cli.commands import app
+from bezier_filters.meshlab.mesh_files import load_mesh, save_mesh
 from bezier_filters.meshlab.registration import FILTERS
 from bezier_filters.meshlab.vertex_normal_filter import NORMAL_FIELDS
 from bezier_filters.pictures.pictures import check_field, field_limits, field_panels, read_mesh_file
@@ -32,8 +33,6 @@ def folder(tmp_path_factory):
         ms.load_new_mesh(str(SAMPLES / "bumpy_star.ply"))
         ms.compute_matrix_from_scaling_or_normalization(axisx=scale, uniformflag=True)
         function(ms)
-        from bezier_filters.meshlab.mesh_files import save_mesh
-
         save_mesh(ms, folder / name)
     return folder
 
@@ -61,8 +60,6 @@ class TestFields:
         ms.load_new_mesh(str(SAMPLES / "torus.ply"))
         for function in FILTERS:
             function(ms)
-        from bezier_filters.meshlab.mesh_files import save_mesh
-
         save_mesh(ms, tmp_path / "all.ply")
         file = read_mesh_file(tmp_path / "all.ply")
         columns = [name for name in file.columns if name.startswith("bz_")]
@@ -114,6 +111,22 @@ def test_a_histogram_stands_on_its_bar(tmp_path):
 
 
 class TestCommands:
+    def test_a_quality_of_zeros_is_not_shown_unless_it_is_asked_for(self, folder):
+        ms = load_mesh(folder / "curved.ply")
+        ms.compute_scalar_by_function_per_vertex(q="0")
+        save_mesh(ms, folder / "zeros.ply")
+        for arguments, expected in [([], "shape"), (["--field", "quality"], "quality")]:
+            result = run(folder, "render", "zeros.ply", "z.png", *arguments, "--size", 60, "--json")
+            assert json.loads(result.stdout)["panels"][0]["field"] == expected
+        result = run(folder, "render", "zeros.ply", "curved.ply", "z.png", "--size", 60, "--json")
+        assert json.loads(result.stdout)["panels"][0]["field"] == "quality"
+
+    def test_a_mesh_is_not_overwritten_by_a_picture(self, folder):
+        before = (folder / "large.ply").read_bytes()
+        result = run(folder, "render", "curved.ply", "large.ply")
+        assert isinstance(result.exception, bf.InvalidParameterError)
+        assert (folder / "large.ply").read_bytes() == before
+
     def test_before_and_after_with_several_fields(self, folder):
         arguments = ["curved.ply", "large.ply", "both.png", "--field", "quality", "--field", "shape", "--view", "iso"]
         result = run(folder, "render", *arguments, "--size", 150, "--histogram", "--json")

@@ -14,14 +14,14 @@ from typing import Annotated, Any
 
 import typer
 
-from bezier_filters.cli import console, filters
+from bezier_filters.cli import console, creases, filters
 from bezier_filters.cli.app import app
 from bezier_filters.cli.options import Json, Quiet
 from bezier_filters.errors import InvalidParameterError
 
-__all__ = ["Item", "batch", "filters", "plan", "run_command"]
+__all__ = ["Item", "batch", "creases", "filters", "plan", "run_command"]
 
-COMMANDS = ("normals", "curvature", "torsion", "smooth", "fill-holes")
+COMMANDS = ("normals", "curvature", "torsion", "smooth", "fill-holes", "creases")
 """Commands that take an input and an output."""
 
 
@@ -53,7 +53,9 @@ class Item:
 
 @app.command(epilog="Example: bezier-filters batch curvature 'scans/*.ply' --out curved --options '--quality gaussian'")
 def batch(
-    command: Annotated[str, typer.Argument(help="normals, curvature, torsion, smooth or fill-holes.")],
+    command: Annotated[
+        str, typer.Argument(help="normals, curvature, torsion, smooth, fill-holes or creases.", metavar="COMMAND")
+    ],
     sources: Annotated[
         list[str], typer.Argument(help="Files, or patterns in quotes; ** is any depth of folders.", metavar="FILES")
     ],
@@ -138,6 +140,9 @@ def check_command(command: str, options: list[str]) -> None:
     for name in ("quiet", "json"):
         if parsed.params[name]:
             raise InvalidParameterError(f"options: got --{name}, which is an option of the batch itself")
+    for name in ("picture", "save_script"):
+        if parsed.params.get(name):
+            raise InvalidParameterError(f"options: got --{name.replace('_', '-')}, which names one file for all")
 
 
 def find_files(sources: Sequence[str]) -> list[Path]:

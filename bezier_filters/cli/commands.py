@@ -34,7 +34,7 @@ def info(source: Source, json: Json = False) -> None:
 @app.command(epilog="Example: bezier-filters demo my_scan.ply --out pictures")
 def demo(
     source: Annotated[
-        Path | None, typer.Argument(help="Any mesh; the bunny that pymeshlab ships if left out.", metavar="[MESH]")
+        Path | None, typer.Argument(help="Any mesh; the bunny that pymeshlab ships if left out.", metavar="MESH")
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the files.")] = Path("out"),
     quiet: Quiet = False,
@@ -87,4 +87,6 @@ def _run() -> str:
 
 
 def _in_one_line(error: Exception) -> str:
+    if isinstance(error, OSError) and error.strerror and error.filename:
+        return f"{error.filename}: {error.strerror}"
     return " ".join(str(error).split()) or type(error).__name__

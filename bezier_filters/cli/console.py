@@ -8,9 +8,11 @@ from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
+from rich.padding import Padding
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from bezier_filters.files.fields import CURVATURE_FIELDS
 from bezier_filters.meshes.diagnosis import diagnose, is_fit
 from bezier_filters.meshes.mesh import MeshReport, TriangleMesh
 from bezier_filters.runtime.parallel import Progress as ProgressCallback
@@ -100,22 +102,15 @@ def print_holes(report: dict[str, Any], source: str) -> None:
     if not report["holes"]:
         out.print("  no holes")
         return
-    table = Table(box=None, padding=(0, 2, 0, 2))
-    for column in ("edges", "diameter [length]", "fill", "new faces", "rim angle"):
-        table.add_column(escape(column), justify="right" if column != "fill" else "left")
-    table.add_column("remarks", overflow="fold")
+    out.print("    edges  diameter [length]  fill         new faces  rim angle [degrees]", markup=False)
     for hole in sorted(report["holes"], key=lambda hole: -hole["edge_count"])[:MOST_HOLES]:
-        angle = f"{hole['rim_dihedral']:.1f}\u00b0" if hole["filled"] else ""
-        method = hole["method"] or "no"
-        table.add_row(
-            f"{hole['edge_count']:,}",
-            f"{hole['diameter']:.3g}",
-            method,
-            f"{hole['new_faces']:,}",
-            angle,
-            hole["reason"].replace("outer_rims=True", "--outer-rims"),
-        )
-    out.print(table)
+        angle = f"{hole['rim_dihedral']:.1f}" if hole["filled"] else ""
+        method = hole["method"] or "left open"
+        size = f"{hole['edge_count']:>9,}  {hole['diameter']:>17.3g}"
+        out.print(f"{size}  {method:<11}  {hole['new_faces']:>9,}  {angle:>19}".rstrip())
+        if hole["reason"]:
+            remark = hole["reason"].replace("outer_rims=True", "--outer-rims")
+            out.print(Padding(escape(remark), (0, 2, 0, 11), expand=False), soft_wrap=False)
     if len(report["holes"]) > MOST_HOLES:
         out.print(f"  and {len(report['holes']) - MOST_HOLES:,} smaller ones")
     out.print(
@@ -165,6 +160,8 @@ def print_batch(summary: dict[str, Any]) -> None:
 
 def _remark(report: dict[str, Any]) -> str:
     """The most telling numbers of a filter's report."""
+    if "sharp_edges" in report:
+        return f"{len(report['lines']):,} lines, {report['sharp_edges']:,} sharp edges"
     if "closed_holes" in report:
         return f"{report['closed_holes']:,} holes filled, {report['open_holes']:,} left open"
     if "noise_before" in report:
@@ -172,7 +169,8 @@ def _remark(report: dict[str, Any]) -> str:
         return f"noise {before} before, {after} after [length]"
     if "statistics" in report:
         unit = f" [{report['unit']}]" if report["unit"] else ""
-        return f"{report['quality']}: median {report['statistics']['median']:.4g}{unit}"
+        known = CURVATURE_FIELDS.get(report["quality"])
+        return f"{known.label if known else report['quality']}: median {report['statistics']['median']:.4g}{unit}"
     return ""
 
 

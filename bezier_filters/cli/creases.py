@@ -44,8 +44,11 @@ def creases(
     from bezier_filters.meshlab.mesh_files import load_mesh
     from bezier_filters.meshlab.meshset import read_current_mesh
     from bezier_filters.meshlab.vertex_filter import FitOptions
+    from bezier_filters.pictures.render import check_picture, render_panels
 
     check_line_file(target)
+    if picture is not None:
+        check_picture(picture)
     mesh = read_current_mesh(load_mesh(source))
     begin = time.perf_counter()
     with console.progress_bar(f"fitting {source.name}", quiet=quiet or json) as progress:
@@ -58,7 +61,6 @@ def creases(
     save_lines(target, points, edges, strengths, colors)
     if picture is not None:
         from bezier_filters.pictures.crease_pictures import crease_panel
-        from bezier_filters.pictures.render import render_panels
 
         panel = crease_panel(mesh.vertices, mesh.faces, found, title=source.name)
         render_panels(picture, [panel], views=view or ["front", "back"])

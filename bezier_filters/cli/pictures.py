@@ -9,6 +9,9 @@ from bezier_filters.cli import console
 from bezier_filters.cli.app import app, examples
 from bezier_filters.cli.options import ColorRange, Json, Percentile, Quiet, Source
 
+Sources = Annotated[
+    list[Path], typer.Argument(help="Meshes side by side, for example before and after.", metavar="MESH")
+]
 FieldNames = Annotated[
     list[str] | None,
     typer.Option(
@@ -29,7 +32,7 @@ Up = Annotated[str, typer.Option(help="Axis that points up: auto, x, y, z, -x, -
     )
 )
 def render(
-    sources: Annotated[list[Path], typer.Argument(help="Meshes side by side, for example before and after.")],
+    sources: Sources,
     picture: Annotated[Path, typer.Argument(help="PNG file to write.", metavar="PICTURE.png")],
     field: FieldNames = None,
     view: Annotated[
@@ -50,8 +53,9 @@ def render(
     in the row; a mesh that lacks the field is grey.
     """
     from bezier_filters.pictures.pictures import default_field, field_panels, read_mesh_file
-    from bezier_filters.pictures.render import render_panels
+    from bezier_filters.pictures.render import check_picture, render_panels
 
+    check_picture(picture)
     files = [read_mesh_file(source) for source in sources]
     fields, views = field or [default_field(files)], view or ["front", "back"]
     panels, shown = [], []
@@ -71,7 +75,7 @@ def render(
 
 @app.command(epilog=examples("view curved.ply --field quality --field bz_shape_index"))
 def view(
-    sources: Annotated[list[Path], typer.Argument(help="Meshes side by side, for example before and after.")],
+    sources: Sources,
     field: FieldNames = None,
     colormap: PictureColors = "auto",
     percentile: Percentile = 2.0,

@@ -13,6 +13,7 @@ from bezier_filters.errors import CancelledError
 
 scale_app = typer.Typer(
     help="Meshes of any size, in tiles on Dask: one machine or a cluster.",
+    epilog="Example: bezier-filters scale curvature statue.ply curved.ply --memory-limit 2GB",
     no_args_is_help=True,
     rich_markup_mode="markdown",
 )

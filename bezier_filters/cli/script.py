@@ -34,10 +34,8 @@ def run(
     names = check_steps(steps)
     format_support(target)
     ms = load_mesh(source)
-    done = []
     with console.progress_bar(script.name, quiet=quiet or json) as progress:
-        for report in run_filter_script(ms, steps, progress=progress):
-            done.append(report)
+        done = run_filter_script(ms, steps, progress=progress)
     save_mesh(ms, target)
     if json:
         summary = {"script": str(script), "input": str(source), "output": str(target)}

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.colors.html_tables import html_table
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
@@ -30,7 +31,7 @@ FEWEST_EDGES = 3
 """Of a sharp line that ends neither at the border nor at another one: noise makes shorter ones."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class CreaseLine:
     """One line along which a surface bends most.
 
@@ -74,8 +75,15 @@ class CreaseLine:
         """Its length."""
         return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
 
+    def __repr__(self) -> str:
+        """One line: the kind, and how long and strong it is."""
+        kind = f"{'sharp ' * self.is_sharp}{self.kind}"
+        return (
+            f"CreaseLine({kind} of {len(self.points)} points, length {self.length:.4g}, strength {self.strength:.3g})"
+        )
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class Creases:
     """What `find_creases` found.
 
@@ -96,6 +104,22 @@ class Creases:
     def of_kind(self, kind: CreaseKind) -> tuple[CreaseLine, ...]:
         """The ridges alone, or the ravines."""
         return tuple(line for line in self.lines if line.kind == kind)
+
+    def __repr__(self) -> str:
+        """One line: how many lines there are."""
+        return f"Creases({len(self.of_kind('ridge'))} ridges, {len(self.of_kind('ravine'))} ravines)"
+
+    def _repr_html_(self) -> str:
+        """Table of the kinds of lines for notebooks."""
+        rows = []
+        for kind in get_args(CreaseKind):
+            for is_sharp in (True, False):
+                lines = [line for line in self.of_kind(kind) if line.is_sharp == is_sharp]
+                strongest = max((line.strength for line in lines), default=None)
+                length = sum((line.length for line in lines), 0.0)
+                rows.append([f"{'sharp ' * is_sharp}{kind}s", len(lines), length, strongest])
+        header = ["", "lines", "length [length]", "strongest"]
+        return html_table(f"{len(self.lines):,} lines", header, rows)
 
 
 def edge_mesh(lines: Sequence[CreaseLine]) -> tuple[FloatArray, IntArray, IntArray]:

@@ -4,7 +4,7 @@ import difflib
 import keyword
 import re
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -69,8 +69,8 @@ class StepReport:
 
 def run_filter_script(
     ms: MeshSet, steps: Sequence[ScriptStep], *, progress: Progress | None = None
-) -> Iterator[StepReport]:
-    """Run the steps of a filter script on a MeshSet, one after the other, as the iterator is advanced.
+) -> list[StepReport]:
+    """Run the steps of a filter script on a MeshSet, one after the other.
 
     A name is MeshLab's (``"Laplacian Smooth"``), pymeshlab's (``"apply_coord_laplacian_smoothing"``) or ours. Names
     of filters, and the parameters of ours, are checked before the first one runs.
@@ -84,10 +84,10 @@ def run_filter_script(
     progress : callable, optional
         ``progress(done, total)`` is called by our filters now and then; if it returns False, they stop.
 
-    Yields
-    ------
-    StepReport
-        After each step.
+    Returns
+    -------
+    list of StepReport
+        One for each step.
 
     Raises
     ------
@@ -106,6 +106,7 @@ def run_filter_script(
     ['MeshLab', 'bezier_filters']
     """
     names = check_steps(steps)
+    reports = []
     for number, (name, step) in enumerate(zip(names, steps, strict=True), start=1):
         start = time.perf_counter()
         try:
@@ -118,7 +119,8 @@ def run_filter_script(
         except PyMeshLabException as error:
             raise BezierFilterError(f"step {number}, {step.name!r}: {error}") from error
         whose = "bezier_filters" if name in _OURS else "MeshLab"
-        yield StepReport(name, whose, time.perf_counter() - start, _plain(report))
+        reports.append(StepReport(name, whose, time.perf_counter() - start, _plain(report)))
+    return reports
 
 
 def check_steps(steps: Sequence[ScriptStep]) -> list[str]:

@@ -101,8 +101,8 @@ def read_mesh_file(path: Path) -> MeshFile:
 
 
 def default_field(files: Sequence[MeshFile]) -> str:
-    """The quality if there is one, else the shape."""
-    return QUALITY if any(QUALITY in file.columns for file in files) else SHAPE
+    """The quality if there is one, else the shape. MeshLab and pymeshlab often write zeros where there is none."""
+    return QUALITY if any(file.columns.get(QUALITY, np.zeros(1)).any() for file in files) else SHAPE
 
 
 def check_field(files: Sequence[MeshFile], name: str) -> None:
@@ -110,7 +110,8 @@ def check_field(files: Sequence[MeshFile], name: str) -> None:
     if not any(name in file.names() for file in files):
         have = dict.fromkeys(other for file in files for other in file.names())
         paths = ", ".join(str(file.path) for file in files)
-        raise InvalidParameterError(f"field: {paths} has no {name!r}; it has {', '.join(have)}")
+        remedy = "; commands such as curvature give it one" if name == QUALITY else ""
+        raise InvalidParameterError(f"field: {paths} has no {name!r}; it has {', '.join(have)}{remedy}")
 
 
 def field_limits(

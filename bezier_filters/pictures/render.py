@@ -3,6 +3,7 @@
 import difflib
 import os
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -21,6 +22,7 @@ __all__ = [
     "VIEW_NAMES",
     "Panel",
     "RenderingUnavailableError",
+    "check_picture",
     "panel_limits",
     "render_panels",
     "require_libraries",
@@ -88,6 +90,7 @@ def render_panels(
     >>> panel = Panel(vertices, np.array([[0, 1, 2]], np.int32), vertices[:, 0], label="x", unit="length")
     >>> render_panels("triangle.png", [panel], views=["front", "iso"])  # doctest: +SKIP
     """
+    check_picture(path)
     require_libraries()
     background = _checked(panels, views, columns, size, background, up)
     up = rendering.up_axis(panels) if up == "auto" else up
@@ -135,6 +138,18 @@ def _checked(
     if not is_color_like(background):
         raise InvalidParameterError(f"background is {background!r}, expected a colour such as 'white' or '#202020'")
     return to_hex(background)
+
+
+def check_picture(path: str | os.PathLike[str]) -> None:
+    """Refuse a file name that does not end in .png: that of a mesh would be lost.
+
+    Raises
+    ------
+    InvalidParameterError
+        With what it should be.
+    """
+    if Path(path).suffix.lower() != ".png":
+        raise InvalidParameterError(f"picture: got {str(path)!r}, expected a file name that ends in .png")
 
 
 def require_libraries() -> None:

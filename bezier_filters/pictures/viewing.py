@@ -6,10 +6,13 @@ import math
 import os
 import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 from bezier_filters.pictures import rendering
 from bezier_filters.pictures.render import Panel, RenderingUnavailableError, panel_limits, require_libraries
+
+if TYPE_CHECKING:
+    import pyvista
 
 _REMEDY = "`bezier-filters render` draws a picture without one"
 
@@ -67,11 +70,20 @@ def show_panels(panels: Sequence[Panel], *, columns: int | None = None, up: str 
     """
     require_libraries()
     check_display()
+    window(panels, columns=columns, up=up).show()
+
+
+def window(
+    panels: Sequence[Panel], *, columns: int | None = None, up: str = "auto", off_screen: bool = False
+) -> "pyvista.Plotter":
+    """What `show_panels` shows; off the screen it can be photographed."""
     import pyvista
 
     columns = columns or len(panels)
     shape = (math.ceil(len(panels) / columns), columns)
-    plotter: Any = pyvista.Plotter(shape=shape, lighting="none", title="bezier-filters", border=False)
+    plotter: Any = pyvista.Plotter(
+        shape=shape, lighting="none", title="bezier-filters", border=False, off_screen=off_screen
+    )
     rendering.add_lights(plotter)  # to every subplot
     axes = rendering.view_axes("front", rendering.up_axis(panels) if up == "auto" else up)
     for number, panel in enumerate(panels):
@@ -84,4 +96,4 @@ def show_panels(panels: Sequence[Panel], *, columns: int | None = None, up: str 
         plotter.add_text(panel.title, font_size=10, color="black")
         plotter.view_vector(axes[2], viewup=axes[1])
     plotter.link_views()
-    plotter.show()
+    return cast("pyvista.Plotter", plotter)
