@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import bezier_filters as bf
-from bezier_filters.colors.color_range import color_range
+from bezier_filters.display.color_range import color_range
 from bezier_filters.meshlab.meshset import shipped_bunny
 from bezier_filters.pictures.sheets import round_limits
 from common import run

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.image import imread
 
-from bezier_filters.colors.color_range import color_range
-from bezier_filters.colors.palettes import COOL_WARM
+from bezier_filters.display.color_range import color_range
+from bezier_filters.display.palettes import COOL_WARM
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.pictures import rendering, sheets
 from bezier_filters.pictures.render import UP_AXES, VIEW_NAMES, Panel, _color_bar, render_panels

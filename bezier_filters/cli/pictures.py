@@ -108,7 +108,7 @@ def qmap(
     json: Json = False,
 ) -> None:
     """Write a colour map with its range for MeshLab's Quality Mapper, whose Load button opens it."""
-    from bezier_filters.colors.palettes import AUTO, default_colormap
+    from bezier_filters.display.palettes import AUTO, default_colormap
     from bezier_filters.meshlab.mesh_colors import save_quality_map
     from bezier_filters.pictures.pictures import check_field, field_limits, read_mesh_file
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.colors.html_tables import html_table
+from bezier_filters.display.html_tables import html_table
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.colors.color_range import color_range
+from bezier_filters.display.color_range import color_range
 from bezier_filters.errors import FieldFileError, InvalidParameterError
 from bezier_filters.files.field_files import read_fields
 from bezier_filters.files.fields import CURVATURE_FIELDS, DIAGNOSTIC_FIELDS, PREFIX, TORSION_FIELD

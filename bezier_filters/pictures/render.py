@@ -9,8 +9,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from bezier_filters.colors.color_range import color_range
-from bezier_filters.colors.palettes import AUTO, PALETTES, matplotlib_colormap
+from bezier_filters.display.color_range import color_range
+from bezier_filters.display.palettes import AUTO, PALETTES, matplotlib_colormap
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.pictures import rendering, sheets
 from bezier_filters.pictures.rendering import UP_AXES, VIEW_NAMES, Panel, RenderingUnavailableError, View

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.colors.palettes import AUTO, matplotlib_colormap
+from bezier_filters.display.palettes import AUTO, matplotlib_colormap
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 
 MARGIN = 4  # pixels around the mesh

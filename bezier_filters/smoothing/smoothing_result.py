@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
-from bezier_filters.colors.html_tables import html_table
+from bezier_filters.display.html_tables import html_table
 
 
 @dataclass(frozen=True, repr=False)

@@ -1,1 +1,0 @@
-"""Ranges and palettes of colours, and tables for notebooks."""

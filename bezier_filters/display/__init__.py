@@ -1,0 +1,1 @@
+"""How values are shown: ranges and palettes of colours, tables for notebooks."""
