@@ -5,6 +5,22 @@ import sys
 from pathlib import Path
 
 import pytest
+from mesh_mutations import mutated
+from survival import CHECKS
+
+# Named after what was wrong, of the mesh, the package or the check.
+MESHES = {
+    "squares of curvatures beyond what a number holds": ("estimate, radius", 500881),
+    "so flat that rounding says where its points are": ("estimate, fixed", 510911),
+    "a rim that meets itself: edges were flipped until vertices had no face": ("fill_holes, paper", 518176),
+    "a point on an edge, rounded outwards": ("find_creases", 528782),
+}
+
+
+@pytest.mark.parametrize(("check", "seed"), MESHES.values(), ids=MESHES)
+def test_a_damaged_mesh_is_survived(check, seed):
+    CHECKS[check](*mutated(seed))
+
 
 FUZZ = Path(__file__).parent.parent / "benchmarks" / "fuzz_files.py"
 

@@ -185,7 +185,7 @@ def _flip(
                     c == d
                     or not _is_better_flipped(points, a, b, c, d)
                     or (c < rim_count and d < rim_count and _is_listed(existing, min(c, d), max(c, d)))
-                    or _are_joined(faces, neighbours, f, c, d)
+                    or _are_joined(faces, neighbours, f, g, c, d, rim_count)
                 ):
                     continue
                 # Faces (a, b, c) and (b, a, d) become (d, c, a) and (c, d, b).
@@ -274,22 +274,31 @@ def _is_listed(pairs: IntArray, a: int, b: int) -> bool:
 
 
 @inner_njit()
-def _are_joined(faces: IntArray, neighbours: IntArray, start: int, c: int, d: int) -> bool:
-    """Whether an edge joins c and d: turn around c, from a face at it, one way and, at the rim, the other.
+def _are_joined(faces: IntArray, neighbours: IntArray, f: int, g: int, c: int, d: int, rim_count: int) -> bool:
+    """Whether an edge joins c, a corner of face f, and d, a corner of face g.
 
-    Where faces meet in ways that no turn ends, the answer is yes.
+    Around a vertex inside the fill its faces form one fan. Around one on the rim they may form several, where a rim
+    meets itself. Where faces meet in ways that no turn ends, the answer is yes.
     """
-    for way in range(2):
-        f = start
-        for turn in range(faces.shape[0] + 1):
-            k = 0 if faces[f, 0] == c else 1 if faces[f, 1] == c else 2
-            if faces[f, (k + 1) % 3] == d or faces[f, (k + 2) % 3] == d:
-                return True
-            f = neighbours[f, k] if way == 0 else neighbours[f, (k + 2) % 3]
-            if f == start:
-                return False
-            if f < 0:
-                break
-            if turn == faces.shape[0]:
-                return True
-    return False
+    if c < rim_count and d < rim_count:
+        joined = False
+        for face in range(faces.shape[0]):
+            joined = joined or (_has_corner(faces, face, c) and _has_corner(faces, face, d))
+        return joined
+    start, tip, other = (f, c, d) if c >= rim_count else (g, d, c)
+    face = start
+    for _ in range(faces.shape[0]):
+        if _has_corner(faces, face, other):
+            return True
+        k = 0 if faces[face, 0] == tip else 1 if faces[face, 1] == tip else 2
+        face = neighbours[face, k]
+        if face == start:
+            return False
+        if face < 0:
+            break
+    return True
+
+
+@inner_njit()
+def _has_corner(faces: IntArray, face: int, vertex: int) -> bool:
+    return bool(faces[face, 0] == vertex or faces[face, 1] == vertex or faces[face, 2] == vertex)
