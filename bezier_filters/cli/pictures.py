@@ -85,13 +85,15 @@ def view(
     """Show meshes with their fields in a window, to turn with the mouse; q closes it. Needs a display."""
     from bezier_filters.pictures.pictures import default_field, field_panels, read_mesh_file
     from bezier_filters.pictures.viewing import check_display, show_panels
+    from bezier_filters.runtime.interrupts import interrupts_end_the_process
 
     check_display()
     files = [read_mesh_file(source) for source in sources]
     panels = []
     for name in field or [default_field(files)]:
         panels += field_panels(files, name, colormap=colormap, percentile=percentile, limits=limits)
-    show_panels(panels, columns=len(files) if len(files) > 1 else None, up=up)
+    with interrupts_end_the_process():
+        show_panels(panels, columns=len(files) if len(files) > 1 else None, up=up)
 
 
 @app.command(epilog=examples("qmap curved.ply curved.qmap --field bz_k_max"))

@@ -18,12 +18,16 @@ _REMEDY = "`bezier-filters render` draws a picture without one"
 
 _BAR: dict[str, Any] = {
     "color": "black",
-    "title_font_size": 14,
-    "label_font_size": 12,
+    "title_font_size": 16,
+    "label_font_size": 14,
     "n_labels": 3,
-    "height": 0.18,
+    "position_x": 0.2,
+    "position_y": 0.04,
+    "width": 0.6,
+    "height": 0.1,
     "fmt": "%.3g",
 }
+_ZOOM = 1.3  # the window first has room for a ball around the mesh
 
 
 def check_display() -> None:
@@ -92,8 +96,11 @@ def window(
         rendering.add_panel(plotter, panel, panel.vertices, panel_limits(panel))
         if panel.values is not None:
             unit = f" [{panel.unit}]" if panel.unit else ""
-            plotter.add_scalar_bar(title=f"{panel.label}{unit}", **_BAR)
+            # pyvista draws bars of one title once; the blanks are not seen.
+            bar = plotter.add_scalar_bar(title=f"{panel.label}{unit}\n{' ' * number}", **_BAR)
+            bar.SetVerticalTitleSeparation(6)
         plotter.add_text(panel.title, font_size=10, color="black")
         plotter.view_vector(axes[2], viewup=axes[1])
     plotter.link_views()
+    plotter.camera.zoom(_ZOOM)
     return cast("pyvista.Plotter", plotter)

@@ -1,4 +1,4 @@
-"""Steps that have to be done whole: Ctrl-C waits for their end."""
+"""Steps that have to be done whole, where Ctrl-C waits, and loops in libraries, which it has to end."""
 
 import signal
 import threading
@@ -41,3 +41,18 @@ def interrupts_held() -> Iterator[None]:
             signal.signal(held, handler)
         for arrived in dict.fromkeys(pending):
             signal.raise_signal(arrived)
+
+
+@contextmanager
+def interrupts_end_the_process() -> Iterator[None]:
+    """Let Ctrl-C and requests to end do so at once, in the main thread.
+
+    The loop of a window runs in a library, where handlers in Python would wait until the window is closed.
+    """
+    numbers = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {number: signal.signal(number, signal.SIG_DFL) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
