@@ -200,7 +200,8 @@ def draw(case: Case, filler: Filler, path: Path) -> None:
         )
         for column, (title, points, old, new) in enumerate(panels):
             plotter.subplot(0, column)
-            plotter.add_text(title, font_size=10)
+            text = plotter.add_text(title, font_size=12)
+            text.prop.background_color, text.prop.background_opacity = "white", 1.0
             for part, color in ((old, "lightgray"), (new, "orange")):
                 plotter.add_mesh(pyvista.PolyData.from_regular_faces(points, part), color=color, show_edges=True)
             plotter.camera.focal_point = rim.mean(axis=0)

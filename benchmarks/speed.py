@@ -178,14 +178,17 @@ def plot(rows: list[dict[str, object]], path: Path) -> None:
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(figsize=(8, 5), constrained_layout=True)
+    colors: dict[str, str] = {}  # our filters have those of the functions that they call
     for name in CONTENDERS:
         of_name = [row for row in rows if row["contender"] == name]
         if of_name and "1 thread" not in name:
             style = ":" if name.startswith(("MeshLab", "libigl", "VTK", "CGAL")) else "--" if "filter" in name else "-"
+            function = name.split(" (filter)")[0].removesuffix(", 2 threads")
             axes.loglog(
                 [row["vertices"] for row in of_name],
                 [1e6 * row["seconds"] / row["vertices"] for row in of_name],
                 style,
+                color=colors.setdefault(function, f"C{len(colors)}"),
                 marker="o",
                 label=name.removesuffix(", 2 threads"),
             )

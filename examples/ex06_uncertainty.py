@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 import bezier_filters as bf
+from bezier_filters.pictures.sheets import round_limits
 from bezier_filters.surfaces import torus
 from common import run
 
@@ -25,7 +26,7 @@ def main(out: Path) -> dict[str, Any]:
 
     g = bf.estimate_vertex_geometry(vertices, shape.faces)
     error = np.abs(g.mean_curvature - shape.mean_curvature)
-    limits = (0.0, float(np.percentile(g.mean_curvature_std, 99)))
+    limits = round_limits(0.0, float(np.percentile(g.mean_curvature_std, 99)))
     panels = [
         bf.Panel(vertices, shape.faces, g.mean_curvature, "mean curvature", "1/length", signed=True),
         bf.Panel(vertices, shape.faces, g.mean_curvature_std, "standard error", "1/length", limits=limits),

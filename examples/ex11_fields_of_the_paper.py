@@ -6,6 +6,7 @@ palette, red where high, blue where medium, green where low. Above and below the
 paper's smoothness takes away what is as small as the mesh; by default little noise is found in it, so detail stays.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -34,13 +35,13 @@ def main(out: Path) -> dict[str, Any]:
     found = {name: bf.estimate_vertex_geometry(vertices, faces, **options) for name, options in SETTINGS.items()}
     panels = []
     for name, g in found.items():
-        panels.append(bf.Panel(vertices, faces, colors=0.5 + 0.5 * g.normals, title=f"normals, {name}"))
+        panels.append(bf.Panel(vertices, faces, colors=0.5 + 0.5 * g.normals, title=f"{name}: normals"))
         for attribute, label, unit, colormap in FIELDS:
             signed = attribute != "geodesic_torsion"
             limits = round_limits(*color_range(getattr(found["default"], attribute), signed=signed, percentile=4.0))
             values = getattr(g, attribute)
             panel = bf.Panel(vertices, faces, values, label, unit, signed=signed, limits=limits, colormap=colormap)
-            panels.append(panel)
+            panels.append(replace(panel, title=f"{name}: {label}"))
     bf.render_panels(out / "fields.png", panels, columns=4, views=["front"], size=(400, 400))
     paper, default = found.values()
     cosine = np.einsum("ij,ij->i", paper.normals, default.normals).clip(-1.0, 1.0)

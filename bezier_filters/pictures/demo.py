@@ -16,6 +16,7 @@ from bezier_filters.meshlab.mesh_files import load_mesh, save_mesh
 from bezier_filters.meshlab.meshset import MeshSet, read_current_mesh, shipped_bunny
 from bezier_filters.meshlab.vertex_normal_filter import NORMAL_FIELDS, compute_normal_by_bezier_patch_per_vertex
 from bezier_filters.pictures.render import Panel, render_panels
+from bezier_filters.pictures.sheets import round_limits
 
 VIEWS = ("front", "back")
 
@@ -78,7 +79,6 @@ def _panel(ms: MeshSet, field: ScalarField, report: dict[str, Any]) -> Panel:
     if field.name in NORMAL_FIELDS:
         colors = 0.5 + 0.5 * arrays.vertex_normals
         return Panel(arrays.vertices, arrays.faces, colors=colors, title="normals (x, y, z as red, green, blue)")
-    low, high = report["color_range"]
     return Panel(
         arrays.vertices,
         arrays.faces,
@@ -86,6 +86,6 @@ def _panel(ms: MeshSet, field: ScalarField, report: dict[str, Any]) -> Panel:
         label=field.label,
         unit=field.unit,
         signed=field.signed,
-        limits=(low, high),
+        limits=round_limits(*report["color_range"]),
         title=field.label,
     )

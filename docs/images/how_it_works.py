@@ -27,7 +27,8 @@ def draw_patch(vertex: int = 400, alpha: float = 0.8) -> None:
     for distance in (2, 1, 0):
         ring[bf.k_rings(rows, distance).row(vertex)] = distance
     members = np.flatnonzero(ring <= 2)
-    figure = pyplot.figure(figsize=(12, 4), layout="constrained")
+    figure = pyplot.figure(figsize=(12, 4.4))
+    figure.subplots_adjust(left=0.06, right=0.91, bottom=0.17, top=0.9, wspace=0.2)
 
     local = patch.to_local(shape.vertices)
     axes = figure.add_subplot(1, 3, 1)
@@ -58,8 +59,8 @@ def draw_patch(vertex: int = 400, alpha: float = 0.8) -> None:
     axes.scatter(
         *local[members].T, c=[RING_COLORS[k] for k in ring[members]], edgecolors="black", s=22, depthshade=False
     )
-    axes.set_box_aspect((1, 1, 0.6), zoom=1.2)
-    axes.set(title="points, patch and control net", xlabel="x", ylabel="y", zlabel="z")
+    axes.set_box_aspect((1, 1, 0.6), zoom=1.15)
+    axes.set(title="points, patch and control net", xlabel="x [length]", ylabel="y [length]", zlabel="z [length]")
     axes.view_init(elev=18, azim=-55)
     axes.tick_params(labelsize=7)
     figure.savefig(FOLDER / "patch.png", dpi=100)
