@@ -15,16 +15,11 @@ from mkdocs.structure.files import File, Files
 ROOT = Path(__file__).parent.parent
 EXAMPLES = sorted((ROOT / "examples").glob("ex*.py"))
 RESULTS = ROOT / "benchmarks" / "results"
-LATER = {"holes.md": {"Holes": "holes.md"}}
-"""Pages that get an entry beside the other measurements when they exist."""
 
 
 def on_config(config: Any) -> None:
-    """Complete the navigation with the pages that are there."""
+    """Complete the navigation with the decisions that are there."""
     docs = Path(config.docs_dir)
-    for section in config.nav:
-        if "Measured" in section:
-            section["Measured"] += [entry for page, entry in LATER.items() if (docs / page).exists()]
     decisions = [f"decisions/{path.name}" for path in sorted((docs / "decisions").glob("*.md"))]
     config.nav.insert(-2, {"Decisions": decisions})
     config.watch += [str(ROOT / "examples"), str(ROOT / "bezier_filters")]

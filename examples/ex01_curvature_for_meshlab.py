@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import bezier_filters as bf
-from bezier_filters.meshlab.mesh_files import save_mesh
 from common import arrays, load, run
 
 
@@ -17,9 +16,9 @@ def main(out: Path) -> dict[str, Any]:
     """Write curvature.ply and curvature.png; the filter's report."""
     ms = load("bumpy_star.ply")
     report = bf.compute_curvature_by_bezier_patch_per_vertex(ms, quality="mean", color=True)
-    save_mesh(ms, out / "curvature.ply")
+    bf.save_mesh(ms, out / "curvature.ply")
 
-    fields = bf.read_fields(out / "curvature.ply")  # pymeshlab writes bz_* columns and does not read them
+    fields = bf.read_fields(out / "curvature.ply")  # the bz_* columns, too, which pymeshlab does not read
     vertices, faces = arrays(ms)
     panels = [
         bf.Panel(vertices, faces, fields[column], label=label, unit=unit, signed=True, title=label)

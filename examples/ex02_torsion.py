@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import bezier_filters as bf
-from bezier_filters.meshlab.mesh_files import save_mesh
 from common import arrays, load, run
 
 
@@ -17,7 +16,7 @@ def main(out: Path) -> dict[str, Any]:
     """Write torsion.ply, torsion.qmap and torsion.png; the filter's report."""
     ms = load("ellipsoid.ply")
     report = bf.compute_torsion_by_bezier_patch_per_vertex(ms, color=True, colormap="Paper", colorrange=(0.0, 1.0))
-    save_mesh(ms, out / "torsion.ply")
+    bf.save_mesh(ms, out / "torsion.ply")
     limits = tuple(report["color_range"])
     bf.save_quality_map(out / "torsion.qmap", *limits, "Paper")
 

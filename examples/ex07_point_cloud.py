@@ -11,7 +11,6 @@ import numpy as np
 import pymeshlab
 
 import bezier_filters as bf
-from bezier_filters.meshlab.mesh_files import save_mesh
 from bezier_filters.surfaces import torus
 from common import run
 
@@ -24,7 +23,7 @@ def main(out: Path) -> dict[str, Any]:
     ms.add_mesh(pymeshlab.Mesh(points))
     bf.compute_normal_by_bezier_patch_per_vertex(ms, quality=None)
     bf.compute_curvature_by_bezier_patch_per_vertex(ms, color=True)
-    save_mesh(ms, out / "points.ply")
+    bf.save_mesh(ms, out / "points.ply")
 
     mesh = ms.current_mesh()
     found, truth = mesh.vertex_scalar_array(), shape.mean_curvature

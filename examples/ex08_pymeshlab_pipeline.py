@@ -12,7 +12,6 @@ import numpy as np
 import pymeshlab
 
 import bezier_filters as bf
-from bezier_filters.meshlab.mesh_files import save_mesh
 from common import arrays, load, run
 
 
@@ -41,7 +40,7 @@ def main(out: Path) -> dict[str, Any]:
     ms.compute_curvature_by_bezier_patch_per_vertex(quality="mean", color=True)
     ms.compute_selection_by_condition_per_vertex(condselect="bz_k_max > 3")
     selected = ms.current_mesh().selected_vertex_number()
-    save_mesh(ms, out / "pipeline.ply")
+    bf.save_mesh(ms, out / "pipeline.ply")
 
     quality = ms.current_mesh().vertex_scalar_array()
     panels = [

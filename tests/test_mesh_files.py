@@ -7,6 +7,7 @@ import pymeshlab
 import pytest
 from meshset_state import changed, mesh_state
 
+import bezier_filters as bf
 from bezier_filters.files.field_files import read_fields
 from bezier_filters.meshlab.curvature_filter import (
     compute_curvature_by_bezier_patch_per_vertex,
@@ -131,6 +132,12 @@ class TestSaving:
         assert back.current_mesh().vertex_normal_matrix() == pytest.approx(
             ms.current_mesh().vertex_normal_matrix(), abs=1e-5
         )
+
+    def test_columns_are_saved_which_pymeshlab_leaves_out(self, result, tmp_path):
+        bf.save_mesh(result, tmp_path / "ours.ply")
+        result.save_current_mesh(str(tmp_path / "theirs.ply"))
+        assert {"quality", "bz_k_min", "bz_normal_x"} < set(read_fields(tmp_path / "ours.ply"))
+        assert set(read_fields(tmp_path / "theirs.ply")) == {"quality"}
 
     def test_saving_changes_nothing_in_the_mesh_set(self, tmp_path, textured_bunny):
         before = mesh_state(textured_bunny)

@@ -145,6 +145,18 @@ def save_mesh(ms: MeshSet, path: str | os.PathLike[str], *, binary: bool = True,
     BezierFilterError
         If there is no current mesh, the format is unknown or the file cannot be written; the
         message has one line.
+
+    Examples
+    --------
+    >>> from pymeshlab import MeshSet
+    >>> from bezier_filters import compute_torsion_by_bezier_patch_per_vertex, read_fields
+    >>> ms = MeshSet()
+    >>> ms.create_sphere(subdiv=3)
+    >>> report = compute_torsion_by_bezier_patch_per_vertex(ms)
+    >>> with TemporaryDirectory() as folder:
+    ...     save_mesh(ms, f"{folder}/ball.ply")
+    ...     "bz_geodesic_torsion" in read_fields(f"{folder}/ball.ply")
+    True
     """
     support = format_support(path)
     current_mesh(ms)
