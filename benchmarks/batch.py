@@ -91,7 +91,7 @@ def interrupt(folder: Path, name: str, out: str, jobs: int, after: int) -> int:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=200, help="number of meshes")
-    parser.add_argument("--resolution", type=int, default=40, help="of the surfaces; 40 gives some 10,000 vertices")
+    parser.add_argument("--resolution", type=int, default=40, help="of the surfaces; 40 gives some 12,000 vertices")
     parser.add_argument("--commands", nargs="+", default=["curvature", "smooth"], help="commands of batch to run")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary:
