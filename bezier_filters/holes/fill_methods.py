@@ -8,6 +8,7 @@ import numpy as np
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.holes.crease_fill import crease_fills
 from bezier_filters.holes.fill_topology import Fill
+from bezier_filters.holes.implicit_surface import WorkSpace
 from bezier_filters.holes.paper_fill import paper_fill
 from bezier_filters.holes.smooth_fill import faired, first_fill, meeting_rim, on_surface, surface_around, triangulated
 from bezier_filters.holes.surroundings import Surroundings
@@ -41,7 +42,9 @@ class Attempt:
     creases: IntArray | None = None
 
 
-def smooth_attempts(around: Surroundings, normals: FloatArray, *, noisy: bool, threads: int = 1) -> Iterator[Attempt]:
+def smooth_attempts(
+    around: Surroundings, normals: FloatArray, *, noisy: bool, work: WorkSpace | None = None, threads: int = 1
+) -> Iterator[Attempt]:
     """Fill a hole in a smooth surface, in ever simpler ways.
 
     Parameters
@@ -52,6 +55,8 @@ def smooth_attempts(around: Surroundings, normals: FloatArray, *, noisy: bool, t
         Unit normals of its vertices, zero where they are not known.
     noisy : bool
         Whether its points have errors that should not be followed.
+    work : WorkSpace, optional
+        Memory of earlier fits, to be used again.
     threads : int
         Number of threads.
     """
@@ -60,7 +65,7 @@ def smooth_attempts(around: Surroundings, normals: FloatArray, *, noisy: bool, t
         yield Attempt("flat", None, "every triangulation of the rim would join vertices that are joined already")
         return
     if len(fill.points) > fill.rim_count:
-        yield _continued(fill, around, normals, noisy=noisy, threads=threads)
+        yield _continued(fill, around, normals, noisy=noisy, work=work, threads=threads)
         yield Attempt("variational", faired(fill, around, 2 if noisy else 3))
         yield Attempt("variational", fill)
         yield Attempt("flat", faired(fill, around, 1))
@@ -77,19 +82,27 @@ def crease_attempts(around: Surroundings, *, noisy: bool) -> Iterator[Attempt]:
 
 
 def paper_attempts(
-    around: Surroundings, normals: FloatArray, alpha: float, *, noisy: bool, threads: int = 1
+    around: Surroundings,
+    normals: FloatArray,
+    alpha: float,
+    *,
+    noisy: bool,
+    work: WorkSpace | None = None,
+    threads: int = 1,
 ) -> Iterator[Attempt]:
     """Fill a hole in the paper's way, or else as a smooth one; see `smooth_attempts`."""
     fill = paper_fill(around, alpha)
     yield Attempt("paper", None, fill) if isinstance(fill, str) else Attempt("paper", fill)
-    yield from smooth_attempts(around, normals, noisy=noisy, threads=threads)
+    yield from smooth_attempts(around, normals, noisy=noisy, work=work, threads=threads)
 
 
-def _continued(fill: Fill, around: Surroundings, normals: FloatArray, *, noisy: bool, threads: int) -> Attempt:
+def _continued(
+    fill: Fill, around: Surroundings, normals: FloatArray, *, noisy: bool, work: WorkSpace | None, threads: int
+) -> Attempt:
     known = np.einsum("ij,ij->i", normals, normals) > 0.25
     if np.count_nonzero(known) < FEWEST_POINTS:
         return Attempt("surface", None, "too few vertices around the hole to fit a surface")
-    surface = surface_around(around, normals, known, noisy=noisy)
+    surface = surface_around(around, normals, known, noisy=noisy, work=work)
     moved = None if surface is None else on_surface(fill, around, surface, threads=threads)
     if surface is None or moved is None:
         return Attempt("surface", None, "the surface around the hole does not continue into it")

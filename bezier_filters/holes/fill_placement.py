@@ -1,7 +1,7 @@
 """Fills in their mesh: where their vertices and faces go, and what they cut."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import degrees
 
 import numpy as np
@@ -41,6 +41,10 @@ class Piece:
         ends = ends[(ends < limit).all(axis=1)]
         return {(min(a, b), max(a, b)) for a, b in ends.tolist()}
 
+    def renumbered(self, first: int, new_first: int) -> "Piece":
+        """The same with vertices from `first` on numbered from `new_first` on."""
+        return replace(self, ids=np.where(self.ids >= first, self.ids + (new_first - first), self.ids))
+
 
 def piece_of_mesh(mesh: TriangleMesh, face_ids: IntArray) -> Piece:
     """Some faces of a mesh."""
@@ -60,11 +64,10 @@ def hole_box(mesh: TriangleMesh, hole: Hole) -> tuple[FloatArray, FloatArray]:
     return rim.min(axis=0) - BULGE * hole.diameter, rim.max(axis=0) + BULGE * hole.diameter
 
 
-def problem_with(piece: Piece, mesh: TriangleMesh, hole: Hole) -> str:
-    """What is wrong with a fill by itself; empty if nothing is."""
+def problem_with(piece: Piece, low: FloatArray, high: FloatArray) -> str:
+    """What is wrong with a fill by itself, given the box that it must not leave; empty if nothing is."""
     if not np.isfinite(piece.points).all():
         return "coordinates are not finite"
-    low, high = hole_box(mesh, hole)
     if not ((piece.points >= low) & (piece.points <= high)).all():
         return "bulges too far from the rim"
     return ""

@@ -1,8 +1,7 @@
 """Hole filling: the function that users call."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
-from itertools import chain
+from collections.abc import Sequence
+from dataclasses import replace
 from numbers import Real
 from typing import Literal, get_args
 
@@ -10,34 +9,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import BoolArray, FloatArray
-from bezier_filters.errors import CancelledError, InvalidParameterError
+from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
-from bezier_filters.holes.fill_methods import Attempt, crease_attempts, paper_attempts, smooth_attempts
-from bezier_filters.holes.fill_placement import (
-    Piece,
-    count_cuts,
-    hole_box,
-    piece_of_mesh,
-    placed,
-    problem_with,
-    rim_dihedral,
-)
+from bezier_filters.holes.fill_placement import Piece, hole_box
 from bezier_filters.holes.hole_choice import HoleChoice
 from bezier_filters.holes.hole_detection import Hole, find_holes
+from bezier_filters.holes.hole_groups import RINGS, FilledHole, OpenMesh, fill_group, groups_of_boxes
 from bezier_filters.holes.hole_result import HoleFillingResult, HoleReport
-from bezier_filters.holes.surroundings import Surroundings, surroundings_of
+from bezier_filters.holes.implicit_surface import WorkSpace
+from bezier_filters.holes.surroundings import surroundings_of
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.array_arguments import takes_arrays
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
 from bezier_filters.meshes.self_intersections import faces_in_boxes
 from bezier_filters.patches.fitting import PatchFit
-from bezier_filters.runtime.parallel import Progress, thread_count
+from bezier_filters.runtime.parallel import Progress, RangeTask, report, run_in_chunks, thread_count
 
 FillingMethod = Literal["auto", "paper"]
-RINGS = 5
-"""Around a hole, from which its fill follows."""
-NOISE = 0.05
-"""Of an edge, from which on points are fitted rather than interpolated: face normals are some 4 degrees off then."""
 
 
 @takes_arrays
@@ -147,52 +135,49 @@ def fill_holes(
     normals, noise = _normals_and_noise(mesh, adjacency, chosen, noise, threads)
     boxes = np.array([hole_box(mesh, hole) for hole in chosen]).reshape(-1, 2, 3)
     near = faces_in_boxes(mesh.vertices, mesh.faces, boxes[:, 0], boxes[:, 1])
+    task = OpenMesh(mesh, adjacency, chosen, boxes, near, normals, noise, method, creases, float(alpha))
     reports = [_left_open(hole, refusal) for hole, refusal in zip(found, refusals, strict=True)]
-    pieces: dict[int, Piece] = {}
+    pieces: list[Piece] = []
     vertex_count, face_count = mesh.vertex_count, mesh.face_count
-    joined: dict[int, set[int]] = {}
-    places = np.full(mesh.vertex_count, -1, dtype=np.int32)
-    for done, (number, hole) in enumerate(zip(numbers, chosen, strict=True)):
-        if progress is not None and progress(done, len(chosen)) is False:
-            raise CancelledError("cancelled by the progress callback; nothing was changed")
-        around = surroundings_of(mesh, adjacency, hole.loops, RINGS, joined, places)
-        noisy = noise is not None and noise > NOISE * float(around.sizes.mean())
-        known = normals[around.ids]
-        if method == "paper":
-            attempts = paper_attempts(around, known, float(alpha), noisy=noisy, threads=threads)
-        else:
-            attempts = smooth_attempts(around, known, noisy=noisy, threads=threads)
-            attempts = chain(crease_attempts(around, noisy=noisy), attempts) if creases else attempts
-        low, high = boxes[done]
-        meeting = np.flatnonzero(((boxes[:done, 0] <= high) & (boxes[:done, 1] >= low)).all(axis=1))
-        obstacles = [piece_of_mesh(mesh, near.row(done)), *(pieces[k] for k in meeting.tolist() if k in pieces)]
-        accepted = _best(attempts, mesh, hole, around, obstacles, vertex_count)
-        if accepted.piece is None:
-            reports[number] = _left_open(hole, accepted.reason)
+    for number, hole, filled in zip(numbers, chosen, _filled(task, threads, progress), strict=True):
+        if filled.piece is None:
+            reports[number] = _left_open(hole, filled.reason)
             continue
-        reports[number] = _report(hole, around, accepted, vertex_count, face_count)
-        pieces[done] = accepted.piece
-        for a, b in accepted.piece.chords(mesh.vertex_count):
-            joined.setdefault(a, set()).add(b)
-            joined.setdefault(b, set()).add(a)
+        piece = filled.piece.renumbered(filled.first_vertex, vertex_count)
+        reports[number] = _report(hole, filled, piece, vertex_count, face_count)
+        pieces.append(piece)
         vertex_count += len(reports[number].new_vertices)
         face_count += len(reports[number].new_faces)
     return HoleFillingResult(
-        np.vstack([mesh.vertices, *(piece.points[piece.ids >= mesh.vertex_count] for piece in pieces.values())]),
-        np.vstack([mesh.faces, *(piece.ids[piece.faces] for piece in pieces.values())]).astype(np.int32),
+        np.vstack([mesh.vertices, *(piece.points[piece.ids >= mesh.vertex_count] for piece in pieces)]),
+        np.vstack([mesh.faces, *(piece.ids[piece.faces] for piece in pieces)]).astype(np.int32, copy=False),
         tuple(reports),
         noise,
     )
 
 
-@dataclass(frozen=True)
-class _Accepted:
-    """The attempt that was taken, as a part of the mesh; no piece if none was."""
+def _filled(task: OpenMesh, threads: int, progress: Progress | None) -> list[FilledHole]:
+    """Fill all holes, on several threads if there are several groups of them."""
+    groups = groups_of_boxes(task.boxes)
+    results = [FilledHole()] * len(task.holes)
+    report(progress, 0, len(task.holes))
+    done: list[int] = []
 
-    attempt: Attempt | None
-    piece: Piece | None
-    cuts: int
-    reason: str
+    def make_task() -> RangeTask:
+        places, work = np.full(task.mesh.vertex_count, -1, dtype=np.int32), WorkSpace()
+
+        def fill_groups(start: int, stop: int) -> None:
+            for group in (part.tolist() for part in groups[start:stop]):
+                fills = fill_group(task, group, places, work, threads=1 if len(groups) > 1 else threads)
+                for number, filled in zip(group, fills, strict=True):
+                    results[number] = filled
+                done.extend(group)
+
+        return fill_groups
+
+    of_holes = None if progress is None else lambda _, __: progress(len(done), len(task.holes))
+    run_in_chunks(make_task, len(groups), threads=threads, progress=of_holes, chunk=1)
+    return results
 
 
 def _normals_and_noise(
@@ -206,33 +191,6 @@ def _normals_and_noise(
     selected[around.ids] = True
     geometry = estimate_vertex_geometry(mesh.vertices, mesh.faces, selected=selected, threads=threads)
     return geometry.normals, geometry.noise_sigma if noise is None else noise
-
-
-def _best(
-    attempts: Iterable[Attempt],
-    mesh: TriangleMesh,
-    hole: Hole,
-    around: Surroundings,
-    obstacles: list[Piece],
-    next_vertex: int,
-) -> _Accepted:
-    """The first attempt that cuts nothing, or else the one that cuts least."""
-    best = _Accepted(None, None, 0, "")
-    reasons: list[str] = []
-    for attempt in attempts:
-        problem, cuts, piece = attempt.reason, 0, None
-        if attempt.fill is not None:
-            piece = placed(attempt.fill, around, next_vertex)
-            problem = problem_with(piece, mesh, hole)
-        if piece is not None and not problem:
-            cuts = count_cuts(piece, obstacles)
-            if best.piece is None or cuts < best.cuts:
-                best = _Accepted(attempt, piece, cuts, "")
-            if cuts == 0:
-                break
-            problem = f"{cuts} new faces cut others"
-        reasons.append(f"{attempt.method}: {problem}")
-    return replace(best, reason="; ".join(dict.fromkeys(reasons)))
 
 
 def _left_open(hole: Hole, reason: str) -> HoleReport:
@@ -256,22 +214,21 @@ def _left_open(hole: Hole, reason: str) -> HoleReport:
     )
 
 
-def _report(hole: Hole, around: Surroundings, accepted: _Accepted, vertex_count: int, face_count: int) -> HoleReport:
-    attempt, piece = accepted.attempt, accepted.piece
+def _report(hole: Hole, filled: FilledHole, piece: Piece, vertex_count: int, face_count: int) -> HoleReport:
+    """The report of a filled hole, `piece` being its fill with final numbers."""
+    attempt = filled.attempt
     assert attempt is not None
-    assert attempt.fill is not None
-    assert piece is not None
-    rim_count = around.rim_count
+    added = int(np.count_nonzero(piece.ids >= vertex_count))
     creases = np.empty((0, 2), dtype=np.int32) if attempt.creases is None else attempt.creases
     return replace(
-        _left_open(hole, accepted.reason),
+        _left_open(hole, filled.reason),
         filled=True,
         method=attempt.method,
         parts=attempt.parts,
         creases=piece.ids[creases].astype(np.int32),
-        new_vertices=range(vertex_count, vertex_count + len(piece.ids) - rim_count),
+        new_vertices=range(vertex_count, vertex_count + added),
         new_faces=range(face_count, face_count + len(piece.faces)),
-        rim_error=float(np.abs(piece.points[:rim_count] - around.vertices[:rim_count]).max()),
-        rim_dihedral=rim_dihedral(attempt.fill, around),
-        self_intersections=accepted.cuts,
+        rim_error=filled.rim_error,
+        rim_dihedral=filled.rim_dihedral,
+        self_intersections=filled.cuts,
     )

@@ -7,15 +7,15 @@ to the variation of the field have the largest restricted likelihood (REML), so 
 fitted and not followed.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.linalg import LinAlgError, block_diag, cho_solve, cholesky, solve_triangular
+from scipy.linalg import block_diag, solve_triangular
 from scipy.linalg.lapack import dgeqrf
-from scipy.spatial.distance import cdist
 
 from bezier_filters.arrays import BoolArray, FloatArray
-from bezier_filters.runtime.lean import lean_njit
+from bezier_filters.runtime.lapack import factor_in_place
+from bezier_filters.runtime.lean import inner_njit, lean_njit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
 POWERS = (3, 5)
@@ -27,9 +27,30 @@ NOISE_RATIOS = 10.0 ** np.arange(-8.0, 1.0)
 """The same for noisy points, of which one is chosen."""
 SMALLEST_SLOPE = 0.3
 """Of f, which changes by one per unit of length at the points: with less slope there is no surface."""
-STEPS = 8
+STEPS, SHORT_STEP = 8, 1e-4
+"""Most steps to the surface, and the length of one, in scaled coordinates, after which it is reached."""
 SIDE_ERRORS = 1.0
 """Variance of the errors of the single values, in which the normals have a part, over that of the points."""
+FAST = {"contract", "reassoc", "nsz", "arcp"}
+
+
+@dataclass
+class WorkSpace:
+    """Memory for the matrices of a fit: fresh memory for each fit would take as long as the algebra.
+
+    Attributes
+    ----------
+    room : (k,) float64
+        Grows as needed.
+    """
+
+    room: FloatArray = field(default_factory=lambda: np.empty(0))
+
+    def matrices(self, count: int) -> FloatArray:
+        """Two square matrices with so many rows, (2, count, count), that mean nothing yet."""
+        if len(self.room) < 2 * count * count:
+            self.room = np.empty(2 * count * count)
+        return self.room[: 2 * count * count].reshape(2, count, count)
 
 
 @dataclass(frozen=True)
@@ -43,7 +64,7 @@ class ImplicitSurface:
     centers : (n, 3) float64
         x_j, scaled.
     weights : (n,) float64
-        c_j.
+        c_j, with the sign of the kernel: - for p = 5.
     quadratic : (10,) float64
         Coefficients of 1, x, y, z, xx, xy, xz, yy, yz, zz.
     power : int
@@ -60,17 +81,10 @@ class ImplicitSurface:
     power: int
     noise_ratio: float
 
-    def values_and_gradients(self, points: FloatArray, *, threads: int = 1) -> tuple[FloatArray, FloatArray]:
+    def values_and_gradients(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Values, lengths (n,), and gradients (n, 3) at points (n, 3)."""
-        scaled = (points - self.origin) / self.scale
         values, gradients = np.zeros(len(points)), np.zeros((len(points), 3))
-
-        def make_task() -> RangeTask:
-            return lambda start, stop: _evaluate(
-                scaled, self.centers, self.weights, self.quadratic, self.power, start, stop, values, gradients
-            )
-
-        run_in_chunks(make_task, len(points), threads=threads)
+        _evaluate(self._scaled(points), self.centers, self.weights, self.quadratic, self.power, values, gradients)
         return self.scale * values, gradients
 
     def project(self, points: FloatArray, *, threads: int = 1) -> tuple[FloatArray, BoolArray]:
@@ -81,23 +95,28 @@ class ImplicitSurface:
         (n, 3) float64, (n,) bool
             Where they end, and which of them are on the surface.
         """
-        points, found = points.copy(), np.zeros(len(points), dtype=np.bool_)
-        active = np.arange(len(points))
-        for _ in range(STEPS):
-            values, gradients = self.values_and_gradients(points[active], threads=threads)
-            slopes = np.linalg.norm(gradients, axis=1)
-            steps = values / np.maximum(slopes, SMALLEST_SLOPE)
-            points[active] -= (steps / np.maximum(slopes, SMALLEST_SLOPE))[:, np.newaxis] * gradients
-            # Newton's steps shrink quadratically: after a short one the rest is shorter still.
-            found[active] = (np.abs(steps) < 1e-4 * self.scale) & (slopes > SMALLEST_SLOPE)
-            active = active[~found[active]]
-            if len(active) == 0:
-                break
-        return points, found
+        scaled, found = self._scaled(points), np.zeros(len(points), dtype=np.bool_)
+
+        def make_task() -> RangeTask:
+            return lambda start, stop: _project(
+                scaled, self.centers, self.weights, self.quadratic, self.power, start, stop, found
+            )
+
+        run_in_chunks(make_task, len(points), threads=threads)
+        return self.origin + self.scale * scaled, found
+
+    def _scaled(self, points: FloatArray) -> FloatArray:
+        return (points - self.origin) / self.scale
 
 
 def fit_implicit_surface(
-    points: FloatArray, normals: FloatArray, offset: float, *, noisy: bool, others: FloatArray | None = None
+    points: FloatArray,
+    normals: FloatArray,
+    offset: float,
+    *,
+    noisy: bool,
+    others: FloatArray | None = None,
+    work: WorkSpace | None = None,
 ) -> ImplicitSurface | None:
     """Fit a surface to points (n, 3) and unit normals (n, 3).
 
@@ -111,6 +130,8 @@ def fit_implicit_surface(
         Whether the points have errors; otherwise they are interpolated.
     others : (k, 3) float64, optional
         Further points of the surface, with unknown normals.
+    work : WorkSpace, optional
+        Memory of earlier fits, to be used again.
 
     Returns
     -------
@@ -137,42 +158,56 @@ def fit_implicit_surface(
     further = np.empty((0, 3)) if others is None else (others - origin) / scale
     centers = np.vstack([surface, surface + step * normals, surface - step * normals, further])
     values = np.concatenate([np.repeat([0.0, step, -step], len(points)), np.zeros(len(further))])
-    polynomials = _quadratics(centers)
-    vectors, factors, triangle = _householder(polynomials)
-    if np.abs(np.diag(triangle)).min() < 1e-12:
+    reflections = _reflections(_quadratics(centers))
+    if np.abs(np.diag(reflections.triangle)).min() < 1e-12:
         return None
-    target = _reflected(vectors, factors, values)
-    errors = _turned(vectors, factors, _error_covariance(len(points), len(further))) if noisy else None
+    count = len(centers)
+    turned, factor = np.empty((2, count, count)) if work is None else work.matrices(count)
+    errors = _error_covariance(len(points), len(further)) if noisy else np.empty((0, 0))
+    if noisy:
+        _turn(errors, reflections)
+    target = reflections.applied(values)
     best: tuple[float, ImplicitSurface] | None = None
-    squares = cdist(centers, centers, "sqeuclidean")
-    cubes = squares * np.sqrt(squares)
     for power in POWERS:
-        sign = 1.0 if power == 3 else -1.0  # conditionally positive definite
-        kernel = sign * cubes if power == 3 else sign * cubes * squares
-        turned = _turned(vectors, factors, kernel)
-        projected = turned[TERMS:, TERMS:]
-        size = float(np.linalg.norm(projected))
+        _write_kernel(centers, power, turned)
+        size = _turn(turned, reflections)
         for ratio in NOISE_RATIOS if noisy else (CLEAN,):
-            own_errors = None if errors is None else errors[TERMS:, TERMS:]
-            solved = _restricted_likelihood(projected, target[TERMS:], own_errors, ratio * size)
+            solved = _restricted_likelihood(turned, target[TERMS:], errors, ratio * size, factor)
             if solved is None or (best is not None and solved[0] >= best[0]):
                 continue
-            across = turned[:TERMS, TERMS:]
-            if errors is not None:
-                across = across + ratio * size * errors[:TERMS, TERMS:]
-            rest = target[:TERMS] - across @ solved[1]
-            quadratic = solve_triangular(triangle, rest)
-            weights = _reflected(vectors, factors.T, np.concatenate([np.zeros(TERMS), solved[1]]))
-            found = ImplicitSurface(origin, scale, centers, sign * weights, quadratic, power, float(ratio))
-            best = solved[0], found
+            across = turned[TERMS:, :TERMS] + (ratio * size * errors[TERMS:, :TERMS] if noisy else 0.0)
+            quadratic = solve_triangular(reflections.triangle, target[:TERMS] - solved[1] @ across)
+            weights = reflections.undone(np.concatenate([np.zeros(TERMS), solved[1]]))
+            best = solved[0], ImplicitSurface(origin, scale, centers, weights, quadratic, power, float(ratio))
     return best[1] if best else None
 
 
-def _householder(columns: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Reflections that turn k columns (n, k) into a triangle: V (n, k) and T (k, k) of I - V T V^T, and the triangle.
+@dataclass(frozen=True)
+class _Reflections:
+    """Q = I - V T V^T, reflections that turn k columns (n, k) into a triangle.
 
     In the directions that the first k axes do not take, polynomials vanish: the contrasts of REML.
+
+    Attributes
+    ----------
+    vectors, weights, triangle : (n, k), (k, k), (k, k) float64
+        V, T, and the first k rows that result.
     """
+
+    vectors: FloatArray
+    weights: FloatArray
+    triangle: FloatArray
+
+    def applied(self, column: FloatArray) -> FloatArray:
+        """Q a of a column (n,)."""
+        return column - self.vectors @ (self.weights @ (column @ self.vectors))
+
+    def undone(self, column: FloatArray) -> FloatArray:
+        """Q^T a of a column (n,)."""
+        return column - self.vectors @ ((column @ self.vectors) @ self.weights)
+
+
+def _reflections(columns: FloatArray) -> _Reflections:
     factored, scales, _, _ = dgeqrf(columns)
     vectors = np.tril(factored, -1)
     np.fill_diagonal(vectors, 1.0)
@@ -180,22 +215,18 @@ def _householder(columns: FloatArray) -> tuple[FloatArray, FloatArray, FloatArra
     inverse = np.triu(vectors.T @ vectors, 1)
     np.fill_diagonal(inverse, 1.0 / np.maximum(scales, 1e-300))
     count = columns.shape[1]
-    return vectors, solve_triangular(inverse, np.eye(count)).T, np.triu(factored[:count])
+    return _Reflections(vectors, solve_triangular(inverse, np.eye(count)).T, np.triu(factored[:count]))
 
 
-def _reflected(vectors: FloatArray, weights: FloatArray, columns: FloatArray) -> FloatArray:
-    """Columns (n, c), or one column (n,), after the reflections; after those in the reverse order with weights.T."""
-    return columns - vectors @ (weights @ (vectors.T @ columns))
+def _turn(matrix: FloatArray, reflections: _Reflections) -> float:
+    """Replace the lower triangle of a symmetric matrix K (n, n) by that of Q K Q^T; return the norm of the contrasts.
 
-
-def _turned(vectors: FloatArray, weights: FloatArray, matrix: FloatArray) -> FloatArray:
-    """A symmetric matrix K (n, n) in the reflected axes.
-
-    With Q = I - V T V^T, Q K Q^T is K - V B^T - B V^T for B = A - V (T V^T A) / 2, where A = K V T^T.
+    Q K Q^T is K - V B^T - B V^T for B = A - V (T V^T A) / 2, where A = K V T^T.
     """
+    vectors, weights = reflections.vectors, reflections.weights
     half = matrix @ (vectors @ weights.T)
     half -= 0.5 * vectors @ (weights @ (vectors.T @ half))
-    return np.asarray(matrix - np.hstack([vectors, half]) @ np.hstack([half, vectors]).T, dtype=np.float64)
+    return float(np.sqrt(_subtract_products(np.ascontiguousarray(vectors.T), np.ascontiguousarray(half.T), matrix)))
 
 
 def _error_covariance(count: int, others: int) -> FloatArray:
@@ -205,31 +236,23 @@ def _error_covariance(count: int, others: int) -> FloatArray:
 
 
 def _restricted_likelihood(
-    covariance: FloatArray, target: FloatArray, errors: FloatArray | None, variance: float
+    turned: FloatArray, target: FloatArray, errors: FloatArray, variance: float, factor: FloatArray
 ) -> tuple[float, FloatArray] | None:
     """-2 log of the restricted likelihood, up to a constant, and the weights.
 
     Errors, independent ones if no covariance is given, are added with their variance, and with up to a thousand times
-    as much if the matrix is not positive definite otherwise; None if it still is not.
+    as much if the matrix is not positive definite otherwise; None if it still is not. `factor` is overwritten.
     """
     for _ in range(4):
-        try:
-            matrix = np.array(covariance, order="F")
-            if errors is None:
-                np.fill_diagonal(matrix, matrix.diagonal() + variance)
-            else:
-                matrix += variance * errors
-            factor = cholesky(matrix, lower=True, overwrite_a=True, check_finite=False)
+        _add_errors(turned, errors, variance, factor)
+        if factor_in_place(factor, TERMS):
             break
-        except LinAlgError:
-            variance *= 10.0
+        variance *= 10.0
     else:
         return None
-    weights = cho_solve((factor, True), target, check_finite=False)
-    energy = float(target @ weights)
-    if not energy > 0.0:
-        energy = np.finfo(np.float64).tiny
-    return 2.0 * float(np.log(np.diag(factor)).sum()) + len(target) * float(np.log(energy)), weights
+    weights = target.copy()
+    log_determinant, energy = _solve_factored(factor, weights)
+    return log_determinant + len(target) * float(np.log(energy)), weights
 
 
 def _quadratics(points: FloatArray) -> FloatArray:
@@ -238,8 +261,83 @@ def _quadratics(points: FloatArray) -> FloatArray:
     return np.stack([np.ones(len(points)), x, y, z, x * x, x * y, x * z, y * y, y * z, z * z], axis=1)
 
 
-@lean_njit(fastmath={"contract", "reassoc", "nsz", "arcp"})
+@lean_njit(fastmath=FAST)
+def _write_kernel(centers: FloatArray, power: int, matrix: FloatArray) -> None:
+    """Write |x_i - x_j|^p, with the sign that makes it conditionally positive definite."""
+    for i in range(centers.shape[0]):
+        x, y, z = centers[i, 0], centers[i, 1], centers[i, 2]
+        for j in range(centers.shape[0]):
+            dx, dy, dz = x - centers[j, 0], y - centers[j, 1], z - centers[j, 2]
+            square = dx * dx + dy * dy + dz * dz
+            matrix[i, j] = square * np.sqrt(square) * (-square if power == 5 else 1.0)
+
+
+@lean_njit(fastmath=FAST)
+def _subtract_products(v: FloatArray, b: FloatArray, matrix: FloatArray) -> float:
+    """Subtract V^T B + B^T V of (10, n) from the lower triangle; return the sum of squares of all from row 10 on."""
+    squares = 0.0
+    for i in range(matrix.shape[0]):
+        row = matrix[i]
+        for j in range(i + 1):
+            for c in range(TERMS):
+                row[j] -= v[c, i] * b[c, j] + b[c, i] * v[c, j]
+        for j in range(TERMS, i + 1):
+            squares += (1.0 if i == j else 2.0) * row[j] * row[j]
+    return squares
+
+
+@lean_njit()
+def _add_errors(turned: FloatArray, errors: FloatArray, variance: float, total: FloatArray) -> None:
+    """Write the lower triangle of the contrasts with errors, independent ones if no covariance is given."""
+    for i in range(TERMS, turned.shape[0]):
+        for j in range(TERMS, i + 1):
+            total[i, j] = turned[i, j]
+        if errors.shape[0] == 0:
+            total[i, i] += variance
+        else:
+            for j in range(TERMS, i + 1):
+                total[i, j] += variance * errors[i, j]
+
+
+@lean_njit(fastmath=FAST)
+def _solve_factored(factor: FloatArray, right: FloatArray) -> tuple[float, float]:
+    """Solve L L^T x = b in place, L from row and column 10 on; return log det L L^T and b^T x, which is positive."""
+    log_determinant, energy = 0.0, 0.0
+    for i in range(right.shape[0]):
+        row = factor[TERMS + i, TERMS:]
+        log_determinant += 2.0 * np.log(row[i])
+        for j in range(i):
+            right[i] -= row[j] * right[j]
+        right[i] /= row[i]
+        energy += right[i] * right[i]
+    for i in range(right.shape[0] - 1, -1, -1):
+        row = factor[TERMS + i, TERMS:]
+        right[i] /= row[i]
+        for j in range(i):
+            right[j] -= row[j] * right[i]
+    return log_determinant, max(energy, np.finfo(np.float64).tiny)
+
+
+@lean_njit(fastmath=FAST)
 def _evaluate(
+    points: FloatArray,
+    centers: FloatArray,
+    weights: FloatArray,
+    quadratic: FloatArray,
+    power: int,
+    values: FloatArray,
+    gradients: FloatArray,
+) -> None:
+    """Write values and gradients at points."""
+    for i in range(points.shape[0]):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        values[i], gradients[i, 0], gradients[i, 1], gradients[i, 2] = _value_and_gradient(
+            x, y, z, centers, weights, quadratic, power
+        )
+
+
+@lean_njit(fastmath=FAST)
+def _project(
     points: FloatArray,
     centers: FloatArray,
     weights: FloatArray,
@@ -247,25 +345,43 @@ def _evaluate(
     power: int,
     start: int,
     stop: int,
-    values: FloatArray,
-    gradients: FloatArray,
+    found: BoolArray,
 ) -> None:
-    """Write values and gradients at points start .. stop-1."""
-    q = quadratic
+    """Move points start .. stop-1 to the surface, and say which of them got there."""
     for i in range(start, stop):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        value = q[0] + q[1] * x + q[2] * y + q[3] * z
-        value += q[4] * x * x + q[5] * x * y + q[6] * x * z + q[7] * y * y + q[8] * y * z + q[9] * z * z
-        gx = q[1] + 2.0 * q[4] * x + q[5] * y + q[6] * z
-        gy = q[2] + q[5] * x + 2.0 * q[7] * y + q[8] * z
-        gz = q[3] + q[6] * x + q[8] * y + 2.0 * q[9] * z
-        for j in range(centers.shape[0]):
-            dx, dy, dz = x - centers[j, 0], y - centers[j, 1], z - centers[j, 2]
-            square = dx * dx + dy * dy + dz * dz
-            slope = weights[j] * np.sqrt(square) * (square if power == 5 else 1.0)
-            value += slope * square
-            gx += power * slope * dx
-            gy += power * slope * dy
-            gz += power * slope * dz
-        values[i] = value
-        gradients[i, 0], gradients[i, 1], gradients[i, 2] = gx, gy, gz
+        for _ in range(STEPS):
+            x, y, z = points[i, 0], points[i, 1], points[i, 2]
+            value, gx, gy, gz = _value_and_gradient(x, y, z, centers, weights, quadratic, power)
+            slope = np.sqrt(gx * gx + gy * gy + gz * gz)
+            bounded = max(slope, SMALLEST_SLOPE)
+            step = value / bounded
+            points[i, 0], points[i, 1], points[i, 2] = (
+                x - step / bounded * gx,
+                y - step / bounded * gy,
+                z - step / bounded * gz,
+            )
+            # Newton's steps shrink quadratically: after a short one the rest is shorter still.
+            if abs(step) < SHORT_STEP and slope > SMALLEST_SLOPE:
+                found[i] = True
+                break
+
+
+@inner_njit(fastmath=FAST)
+def _value_and_gradient(
+    x: float, y: float, z: float, centers: FloatArray, weights: FloatArray, quadratic: FloatArray, power: int
+) -> tuple[float, float, float, float]:
+    q = quadratic
+    value = q[0] + q[1] * x + q[2] * y + q[3] * z
+    value += q[4] * x * x + q[5] * x * y + q[6] * x * z + q[7] * y * y + q[8] * y * z + q[9] * z * z
+    gx = q[1] + 2.0 * q[4] * x + q[5] * y + q[6] * z
+    gy = q[2] + q[5] * x + 2.0 * q[7] * y + q[8] * z
+    gz = q[3] + q[6] * x + q[8] * y + 2.0 * q[9] * z
+    for j in range(centers.shape[0]):
+        dx, dy, dz = x - centers[j, 0], y - centers[j, 1], z - centers[j, 2]
+        square = dx * dx + dy * dy + dz * dz
+        slope = weights[j] * np.sqrt(square) * (-square if power == 5 else 1.0)
+        value += slope * square
+        gx += power * slope * dx
+        gy += power * slope * dy
+        gz += power * slope * dz
+    return value, gx, gy, gz

@@ -8,7 +8,7 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.holes.evening import evened
 from bezier_filters.holes.fill_topology import Fill, flipped, refined
-from bezier_filters.holes.implicit_surface import ImplicitSurface, fit_implicit_surface
+from bezier_filters.holes.implicit_surface import ImplicitSurface, WorkSpace, fit_implicit_surface
 from bezier_filters.holes.loop_triangulation import triangulate_loop
 from bezier_filters.holes.surroundings import Surroundings
 from bezier_filters.holes.variational_fill import shifted, without_tension
@@ -116,7 +116,13 @@ def together(fill: Fill, around: Surroundings, rings: int) -> tuple[FloatArray, 
 
 
 def surface_around(
-    around: Surroundings, normals: FloatArray, known: BoolArray, *, noisy: bool, others: FloatArray | None = None
+    around: Surroundings,
+    normals: FloatArray,
+    known: BoolArray,
+    *,
+    noisy: bool,
+    others: FloatArray | None = None,
+    work: WorkSpace | None = None,
 ) -> ImplicitSurface | None:
     """Fit a surface to the points of the surroundings whose normals (b, 3) are known, and to others (k, 3)."""
     ids = np.flatnonzero(known)
@@ -125,7 +131,7 @@ def surface_around(
         near = np.flatnonzero(around.rings[ids] <= (-1 if noisy else 1)).astype(np.int32)
         ids = ids[thinned(around.vertices[ids], near, most)]
     step = float(around.sizes.mean())
-    return fit_implicit_surface(around.vertices[ids], normals[ids], step, noisy=noisy, others=others)
+    return fit_implicit_surface(around.vertices[ids], normals[ids], step, noisy=noisy, others=others, work=work)
 
 
 def thinned(points: FloatArray, near: IntArray, most: int) -> IntArray:
