@@ -12,15 +12,15 @@ def test_dense_and_sparse_matrices_give_the_same_fill(monkeypatch):
     order = np.concatenate([np.flatnonzero(ball.vertices[:, 2] <= 0.6), free])
     points = ball.vertices[order]
     faces = np.argsort(order)[ball.faces].astype(np.int32)
-    free = np.arange(len(points) - len(free), len(points))
-    shift = np.random.default_rng(0).standard_normal((free[0], 3))
+    first = len(points) - len(free)
+    shift = np.random.default_rng(0).standard_normal((first, 3))
     assert len(points) <= variational_fill.MOST_DENSE
-    dense = cotangent_matrix(points, faces), [without_tension(points, faces, free, k) for k in (1, 2, 3)]
+    dense = cotangent_matrix(points, faces), [without_tension(points, faces, first, k) for k in (1, 2, 3)]
     dense_shift = shifted(points, faces, shift)
     monkeypatch.setattr(variational_fill, "MOST_DENSE", 0)
     (matrix, areas), fills = (
         cotangent_matrix(points, faces),
-        [without_tension(points, faces, free, k) for k in (1, 2, 3)],
+        [without_tension(points, faces, first, k) for k in (1, 2, 3)],
     )
     np.testing.assert_allclose(dense[0][0], matrix.toarray(), atol=1e-12)
     np.testing.assert_array_equal(dense[0][1], areas)

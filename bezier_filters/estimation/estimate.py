@@ -169,7 +169,7 @@ def estimate_vertex_geometry(
                 progress=progress,
             )
         if mask is not None:
-            _clear(geometry, ~mask)
+            _clear(geometry, ~mask & (geometry.status != FitStatus.SKIPPED))
         return replace(geometry, fit=choice)
 
 
@@ -249,7 +249,8 @@ def _checked_mask(selected: BoolArray, n: int) -> BoolArray:
 
 def _clear(geometry: VertexGeometry, rows: BoolArray) -> None:
     """Forget what is known of some vertices."""
+    places = np.flatnonzero(rows)
     for part in fields(geometry):
         values = getattr(geometry, part.name)
         if isinstance(values, np.ndarray):
-            values[rows] = FitStatus.SKIPPED if part.name == "status" else 0
+            values[places] = FitStatus.SKIPPED if part.name == "status" else 0

@@ -9,9 +9,11 @@ import numpy as np
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.holes.fill_topology import Fill
 from bezier_filters.holes.hole_detection import Hole
-from bezier_filters.holes.surroundings import Surroundings, faces_at_edges
+from bezier_filters.holes.surroundings import Surroundings
+from bezier_filters.meshes.frames import unit_face_normals
+from bezier_filters.meshes.half_edges import faces_at_edges
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.self_intersections import cut_faces
+from bezier_filters.meshes.self_intersections import cut_faces, faces_in_boxes
 
 BULGE = 0.5
 """Times the diameter of a hole: how far its fill may leave the bounding box of the rim."""
@@ -24,7 +26,7 @@ class Piece:
     Attributes
     ----------
     ids : (k,) int
-        The vertices, by their rows in the mesh that results.
+        The vertices, by their rows in the mesh that results; one may be there several times.
     points : (k, 3) float64
         Their coordinates.
     faces : (m, 3) int32
@@ -48,8 +50,8 @@ class Piece:
 
 def piece_of_mesh(mesh: TriangleMesh, face_ids: IntArray) -> Piece:
     """Some faces of a mesh."""
-    ids, faces = np.unique(mesh.faces[face_ids], return_inverse=True)
-    return Piece(ids, mesh.vertices[ids], faces.reshape(-1, 3).astype(np.int32))
+    ids = mesh.faces[face_ids].ravel()
+    return Piece(ids, mesh.vertices[ids], np.arange(len(ids), dtype=np.int32).reshape(-1, 3))
 
 
 def placed(fill: Fill, around: Surroundings, next_vertex: int) -> Piece:
@@ -75,20 +77,20 @@ def problem_with(piece: Piece, low: FloatArray, high: FloatArray) -> str:
 
 def count_cuts(piece: Piece, others: Sequence[Piece]) -> int:
     """Number of faces of a piece that cut one of the others or each other."""
-    pieces = [*others, piece]
-    _, first, place = np.unique(np.concatenate([p.ids for p in pieces]), return_index=True, return_inverse=True)
-    points = np.vstack([p.points for p in pieces])[first]
-    starts = np.cumsum([0, *(len(p.ids) for p in pieces)])
-    faces = np.vstack([place[p.faces + start] for p, start in zip(pieces, starts, strict=False)])
-    return int(np.count_nonzero(cut_faces(points, faces.astype(np.int32), len(piece.faces))))
+    low, high = piece.points.min(axis=0, keepdims=True), piece.points.max(axis=0, keepdims=True)
+    near = [other.faces[faces_in_boxes(other.points, other.faces, low, high).indices] for other in others]
+    corners = [
+        (p.ids[f].ravel(), p.points[f.ravel()]) for p, f in zip((*others, piece), (*near, piece.faces), strict=True)
+    ]
+    ids, points = (np.concatenate(parts) for parts in zip(*corners, strict=True))
+    _, first, faces = np.unique(ids, return_index=True, return_inverse=True)
+    return int(np.count_nonzero(cut_faces(points[first], faces.reshape(-1, 3).astype(np.int32), len(piece.faces))))
 
 
 def rim_dihedral(fill: Fill, around: Surroundings) -> float:
     """Mean angle between the faces on both sides of the rim, in degrees."""
     at_rim = fill.faces[np.count_nonzero(fill.faces < fill.rim_count, axis=1) > 1]
-    corners = fill.points[at_rim]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    normals = unit_face_normals(fill.points, at_rim)
     angles: list[float] = []
     for loop in around.loops:
         own = normals[faces_at_edges(at_rim, loop, np.roll(loop, -1))]

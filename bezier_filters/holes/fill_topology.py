@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.meshes.half_edges import faces_at_edges
 from bezier_filters.runtime.lean import inner_njit, lean_njit
 
 DENSITY = float(np.sqrt(2.0))
@@ -57,7 +58,7 @@ def refined(fill: Fill, existing: AbstractSet[tuple[int, int]]) -> Fill:
         Pairs of rim vertices that must not be joined, the smaller first.
     """
     points, sizes, faces = fill.points, fill.sizes, fill.faces
-    neighbours = face_neighbours(faces, len(points))
+    neighbours = face_neighbours(faces)
     keys = _keys(existing | fill.fixed)
     fixed = _fixed_edges(faces, fill.fixed)
     most = FEW_FACES + 2 * fill.rim_count**2
@@ -82,22 +83,15 @@ def refined(fill: Fill, existing: AbstractSet[tuple[int, int]]) -> Fill:
 def flipped(fill: Fill, existing: AbstractSet[tuple[int, int]]) -> Fill:
     """Flip edges until all are locally Delaunay."""
     faces = fill.faces.copy()
-    neighbours = face_neighbours(faces, len(fill.points))
+    neighbours = face_neighbours(faces)
     fixed = _fixed_edges(faces, fill.fixed)
     _flip(fill.points, faces, neighbours, fixed, _keys(existing | fill.fixed), fill.rim_count, MOST_FLIPS)
     return Fill(fill.points, fill.sizes, faces, fill.rim_count, fill.fixed)
 
 
-def face_neighbours(faces: IntArray, n: int) -> IntArray:
-    """Face beyond the edge from corner k to the next, -1 at the border, (m, 3), of faces that are manifold."""
-    start, end = faces.ravel().astype(np.int64), np.roll(faces, -1, axis=1).ravel()
-    edges = np.minimum(start, end) * n + np.maximum(start, end)
-    order = np.argsort(edges, kind="stable")
-    twins = np.flatnonzero(np.diff(edges[order]) == 0)
-    first, second = order[twins], order[twins + 1]
-    result = np.full(len(edges), -1, dtype=np.int32)
-    result[first], result[second] = second // 3, first // 3
-    return result.reshape(-1, 3)
+def face_neighbours(faces: IntArray) -> IntArray:
+    """Face beyond the edge from corner k to the next, -1 at the border, (m, 3), of manifold, oriented faces."""
+    return faces_at_edges(faces, np.roll(faces, -1, axis=1).ravel(), faces.ravel()).reshape(-1, 3)
 
 
 def _keys(pairs: AbstractSet[tuple[int, int]]) -> IntArray:

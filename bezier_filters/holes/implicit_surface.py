@@ -169,7 +169,7 @@ def fit_implicit_surface(
     target = reflections.applied(values)
     best: tuple[float, ImplicitSurface] | None = None
     for power in POWERS:
-        _write_kernel(centers, power, turned)
+        _write_kernel(np.ascontiguousarray(centers.T), power, turned)
         size = _turn(turned, reflections)
         for ratio in NOISE_RATIOS if noisy else (CLEAN,):
             solved = _restricted_likelihood(turned, target[TERMS:], errors, ratio * size, factor)
@@ -224,9 +224,10 @@ def _turn(matrix: FloatArray, reflections: _Reflections) -> float:
     Q K Q^T is K - V B^T - B V^T for B = A - V (T V^T A) / 2, where A = K V T^T.
     """
     vectors, weights = reflections.vectors, reflections.weights
-    half = matrix @ (vectors @ weights.T)
-    half -= 0.5 * vectors @ (weights @ (vectors.T @ half))
-    return float(np.sqrt(_subtract_products(np.ascontiguousarray(vectors.T), np.ascontiguousarray(half.T), matrix)))
+    half, columns = np.zeros((TERMS, len(matrix))), np.ascontiguousarray((vectors @ weights.T).T)
+    _multiply(matrix, columns, half)
+    half -= 0.5 * ((half @ vectors) @ weights.T) @ vectors.T
+    return float(np.sqrt(_subtract_products(np.ascontiguousarray(vectors.T), half, matrix)))
 
 
 def _error_covariance(count: int, others: int) -> FloatArray:
@@ -263,13 +264,30 @@ def _quadratics(points: FloatArray) -> FloatArray:
 
 @lean_njit(fastmath=FAST)
 def _write_kernel(centers: FloatArray, power: int, matrix: FloatArray) -> None:
-    """Write |x_i - x_j|^p, with the sign that makes it conditionally positive definite."""
-    for i in range(centers.shape[0]):
-        x, y, z = centers[i, 0], centers[i, 1], centers[i, 2]
-        for j in range(centers.shape[0]):
-            dx, dy, dz = x - centers[j, 0], y - centers[j, 1], z - centers[j, 2]
+    """Write the lower triangle of |x_i - x_j|^p, with the sign that makes it conditionally positive definite.
+
+    Centers are (3, n).
+    """
+    xs, ys, zs = centers[0], centers[1], centers[2]
+    for i in range(matrix.shape[0]):
+        row, x, y, z = matrix[i], xs[i], ys[i], zs[i]
+        for j in range(i + 1):
+            dx, dy, dz = x - xs[j], y - ys[j], z - zs[j]
             square = dx * dx + dy * dy + dz * dz
-            matrix[i, j] = square * np.sqrt(square) * (-square if power == 5 else 1.0)
+            row[j] = square * np.sqrt(square) * (-square if power == 5 else 1.0)
+
+
+@lean_njit(fastmath=FAST)
+def _multiply(matrix: FloatArray, columns: FloatArray, products: FloatArray) -> None:
+    """Add a symmetric matrix, of which the lower triangle is read, times columns (k, n) to `products` (k, n)."""
+    for i in range(matrix.shape[0]):
+        row = matrix[i]
+        for c in range(columns.shape[0]):
+            column, product, x, total = columns[c], products[c], columns[c, i], 0.0
+            for j in range(i):
+                total += row[j] * column[j]
+                product[j] += row[j] * x
+            product[i] += total + row[i] * x
 
 
 @lean_njit(fastmath=FAST)

@@ -101,8 +101,7 @@ def _forbidden(around: Surroundings, polygon: IntArray) -> AbstractSet[tuple[int
 def faired(fill: Fill, around: Surroundings, order: int) -> Fill:
     """Move the new vertices to where the Laplacian to a power vanishes; see `without_tension`."""
     points, faces, rings = together(fill, around, max(order - 1, 1))
-    free = np.arange(rings, len(points), dtype=np.int32)
-    moved = without_tension(points, faces, free, order)
+    moved = without_tension(points, faces, rings, order)
     return replace(fill, points=np.vstack([fill.points[: fill.rim_count], moved[rings:]]))
 
 

@@ -9,6 +9,8 @@ import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.meshes.adjacency import Adjacency
+from bezier_filters.meshes.frames import unit_face_normals
+from bezier_filters.meshes.half_edges import faces_at_edges, half_edge, half_edge_lists
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.lean import lean_njit
 
@@ -58,40 +60,29 @@ class Surroundings:
     @cached_property
     def _faces_at_rim(self) -> IntArray:
         """Numbers of the faces with a vertex on the rim."""
-        return np.flatnonzero((self.faces < self.rim_count).any(axis=1)).astype(np.int32)
+        return np.flatnonzero(self.faces.min(axis=1, initial=self.rim_count) < self.rim_count).astype(np.int32)
 
     @cached_property
+    def _rim_measures(self) -> tuple[FloatArray, FloatArray]:
+        """Sum of the angles of the faces at each rim vertex, and the mean length of its edges, each (r,)."""
+        faces, angles, lengths = self.faces[self._faces_at_rim], *np.zeros((2, self.rim_count))
+        _measure_rim(self.vertices, faces, *half_edge_lists(faces, len(self.ids)), angles, lengths)
+        return angles, lengths
+
+    @property
     def gaps(self) -> FloatArray:
         """Angle that is left for the hole at each rim vertex: 2 pi less those of the faces, in radians."""
-        faces = self.faces[self._faces_at_rim]
-        tips, left, right = (self.vertices[faces[:, [k, (k + 1) % 3, (k + 2) % 3]].T] for k in range(3))
-        u, v = left - tips, right - tips
-        angles = np.arctan2(np.linalg.norm(np.cross(u, v), axis=2), np.einsum("kfj,kfj->kf", u, v))
-        sums = np.bincount(faces.ravel(), weights=angles.T.ravel(), minlength=len(self.ids))
-        return np.asarray(2.0 * pi - sums[: self.rim_count], dtype=np.float64)
+        return 2.0 * pi - self._rim_measures[0]
 
-    @cached_property
+    @property
     def sizes(self) -> FloatArray:
         """Edge length that is wanted at each rim vertex: the mean of its edges."""
-        if self.wanted_sizes is not None:
-            return self.wanted_sizes
-        faces = self.faces[self._faces_at_rim]
-        starts, ends = faces.ravel().astype(np.int64), faces[:, [1, 2, 0]].ravel()
-        edges = np.unique(np.minimum(starts, ends) * len(self.ids) + np.maximum(starts, ends))
-        ends = np.stack(np.divmod(edges, len(self.ids)), axis=1)
-        lengths = np.linalg.norm(self.vertices[ends[:, 0]] - self.vertices[ends[:, 1]], axis=1)
-        count = np.bincount(ends.ravel(), minlength=len(self.ids))
-        total = np.bincount(ends.ravel(), weights=np.repeat(lengths, 2), minlength=len(self.ids))
-        return np.asarray(total / np.maximum(count, 1), dtype=np.float64)[: self.rim_count]
+        return self._rim_measures[1] if self.wanted_sizes is None else self.wanted_sizes
 
     @cached_property
     def face_normals(self) -> FloatArray:
         """Unit normals of the faces, zero where a face has no area, (m, 3)."""
-        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
-        normals = np.cross(b - a, c - a)
-        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-        result: FloatArray = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)
-        return result
+        return unit_face_normals(self.vertices, self.faces)
 
     def normals_beyond(self, loop: IntArray) -> FloatArray:
         """Unit normal of the face beyond the edge that begins at each vertex of a rim, zero without one, (k, 3)."""
@@ -99,24 +90,6 @@ class Surroundings:
         beyond = faces_at_edges(self.faces[at_rim], np.roll(loop, -1), loop)
         normals = self.face_normals[at_rim[beyond]]
         return np.asarray(np.where((beyond >= 0)[:, np.newaxis], normals, 0.0), dtype=np.float64)
-
-
-def faces_at_edges(faces: IntArray, starts: IntArray, ends: IntArray) -> IntArray:
-    """Which of some faces (m, 3) runs along each edge from start to end, -1 if none does, (k,).
-
-    Examples
-    --------
-    >>> faces_at_edges(np.array([[0, 1, 2], [2, 1, 3]]), np.array([2, 1, 1]), np.array([1, 2, 0]))
-    array([ 1,  0, -1], dtype=int32)
-    """
-    if len(faces) == 0:
-        return np.full(len(starts), -1, dtype=np.int32)
-    n = 1 + max(int(faces.max()), int(starts.max(initial=0)), int(ends.max(initial=0)))
-    keys = (faces.astype(np.int64) * n + faces[:, [1, 2, 0]]).ravel()
-    order = np.argsort(keys, kind="stable")
-    wanted = starts.astype(np.int64) * n + ends
-    place = order[np.minimum(np.searchsorted(keys, wanted, sorter=order), len(keys) - 1)]
-    return np.where(keys[place] == wanted, place // 3, -1).astype(np.int32)
 
 
 def surroundings_of(
@@ -170,6 +143,38 @@ def surroundings_of(
         if place_of.get(other, -1) > k
     )
     return Surroundings(ids, ring, mesh.vertices[ids], faces, local_loops, pairs)
+
+
+@lean_njit()
+def _measure_rim(
+    points: FloatArray, faces: IntArray, first: IntArray, following: IntArray, angles: FloatArray, lengths: FloatArray
+) -> None:
+    """Write sums of angles and mean lengths of edges at the first vertices, both zero at first."""
+    for i in range(angles.shape[0]):
+        count = 0
+        h = first[i]
+        while h >= 0:
+            f, k = h // 3, h % 3
+            after, before = faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
+            ux, uy, uz = (
+                points[after, 0] - points[i, 0],
+                points[after, 1] - points[i, 1],
+                points[after, 2] - points[i, 2],
+            )
+            vx, vy, vz = (
+                points[before, 0] - points[i, 0],
+                points[before, 1] - points[i, 1],
+                points[before, 2] - points[i, 2],
+            )
+            x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+            angles[i] += np.arctan2(np.sqrt(x * x + y * y + z * z), ux * vx + uy * vy + uz * vz)
+            lengths[i] += np.sqrt(ux * ux + uy * uy + uz * uz)
+            count += 1
+            if half_edge(faces, first, following, i, before) < 0:  # the edge has no other face
+                lengths[i] += np.sqrt(vx * vx + vy * vy + vz * vz)
+                count += 1
+            h = following[h]
+        lengths[i] /= max(count, 1)
 
 
 @lean_njit()

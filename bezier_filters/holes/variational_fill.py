@@ -21,8 +21,8 @@ LEAST_COTANGENT, LARGEST_COTANGENT = 0.02, 5.0
 """Bounds of the weights: slivers do not rule, and there is always one solution."""
 
 
-def without_tension(points: FloatArray, faces: IntArray, free: IntArray, order: int) -> FloatArray:
-    """Move some vertices to where the Laplacian to a power vanishes, the others fixed.
+def without_tension(points: FloatArray, faces: IntArray, first: int, order: int) -> FloatArray:
+    """Move the last vertices to where the Laplacian to a power vanishes, the others fixed.
 
     Parameters
     ----------
@@ -30,8 +30,8 @@ def without_tension(points: FloatArray, faces: IntArray, free: IntArray, order: 
         Vertices of the fill and `order` rings around it.
     faces : (m, 3) int32
         Faces of both.
-    free : (k,) int
-        Vertices that move.
+    first : int
+        The first vertex that moves; all after it do, too.
     order : int
         1, 2 or 3.
 
@@ -41,22 +41,18 @@ def without_tension(points: FloatArray, faces: IntArray, free: IntArray, order: 
 
     Examples
     --------
-    >>> hub = np.array([[0.0, 0.0, 5.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-    >>> wheel = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]], dtype=np.int32)
-    >>> bool(np.allclose(without_tension(hub, wheel, np.array([0]), 1)[0], 0.0))
+    >>> hub = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 5.0]])
+    >>> wheel = np.array([[4, 0, 1], [4, 1, 2], [4, 2, 3], [4, 3, 0]], dtype=np.int32)
+    >>> bool(np.allclose(without_tension(hub, wheel, 4, 1)[4], 0.0))
     True
     """
-    if len(free) == 0:
+    if first == len(points):
         return points.copy()
     stiffness, areas = cotangent_matrix(points, faces)
-    rows = stiffness[free]
+    rows = stiffness[first:]
     for _ in range(order - 1):
         rows = (rows @ diags(1.0 / areas) if issparse(rows) else rows / areas) @ stiffness
-    fixed = np.ones(len(points), dtype=np.bool_)
-    fixed[free] = False
-    result = points.copy()
-    result[free] = solved(rows[:, free], -(rows[:, fixed] @ points[fixed]))
-    return result
+    return np.vstack([points[:first], solved(rows[:, first:], -(rows[:, :first] @ points[:first]))])
 
 
 def shifted(points: FloatArray, faces: IntArray, shift: FloatArray) -> FloatArray:
@@ -91,14 +87,13 @@ def cotangent_matrix(points: FloatArray, faces: IntArray) -> tuple[Matrix, Float
     areas, weights = np.zeros(n), np.zeros((len(faces), 3))
     _measure(points, faces, areas, weights)
     areas = np.maximum(areas, 1e-3 * max(float(areas.mean()), 1e-300))
-    off: Matrix
     if n <= MOST_DENSE:
-        off = np.zeros((n, n))
-        _add_weights(faces, weights, off)
-        return np.diag(off.sum(axis=1)) - off, areas
+        stiffness = np.zeros((n, n))
+        _write_stiffness(faces, weights, stiffness)
+        return stiffness, areas
     starts, ends = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     places = np.concatenate([starts, ends]), np.concatenate([ends, starts])
-    off = csr_matrix((np.tile(weights.ravel(), 2), places), shape=(n, n))
+    off: csr_matrix = csr_matrix((np.tile(weights.ravel(), 2), places), shape=(n, n))
     off.data = np.maximum(off.data, LEAST_COTANGENT)
     return (diags(np.asarray(off.sum(axis=1)).ravel()) - off).tocsr(), areas
 
@@ -122,15 +117,20 @@ def _measure(points: FloatArray, faces: IntArray, areas: FloatArray, weights: Fl
 
 
 @lean_njit()
-def _add_weights(faces: IntArray, weights: FloatArray, matrix: FloatArray) -> None:
-    """Add the weights of edges to both of their entries, of which none is left too small."""
+def _write_stiffness(faces: IntArray, weights: FloatArray, matrix: FloatArray) -> None:
+    """Write the cotangent matrix, zero at first, with the weights of edges, of which none is left too small."""
     for f in range(faces.shape[0]):
         for k in range(3):
             i, j = faces[f, k], faces[f, (k + 1) % 3]
-            matrix[i, j] += weights[f, k]
-            matrix[j, i] += weights[f, k]
+            matrix[i, j] -= weights[f, k]
+            matrix[j, i] -= weights[f, k]
     for f in range(faces.shape[0]):
         for k in range(3):
             i, j = faces[f, k], faces[f, (k + 1) % 3]
-            matrix[i, j] = max(matrix[i, j], LEAST_COTANGENT)
-            matrix[j, i] = max(matrix[j, i], LEAST_COTANGENT)
+            matrix[i, j] = min(matrix[i, j], -LEAST_COTANGENT)
+            matrix[j, i] = min(matrix[j, i], -LEAST_COTANGENT)
+    for i in range(matrix.shape[0]):
+        total = 0.0
+        for j in range(matrix.shape[0]):
+            total += matrix[i, j]
+        matrix[i, i] -= total

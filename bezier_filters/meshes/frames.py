@@ -76,6 +76,13 @@ def unit_face_normal(vertices: FloatArray, faces: IntArray, f: int) -> tuple[flo
     return x / length, y / length, z / length
 
 
+def unit_face_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
+    """Unit normals of faces, zero for those without area, (m, 3)."""
+    normals = np.empty((len(faces), 3))
+    _unit_face_normals(vertices, faces, 0, len(faces), normals)
+    return normals
+
+
 @lean_njit()
 def _unit_face_normals(vertices: FloatArray, faces: IntArray, start: int, stop: int, normals: FloatArray) -> None:
     """Unit normals of faces start .. stop-1, zero for those without area."""

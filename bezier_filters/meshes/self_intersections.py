@@ -6,7 +6,7 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.adjacency import Rows
 from bezier_filters.runtime.lean import inner_njit, lean_njit
 
-FEWEST_CELLS, MOST_CELLS = 16, 128
+FEWEST_CELLS, MOST_CELLS = 4, 128
 """Per axis, in which boxes are looked up."""
 FOLDED = -0.9999
 """Cosine of the angle between two faces on one edge from which down they lie on each other."""
