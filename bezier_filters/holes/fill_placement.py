@@ -13,7 +13,7 @@ from bezier_filters.holes.surroundings import Surroundings
 from bezier_filters.meshes.frames import unit_face_normals
 from bezier_filters.meshes.half_edges import faces_at_edges
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.self_intersections import cut_faces, faces_in_boxes
+from bezier_filters.meshes.self_intersections import cut_faces, meeting_box
 
 BULGE = 0.5
 """Times the diameter of a hole: how far its fill may leave the bounding box of the rim."""
@@ -77,8 +77,8 @@ def problem_with(piece: Piece, low: FloatArray, high: FloatArray) -> str:
 
 def count_cuts(piece: Piece, others: Sequence[Piece]) -> int:
     """Number of faces of a piece that cut one of the others or each other."""
-    low, high = piece.points.min(axis=0, keepdims=True), piece.points.max(axis=0, keepdims=True)
-    near = [other.faces[faces_in_boxes(other.points, other.faces, low, high).indices] for other in others]
+    low, high = piece.points.min(axis=0), piece.points.max(axis=0)
+    near = [other.faces[meeting_box(other.points, other.faces, low, high)] for other in others]
     corners = [
         (p.ids[f].ravel(), p.points[f.ravel()]) for p, f in zip((*others, piece), (*near, piece.faces), strict=True)
     ]

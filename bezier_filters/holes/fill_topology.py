@@ -6,8 +6,10 @@ are locally Delaunay (P. Liepa, "Filling holes in meshes", SGP 2003). The edges 
 
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.half_edges import faces_at_edges
@@ -19,6 +21,8 @@ FEW_FACES = 2_000
 """Of a fill, and twice the square of its rim's number of edges, some twelve times as many as a round hole needs:
 where a rim has edges of very different lengths, triangles stay larger than they would be."""
 MOST_PASSES = 60
+GROWTH = 9
+"""Rows that there is room for, in faces of a fill, before its arrays are made longer."""
 MOST_FLIPS = 30
 """Passes over all edges."""
 
@@ -57,27 +61,34 @@ def refined(fill: Fill, existing: AbstractSet[tuple[int, int]]) -> Fill:
     existing : set of (int, int)
         Pairs of rim vertices that must not be joined, the smaller first.
     """
-    points, sizes, faces = fill.points, fill.sizes, fill.faces
-    neighbours = face_neighbours(faces)
     keys = _keys(existing | fill.fixed)
-    fixed = _fixed_edges(faces, fill.fixed)
+    arrays: tuple[NDArray[Any], ...] = (
+        fill.points,
+        fill.sizes,
+        fill.faces,
+        face_neighbours(fill.faces),
+        _fixed_edges(fill.faces, fill.fixed),
+    )
+    n, m = len(fill.points), len(fill.faces)
     most = FEW_FACES + 2 * fill.rim_count**2
     for _ in range(MOST_PASSES):
-        n, m = len(points), len(faces)
         if m > most:
             break
-        points, sizes = np.vstack([points, np.zeros((m, 3))]), np.concatenate([sizes, np.zeros(m)])
-        room = np.zeros((2 * m, 3), dtype=np.int32)
-        faces, neighbours = np.vstack([faces, room]), np.vstack([neighbours, room])
-        fixed = np.vstack([fixed, np.zeros((2 * m, 3), dtype=np.bool_)])
+        if len(arrays[2]) < 3 * m:  # each face may become three
+            arrays = tuple(_with_room(part, GROWTH * m) for part in arrays)
+        points, sizes, faces, neighbours, fixed = arrays
         added = _split(points, sizes, faces, neighbours, fixed, n, m)
-        points, sizes = points[: n + added], sizes[: n + added]
-        m += 2 * added
-        faces, neighbours, fixed = faces[:m], neighbours[:m], fixed[:m]
-        flips = _flip(points, faces, neighbours, fixed, keys, fill.rim_count, MOST_FLIPS)
+        n, m = n + added, m + 2 * added
+        flips = _flip(points, faces[:m], neighbours, fixed, keys, fill.rim_count, MOST_FLIPS)
         if added == 0 and flips == 0:
             break
-    return Fill(points, sizes, faces, fill.rim_count, fill.fixed)
+    points, sizes, faces = arrays[:3]
+    return Fill(points[:n].copy(), sizes[:n].copy(), faces[:m].copy(), fill.rim_count, fill.fixed)
+
+
+def _with_room(part: NDArray[Any], count: int) -> NDArray[Any]:
+    """An array with as many further rows as are needed for so many in all."""
+    return np.concatenate([part, np.zeros((count - len(part), *part.shape[1:]), dtype=part.dtype)])
 
 
 def flipped(fill: Fill, existing: AbstractSet[tuple[int, int]]) -> Fill:

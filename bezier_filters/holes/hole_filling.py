@@ -150,7 +150,7 @@ def fill_holes(
         face_count += len(reports[number].new_faces)
     return HoleFillingResult(
         np.vstack([mesh.vertices, *(piece.points[piece.ids >= mesh.vertex_count] for piece in pieces)]),
-        np.vstack([mesh.faces, *(piece.ids[piece.faces] for piece in pieces)]).astype(np.int32, copy=False),
+        np.vstack([mesh.faces, *(piece.ids[piece.faces].astype(np.int32) for piece in pieces)]),
         tuple(reports),
         noise,
     )

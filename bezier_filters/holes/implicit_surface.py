@@ -10,7 +10,7 @@ fitted and not followed.
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.linalg import block_diag, solve_triangular
+from scipy.linalg import block_diag
 from scipy.linalg.lapack import dgeqrf
 
 from bezier_filters.arrays import BoolArray, FloatArray
@@ -61,8 +61,8 @@ class ImplicitSurface:
     ----------
     origin, scale : (3,) float64, float
         Centre and size of the coordinates (x - origin) / scale in which it is computed.
-    centers : (n, 3) float64
-        x_j, scaled.
+    centers : (3, n) float64
+        x_j, scaled, coordinate by coordinate.
     weights : (n,) float64
         c_j, with the sign of the kernel: - for p = 5.
     quadratic : (10,) float64
@@ -156,27 +156,28 @@ def fit_implicit_surface(
     step = offset / scale
     surface = (points - origin) / scale
     further = np.empty((0, 3)) if others is None else (others - origin) / scale
-    centers = np.vstack([surface, surface + step * normals, surface - step * normals, further])
-    values = np.concatenate([np.repeat([0.0, step, -step], len(points)), np.zeros(len(further))])
-    reflections = _reflections(_quadratics(centers))
+    points = np.vstack([surface, surface + step * normals, surface - step * normals, further])
+    centers = np.ascontiguousarray(points.T)
+    values = np.concatenate([np.repeat([0.0, step, -step], len(surface)), np.zeros(len(further))])
+    reflections = _reflections(_quadratics(points))
     if np.abs(np.diag(reflections.triangle)).min() < 1e-12:
         return None
-    count = len(centers)
+    count = len(points)
     turned, factor = np.empty((2, count, count)) if work is None else work.matrices(count)
-    errors = _error_covariance(len(points), len(further)) if noisy else np.empty((0, 0))
+    errors = _error_covariance(len(surface), len(further)) if noisy else np.empty((0, 0))
     if noisy:
         _turn(errors, reflections)
     target = reflections.applied(values)
     best: tuple[float, ImplicitSurface] | None = None
     for power in POWERS:
-        _write_kernel(np.ascontiguousarray(centers.T), power, turned)
+        _write_kernel(centers, power, turned)
         size = _turn(turned, reflections)
         for ratio in NOISE_RATIOS if noisy else (CLEAN,):
             solved = _restricted_likelihood(turned, target[TERMS:], errors, ratio * size, factor)
             if solved is None or (best is not None and solved[0] >= best[0]):
                 continue
             across = turned[TERMS:, :TERMS] + (ratio * size * errors[TERMS:, :TERMS] if noisy else 0.0)
-            quadratic = solve_triangular(reflections.triangle, target[:TERMS] - solved[1] @ across)
+            quadratic = np.linalg.solve(reflections.triangle, target[:TERMS] - solved[1] @ across)
             weights = reflections.undone(np.concatenate([np.zeros(TERMS), solved[1]]))
             best = solved[0], ImplicitSurface(origin, scale, centers, weights, quadratic, power, float(ratio))
     return best[1] if best else None
@@ -215,7 +216,7 @@ def _reflections(columns: FloatArray) -> _Reflections:
     inverse = np.triu(vectors.T @ vectors, 1)
     np.fill_diagonal(inverse, 1.0 / np.maximum(scales, 1e-300))
     count = columns.shape[1]
-    return _Reflections(vectors, solve_triangular(inverse, np.eye(count)).T, np.triu(factored[:count]))
+    return _Reflections(vectors, np.linalg.inv(inverse).T, np.triu(factored[:count]))
 
 
 def _turn(matrix: FloatArray, reflections: _Reflections) -> float:
@@ -264,10 +265,7 @@ def _quadratics(points: FloatArray) -> FloatArray:
 
 @lean_njit(fastmath=FAST)
 def _write_kernel(centers: FloatArray, power: int, matrix: FloatArray) -> None:
-    """Write the lower triangle of |x_i - x_j|^p, with the sign that makes it conditionally positive definite.
-
-    Centers are (3, n).
-    """
+    """Write the lower triangle of |x_i - x_j|^p, with the sign that makes it conditionally positive definite."""
     xs, ys, zs = centers[0], centers[1], centers[2]
     for i in range(matrix.shape[0]):
         row, x, y, z = matrix[i], xs[i], ys[i], zs[i]
@@ -394,8 +392,9 @@ def _value_and_gradient(
     gx = q[1] + 2.0 * q[4] * x + q[5] * y + q[6] * z
     gy = q[2] + q[5] * x + 2.0 * q[7] * y + q[8] * z
     gz = q[3] + q[6] * x + q[8] * y + 2.0 * q[9] * z
-    for j in range(centers.shape[0]):
-        dx, dy, dz = x - centers[j, 0], y - centers[j, 1], z - centers[j, 2]
+    xs, ys, zs = centers[0], centers[1], centers[2]
+    for j in range(weights.shape[0]):
+        dx, dy, dz = x - xs[j], y - ys[j], z - zs[j]
         square = dx * dx + dy * dy + dz * dz
         slope = weights[j] * np.sqrt(square) * (-square if power == 5 else 1.0)
         value += slope * square

@@ -93,9 +93,8 @@ def _polygon(around: Surroundings) -> tuple[IntArray, FloatArray, FloatArray]:
 
 def _forbidden(around: Surroundings, polygon: IntArray) -> AbstractSet[tuple[int, int]]:
     """Pairs that must not be joined by a chord: those that are joined already, and the bridges."""
-    following = np.roll(polygon, -1)
-    own = {(int(min(a, b)), int(max(a, b))) for a, b in zip(polygon, following, strict=True)}
-    return around.rim_edges | own
+    corners = polygon.tolist()
+    return around.rim_edges | {(min(a, b), max(a, b)) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)}
 
 
 def faired(fill: Fill, around: Surroundings, order: int) -> Fill:

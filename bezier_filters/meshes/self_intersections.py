@@ -50,6 +50,19 @@ def faces_in_boxes(vertices: FloatArray, faces: IntArray, low: FloatArray, high:
     return Rows(indptr, indices)
 
 
+def meeting_box(vertices: FloatArray, faces: IntArray, low: FloatArray, high: FloatArray) -> BoolArray:
+    """Whether the bounding boxes of faces meet the box between two corners, each (3,), (m,)."""
+    result = np.empty(len(faces), dtype=np.bool_)
+    _mark_meeting(vertices, faces, low, high, result)
+    return result
+
+
+@lean_njit()
+def _mark_meeting(vertices: FloatArray, faces: IntArray, low: FloatArray, high: FloatArray, result: BoolArray) -> None:
+    for f in range(faces.shape[0]):
+        result[f] = _in_box(vertices, faces[f, 0], faces[f, 1], faces[f, 2], low, high)
+
+
 @lean_njit()
 def _count_cells(
     low: FloatArray, high: FloatArray, origin: FloatArray, extent: FloatArray, cells: int, counts: IntArray
@@ -117,7 +130,7 @@ def _collect(
                     cell = (i * cells + j) * cells + k
                     for q in range(pointer[cell], pointer[cell + 1]):
                         box = boxes[q]
-                        if met[box] == f or not _in_box(vertices, a, b, c, low, high, box):
+                        if met[box] == f or not _in_box(vertices, a, b, c, low[box], high[box]):
                             continue
                         met[box] = f
                         is_met[f] = True
@@ -147,11 +160,11 @@ def _cells(least: float, most: float, origin: float, extent: float, cells: int) 
 
 
 @inner_njit()
-def _in_box(vertices: FloatArray, a: int, b: int, c: int, low: FloatArray, high: FloatArray, box: int) -> bool:
+def _in_box(vertices: FloatArray, a: int, b: int, c: int, low: FloatArray, high: FloatArray) -> bool:
     for axis in range(3):
-        if min(vertices[a, axis], vertices[b, axis], vertices[c, axis]) > high[box, axis]:
+        if min(vertices[a, axis], vertices[b, axis], vertices[c, axis]) > high[axis]:
             return False
-        if max(vertices[a, axis], vertices[b, axis], vertices[c, axis]) < low[box, axis]:
+        if max(vertices[a, axis], vertices[b, axis], vertices[c, axis]) < low[axis]:
             return False
     return True
 
