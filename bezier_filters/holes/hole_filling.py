@@ -8,19 +8,18 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bezier_filters.arrays import BoolArray, FloatArray
+from bezier_filters.arrays import BoolArray
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.holes.fill_placement import Piece, hole_box
 from bezier_filters.holes.hole_choice import HoleChoice
 from bezier_filters.holes.hole_detection import Hole, find_holes
-from bezier_filters.holes.hole_groups import RINGS, FilledHole, OpenMesh, fill_group, groups_of_boxes
+from bezier_filters.holes.hole_groups import FilledHole, OpenMesh, fill_group, groups_of_boxes
 from bezier_filters.holes.hole_result import HoleFillingResult, HoleReport
+from bezier_filters.holes.hole_surroundings import all_surroundings, normals_and_noise
 from bezier_filters.holes.implicit_surface import WorkSpace
-from bezier_filters.holes.surroundings import surroundings_of
-from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
+from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.array_arguments import takes_arrays
-from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
+from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.self_intersections import faces_in_boxes
 from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.runtime.parallel import Progress, RangeTask, report, run_in_chunks, thread_count
@@ -132,10 +131,11 @@ def fill_holes(
     # The lid of a sheet that is not flat may go through the holes in it: it must give way to their fills.
     numbers = sorted(np.flatnonzero([not refusal for refusal in refusals]), key=lambda k: found[k].is_outer_rim)
     chosen = [found[k] for k in numbers]
-    normals, noise = _normals_and_noise(mesh, adjacency, chosen, noise, threads)
+    surroundings = all_surroundings(mesh, adjacency, chosen, threads=threads)
+    normals, noise = normals_and_noise(mesh, surroundings, noise, threads=threads)
     boxes = np.array([hole_box(mesh, hole) for hole in chosen]).reshape(-1, 2, 3)
     near = faces_in_boxes(mesh.vertices, mesh.faces, boxes[:, 0], boxes[:, 1])
-    task = OpenMesh(mesh, adjacency, chosen, boxes, near, normals, noise, method, creases, float(alpha))
+    task = OpenMesh(mesh, surroundings, boxes, near, normals, noise, method, creases, float(alpha))
     reports = [_left_open(hole, refusal) for hole, refusal in zip(found, refusals, strict=True)]
     pieces: list[Piece] = []
     vertex_count, face_count = mesh.vertex_count, mesh.face_count
@@ -159,38 +159,25 @@ def fill_holes(
 def _filled(task: OpenMesh, threads: int, progress: Progress | None) -> list[FilledHole]:
     """Fill all holes, on several threads if there are several groups of them."""
     groups = groups_of_boxes(task.boxes)
-    results = [FilledHole()] * len(task.holes)
-    report(progress, 0, len(task.holes))
+    results = [FilledHole()] * len(task.surroundings)
+    report(progress, 0, len(task.surroundings))
     done: list[int] = []
 
     def make_task() -> RangeTask:
-        places, work = np.full(task.mesh.vertex_count, -1, dtype=np.int32), WorkSpace()
+        work = WorkSpace()
 
         def fill_groups(start: int, stop: int) -> None:
             for group in (part.tolist() for part in groups[start:stop]):
-                fills = fill_group(task, group, places, work, threads=1 if len(groups) > 1 else threads)
+                fills = fill_group(task, group, work, threads=1 if len(groups) > 1 else threads)
                 for number, filled in zip(group, fills, strict=True):
                     results[number] = filled
                 done.extend(group)
 
         return fill_groups
 
-    of_holes = None if progress is None else lambda _, __: progress(len(done), len(task.holes))
+    of_holes = None if progress is None else lambda _, __: progress(len(done), len(task.surroundings))
     run_in_chunks(make_task, len(groups), threads=threads, progress=of_holes, chunk=1)
     return results
-
-
-def _normals_and_noise(
-    mesh: TriangleMesh, adjacency: Adjacency, holes: list[Hole], noise: float | None, threads: int
-) -> tuple[FloatArray, float | None]:
-    """Normals of the Bezier patches around the holes, zero elsewhere, and the noise of the mesh."""
-    if not holes:
-        return np.zeros_like(mesh.vertices), noise
-    around = surroundings_of(mesh, adjacency, tuple(loop for hole in holes for loop in hole.loops), RINGS)
-    selected = np.zeros(mesh.vertex_count, dtype=np.bool_)
-    selected[around.ids] = True
-    geometry = estimate_vertex_geometry(mesh.vertices, mesh.faces, selected=selected, threads=threads)
-    return geometry.normals, geometry.noise_sigma if noise is None else noise
 
 
 def _left_open(hole: Hole, reason: str) -> HoleReport:

@@ -11,16 +11,11 @@ from scipy.sparse.csgraph import connected_components
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.holes.fill_methods import Attempt, crease_attempts, paper_attempts, smooth_attempts
 from bezier_filters.holes.fill_placement import Piece, count_cuts, piece_of_mesh, placed, problem_with, rim_dihedral
-from bezier_filters.holes.hole_detection import Hole
+from bezier_filters.holes.hole_surroundings import is_noisy
 from bezier_filters.holes.implicit_surface import WorkSpace
-from bezier_filters.holes.surroundings import Surroundings, surroundings_of
-from bezier_filters.meshes.adjacency import Adjacency, Rows
+from bezier_filters.holes.surroundings import Surroundings, with_joined
+from bezier_filters.meshes.adjacency import Rows
 from bezier_filters.meshes.mesh import TriangleMesh
-
-RINGS = 5
-"""Around a hole, from which its fill follows."""
-NOISE = 0.05
-"""Of an edge, from which on points are fitted rather than interpolated: face normals are some 4 degrees off then."""
 
 
 @dataclass(frozen=True)
@@ -29,15 +24,15 @@ class OpenMesh:
 
     Attributes
     ----------
-    mesh, adjacency : TriangleMesh, Adjacency
-    holes : sequence of Hole
-        In the order in which fills give way to earlier ones.
+    mesh : TriangleMesh
+    surroundings : sequence of Surroundings
+        Of each hole, in the order in which fills give way to earlier ones.
     boxes : (h, 2, 3) float64
         Lowest and highest corner of the box that each fill must not leave.
     near : Rows
         Faces of the mesh in each box.
     normals : (n, 3) float64
-        Unit normals of the vertices around the holes, zero where they are not known.
+        Unit normals where surfaces are fitted, zero where they are not known.
     noise : float or None
         Of the mesh, a length.
     method : str
@@ -49,8 +44,7 @@ class OpenMesh:
     """
 
     mesh: TriangleMesh
-    adjacency: Adjacency
-    holes: Sequence[Hole]
+    surroundings: Sequence[Surroundings]
     boxes: FloatArray
     near: Rows
     normals: FloatArray
@@ -110,9 +104,7 @@ def groups_of_boxes(boxes: FloatArray) -> list[IntArray]:
     return np.split(by_group, np.searchsorted(group[by_group], np.arange(1, count)))
 
 
-def fill_group(
-    task: OpenMesh, group: Iterable[int], places: IntArray, work: WorkSpace, *, threads: int = 1
-) -> list[FilledHole]:
+def fill_group(task: OpenMesh, group: Iterable[int], work: WorkSpace, *, threads: int = 1) -> list[FilledHole]:
     """Fill some holes of a mesh, each given that the earlier ones are filled.
 
     Parameters
@@ -120,8 +112,6 @@ def fill_group(
     task : OpenMesh
     group : iterable of int
         Numbers of the holes, ascending.
-    places : (n,) int32
-        Work space, see `surroundings_of`.
     work : WorkSpace
     threads : int
         Number of threads for each hole.
@@ -132,8 +122,8 @@ def fill_group(
     result = []
     next_vertex = mesh.vertex_count
     for number in group:
-        around = surroundings_of(mesh, task.adjacency, task.holes[number].loops, RINGS, joined, places)
-        noisy = task.noise is not None and task.noise > NOISE * float(around.sizes.mean())
+        around = with_joined(task.surroundings[number], joined)
+        noisy = is_noisy(around, task.noise)
         known = task.normals[around.ids]
         if task.method == "paper":
             attempts = paper_attempts(around, known, task.alpha, noisy=noisy, work=work, threads=threads)

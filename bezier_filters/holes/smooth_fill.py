@@ -123,13 +123,19 @@ def surface_around(
     work: WorkSpace | None = None,
 ) -> ImplicitSurface | None:
     """Fit a surface to the points of the surroundings whose normals (b, 3) are known, and to others (k, 3)."""
-    ids = np.flatnonzero(known)
+    ids = fitted_points(around, known, noisy=noisy)
+    step = float(around.sizes.mean())
+    return fit_implicit_surface(around.vertices[ids], normals[ids], step, noisy=noisy, others=others, work=work)
+
+
+def fitted_points(around: Surroundings, known: BoolArray | None = None, *, noisy: bool) -> IntArray:
+    """Places of the points that a surface is fitted to, among those that are known."""
+    ids = np.arange(len(around.ids)) if known is None else np.flatnonzero(known)
     most = NOISY_POINTS if noisy else int(np.clip(POINTS_PER_EDGE * around.rim_count, FEWEST_POINTS, MOST_POINTS))
     if len(ids) > most:
         near = np.flatnonzero(around.rings[ids] <= (-1 if noisy else 1)).astype(np.int32)
         ids = ids[thinned(around.vertices[ids], near, most)]
-    step = float(around.sizes.mean())
-    return fit_implicit_surface(around.vertices[ids], normals[ids], step, noisy=noisy, others=others, work=work)
+    return ids.astype(np.int32)
 
 
 def thinned(points: FloatArray, near: IntArray, most: int) -> IntArray:

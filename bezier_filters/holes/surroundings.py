@@ -1,7 +1,7 @@
 """The part of a mesh around a hole, as a small mesh of its own."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import pi
 
@@ -97,10 +97,9 @@ def surroundings_of(
     adjacency: Adjacency,
     loops: tuple[IntArray, ...],
     rings: int,
-    joined: Mapping[int, Iterable[int]] | None = None,
     places: IntArray | None = None,
 ) -> Surroundings:
-    """Collect some rings around loops of vertices, of which some pairs may be joined outside the mesh, too.
+    """Collect some rings around loops of vertices.
 
     `places`, -1 for every vertex of the mesh, is work space that many calls can share; it is left as it was.
 
@@ -135,14 +134,19 @@ def surroundings_of(
     faces = places[mesh.faces[face_ids]]
     local_loops = tuple(places[loop] for loop in loops)
     places[ids] = -1
-    place_of = {vertex: k for k, vertex in enumerate(level[0].tolist())}
+    return Surroundings(ids, ring, mesh.vertices[ids], faces, local_loops)
+
+
+def with_joined(around: Surroundings, joined: Mapping[int, Iterable[int]]) -> Surroundings:
+    """The same where some pairs of vertices of the mesh are joined outside of it; `joined` lists each both ways."""
+    place_of = {vertex: k for k, vertex in enumerate(around.ids[: around.rim_count].tolist())}
     pairs = frozenset(
         (k, place_of[other])
         for vertex, k in place_of.items()
-        for other in (joined or {}).get(vertex, ())
+        for other in joined.get(vertex, ())
         if place_of.get(other, -1) > k
     )
-    return Surroundings(ids, ring, mesh.vertices[ids], faces, local_loops, pairs)
+    return replace(around, joined=pairs) if pairs else around
 
 
 @lean_njit()
