@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.holes.contrasts import WorkSpace
 from bezier_filters.holes.crease_fill import crease_fills
 from bezier_filters.holes.fill_topology import Fill
-from bezier_filters.holes.implicit_surface import WorkSpace
 from bezier_filters.holes.paper_fill import paper_fill
 from bezier_filters.holes.smooth_fill import faired, first_fill, meeting_rim, on_surface, surface_around, triangulated
 from bezier_filters.holes.surroundings import Surroundings

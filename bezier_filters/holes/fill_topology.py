@@ -102,7 +102,7 @@ def flipped(fill: Fill, existing: AbstractSet[tuple[int, int]]) -> Fill:
 
 def face_neighbours(faces: IntArray) -> IntArray:
     """Face beyond the edge from corner k to the next, -1 at the border, (m, 3), of manifold, oriented faces."""
-    return faces_at_edges(faces, np.roll(faces, -1, axis=1).ravel(), faces.ravel()).reshape(-1, 3)
+    return faces_at_edges(faces, faces[:, [1, 2, 0]].ravel(), faces.ravel()).reshape(-1, 3)
 
 
 def _keys(pairs: AbstractSet[tuple[int, int]]) -> IntArray:

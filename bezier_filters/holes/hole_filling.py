@@ -10,13 +10,13 @@ from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import BoolArray
 from bezier_filters.errors import InvalidParameterError
+from bezier_filters.holes.contrasts import WorkSpace
 from bezier_filters.holes.fill_placement import Piece, hole_box
 from bezier_filters.holes.hole_choice import HoleChoice
 from bezier_filters.holes.hole_detection import Hole, find_holes
 from bezier_filters.holes.hole_groups import FilledHole, OpenMesh, fill_group, groups_of_boxes
 from bezier_filters.holes.hole_result import HoleFillingResult, HoleReport
 from bezier_filters.holes.hole_surroundings import all_surroundings, normals_and_noise
-from bezier_filters.holes.implicit_surface import WorkSpace
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.array_arguments import takes_arrays
 from bezier_filters.meshes.mesh import triangle_mesh

@@ -9,10 +9,10 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.holes.contrasts import WorkSpace
 from bezier_filters.holes.fill_methods import Attempt, crease_attempts, paper_attempts, smooth_attempts
 from bezier_filters.holes.fill_placement import Piece, count_cuts, piece_of_mesh, placed, problem_with, rim_dihedral
 from bezier_filters.holes.hole_surroundings import is_noisy
-from bezier_filters.holes.implicit_surface import WorkSpace
 from bezier_filters.holes.surroundings import Surroundings, with_joined
 from bezier_filters.meshes.adjacency import Rows
 from bezier_filters.meshes.mesh import TriangleMesh

@@ -7,20 +7,19 @@ to the variation of the field have the largest restricted likelihood (REML), so 
 fitted and not followed.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.linalg.lapack import dgeqrf
 
 from bezier_filters.arrays import BoolArray, FloatArray
-from bezier_filters.runtime.lapack import factor_in_place
+from bezier_filters.holes.contrasts import FAST, TERMS, WorkSpace, reflections_of, restricted_likelihood, turn
 from bezier_filters.runtime.lean import inner_njit, lean_njit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
 POWERS = (3, 5)
-TERMS = 10
-"""Of a quadratic."""
+PILOT = 3
+"""One of so many points is enough to tell the power if that makes each value there more likely by e^(1/2)."""
 CLEAN = 1e-13
 """Errors over variation where there is no noise: as little as the arithmetic can take."""
 NOISE_RATIOS = 10.0 ** np.arange(-8.0, 1.0)
@@ -31,26 +30,6 @@ STEPS, SHORT_STEP = 8, 1e-4
 """Most steps to the surface, and the length of one, in scaled coordinates, after which it is reached."""
 SIDE_ERRORS = 1.0
 """Variance of the errors of the single values, in which the normals have a part, over that of the points."""
-FAST = {"contract", "reassoc", "nsz", "arcp"}
-
-
-@dataclass
-class WorkSpace:
-    """Memory for the matrices of a fit: fresh memory for each fit would take as long as the algebra.
-
-    Attributes
-    ----------
-    room : (k,) float64
-        Grows as needed.
-    """
-
-    room: FloatArray = field(default_factory=lambda: np.empty(0))
-
-    def matrices(self, count: int) -> FloatArray:
-        """Two square matrices with so many rows, (2, count, count), that mean nothing yet."""
-        if len(self.room) < 2 * count * count:
-            self.room = np.empty(2 * count * count)
-        return self.room[: 2 * count * count].reshape(2, count, count)
 
 
 @dataclass(frozen=True)
@@ -147,114 +126,72 @@ def fit_implicit_surface(
     >>> bool(found.all()), float(np.linalg.norm(on_it).round(3))
     (True, 1.0)
     """
+    powers: tuple[int, ...] = POWERS
+    if not noisy:
+        pilot = _fits(points[::PILOT], normals[::PILOT], offset, POWERS, noisy=False, others=None, work=work)
+        if len(pilot) == len(POWERS) and abs(pilot[0][0] - pilot[1][0]) > 3 * len(points[::PILOT]):
+            powers = (min(pilot, key=_deviance)[1].power,)
+    fits = _fits(points, normals, offset, powers, noisy=noisy, others=others, work=work)
+    return min(fits, key=_deviance)[1] if fits else None
+
+
+def _deviance(fit: tuple[float, ImplicitSurface]) -> float:
+    return fit[0]
+
+
+def _fits(
+    points: FloatArray,
+    normals: FloatArray,
+    offset: float,
+    powers: tuple[int, ...],
+    *,
+    noisy: bool,
+    others: FloatArray | None,
+    work: WorkSpace | None,
+) -> list[tuple[float, ImplicitSurface]]:
+    """Surfaces with each of some powers, as far as possible, and -2 log of their likelihoods."""
     if 3 * len(points) < 20:
-        return None
+        return []
     origin = points.mean(axis=0)
     scale = float(np.sqrt(np.square(points - origin).sum(axis=1).max()))
     if not scale > 0.0:
-        return None
+        return []
     step = offset / scale
     surface = (points - origin) / scale
     further = np.empty((0, 3)) if others is None else (others - origin) / scale
     points = np.vstack([surface, surface + step * normals, surface - step * normals, further])
     centers = np.ascontiguousarray(points.T)
     values = np.concatenate([np.repeat([0.0, step, -step], len(surface)), np.zeros(len(further))])
-    reflections = _reflections(_quadratics(points))
+    reflections = reflections_of(_quadratics(points))
     if np.abs(np.diag(reflections.triangle)).min() < 1e-12:
-        return None
-    count = len(points)
-    turned, factor = np.empty((2, count, count)) if work is None else work.matrices(count)
+        return []
+    turned, factor = (WorkSpace() if work is None else work).matrices(len(points))
     errors = _error_covariance(len(surface), len(further)) if noisy else np.empty((0, 0))
     if noisy:
-        _turn(errors, reflections)
+        turn(errors, reflections)
     target = reflections.applied(values)
-    best: tuple[float, ImplicitSurface] | None = None
-    for power in POWERS:
+    result = []
+    for power in powers:
         _write_kernel(centers, power, turned)
-        size = _turn(turned, reflections)
+        size = turn(turned, reflections)
+        best: tuple[float, ImplicitSurface] | None = None
         for ratio in NOISE_RATIOS if noisy else (CLEAN,):
-            solved = _restricted_likelihood(turned, target[TERMS:], errors, ratio * size, factor)
+            solved = restricted_likelihood(turned, target[TERMS:], errors, ratio * size, factor)
             if solved is None or (best is not None and solved[0] >= best[0]):
                 continue
             across = turned[TERMS:, :TERMS] + (ratio * size * errors[TERMS:, :TERMS] if noisy else 0.0)
             quadratic = np.linalg.solve(reflections.triangle, target[:TERMS] - solved[1] @ across)
             weights = reflections.undone(np.concatenate([np.zeros(TERMS), solved[1]]))
             best = solved[0], ImplicitSurface(origin, scale, centers, weights, quadratic, power, float(ratio))
-    return best[1] if best else None
-
-
-@dataclass(frozen=True)
-class _Reflections:
-    """Q = I - V T V^T, reflections that turn k columns (n, k) into a triangle.
-
-    In the directions that the first k axes do not take, polynomials vanish: the contrasts of REML.
-
-    Attributes
-    ----------
-    vectors, weights, triangle : (n, k), (k, k), (k, k) float64
-        V, T, and the first k rows that result.
-    """
-
-    vectors: FloatArray
-    weights: FloatArray
-    triangle: FloatArray
-
-    def applied(self, column: FloatArray) -> FloatArray:
-        """Q a of a column (n,)."""
-        return column - self.vectors @ (self.weights @ (column @ self.vectors))
-
-    def undone(self, column: FloatArray) -> FloatArray:
-        """Q^T a of a column (n,)."""
-        return column - self.vectors @ ((column @ self.vectors) @ self.weights)
-
-
-def _reflections(columns: FloatArray) -> _Reflections:
-    factored, scales, _, _ = dgeqrf(columns)
-    vectors = np.tril(factored, -1)
-    np.fill_diagonal(vectors, 1.0)
-    # T is the inverse of the upper triangle of V^T V with the diagonal 1 / tau (Puglisi 1992).
-    inverse = np.triu(vectors.T @ vectors, 1)
-    np.fill_diagonal(inverse, 1.0 / np.maximum(scales, 1e-300))
-    count = columns.shape[1]
-    return _Reflections(vectors, np.linalg.inv(inverse).T, np.triu(factored[:count]))
-
-
-def _turn(matrix: FloatArray, reflections: _Reflections) -> float:
-    """Replace the lower triangle of a symmetric matrix K (n, n) by that of Q K Q^T; return the norm of the contrasts.
-
-    Q K Q^T is K - V B^T - B V^T for B = A - V (T V^T A) / 2, where A = K V T^T.
-    """
-    vectors, weights = reflections.vectors, reflections.weights
-    half, columns = np.zeros((TERMS, len(matrix))), np.ascontiguousarray((vectors @ weights.T).T)
-    _multiply(matrix, columns, half)
-    half -= 0.5 * ((half @ vectors) @ weights.T) @ vectors.T
-    return float(np.sqrt(_subtract_products(np.ascontiguousarray(vectors.T), half, matrix)))
+        if best is not None:
+            result.append(best)
+    return result
 
 
 def _error_covariance(count: int, others: int) -> FloatArray:
     """Covariance of the errors of the values at some points and beside them: what moves a point moves both."""
     common = block_diag(np.tile(np.eye(count), (3, 3)), np.eye(others))
     return np.asarray(common + SIDE_ERRORS * np.eye(3 * count + others), dtype=np.float64)
-
-
-def _restricted_likelihood(
-    turned: FloatArray, target: FloatArray, errors: FloatArray, variance: float, factor: FloatArray
-) -> tuple[float, FloatArray] | None:
-    """-2 log of the restricted likelihood, up to a constant, and the weights.
-
-    Errors, independent ones if no covariance is given, are added with their variance, and with up to a thousand times
-    as much if the matrix is not positive definite otherwise; None if it still is not. `factor` is overwritten.
-    """
-    for _ in range(4):
-        _add_errors(turned, errors, variance, factor)
-        if factor_in_place(factor, TERMS):
-            break
-        variance *= 10.0
-    else:
-        return None
-    weights = target.copy()
-    log_determinant, energy = _solve_factored(factor, weights)
-    return log_determinant + len(target) * float(np.log(energy)), weights
 
 
 def _quadratics(points: FloatArray) -> FloatArray:
@@ -273,65 +210,6 @@ def _write_kernel(centers: FloatArray, power: int, matrix: FloatArray) -> None:
             dx, dy, dz = x - xs[j], y - ys[j], z - zs[j]
             square = dx * dx + dy * dy + dz * dz
             row[j] = square * np.sqrt(square) * (-square if power == 5 else 1.0)
-
-
-@lean_njit(fastmath=FAST)
-def _multiply(matrix: FloatArray, columns: FloatArray, products: FloatArray) -> None:
-    """Add a symmetric matrix, of which the lower triangle is read, times columns (k, n) to `products` (k, n)."""
-    for i in range(matrix.shape[0]):
-        row = matrix[i]
-        for c in range(columns.shape[0]):
-            column, product, x, total = columns[c], products[c], columns[c, i], 0.0
-            for j in range(i):
-                total += row[j] * column[j]
-                product[j] += row[j] * x
-            product[i] += total + row[i] * x
-
-
-@lean_njit(fastmath=FAST)
-def _subtract_products(v: FloatArray, b: FloatArray, matrix: FloatArray) -> float:
-    """Subtract V^T B + B^T V of (10, n) from the lower triangle; return the sum of squares of all from row 10 on."""
-    squares = 0.0
-    for i in range(matrix.shape[0]):
-        row = matrix[i]
-        for j in range(i + 1):
-            for c in range(TERMS):
-                row[j] -= v[c, i] * b[c, j] + b[c, i] * v[c, j]
-        for j in range(TERMS, i + 1):
-            squares += (1.0 if i == j else 2.0) * row[j] * row[j]
-    return squares
-
-
-@lean_njit()
-def _add_errors(turned: FloatArray, errors: FloatArray, variance: float, total: FloatArray) -> None:
-    """Write the lower triangle of the contrasts with errors, independent ones if no covariance is given."""
-    for i in range(TERMS, turned.shape[0]):
-        for j in range(TERMS, i + 1):
-            total[i, j] = turned[i, j]
-        if errors.shape[0] == 0:
-            total[i, i] += variance
-        else:
-            for j in range(TERMS, i + 1):
-                total[i, j] += variance * errors[i, j]
-
-
-@lean_njit(fastmath=FAST)
-def _solve_factored(factor: FloatArray, right: FloatArray) -> tuple[float, float]:
-    """Solve L L^T x = b in place, L from row and column 10 on; return log det L L^T and b^T x, which is positive."""
-    log_determinant, energy = 0.0, 0.0
-    for i in range(right.shape[0]):
-        row = factor[TERMS + i, TERMS:]
-        log_determinant += 2.0 * np.log(row[i])
-        for j in range(i):
-            right[i] -= row[j] * right[j]
-        right[i] /= row[i]
-        energy += right[i] * right[i]
-    for i in range(right.shape[0] - 1, -1, -1):
-        row = factor[TERMS + i, TERMS:]
-        right[i] /= row[i]
-        for j in range(i):
-            right[j] -= row[j] * right[i]
-    return log_determinant, max(energy, np.finfo(np.float64).tiny)
 
 
 @lean_njit(fastmath=FAST)

@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.holes.contrasts import WorkSpace
 from bezier_filters.holes.evening import evened
 from bezier_filters.holes.fill_topology import Fill, flipped, refined
-from bezier_filters.holes.implicit_surface import ImplicitSurface, WorkSpace, fit_implicit_surface
+from bezier_filters.holes.implicit_surface import ImplicitSurface, fit_implicit_surface
 from bezier_filters.holes.loop_triangulation import triangulate_loop
 from bezier_filters.holes.surroundings import Surroundings
 from bezier_filters.holes.variational_fill import shifted, without_tension
