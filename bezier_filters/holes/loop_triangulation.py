@@ -112,10 +112,10 @@ def _forbidden(ids: IntArray, existing: AbstractSet[tuple[int, int]]) -> BoolArr
     places: dict[int, list[int]] = {}
     for k, name in enumerate(ids.tolist()):
         places.setdefault(name, []).append(k)
-    for a, b in existing:
-        for i in places.get(a, []):
-            for j in places.get(b, []):
-                result[i, j] = result[j, i] = True
+    pairs = [(i, j) for a, b in existing for i in places.get(a, ()) for j in places.get(b, ())]
+    if pairs:
+        i, j = np.array(pairs).T
+        result[i, j] = result[j, i] = True
     corner = np.arange(count)
     result[corner, (corner + 1) % count] = result[(corner + 1) % count, corner] = False
     return result

@@ -8,6 +8,8 @@ from bezier_filters.runtime.lean import inner_njit, lean_njit
 
 FEWEST_CELLS, MOST_CELLS = 4, 128
 """Per axis, in which boxes are looked up."""
+FEW_PAIRS = 100_000
+"""Of faces, up to which the boxes of all are compared."""
 FOLDED = -0.9999
 """Cosine of the angle between two faces on one edge from which down they lie on each other."""
 
@@ -181,9 +183,12 @@ def cut_faces(vertices: FloatArray, faces: IntArray, new: int) -> BoolArray:
     array([ True])
     """
     first = len(faces) - new
+    result = np.zeros(new, dtype=np.bool_)
+    if new * len(faces) <= FEW_PAIRS:
+        _find_cuts_of_few(vertices, faces, np.empty((len(faces), 2, 3)), result)
+        return result
     corners = vertices[faces[first:]]
     near = faces_in_boxes(vertices, faces, corners.min(axis=1), corners.max(axis=1))
-    result = np.zeros(new, dtype=np.bool_)
     _find_cuts(vertices, faces, near.indptr, near.indices, first, result)
     return result
 
@@ -196,6 +201,31 @@ def _find_cuts(
     for q in range(result.shape[0]):
         for p in range(near_ptr[q], near_ptr[q + 1]):
             if near[p] != first + q and _cut(vertices, faces, first + q, near[p]):
+                result[q] = True
+                break
+
+
+@lean_njit()
+def _find_cuts_of_few(vertices: FloatArray, faces: IntArray, boxes: FloatArray, result: BoolArray) -> None:
+    """Mark those of the last faces that cut another one; `boxes` (m, 2, 3) is room for their boxes."""
+    for f in range(faces.shape[0]):
+        for axis in range(3):
+            a, b, c = vertices[faces[f, 0], axis], vertices[faces[f, 1], axis], vertices[faces[f, 2], axis]
+            boxes[f, 0, axis], boxes[f, 1, axis] = min(a, b, c), max(a, b, c)
+    first = faces.shape[0] - result.shape[0]
+    for q in range(result.shape[0]):
+        f = first + q
+        for g in range(faces.shape[0]):
+            if (
+                g != f
+                and boxes[g, 0, 0] <= boxes[f, 1, 0]
+                and boxes[g, 1, 0] >= boxes[f, 0, 0]
+                and boxes[g, 0, 1] <= boxes[f, 1, 1]
+                and boxes[g, 1, 1] >= boxes[f, 0, 1]
+                and boxes[g, 0, 2] <= boxes[f, 1, 2]
+                and boxes[g, 1, 2] >= boxes[f, 0, 2]
+                and _cut(vertices, faces, f, g)
+            ):
                 result[q] = True
                 break
 
