@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
+from bezier_filters import implicit_surface
 from bezier_filters.holes.implicit_surface import CLEAN, fit_implicit_surface
-from bezier_filters.surfaces import ellipsoid, torus
+from bezier_filters.surfaces import ellipsoid, sphere, torus
 
 
 def test_quadrics_are_reproduced():
@@ -69,3 +70,16 @@ def test_fit_moves_with_the_points():
 def test_points_that_determine_no_surface_give_none(points):
     normals = np.tile([0.0, 0.0, 1.0], (len(points), 1))
     assert fit_implicit_surface(points, normals, 0.1, noisy=False) is None
+
+
+@pytest.mark.parametrize("roughness", [0.0, 1e-4, 1e-3, 1e-2])
+def test_a_third_of_the_points_tells_the_power_that_all_of_them_tell(monkeypatch, roughness):
+    shape = sphere(resolution=5)
+    rng = np.random.default_rng(3)
+    points = (shape.vertices + roughness * rng.normal(size=shape.vertices.shape))[rng.permutation(len(shape.vertices))]
+    normals = points / np.linalg.norm(points, axis=1, keepdims=True)
+    by_pilot = fit_implicit_surface(points, normals, 0.1, noisy=False)
+    monkeypatch.setattr(implicit_surface, "PILOT", len(points))  # too few points to tell anything
+    by_all = fit_implicit_surface(points, normals, 0.1, noisy=False)
+    assert by_pilot.power == by_all.power
+    np.testing.assert_array_equal(by_pilot.weights, by_all.weights)
