@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from bezier_filters import implicit_surface
+from bezier_filters.holes import implicit_surface
 from bezier_filters.holes.implicit_surface import CLEAN, fit_implicit_surface
 from bezier_filters.surfaces import ellipsoid, sphere, torus
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bezier_filters import self_intersections
+from bezier_filters.meshes import self_intersections
 from bezier_filters.meshes.self_intersections import cut_faces, faces_in_boxes
 from bezier_filters.surfaces import sphere, torus
 

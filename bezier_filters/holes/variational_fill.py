@@ -49,6 +49,7 @@ def without_tension(points: FloatArray, faces: IntArray, first: int, order: int)
     if first == len(points):
         return points.copy()
     stiffness, areas = cotangent_matrix(points, faces)
+    areas = areas / areas.mean()  # any scale will do; the powers of this one are numbers
     rows = stiffness[first:]
     for _ in range(order - 1):
         rows = (rows @ diags(1.0 / areas) if issparse(rows) else rows / areas) @ stiffness
