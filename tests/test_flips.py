@@ -3,8 +3,8 @@
 import numpy as np
 
 from bezier_filters.meshes.adjacency import vertex_adjacency
-from bezier_filters.meshes.flips import bad_faces, without_new_flips
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
+from bezier_filters.smoothing.flips import bad_faces, without_new_flips
 from bezier_filters.surfaces import waves
 
 

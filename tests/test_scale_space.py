@@ -6,10 +6,10 @@ from numba import config
 
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
-from bezier_filters.meshes.mesh_parts import sampled_parts
 from bezier_filters.smoothing.clusters import clusters_of
 from bezier_filters.smoothing.laplacian import cotangent_laplacian, umbrella_laplacian
 from bezier_filters.smoothing.low_pass import ORDERS, choose_low_pass
+from bezier_filters.smoothing.mesh_parts import sampled_parts
 from bezier_filters.smoothing.scale_space import ORDER, diffused, filtered, filtered_evenly
 from bezier_filters.smoothing.smooth import mean_edge
 from bezier_filters.smoothing.stein import Estimates, local_risks, local_shares

@@ -5,7 +5,7 @@ import pytest
 
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
-from bezier_filters.meshes.volume import closed_parts, part_volumes, with_volumes
+from bezier_filters.smoothing.volume import closed_parts, part_volumes, with_volumes
 from bezier_filters.surfaces import block_with_sharp_edges, sphere, waves
 
 

@@ -12,11 +12,11 @@ import numpy as np
 from bezier_filters.arrays import FloatArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.mesh_parts import sampled_parts
 from bezier_filters.runtime.parallel import Progress, report
 from bezier_filters.smoothing.clusters import Clusters, clusters_of
 from bezier_filters.smoothing.laplacian import Borders
 from bezier_filters.smoothing.low_pass import Choice, LowPass, choose_low_pass, fit_low_pass
+from bezier_filters.smoothing.mesh_parts import sampled_parts
 from bezier_filters.smoothing.noise_levels import noise_levels
 from bezier_filters.smoothing.stein import WIDTH, Estimates, local_risks, local_shares
 from bezier_filters.smoothing.surface_estimates import GENTLE, KINDS, Estimate, surface_estimates

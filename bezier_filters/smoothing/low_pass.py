@@ -12,10 +12,10 @@ from bezier_filters.arrays import FloatArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.mesh_parts import SampledParts
 from bezier_filters.smoothing.chebyshev import WIDTH, add_heights, differences
 from bezier_filters.smoothing.clusters import Clusters
 from bezier_filters.smoothing.laplacian import Borders, Laplacian, cotangent_laplacian, umbrella_laplacian
+from bezier_filters.smoothing.mesh_parts import SampledParts
 from bezier_filters.smoothing.scale_space import ORDER, STRENGTHS, Signals, filtered, filtered_evenly, series
 from bezier_filters.smoothing.stein import Estimates, local_risks, local_shares
 

@@ -17,14 +17,14 @@ from bezier_filters.learning.plans import Choices
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.array_arguments import takes_arrays
 from bezier_filters.meshes.creases import crease_vertices
-from bezier_filters.meshes.flips import BadFaces, bad_faces, without_new_flips
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
-from bezier_filters.meshes.volume import ClosedParts, closed_parts, part_volumes, with_volumes
 from bezier_filters.runtime.lean import lean_njit
 from bezier_filters.runtime.parallel import Progress, RangeTask, run_in_chunks, thread_count
 from bezier_filters.smoothing.automatic_smoothing import denoise
+from bezier_filters.smoothing.flips import BadFaces, bad_faces, without_new_flips
 from bezier_filters.smoothing.smoothing_result import SmoothingResult
+from bezier_filters.smoothing.volume import ClosedParts, closed_parts, part_volumes, with_volumes
 
 SmoothingMethod = Literal["auto", "paper"]
 SmoothedBorders = Literal["curve", "fixed"]
