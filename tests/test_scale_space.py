@@ -6,13 +6,14 @@ from numba import config
 
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
-from bezier_filters.smoothing.clusters import clusters_of
+from bezier_filters.smoothing.extent import extent_of
 from bezier_filters.smoothing.laplacian import cotangent_laplacian, umbrella_laplacian
 from bezier_filters.smoothing.low_pass import ORDERS, choose_low_pass
 from bezier_filters.smoothing.mesh_parts import sampled_parts
+from bezier_filters.smoothing.risk_stages import local_risks, local_shares
 from bezier_filters.smoothing.scale_space import ORDER, diffused, filtered, filtered_evenly
-from bezier_filters.smoothing.smooth import mean_edge
-from bezier_filters.smoothing.stein import Estimates, local_risks, local_shares
+from bezier_filters.smoothing.stein import Estimates
+from bezier_filters.smoothing.whole_mesh import WholeMesh
 from bezier_filters.surfaces import bumpy_star, sphere, torus, waves
 
 
@@ -32,7 +33,7 @@ def ball():
     surface = sphere(resolution=6, jitter=0.2)
     mesh = triangle_mesh(surface.vertices, surface.faces)
     adjacency = vertex_adjacency(mesh)
-    return mesh, adjacency, mean_edge(mesh, adjacency)
+    return mesh, adjacency, extent_of(WholeMesh(mesh, adjacency)).mean_edge
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +42,7 @@ def sheet():
     surface = waves(resolution=12, amplitude=0.0, jitter=0.2)
     mesh = triangle_mesh(surface.vertices, surface.faces)
     adjacency = vertex_adjacency(mesh)
-    return mesh, adjacency, mean_edge(mesh, adjacency)
+    return mesh, adjacency, extent_of(WholeMesh(mesh, adjacency)).mean_edge
 
 
 @pytest.mark.parametrize("power", [None, 0.0, 0.5, 1.0])
@@ -136,7 +137,7 @@ def chosen_order(vertices, normals, faces):
     """The order of the filter that noise of a fifth of the mean edge leads to."""
     clean = triangle_mesh(vertices, faces)
     adjacency = vertex_adjacency(clean)
-    unit = mean_edge(clean, adjacency)
+    unit = extent_of(WholeMesh(clean, adjacency)).mean_edge
     heights = 0.2 * unit * np.random.default_rng(0).standard_normal(len(vertices))
     noisy = triangle_mesh(vertices + heights[:, np.newaxis] * normals, faces)
     sigma = np.full(len(vertices), 0.2 * unit)
@@ -155,20 +156,22 @@ def test_clusters_spread_values_as_far_as_the_mesh_does():
     surface = bumpy_star(resolution=30, jitter=0.25)
     mesh = triangle_mesh(surface.vertices, surface.faces)
     adjacency = vertex_adjacency(mesh)
-    clusters = clusters_of(mesh, adjacency)
+    domain = WholeMesh(mesh, adjacency).clustered()
     values = np.random.default_rng(0).standard_normal((mesh.vertex_count, 3))
     on_mesh = diffused(umbrella_laplacian(mesh, adjacency, "free"), values, 100.0)
-    on_clusters = clusters.at_vertices(clusters.diffused(clusters.means(values), 100.0))
+    means = domain.diffused({"means": domain.clusters.means(values)}, 100.0)["means"]
+    on_clusters = domain.clusters.at_vertices(means)
     assert on_clusters.std() == pytest.approx(on_mesh.std(), rel=0.15)
     assert np.corrcoef(on_mesh.ravel(), on_clusters.ravel())[0, 1] > 0.95
 
 
 def test_clusters_cover_what_is_not_connected():
     square = triangle_mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [5, 5, 5]], [[0, 1, 2], [0, 2, 3]])
-    clusters = clusters_of(square, vertex_adjacency(square))
+    domain = WholeMesh(square, vertex_adjacency(square)).clustered()
+    clusters = domain.clusters
     assert sorted(clusters.sizes) == [1.0, 4.0]
     assert np.allclose(clusters.means(np.arange(5.0)[:, np.newaxis])[:, 0], [1.5, 4.0])
-    assert np.isfinite(clusters.diffused(np.ones((2, 1)), 100.0)).all()
+    assert np.isfinite(domain.diffused({"means": np.ones((2, 1))}, 100.0)["means"]).all()
 
 
 def test_risks_are_those_of_known_estimates():
@@ -185,13 +188,14 @@ def test_risks_are_those_of_known_estimates():
 def test_the_better_estimate_is_taken_where_it_is_better():
     surface = sphere(resolution=30)
     mesh = triangle_mesh(surface.vertices, surface.faces)
-    clusters = clusters_of(mesh, vertex_adjacency(mesh))
+    domain = WholeMesh(mesh, vertex_adjacency(mesh)).clustered()
     rng = np.random.default_rng(0)
     noise = rng.standard_normal(mesh.vertex_count)
     north = mesh.vertices[:, 2] > 0.0
     wrong = np.where(north[:, np.newaxis], [0.0, 0.5], [0.5, 0.0])
-    estimates = Estimates(noise[:, np.newaxis] - wrong, np.zeros((mesh.vertex_count, 2)))
-    shares = local_shares(local_risks(estimates, clusters), clusters)
+    estimates = {"residuals": noise[:, np.newaxis] - wrong, "leverages": np.zeros((mesh.vertex_count, 2))}
+    risks, _ = local_risks(domain, {"one": estimates}, 1.0)
+    shares = local_shares(domain, risks).vertices["shares"]
     far = np.abs(mesh.vertices[:, 2]) > 0.6
     assert shares[far & north, 0].mean() > 0.9
     assert shares[far & ~north, 1].mean() > 0.9

@@ -5,8 +5,18 @@ import pytest
 
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
-from bezier_filters.smoothing.volume import closed_parts, part_volumes, with_volumes
+from bezier_filters.smoothing.volume import part_volumes, with_volumes
+from bezier_filters.smoothing.whole_mesh import WholeMesh
 from bezier_filters.surfaces import block_with_sharp_edges, sphere, waves
+
+
+def whole(mesh):
+    return WholeMesh(mesh, vertex_adjacency(mesh))
+
+
+def volumes_of(mesh):
+    domain = whole(mesh)
+    return part_volumes(domain, domain.closed_parts())
 
 
 @pytest.fixture
@@ -21,33 +31,37 @@ def two_bodies_and_a_sheet():
 
 def test_closed_parts_are_found(two_bodies_and_a_sheet):
     mesh, (end_of_block, end_of_ball) = two_bodies_and_a_sheet
-    parts = closed_parts(mesh, vertex_adjacency(mesh))
+    parts = whole(mesh).closed_parts()
     assert parts.count == 2
-    assert set(parts.of_vertex[:end_of_block]) == {parts.of_vertex[0]}
-    assert set(parts.of_vertex[end_of_block:end_of_ball]) == {parts.of_vertex[end_of_block]}
-    assert (parts.of_vertex[end_of_ball:] == -1).all()
+    of_vertex = parts.of_vertex["part"]
+    assert set(of_vertex[:end_of_block]) == {0}
+    assert set(of_vertex[end_of_block:end_of_ball]) == {1}
+    assert (of_vertex[end_of_ball:] == -1).all()
+    assert np.array_equal(parts.origins, mesh.vertices[[0, end_of_block]])
 
 
 def test_volumes_do_not_depend_on_the_place(two_bodies_and_a_sheet):
     mesh, _ = two_bodies_and_a_sheet
-    parts = closed_parts(mesh, vertex_adjacency(mesh))
+    volumes = volumes_of(mesh)
     moved = TriangleMesh(mesh.vertices + np.array([1e3, 0.0, -1e3]), mesh.faces)
-    assert np.allclose(part_volumes(moved, parts), part_volumes(mesh, parts), rtol=1e-9)
+    assert np.allclose(volumes_of(moved), volumes, rtol=1e-9)
     turned = TriangleMesh(mesh.vertices, np.ascontiguousarray(mesh.faces[:, ::-1]))
-    assert np.allclose(part_volumes(turned, parts), -part_volumes(mesh, parts))
+    assert np.allclose(volumes_of(turned), -volumes)
 
 
 def test_volumes_are_reached_where_amounts_allow(two_bodies_and_a_sheet):
     mesh, (end_of_block, _) = two_bodies_and_a_sheet
-    parts = closed_parts(mesh, vertex_adjacency(mesh))
+    domain = whole(mesh)
+    parts = domain.closed_parts()
     amounts = np.zeros(mesh.vertex_count)
     amounts[end_of_block:] = 1.0
-    before = part_volumes(mesh, parts)
-    result = with_volumes(mesh, parts, 1.01 * before, amounts)
-    after = part_volumes(TriangleMesh(result, mesh.faces), parts)
+    before = part_volumes(domain, parts)
+    points = with_volumes(domain, parts, 1.01 * before, {"points": mesh.vertices}, {"amounts": amounts})
+    after, result = part_volumes(domain, parts, points=points), points["points"]
     assert np.allclose(after / before, [1.0, 1.01], rtol=1e-12)
     assert np.array_equal(result[:end_of_block], mesh.vertices[:end_of_block])
-    assert np.array_equal(result[parts.of_vertex < 0], mesh.vertices[parts.of_vertex < 0])
+    outside = parts.of_vertex["part"] < 0
+    assert np.array_equal(result[outside], mesh.vertices[outside])
 
 
 def test_meshes_that_enclose_nothing():
@@ -58,6 +72,6 @@ def test_meshes_that_enclose_nothing():
     turned = np.vstack([ball.faces[:1, ::-1], ball.faces[1:]])
     for faces in (twice, named_twice, turned, ball.faces[1:], np.zeros((0, 3), dtype=int)):
         mesh = triangle_mesh(ball.vertices, faces)
-        assert closed_parts(mesh, vertex_adjacency(mesh)).count == 0
+        assert whole(mesh).closed_parts().count == 0
     mesh = triangle_mesh(sheet.vertices, sheet.faces)
-    assert closed_parts(mesh, vertex_adjacency(mesh)).count == 0
+    assert whole(mesh).closed_parts().count == 0

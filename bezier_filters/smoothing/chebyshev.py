@@ -7,6 +7,7 @@ side by side; a step reads every neighbour once and overwrites the polynomial be
 """
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,6 +18,23 @@ from bezier_filters.smoothing.laplacian import Laplacian
 
 WIDTH = 4
 """Signals that run side by side."""
+
+
+@dataclass(frozen=True)
+class Recurrence:
+    """How far the recurrence has come: what the next step starts from.
+
+    Attributes
+    ----------
+    before, current : (n, 4) float32
+        The last two polynomials of the differences; steps overwrite them.
+    done : int
+        Number of steps that were made.
+    """
+
+    before: SingleArray
+    current: SingleArray
+    done: int = 0
 
 
 def coefficients(response: Callable[[FloatArray], FloatArray], bound: float, terms: int) -> FloatArray:
@@ -43,29 +61,29 @@ def groups_of_signals(signals: RealArray) -> Iterator[tuple[slice, RealArray]]:
         yield columns, group
 
 
-def differences(laplacian: Laplacian, signals: RealArray, *, threads: int = 1) -> SingleArray:
-    """The Laplacian of four signals (n, 4)."""
+def differences(laplacian: Laplacian, signals: RealArray, *, threads: int = 1) -> Recurrence:
+    """The Laplacian of four signals (n, 4), where the recurrence begins."""
     result = np.zeros(signals.shape, dtype=np.float32)
 
     def make_task() -> RangeTask:
         return lambda start, stop: _differences(*laplacian.arrays, signals, start, stop, result)
 
     run_in_chunks(make_task, len(signals), threads=threads)
-    return result
+    return Recurrence(np.zeros_like(result), result)
 
 
 def add_mixtures(
     laplacian: Laplacian,
-    start: SingleArray,
+    state: Recurrence,
     series: FloatArray,
     shares: SingleArray,
     result: SingleArray,
     *,
     threads: int = 1,
-) -> None:
-    """Add to `result` (n, 4) what series (terms, s) of a Laplacian make of `start` (n, 4), mixed with shares (n, s).
+) -> Recurrence:
+    """Add to `result` (n, 4) what the next terms of series (terms, s) make of the signals, mixed with shares (n, s).
 
-    `start` is overwritten.
+    Returns the state after them, to go on from with further terms.
     """
 
     def make_step(
@@ -75,23 +93,23 @@ def add_mixtures(
             *laplacian.arrays, scale, factor, before, current, first, last, shares, row, result
         )
 
-    _run(laplacian, start, series, make_step, threads)
+    return _run(laplacian, state, series, make_step, threads)
 
 
 def add_heights(
     laplacian: Laplacian,
-    start: SingleArray,
+    state: Recurrence,
     series: FloatArray,
     directions: SingleArray,
     sums: SingleArray,
     products: SingleArray,
     *,
     threads: int = 1,
-) -> None:
-    """Add components of what each series (terms, s) of a Laplacian makes of `start` (n, 4).
+) -> Recurrence:
+    """Add components of what the next terms of each series (terms, s) make of the signals.
 
     `sums` (n, s) get the first three signals times the first three columns of `directions` (n, 4), `products` (n, s)
-    the fourth times the fourth. `start` is overwritten.
+    the fourth times the fourth. Returns the state after these terms.
     """
 
     def make_step(
@@ -101,21 +119,22 @@ def add_heights(
             *laplacian.arrays, scale, factor, before, current, first, last, directions, row, sums, products
         )
 
-    _run(laplacian, start, series, make_step, threads)
+    return _run(laplacian, state, series, make_step, threads)
 
 
 MakeStep = Callable[[SingleArray, SingleArray, SingleArray, np.float32, np.float32], RangeTask]
 
 
-def _run(laplacian: Laplacian, start: SingleArray, series: FloatArray, make_step: MakeStep, threads: int) -> None:
+def _run(laplacian: Laplacian, state: Recurrence, series: FloatArray, make_step: MakeStep, threads: int) -> Recurrence:
     """Make steps with T_0, T_1, ... of A = 2 L / bound - 1: factor 0 for the first, 1 for the second, 2 for others."""
-    before, current = np.zeros_like(start), start
+    before, current = state.before, state.current
     scale = 2.0 / laplacian.bound
-    for k, row in enumerate(series.astype(np.float32)):
+    for k, row in enumerate(series.astype(np.float32), start=state.done):
         task = make_step(before, current, row, np.float32(scale), np.float32(min(k, 2)))
-        run_in_chunks(lambda task=task: task, len(start), threads=threads)  # type: ignore[misc]
+        run_in_chunks(lambda task=task: task, len(current), threads=threads)  # type: ignore[misc]
         if k > 0:
             before, current = current, before
+    return Recurrence(before, current, state.done + len(series))
 
 
 @lean_njit()

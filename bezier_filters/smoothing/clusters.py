@@ -16,12 +16,11 @@ from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.lean import lean_njit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 from bezier_filters.smoothing.laplacian import Laplacian
-from bezier_filters.smoothing.scale_space import diffused
 
 
 @dataclass(frozen=True)
 class Clusters:
-    """Disjoint clusters that cover a mesh.
+    """Disjoint clusters that cover a mesh, or a tile of one.
 
     Attributes
     ----------
@@ -29,18 +28,15 @@ class Clusters:
         Number of the cluster that a vertex belongs to.
     sizes : (k,) float64
         Numbers of their vertices.
-    laplacian : Laplacian
-        How values on clusters spread.
-    pace : float
-        Time on clusters per time on the mesh.
+    centers : (k,) int32
+        Numbers of the vertices that they have grown from, ascending, in the whole mesh.
     adjacency : Adjacency
         Of the vertices.
     """
 
     of_vertex: IntArray
     sizes: FloatArray
-    laplacian: Laplacian
-    pace: float
+    centers: IntArray
     adjacency: Adjacency
 
     def means(self, values: RealArray) -> FloatArray:
@@ -48,15 +44,6 @@ class Clusters:
         sums = np.zeros((len(self.sizes), values.shape[1]))
         _add_up(self.of_vertex, values, sums)
         return sums / self.sizes[:, np.newaxis]
-
-    def mean_over_all(self, means: FloatArray) -> FloatArray:
-        """Mean over the vertices of the mesh, (c,), of values on clusters (k, c)."""
-        result: FloatArray = self.sizes @ means / self.sizes.sum()
-        return result
-
-    def diffused(self, values: FloatArray, time: float, *, threads: int = 1) -> FloatArray:
-        """Values on clusters (k, c), averaged over their surroundings, some `time` edges squared wide."""
-        return diffused(self.laplacian, values, time * self.pace, threads=threads)
 
     def at_vertices(self, values: FloatArray, *, threads: int = 1) -> SingleArray:
         """Values on clusters (k, c) as means over each vertex and its neighbours, (n, c)."""
@@ -69,8 +56,42 @@ class Clusters:
         run_in_chunks(make_task, len(result), threads=threads)
         return result
 
+    def laplacian(self) -> Laplacian:
+        """How values on clusters spread."""
+        return self._edges()[0]
 
-def clusters_of(mesh: TriangleMesh, adjacency: Adjacency) -> Clusters:
+    def squared_jumps(self, mesh: TriangleMesh) -> FloatArray:
+        """Squared distances to the centers of gravity around each cluster, (k,), once for each edge in between."""
+        _, of_entry, to, counts = self._edges()
+        columns = [np.bincount(self.of_vertex, mesh.vertices[:, k], len(self.sizes)) / self.sizes for k in range(3)]
+        centers = np.column_stack(columns)
+        jumps = counts * np.square(centers[to] - centers[of_entry]).sum(axis=1)
+        result: FloatArray = np.bincount(of_entry, weights=jumps, minlength=len(self.sizes)).astype(np.float64)
+        return result
+
+    def _edges(self) -> tuple[Laplacian, IntArray, IntArray, FloatArray]:
+        """The Laplacian, and for its entries the clusters that they join and the number of edges in between."""
+        rows, count = self.adjacency.vertices, len(self.sizes)
+        start = np.repeat(self.of_vertex, rows.lengths)
+        # All edges between two clusters become one entry of a sparse matrix, with their number.
+        ones = np.ones(len(start), np.float32)
+        edges = csr_array((ones, (start, self.of_vertex[rows.indices])), shape=(count, count))
+        edges.sum_duplicates()
+        degrees = np.maximum(np.bincount(start, minlength=count), 1).astype(np.float64)
+        of_entry = np.repeat(np.arange(count, dtype=np.int32), np.diff(edges.indptr))
+        outer = np.where(edges.indices == of_entry, 0.0, edges.data)
+        leaving = np.bincount(of_entry, weights=outer, minlength=count)
+        weights = outer / np.maximum(leaving, 1.0)[of_entry]
+        laplacian = Laplacian(
+            edges.indptr.astype(np.int32),
+            edges.indices.astype(np.int32),
+            weights.astype(np.float32),
+            (leaving / degrees).astype(np.float32),
+        )
+        return laplacian, of_entry, laplacian.indices, outer
+
+
+def clusters_of(adjacency: Adjacency) -> Clusters:
     """Cluster a mesh.
 
     Examples
@@ -80,63 +101,49 @@ def clusters_of(mesh: TriangleMesh, adjacency: Adjacency) -> Clusters:
     >>> from bezier_filters.surfaces import sphere
     >>> ball = sphere(resolution=10)
     >>> mesh = triangle_mesh(ball.vertices, ball.faces)
-    >>> clusters = clusters_of(mesh, vertex_adjacency(mesh))
+    >>> clusters = clusters_of(vertex_adjacency(mesh))
     >>> bool(5.0 < clusters.sizes.mean() < 12.0), clusters.sizes.sum() == mesh.vertex_count
     (True, np.True_)
     """
     rows = adjacency.vertices
-    of_vertex = np.full(mesh.vertex_count, -1, dtype=np.int32)
-    count = _cluster(rows.indptr, rows.indices, of_vertex)
-    sizes = np.bincount(of_vertex, minlength=count).astype(np.float64)
-    start = np.repeat(of_vertex, rows.lengths)
-    # All edges between two clusters become one entry of a sparse matrix, with their number.
-    edges = csr_array((np.ones(len(start), np.float32), (start, of_vertex[rows.indices])), shape=(count, count))
-    edges.sum_duplicates()
-    degrees = np.maximum(np.bincount(start, minlength=count), 1).astype(np.float64)
-    of_entry = np.repeat(np.arange(count), np.diff(edges.indptr))
-    inner = edges.indices == of_entry
-    outer = np.where(inner, 0.0, edges.data)
-    leaving = np.bincount(of_entry, weights=outer, minlength=count)
-    weights = outer / np.maximum(leaving, 1.0)[of_entry]
-    laplacian = Laplacian(
-        edges.indptr.astype(np.int32),
-        edges.indices.astype(np.int32),
-        weights.astype(np.float32),
-        (leaving / degrees).astype(np.float32),
-    )
-    columns = [np.bincount(of_vertex, mesh.vertices[:, k], count) / sizes for k in range(3)]
-    centers = np.column_stack(columns)
-    jumps = np.square(centers[edges.indices] - centers[of_entry]).sum(axis=1)
-    across = float(outer @ jumps)
-    lengths = _sum_of_squares(rows.indptr, rows.indices, mesh.vertices)
-    return Clusters(of_vertex, sizes, laplacian, lengths / across if across > 0.0 else 1.0, adjacency)
+    center = np.full(len(rows), -1, dtype=np.int32)
+    find_centers(rows.indptr, rows.indices, np.arange(len(rows), dtype=np.int32), center)
+    join_centers(rows.indptr, rows.indices, center)
+    return numbered(center, adjacency)
+
+
+def numbered(center: IntArray, adjacency: Adjacency) -> Clusters:
+    """The clusters of vertices whose centers are known, (n,)."""
+    centers, places = np.unique(center, return_inverse=True)
+    of_vertex: IntArray = places.astype(np.int32)
+    sizes = np.bincount(of_vertex, minlength=len(centers)).astype(np.float64)
+    return Clusters(of_vertex, sizes, centers.astype(np.int32), adjacency)
 
 
 @lean_njit()
-def _cluster(ptr: IntArray, indices: IntArray, of_vertex: IntArray) -> int:
-    """Number clusters: vertices whose neighbours are all free, with them; others join a neighbour's."""
-    count = 0
-    for i in range(len(of_vertex)):
-        free = of_vertex[i] < 0
+def find_centers(ptr: IntArray, indices: IntArray, visits: IntArray, center: IntArray) -> None:
+    """Make clusters of the vertices whose neighbours are all free yet, with them, visit by visit."""
+    for i in visits:
+        free = center[i] < 0
         for q in range(ptr[i], ptr[i + 1]):
-            free = free and of_vertex[indices[q]] < 0
+            free = free and center[indices[q]] < 0
         if free:
-            of_vertex[i] = count
+            center[i] = i
             for q in range(ptr[i], ptr[i + 1]):
-                of_vertex[indices[q]] = count
-            count += 1
-    for i in range(len(of_vertex)):
+                center[indices[q]] = i
+
+
+@lean_njit()
+def join_centers(ptr: IntArray, indices: IntArray, center: IntArray) -> None:
+    """Let the others join the cluster of their first neighbour that has one."""
+    for i in range(len(center)):
         for q in range(ptr[i], ptr[i + 1]):
             # Those who came late count only as themselves, lest a cluster grow into a chain.
-            if of_vertex[i] == -1 and of_vertex[indices[q]] >= 0:
-                of_vertex[i] = -2 - of_vertex[indices[q]]
-    for i in range(len(of_vertex)):
-        if of_vertex[i] <= -2:
-            of_vertex[i] = -2 - of_vertex[i]
-        elif of_vertex[i] == -1:
-            of_vertex[i] = count
-            count += 1
-    return count
+            if center[i] == -1 and center[indices[q]] >= 0:
+                center[i] = -2 - center[indices[q]]
+    for i in range(len(center)):
+        if center[i] <= -2:
+            center[i] = -2 - center[i]
 
 
 @lean_njit()
@@ -166,15 +173,3 @@ def _spread(
             k = of_vertex[indices[q]]
             for c in range(values.shape[1]):
                 result[i, c] += share * values[k, c]
-
-
-@lean_njit()
-def _sum_of_squares(ptr: IntArray, indices: IntArray, vertices: FloatArray) -> float:
-    """Sum of the squared lengths of the edges, each from both its ends."""
-    total = 0.0
-    for i in range(len(vertices)):
-        for q in range(ptr[i], ptr[i + 1]):
-            j = indices[q]
-            x, y, z = vertices[j, 0] - vertices[i, 0], vertices[j, 1] - vertices[i, 1], vertices[j, 2] - vertices[i, 2]
-            total += x * x + y * y + z * z
-    return total

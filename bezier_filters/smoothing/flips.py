@@ -1,5 +1,6 @@
 """Triangles that face the wrong way or have no area, and how to have no more of them."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from bezier_filters.meshes.frames import face_normal, tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.lean import lean_njit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
+from bezier_filters.smoothing.pieces import Arrays, Domain, Handle, Outcome, Piece
 
 THINNEST = 1e-7
 """Twice the area over the squared longest edge, from which down a triangle counts as degenerate."""
@@ -86,24 +88,100 @@ def _find(
         flipped[f] = against < 0.0 and not degenerate[f]
 
 
-def without_new_flips(
-    mesh: TriangleMesh, adjacency: Adjacency, moved: FloatArray, before: BadFaces, *, threads: int = 1
-) -> FloatArray:
-    """Take back as much of the moves of vertices (n, 3) as makes faces wrong that were not; return where they end."""
-    share = np.ones(mesh.vertex_count)
-    result, rows = moved, adjacency.vertices
-    for _ in range(ROUNDS):
-        now = bad_faces(TriangleMesh(result, mesh.faces), adjacency, threads=threads)
+@dataclass(frozen=True)
+class NewBadFaces:
+    """Faces that are wrong in a way in which they were not before."""
+
+    rings: int = 2
+
+    def __call__(self, piece: Piece, inputs: Mapping[str, Arrays]) -> Outcome:
+        """Their corners, "chosen" (n,), the largest share that one has, and numbers of wrong faces."""
+        mesh, adjacency = piece.mesh, piece.adjacency
+        if "bad faces" not in piece.kept:
+            piece.kept["bad faces"] = bad_faces(mesh, adjacency, threads=piece.threads)
+        before = piece.kept["bad faces"]
+        moved = TriangleMesh(inputs["points"]["points"], mesh.faces)
+        now = bad_faces(moved, adjacency, threads=piece.threads)
         new = now.new_since(before)
-        if not new.any():
-            return result
         chosen = np.zeros(mesh.vertex_count, dtype=np.bool_)
         chosen[mesh.faces[new]] = True
+        kinds = {
+            "flipped before": before.flipped,
+            "flipped after": now.flipped,
+            "degenerate before": before.degenerate,
+            "degenerate after": now.degenerate,
+            "new": new,
+        }
+        # A face is counted at its first corner.
+        counts = {k: np.bincount(mesh.faces[bad, 0], minlength=len(chosen)) * 1.0 for k, bad in kinds.items()}
+        return Outcome(vertices={"chosen": chosen}, sums=counts, largest=_share(chosen, inputs))
+
+
+@dataclass(frozen=True)
+class WithNeighbours:
+    """Chosen vertices and those around them."""
+
+    rings: int = 1
+
+    def __call__(self, piece: Piece, inputs: Mapping[str, Arrays]) -> Outcome:
+        """The same and their neighbours, and the largest share that one has."""
+        rows, chosen = piece.adjacency.vertices, inputs["chosen"]["chosen"].copy()
+        chosen[rows.indices[np.repeat(chosen, rows.lengths)]] = True
+        return Outcome(vertices={"chosen": chosen}, largest=_share(chosen, inputs))
+
+
+@dataclass(frozen=True)
+class TakenBack:
+    """Moves of which some are taken back."""
+
+    rings: int = 0
+
+    def __call__(self, piece: Piece, inputs: Mapping[str, Arrays]) -> Outcome:
+        """Shares of the moves (n,), and where the vertices end (n, 3)."""
+        chosen, moved, vertices = inputs["chosen"]["chosen"], inputs["moved"]["points"], piece.mesh.vertices
+        share = inputs["share"]["share"].copy() if "share" in inputs else np.ones(len(vertices))
+        share[chosen] = np.where(share[chosen] < 0.1, 0.0, 0.5 * share[chosen])
+        return Outcome(vertices={"share": share, "points": vertices + share[:, np.newaxis] * (moved - vertices)})
+
+
+@dataclass(frozen=True)
+class AllTakenBack:
+    """The vertices where they were."""
+
+    rings: int = 0
+
+    def __call__(self, piece: Piece, inputs: Mapping[str, Arrays]) -> Outcome:
+        """Coordinates (n, 3)."""
+        return Outcome(vertices={"points": piece.mesh.vertices.copy()})
+
+
+def _share(chosen: BoolArray, inputs: Mapping[str, Arrays]) -> dict[str, FloatArray]:
+    """What is left of the moves of chosen vertices."""
+    share = inputs["share"]["share"] if "share" in inputs else np.ones(len(chosen))
+    return {"share": np.where(chosen, share, 0.0)}
+
+
+def without_new_flips(domain: Domain, moved: Handle) -> Handle:
+    """Take back as much of the moves of vertices, "points" (n, 3), as makes faces wrong that were not.
+
+    Returns "points" (n, 3), where they end.
+    """
+    result, shares = moved, dict[str, Handle]()
+    for _ in range(ROUNDS):
+        found = domain.run(NewBadFaces(), points=result, **shares)
+        if found.sums["new"][0] == 0.0:
+            return result
         # A face whose corners are back where they were is turned by those around it: on to them.
         for _ in range(REACH):
-            if (share[chosen] > 0.0).any():
+            if found.largest["share"] > 0.0:
                 break
-            chosen[rows.indices[np.repeat(chosen, rows.lengths)]] = True
-        share[chosen] = np.where(share[chosen] < 0.1, 0.0, 0.5 * share[chosen])
-        result = mesh.vertices + share[:, np.newaxis] * (moved - mesh.vertices)
-    return mesh.vertices.copy()
+            found = domain.run(WithNeighbours(), chosen=found.vertices, **shares)
+        result = domain.run(TakenBack(), chosen=found.vertices, moved=moved, **shares).vertices
+        shares = {"share": result}
+    return domain.run(AllTakenBack()).vertices
+
+
+def face_counts(domain: Domain, points: Handle) -> dict[str, int]:
+    """Numbers of wrong faces before and after a move, and of new ones."""
+    sums = domain.run(NewBadFaces(), points=points).sums
+    return {name: int(values[0]) for name, values in sums.items()}

@@ -3,21 +3,22 @@
 Which Laplacian and order, and which strength on the whole, is tried out on parts of the mesh (`mesh_parts`).
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bezier_filters.arrays import FloatArray, SingleArray
-from bezier_filters.meshes.adjacency import Adjacency
+from bezier_filters.arrays import FloatArray
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.smoothing.chebyshev import WIDTH, add_heights, differences
-from bezier_filters.smoothing.clusters import Clusters
-from bezier_filters.smoothing.laplacian import Borders, Laplacian, cotangent_laplacian, umbrella_laplacian
+from bezier_filters.smoothing.laplacian import Borders, LaplacianRule
+from bezier_filters.smoothing.low_pass_runs import PointsAndSigns, Signals, bounded, estimates_by, taken_by
 from bezier_filters.smoothing.mesh_parts import SampledParts
-from bezier_filters.smoothing.scale_space import ORDER, STRENGTHS, Signals, filtered, filtered_evenly, series
-from bezier_filters.smoothing.stein import Estimates, local_risks, local_shares
+from bezier_filters.smoothing.pieces import Arrays, Domain, Handle, Outcome, Piece
+from bezier_filters.smoothing.risk_stages import local_risks, local_shares
+from bezier_filters.smoothing.scale_space import ORDER, STRENGTHS
+from bezier_filters.smoothing.stein import Estimates
+from bezier_filters.smoothing.whole_mesh import WholeMesh
 
 POWERS = (0.0, 0.5, 1.0)
 """Of cotangent Laplacians, see `cotangent_laplacian`."""
@@ -35,59 +36,64 @@ WEAKER = 2
 """Steps of the strength by which a filter that another one follows is weaker."""
 ENOUGH = 10_000.0
 """Strength of a filter whose normals need no stronger one."""
-FEW = 20_000
-"""Vertices; on smaller meshes, leverages are averaged over more probes."""
-
-MakeLaplacian = Callable[[TriangleMesh, TriangleMesh, Adjacency], Laplacian]
-"""Makes a Laplacian of a mesh, of the same mesh with most of its noise taken off, and of its adjacency."""
 
 
 @dataclass(frozen=True)
 class LowPass:
-    """The filter that was chosen.
+    """The filter that was chosen, with the values that it needs at the vertices.
 
     Attributes
     ----------
-    umbrella : Laplacian
+    umbrella : LaplacianRule
         Plain means of neighbours.
-    laplacian : Laplacian
-        That of the filter.
+    rule : LaplacianRule
+        Of the Laplacian of the filter.
     order : int
         Of the filter.
     strengths : (s,) float64
         Of the filters that are mixed.
-    shares : (n, s) float32
-        Share of each at each vertex.
-    normals : (n, 3) float32
-        Of the smooth surface at the vertices.
-    residuals, leverages : (n,) float32
-        Of the mixture, see `Estimates`; the leverages by the probes that chose it.
+    shape : Handle
+        "normals" (n, 3) of the smooth surface, and the "shape" (n, 3) that cotangents are those of.
+    mixture : Handle
+        "shares" (n, s) of the filters, and "residuals" and "leverages" (n,) of the mixture, see `Estimates`; the
+        leverages by the probes that chose it.
     """
 
-    umbrella: Laplacian
-    laplacian: Laplacian
+    umbrella: LaplacianRule
+    rule: LaplacianRule
     order: int
     strengths: FloatArray
-    shares: SingleArray
-    normals: SingleArray
-    residuals: SingleArray
-    leverages: SingleArray
+    shape: Handle
+    mixture: Handle
 
-    def smoothed(self, signals: Signals, *, threads: int = 1) -> Signals:
-        """Signals (n, c) after the filter."""
-        return filtered(self.laplacian, signals, self.strengths, self.shares, self.order, threads=threads)
+    def takes_off(self, domain: Domain, signals: Signals, **inputs: Handle) -> Handle:
+        """What the filter takes off signals, "taken" (n, 4)."""
+        inputs |= {"shape": self.shape, "shares": self.mixture}
+        return taken_by(domain, self.rule, self.strengths, signals, self.order, **inputs)
 
-    def slightly_less_smoothed(self, signals: Signals, *, threads: int = 1) -> Signals:
-        """Signals (n, c) after the next weaker filters, for where another one follows that takes off noise, too."""
-        weaker = np.roll(self.shares, -1, axis=1)
+    def weaker(self, domain: Domain) -> "LowPass":
+        """The next weaker filters, for where another one follows that takes off noise, too."""
+        return replace(self, mixture=domain.run(WeakerShares(), mixture=self.mixture).vertices)
+
+    def weak(self) -> "LowPass":
+        """Filters that take off just enough noise for another filter to know signals by."""
+        strengths = self.strengths * (STRENGTHS[1] / STRENGTHS[1 + WEAKER])
+        return replace(self, rule=self.umbrella, order=ORDER, strengths=strengths)
+
+
+@dataclass(frozen=True)
+class WeakerShares:
+    """Every filter's share goes to the next weaker one."""
+
+    rings: int = 0
+
+    def __call__(self, piece: Piece, inputs: Mapping[str, Arrays]) -> Outcome:
+        """Shares (n, s)."""
+        shares = inputs["mixture"]["shares"]
+        weaker = np.roll(shares, -1, axis=1)
         weaker[:, -1] = 0.0
-        weaker[:, 0] += self.shares[:, 0]
-        return filtered(self.laplacian, signals, self.strengths, weaker, self.order, threads=threads)
-
-    def weakly_smoothed(self, signals: Signals, *, threads: int = 1) -> Signals:
-        """Signals (n, c) with just enough noise taken off for another filter to know them by."""
-        weaker = self.strengths * (STRENGTHS[1] / STRENGTHS[1 + WEAKER])
-        return filtered(self.umbrella, signals, weaker, self.shares, threads=threads)
+        weaker[:, 0] += shares[:, 0]
+        return Outcome(vertices={"shares": weaker})
 
 
 @dataclass(frozen=True)
@@ -96,12 +102,12 @@ class Choice:
 
     Attributes
     ----------
-    make_umbrella : callable
-        Makes the umbrella Laplacian.
+    umbrella : LaplacianRule
+        The umbrella Laplacian.
     first : int
-        Number of the best strength of the umbrella Laplacian.
-    make_laplacian : callable
-        Makes the best Laplacian.
+        Number of its best strength.
+    rule : LaplacianRule
+        The best Laplacian.
     order : int
         The best order of its filters.
     best : int
@@ -110,9 +116,9 @@ class Choice:
         Those that there are.
     """
 
-    make_umbrella: MakeLaplacian
+    umbrella: LaplacianRule
     first: int
-    make_laplacian: MakeLaplacian
+    rule: LaplacianRule
     order: int
     best: int
     strengths: FloatArray
@@ -126,8 +132,8 @@ def choose_low_pass(
     Parameters
     ----------
     parts : SampledParts
-    sigma : (n,) float64
-        Standard deviation of the noise around every vertex of the whole mesh, positive lengths.
+    sigma : (k,) float64
+        Standard deviation of the noise around every vertex of the parts, positive lengths.
     borders : {"curve", "fixed"}
         What border vertices do.
     unit : float
@@ -135,119 +141,99 @@ def choose_low_pass(
     threads : int
         Number of threads.
     """
-    mesh, adjacency, levels = parts.mesh, parts.adjacency, sigma[parts.vertices]
-    umbrella = umbrella_laplacian(mesh, adjacency, borders, threads=threads)
+    domain = WholeMesh(parts.mesh, parts.adjacency, threads)
+    levels = {"levels": sigma}
 
-    def risks(laplacian: Laplacian, order: int, normals: FloatArray, strengths: FloatArray) -> FloatArray:
-        return _estimates(laplacian, order, mesh.vertices, normals, levels, strengths, threads).mean_risks(parts.core)
+    def risks(rule: LaplacianRule, order: int, shape: Handle, strengths: FloatArray) -> FloatArray:
+        found = estimates_by(domain, rule, order, strengths, surface=shape, shape=shape, levels=levels)
+        return Estimates(found["residuals"], found["leverages"]).mean_risks(parts.core)
 
-    rough = tangent_planes(mesh, adjacency, threads=threads).normals
+    umbrella = bounded(domain, LaplacianRule(borders))
+    rough = {
+        "normals": tangent_planes(parts.mesh, parts.adjacency, threads=threads).normals,
+        "shape": parts.mesh.vertices,
+    }
     first = int(risks(umbrella, ORDER, rough, STRENGTHS).argmin())
-    normals, shape = _smooth_shape(mesh, adjacency, umbrella, first, threads)
+    shape = _smooth_shape(domain, umbrella, first)
     strengths = STRENGTHS[: first + STRONGER + 1]
-
-    def plain(mesh: TriangleMesh, shape: TriangleMesh, adjacency: Adjacency) -> Laplacian:
-        return umbrella_laplacian(mesh, adjacency, borders, threads=threads)
-
-    def with_power(power: float) -> MakeLaplacian:
-        return lambda _, shape, adjacency: cotangent_laplacian(shape, adjacency, borders, power, unit, threads=threads)
-
-    makers = [plain, *map(with_power, POWERS)]
-    laplacians = [make(mesh, shape, adjacency) for make in makers]
-    chosen = int(np.argmin([risks(laplacian, ORDER, normals, strengths).min() for laplacian in laplacians]))
-    by_order = np.array([risks(laplacians[chosen], order, normals, strengths) for order in ORDERS])
+    cotangents = [bounded(domain, LaplacianRule(borders, power, unit), shape=shape) for power in POWERS]
+    rules = [umbrella, *cotangents]
+    chosen = int(np.argmin([risks(rule, ORDER, shape, strengths).min() for rule in rules]))
+    by_order = np.array([risks(rules[chosen], order, shape, strengths) for order in ORDERS])
     steepness, best = np.unravel_index(by_order.argmin(), by_order.shape)
-    return Choice(plain, first, makers[chosen], ORDERS[steepness], int(best), strengths)
+    return Choice(umbrella, first, rules[chosen], ORDERS[steepness], int(best), strengths)
 
 
-def fit_low_pass(
-    mesh: TriangleMesh,
-    adjacency: Adjacency,
-    clusters: Clusters,
-    sigma: FloatArray,
-    choice: Choice,
-    *,
-    threads: int = 1,
-) -> LowPass:
+def fit_low_pass(domain: Domain, levels: Handle, choice: Choice) -> LowPass:
     """Find the strengths around every vertex.
 
     Parameters
     ----------
-    mesh : TriangleMesh
-    adjacency : Adjacency
-        Of the same mesh.
-    clusters : Clusters
-        Of the same mesh.
-    sigma : (n,) float64
-        Standard deviation of the noise around every vertex, positive lengths.
+    domain : Domain
+        The mesh, in clusters.
+    levels : Handle
+        "levels" (n,), the standard deviation of the noise around every vertex, positive lengths.
     choice : Choice
         What holds for the mesh as a whole.
-    threads : int
-        Number of threads.
     """
-    umbrella = choice.make_umbrella(mesh, mesh, adjacency)
-    normals, shape = _smooth_shape(mesh, adjacency, umbrella, choice.first, threads)
-    plain = choice.make_laplacian is choice.make_umbrella
-    laplacian = umbrella if plain else choice.make_laplacian(mesh, shape, adjacency)
-    del shape
-    lowest = choice.best + AROUND
-    shares = np.ones((1, 1), dtype=np.float32)
-    while lowest > 0 and np.mean(shares[:, 0] > 0.5) > SELDOM:  # there, even weaker filters may be better
+    umbrella = bounded(domain, choice.umbrella)
+    shape = _smooth_shape(domain, umbrella, choice.first)
+    rule = umbrella if choice.rule.power is None else bounded(domain, choice.rule, shape=shape)
+    lowest, seldom, old = choice.best + AROUND, 1.0, list[Handle]()
+    while lowest > 0 and seldom > SELDOM:  # there, even weaker filters may be better
+        domain.free(*old)
         lowest = max(lowest - 2 * AROUND, 0)
         strengths = choice.strengths[lowest : choice.best + AROUND + 1]
-        estimates = _estimates(laplacian, choice.order, mesh.vertices, normals, sigma, strengths, threads)
-        shares = local_shares(local_risks(estimates, clusters, threads=threads), clusters, threads=threads)
-    used = int(np.flatnonzero(shares.mean(axis=0, dtype=np.float64) > RARE)[-1]) + 1
-    shares = shares[:, :used] / shares[:, :used].sum(axis=1, keepdims=True)
-    residuals, leverages = (
-        np.einsum("ns,ns->n", shares, values[:, :used]) for values in (estimates.residuals, estimates.leverages)
-    )
-    return LowPass(
-        umbrella, laplacian, choice.order, strengths[:used], shares, normals.astype(np.float32), residuals, leverages
-    )
+        estimates = estimates_by(domain, rule, choice.order, strengths, surface=shape, shape=shape, levels=levels)
+        risks, _ = local_risks(domain, {"one": estimates}, 1.0)
+        found = local_shares(domain, risks)
+        seldom = float(found.sums["first"][0]) / domain.vertex_count
+        old = [estimates, found.vertices, risks]
+    used = int(np.flatnonzero(found.sums["shares"] / domain.vertex_count > RARE)[-1]) + 1
+    mixture = domain.run(Mixture(used), estimates=estimates, shares=found.vertices).vertices
+    domain.free(*old)
+    return LowPass(umbrella, rule, choice.order, strengths[:used], shape, mixture)
 
 
-def _smooth_shape(
-    mesh: TriangleMesh, adjacency: Adjacency, umbrella: Laplacian, best: int, threads: int
-) -> tuple[FloatArray, TriangleMesh]:
+@dataclass(frozen=True)
+class Mixture:
+    """The filters that are used at all."""
+
+    used: int
+    rings: int = 0
+
+    def __call__(self, piece: Piece, inputs: Mapping[str, Arrays]) -> Outcome:
+        """Shares (n, used), and residuals and leverages (n,) of the mixture."""
+        shares, estimates = inputs["shares"]["shares"][:, : self.used], inputs["estimates"]
+        shares = shares / shares.sum(axis=1, keepdims=True)
+        residuals, leverages = (
+            np.einsum("ns,ns->n", shares, estimates[name][:, : self.used]) for name in ("residuals", "leverages")
+        )
+        return Outcome(vertices={"shares": shares, "residuals": residuals, "leverages": leverages})
+
+
+def _smooth_shape(domain: Domain, umbrella: LaplacianRule, best: int) -> Handle:
     """Normals of the vertices after a weak filter, and the mesh after its steps along them.
 
     Without the steps along the surface, which would give the triangles other angles.
     """
     strength = min(float(STRENGTHS[max(best - WEAKER, 0)]), ENOUGH)
-    smooth = filtered_evenly(umbrella, mesh.vertices, strength, threads=threads)
-    normals = tangent_planes(TriangleMesh(smooth, mesh.faces), adjacency, threads=threads).normals
-    heights = np.einsum("ij,ij->i", smooth - mesh.vertices, normals)
-    return normals, TriangleMesh(mesh.vertices + heights[:, np.newaxis] * normals, mesh.faces)
+    taken = taken_by(domain, umbrella, np.array([strength]), PointsAndSigns())
+    result = domain.run(SmoothShape(), smooth=taken).vertices
+    domain.free(taken)
+    return result
 
 
-def _estimates(
-    laplacian: Laplacian,
-    order: int,
-    points: FloatArray,
-    normals: FloatArray,
-    sigma: FloatArray,
-    strengths: FloatArray,
-    threads: int,
-) -> Estimates:
-    """Residuals and leverages of filters; a leverage is the mean of sign times filtered sign over random signs."""
-    n = len(points)
-    rows = series(strengths, laplacian.bound, order)
-    rng = np.random.default_rng(0)
-    signals, directions = np.empty((n, WIDTH)), np.empty((n, WIDTH), dtype=np.float32)
-    signals[:, :3], directions[:, :3] = points, normals / sigma[:, np.newaxis]
-    signals[:, 3] = directions[:, 3] = _signs(rng, n)
-    residuals, taken = np.zeros((2, n, len(strengths)), dtype=np.float32)
-    start = differences(laplacian, signals, threads=threads)
-    add_heights(laplacian, start, rows, directions, residuals, taken, threads=threads)
-    probes = 1
-    if n <= FEW:
-        signs = np.column_stack([_signs(rng, n) for _ in range(WIDTH)])
-        start = differences(laplacian, signs, threads=threads)
-        add_heights(laplacian, start, rows, signs, taken, taken, threads=threads)
-        probes += WIDTH
-    return Estimates(residuals, np.float32(1.0) - taken / np.float32(probes))
+@dataclass(frozen=True)
+class SmoothShape:
+    """Normals of a smooth mesh, and the mesh moved onto it along them."""
 
+    rings: int = 1
 
-def _signs(rng: np.random.Generator, n: int) -> SingleArray:
-    return (2.0 * rng.integers(0, 2, n, dtype=np.int8) - 1.0).astype(np.float32)
+    def __call__(self, piece: Piece, inputs: Mapping[str, Arrays]) -> Outcome:
+        """Normals and coordinates, (n, 3)."""
+        mesh = piece.mesh
+        smooth = mesh.vertices - inputs["smooth"]["taken"][:, :3]
+        normals = tangent_planes(TriangleMesh(smooth, mesh.faces), piece.adjacency, threads=piece.threads).normals
+        heights = np.einsum("ij,ij->i", smooth - mesh.vertices, normals)
+        return Outcome(vertices={"normals": normals, "shape": mesh.vertices + heights[:, np.newaxis] * normals})

@@ -47,10 +47,15 @@ def series(strengths: FloatArray, bound: float, order: int = ORDER) -> FloatArra
     return coefficients(taken, bound, terms)
 
 
+def heat_terms(time: float, bound: float) -> int:
+    """Number of terms, and of rings that `diffused` looks around."""
+    return 8 + int(np.ceil(2.0 * np.sqrt(time * bound)))
+
+
 def diffused(laplacian: Laplacian, signals: FloatArray, time: float, *, threads: int = 1) -> FloatArray:
     """Signals (n, c) after heat flow, exp(-time L): means over the surroundings, some `time` edges squared wide."""
     bound = laplacian.bound
-    terms = 8 + int(np.ceil(2.0 * np.sqrt(time * bound)))
+    terms = heat_terms(time, bound)
     rows = coefficients(lambda x: -np.expm1(-time * x[:, np.newaxis]) / x[:, np.newaxis], bound, terms)
     return _filtered(laplacian, signals, rows, _everywhere(signals), threads)
 
@@ -98,8 +103,8 @@ def _everywhere(signals: RealArray) -> SingleArray:
 def _filtered(laplacian: Laplacian, signals: Signals, rows: FloatArray, shares: SingleArray, threads: int) -> Signals:
     result = signals.copy()
     for columns, group in groups_of_signals(signals):
-        start = differences(laplacian, group, threads=threads)
-        taken = np.zeros_like(start)
-        add_mixtures(laplacian, start, rows, shares, taken, threads=threads)
+        state = differences(laplacian, group, threads=threads)
+        taken = np.zeros_like(state.current)
+        add_mixtures(laplacian, state, rows, shares, taken, threads=threads)
         result[:, columns] -= taken[:, : columns.stop - columns.start]
     return result

@@ -5,26 +5,23 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import csr_array
 
-from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.first_call import first_call
 from bezier_filters.kernels.kernel_input import kernel_mesh
 from bezier_filters.learning.learn import learn_surface
 from bezier_filters.learning.plans import Choices
-from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
+from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.array_arguments import takes_arrays
 from bezier_filters.meshes.creases import crease_vertices
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
-from bezier_filters.runtime.lean import lean_njit
-from bezier_filters.runtime.parallel import Progress, RangeTask, run_in_chunks, thread_count
-from bezier_filters.smoothing.automatic_smoothing import denoise
-from bezier_filters.smoothing.flips import BadFaces, bad_faces, without_new_flips
+from bezier_filters.runtime.parallel import Progress, thread_count
 from bezier_filters.smoothing.smoothing_result import SmoothingResult
-from bezier_filters.smoothing.volume import ClosedParts, closed_parts, part_volumes, with_volumes
+from bezier_filters.smoothing.smoothing_run import Held, Movable, finished, part_of, smoothed
+from bezier_filters.smoothing.whole_mesh import WholeMesh
 
 SmoothingMethod = Literal["auto", "paper"]
 SmoothedBorders = Literal["curve", "fixed"]
@@ -114,64 +111,57 @@ def smooth(
     """
     mesh = triangle_mesh(vertices, faces)
     _check(method, iterations, noise, borders)
-    movable = _movable(selected, mesh.vertex_count)
+    mask = _checked_mask(selected, mesh.vertex_count)
     threads = thread_count(threads)
-    adjacency = vertex_adjacency(mesh)
-    if borders == "fixed":
-        movable = movable & ~adjacency.on_boundary
+    domain = WholeMesh(mesh, vertex_adjacency(mesh, threads=threads), threads)
+    inputs = {} if mask is None else {"selected": {"selected": mask}}
+    movable = domain.run(Movable(borders == "fixed"), **inputs).vertices
     with first_call():
-        noise_before = noise if noise is not None else noise_of(mesh, adjacency, threads=threads)
-        points, sharpness = mesh.vertices, np.zeros(mesh.vertex_count)
-        for k in range(iterations):
-            current = TriangleMesh(points, mesh.faces)
-            report = _part_of(progress, k, iterations)
-            if method == "paper":
-                points = _onto_patches(current, rings, alpha, threads, report)
-            else:
-                sigma = noise_before if k == 0 else noise_of(current, adjacency, threads=threads)
-                unit = mean_edge(current, adjacency, threads=threads)
-                denoised = denoise(current, adjacency, sigma or 0.0, unit, borders, threads=threads, progress=report)
-                points, sharpness = denoised.vertices, np.maximum(sharpness, denoised.sharpness)
-            points = np.where(movable[:, np.newaxis], points, mesh.vertices)
-        parts = closed_parts(mesh, adjacency)
-        before = bad_faces(mesh, adjacency, threads=threads)
+        noise_before = noise if noise is not None else noise_of(domain)
         if method == "auto":
-            points = _finished(mesh, adjacency, parts, points, before, movable, keep_volume is not False, threads)
-        elif keep_volume:
-            points = _with_old_volumes(mesh, adjacency, parts, points, movable)
-        return _result(mesh, adjacency, parts, points, sharpness, noise_before, before, threads)
+            found = smoothed(
+                domain,
+                movable,
+                noise_before,
+                noise_of,
+                borders,
+                iterations=iterations,
+                threads=threads,
+                progress=progress,
+            )
+        else:
+            found = {"points": mesh.vertices}
+            for k in range(iterations):
+                report = part_of(progress, k, iterations)
+                patches = {"points": _onto_patches(domain.with_points(found).mesh, rings, alpha, threads, report)}
+                found = domain.run(Held(), found=patches, movable=movable).vertices
+        is_auto = method == "auto"
+        keep_volume = is_auto if keep_volume is None else keep_volume
+        end = finished(domain, found, movable, keep_volume=keep_volume, keep_faces=is_auto)
+        points, volumes = end.points["points"], end.volumes.sum(axis=1)
+        return SmoothingResult(
+            vertices=points,
+            displacement=np.linalg.norm(points - mesh.vertices, axis=1),
+            sharpness=found.get("sharpness", np.zeros(mesh.vertex_count)),
+            noise_before=noise_before,
+            noise_after=noise_of(domain.with_points(end.points)),
+            volume_before=float(volumes[0]) if end.volumes.size else None,
+            volume_after=float(volumes[1]) if end.volumes.size else None,
+            flipped_before=end.faces["flipped before"],
+            flipped_after=end.faces["flipped after"],
+            degenerate_before=end.faces["degenerate before"],
+            degenerate_after=end.faces["degenerate after"],
+            new_bad_faces=end.faces["new"],
+        )
 
 
-def noise_of(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> float | None:
+def noise_of(domain: WholeMesh) -> float | None:
     """Standard deviation of the noise along the normal, learned from the mesh; None if it is too small."""
+    mesh, adjacency, threads = domain.mesh, domain.adjacency, domain.threads
     planes = tangent_planes(mesh, adjacency, threads=threads)
     stops = crease_vertices(mesh, adjacency, planes, threads=threads)
     _, leaf = learn_surface(kernel_mesh(mesh, adjacency, planes, stops), adjacency, Choices(), threads=threads)
     return None if leaf is None else leaf.surface.sigma
-
-
-def mean_edge(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> float:
-    """Mean length of the edges; 0 if there are none."""
-    rows = adjacency.vertices
-    lengths = np.zeros(mesh.vertex_count)
-
-    def make_task() -> RangeTask:
-        return lambda start, stop: _sum_lengths(mesh.vertices, rows.indptr, rows.indices, start, stop, lengths)
-
-    run_in_chunks(make_task, mesh.vertex_count, threads=threads)
-    return float(lengths.sum()) / max(len(rows.indices), 1)
-
-
-@lean_njit()
-def _sum_lengths(
-    vertices: FloatArray, ptr: IntArray, indices: IntArray, start: int, stop: int, lengths: FloatArray
-) -> None:
-    """Write the sum of the lengths of the edges at vertices start .. stop-1."""
-    for i in range(start, stop):
-        for q in range(ptr[i], ptr[i + 1]):
-            j = indices[q]
-            x, y, z = vertices[j, 0] - vertices[i, 0], vertices[j, 1] - vertices[i, 1], vertices[j, 2] - vertices[i, 2]
-            lengths[i] += np.sqrt(x * x + y * y + z * z)
 
 
 def _onto_patches(mesh: TriangleMesh, rings: int, alpha: float, threads: int, progress: Progress | None) -> FloatArray:
@@ -183,76 +173,9 @@ def _onto_patches(mesh: TriangleMesh, rings: int, alpha: float, threads: int, pr
     return result
 
 
-def _finished(
-    mesh: TriangleMesh,
-    adjacency: Adjacency,
-    parts: ClosedParts,
-    points: FloatArray,
-    before: BadFaces,
-    movable: BoolArray,
-    keep_volume: bool,
-    threads: int,
-) -> FloatArray:
-    """The smoothed vertices with their old volumes and no new bad faces."""
-    if keep_volume:
-        points = _with_old_volumes(mesh, adjacency, parts, points, movable)
-    return without_new_flips(mesh, adjacency, points, before, threads=threads)
-
-
-def _with_old_volumes(
-    mesh: TriangleMesh, adjacency: Adjacency, parts: ClosedParts, points: FloatArray, movable: BoolArray
-) -> FloatArray:
-    if not parts.count:
-        return points
-    rows = adjacency.vertices
-    neighbours = csr_array(
-        (np.ones(len(rows.indices), np.float32), rows.indices, rows.indptr), shape=2 * (len(points),)
-    )
-    moves = points - mesh.vertices
-    squares = np.einsum("ij,ij->i", moves, moves)
-    amounts = np.sqrt((neighbours @ squares + squares) / (rows.lengths + 1.0)) * movable
-    return with_volumes(TriangleMesh(points, mesh.faces), parts, part_volumes(mesh, parts), amounts)
-
-
-def _result(
-    mesh: TriangleMesh,
-    adjacency: Adjacency,
-    parts: ClosedParts,
-    points: FloatArray,
-    sharpness: FloatArray,
-    noise_before: float | None,
-    before: BadFaces,
-    threads: int,
-) -> SmoothingResult:
-    smoothed = TriangleMesh(points, mesh.faces)
-    after = bad_faces(smoothed, adjacency, threads=threads)
-    volumes = [float(part_volumes(m, parts).sum()) if parts.count else None for m in (mesh, smoothed)]
-    return SmoothingResult(
-        vertices=points,
-        displacement=np.linalg.norm(points - mesh.vertices, axis=1),
-        sharpness=sharpness,
-        noise_before=noise_before,
-        noise_after=noise_of(smoothed, adjacency, threads=threads),
-        volume_before=volumes[0],
-        volume_after=volumes[1],
-        flipped_before=int(before.flipped.sum()),
-        flipped_after=int(after.flipped.sum()),
-        degenerate_before=int(before.degenerate.sum()),
-        degenerate_after=int(after.degenerate.sum()),
-        new_bad_faces=int(after.new_since(before).sum()),
-    )
-
-
-def _part_of(progress: Progress | None, k: int, total: int) -> Progress | None:
-    """Progress of the k-th of several iterations as that of the whole."""
-    if progress is None:
-        return None
-    return lambda done, of: progress(k * of + done, total * of)
-
-
-def _movable(selected: BoolArray | None, n: int) -> BoolArray:
+def _checked_mask(selected: BoolArray | None, n: int) -> BoolArray | None:
     if selected is None:
-        return np.ones(n, dtype=np.bool_)
+        return None
     mask = np.asarray(selected)
     if mask.shape != (n,) or mask.dtype != np.bool_:
         raise InvalidParameterError(f"selected: got {mask.dtype} of shape {mask.shape}, expected bool of shape ({n},)")

@@ -15,17 +15,6 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from bezier_filters.runtime.lean import lean_njit
-from bezier_filters.smoothing.clusters import Clusters
-
-WIDTH = 100.0
-"""Squared edges over which risks are averaged around a vertex,"""
-VERTICES = 7.26 * WIDTH
-"""so many vertices that is, on a regular mesh: the reciprocal of the sum of their squared weights."""
-DOUBT = 2.0
-"""Times its variance: up to that squared deviation from the mesh as a whole, a local risk is not believed."""
-TEMPERATURE = 0.3
-"""Times sigma^2, divided by the square root of the number of vertices: difference of risks at which the larger one's
-share is exp(-1) times the other's. The overall difference of two risks is known about that well."""
 
 
 @dataclass(frozen=True)
@@ -50,62 +39,24 @@ class Estimates:
         result: FloatArray = squares + 2.0 * leverages.mean(axis=0, dtype=np.float64) - 1.0
         return result
 
-    def rescaled(self) -> "Estimates":
-        """With less noise, if the estimate that predicts best leaves smaller residuals than the noise would.
 
-        Where a surface has edges, noise is easily overestimated until something keeps them.
-        """
-        squares = np.einsum("ns,ns->s", self.residuals, self.residuals, dtype=np.float64) / len(self.residuals)
-        free = 1.0 - self.leverages.mean(axis=0, dtype=np.float64)
-        best = np.argmin(squares / np.maximum(free, 1e-3) ** 2)
-        factor = min(float(np.sqrt(squares[best] / max(free[best], 1e-3))), 1.0)
-        return Estimates(self.residuals / np.float32(max(factor, 1e-3)), self.leverages)
+def noise_factor(squares: FloatArray, leverages: FloatArray) -> float:
+    """How much less noise there is if the estimate that predicts best leaves smaller residuals than the noise would.
 
-
-def local_risks(estimates: Estimates, clusters: Clusters, *, threads: int = 1) -> FloatArray:
-    """Risk of every estimate around every cluster, less that of the one that is best for the mesh as a whole, (k, s).
-
-    Where the local difference deviates from the overall one by no more than noise may make it do, the latter is taken
-    (after James and Stein).
+    Where a surface has edges, noise is easily overestimated until something keeps them.
 
     Parameters
     ----------
-    estimates : Estimates
-    clusters : Clusters
-        Of the mesh, along which to average.
-    threads : int
-        Number of threads.
+    squares, leverages : (s,) float64
+        Mean squared residual and mean leverage of some estimates.
     """
-    shape = len(clusters.sizes), estimates.residuals.shape[1]
-    terms, distances = np.zeros(shape), np.zeros(shape)
-    _add_terms(clusters.of_vertex, estimates.residuals, estimates.leverages, terms)
-    terms /= clusters.sizes[:, np.newaxis]
-    best = int(clusters.mean_over_all(terms).argmin())
-    # A difference of squared residuals has four times the variance of the difference of the estimates.
-    _add_distances(clusters.of_vertex, estimates.residuals, best, distances)
-    distances /= clusters.sizes[:, np.newaxis]
-    differences = terms - terms[:, [best]]
-    overall = clusters.mean_over_all(differences)
-    local = clusters.diffused(differences, WIDTH, threads=threads) - overall
-    variances = np.maximum(4.0 / VERTICES * clusters.diffused(distances, WIDTH, threads=threads), 0.0)
-    squares = np.square(local)
-    believed = np.divide(
-        np.maximum(squares - DOUBT * variances, 0.0), squares, out=np.zeros_like(squares), where=squares > 0.0
-    )
-    result: FloatArray = overall + believed * local
-    return result
-
-
-def local_shares(risks: FloatArray, clusters: Clusters, *, threads: int = 1) -> SingleArray:
-    """Share of every estimate at every vertex, (n, s), by their risks around it."""
-    temperature = TEMPERATURE / np.sqrt(max(len(clusters.of_vertex), 1))
-    shares: FloatArray = np.exp(-(risks - risks.min(axis=1, keepdims=True)) / temperature)
-    shares /= shares.sum(axis=1, keepdims=True)
-    return clusters.at_vertices(shares, threads=threads)
+    free = 1.0 - leverages
+    best = np.argmin(squares / np.maximum(free, 1e-3) ** 2)
+    return max(min(float(np.sqrt(squares[best] / max(free[best], 1e-3))), 1.0), 1e-3)
 
 
 @lean_njit()
-def _add_terms(of_vertex: IntArray, residuals: SingleArray, leverages: SingleArray, sums: FloatArray) -> None:
+def add_terms(of_vertex: IntArray, residuals: SingleArray, leverages: SingleArray, sums: FloatArray) -> None:
     """Add what the risks, plus 1, are the means of to the sums of each cluster."""
     for i in range(len(of_vertex)):
         for s in range(residuals.shape[1]):
@@ -113,7 +64,7 @@ def _add_terms(of_vertex: IntArray, residuals: SingleArray, leverages: SingleArr
 
 
 @lean_njit()
-def _add_distances(of_vertex: IntArray, residuals: SingleArray, best: int, sums: FloatArray) -> None:
+def add_distances(of_vertex: IntArray, residuals: SingleArray, best: int, sums: FloatArray) -> None:
     """Add squared differences from one of the estimates."""
     for i in range(len(of_vertex)):
         for s in range(residuals.shape[1]):

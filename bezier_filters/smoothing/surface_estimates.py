@@ -5,17 +5,20 @@ filtered, many times, by means that do not reach across what noise cannot explai
 vertices follow. In between are fewer rounds.
 """
 
-from collections.abc import Iterator
-from typing import NamedTuple, Protocol
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from bezier_filters.arrays import FloatArray, SingleArray
-from bezier_filters.meshes.adjacency import Adjacency
+from bezier_filters.arrays import SingleArray
 from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.smoothing.chebyshev import WIDTH
 from bezier_filters.smoothing.low_pass import LowPass
+from bezier_filters.smoothing.low_pass_runs import PointsAndSigns
 from bezier_filters.smoothing.normal_filter import NoisyNormals, filter_normals, noisy_normals
-from bezier_filters.smoothing.scale_space import Signals
+from bezier_filters.smoothing.pieces import Arrays, Domain, Draw, Handle, Outcome, Piece
+from bezier_filters.smoothing.vertex_update import TERMS as UPDATE_STEPS
 from bezier_filters.smoothing.vertex_update import move_to_normals
 
 SMOOTH, GENTLE = 0, 1
@@ -29,6 +32,8 @@ PROBE = 0.1
 """Times sigma: how far vertices are moved to find their leverages."""
 FEWEST_SAMPLED = 60_000
 """Vertices times samples of the noise, that normals are filtered by."""
+ROUND_RINGS = 3
+"""That a round of `filter_normals` looks around a face."""
 
 
 class Estimate(NamedTuple):
@@ -36,117 +41,153 @@ class Estimate(NamedTuple):
 
     kind: int
     """Which one it is."""
-    moves: SingleArray
-    """How far each vertex moves, (n, 3)."""
-    residuals: SingleArray
-    """Heights of the measured vertices over it, times the standard deviation of the noise, (n,)."""
-    leverages: SingleArray
-    """How far it follows each vertex, (n,)."""
+    values: Handle
+    """How far each vertex moves, "moves" (n, 3); heights of the measured vertices over it, times the standard deviation
+    of the noise, "residuals" (n,); and how far it follows each vertex, "leverages" (n,)."""
 
 
-class _Start(NamedTuple):
-    """Vertices before they follow the normals."""
-
-    moves: SingleArray
-    """How far the filter moved each of them, (n, 3),"""
-    probe: SingleArray
-    """and the probing steps from there, (n, 3)."""
-
-
-class Smoother(Protocol):
-    """A method of `LowPass`."""
-
-    def __call__(self, signals: Signals, *, threads: int = 1) -> Signals:
-        """Signals (n, c) after the filter."""
-
-
-def surface_estimates(
-    mesh: TriangleMesh,
-    adjacency: Adjacency,
-    low_pass: LowPass,
-    levels: FloatArray,
-    kinds: frozenset[int],
-    *,
-    threads: int = 1,
-) -> Iterator[Estimate]:
+def surface_estimates(domain: Domain, low_pass: LowPass, levels: Handle, kinds: frozenset[int]) -> Iterator[Estimate]:
     """Estimates, ever sharper ones, of which the first is the low-pass filter's.
 
     Parameters
     ----------
-    mesh : TriangleMesh
-        As measured.
-    adjacency : Adjacency
-        Of the same mesh.
+    domain : Domain
+        The mesh as measured.
     low_pass : LowPass
-        What every estimate starts with, more or less of it. Nothing holds on to it once the last one has begun.
-    levels : (n,) float64
-        Standard deviation of the noise around every vertex.
+        What every estimate starts with, more or less of it.
+    levels : Handle
+        "levels" (n,), the standard deviation of the noise around every vertex.
     kinds : frozenset of int
         Those that are wanted besides the first.
-    threads : int
-        Number of threads.
     """
-    normals, signs = low_pass.normals, _signs(mesh.vertex_count)
+    signs = domain.drawn(Draw("choices", 1))
+    taken = low_pass.takes_off(domain, PointsAndSigns(), signs=signs)
+    found = domain.run(SmoothEstimate(), smooth=taken, signs=signs, mixture=low_pass.mixture)
+    domain.free(taken)
+    yield Estimate(SMOOTH, found.vertices)
+    wanted = sorted(kinds - {SMOOTH})
+    if not wanted:
+        return
+    count = int(np.clip(FEWEST_SAMPLED // domain.vertex_count, 2, 6))
+    inputs = {"levels": levels, "shape": low_pass.shape, "signs": signs}
+    inputs["heights"] = domain.drawn(Draw("normal32", 2, count))
+    if GENTLE in kinds:
+        start = _start(domain, low_pass.weaker(domain), count, inputs)
+        yield Estimate(GENTLE, domain.run(FilteredNormals(1, GENTLE_TOLERANCE), **inputs, **start).vertices)
+        domain.free(*start.values())
+    if wanted[-1] == GENTLE:
+        return
+    start = _start(domain, low_pass.weak(), count, inputs)
+    for kind, rounds in enumerate(SHARP_ROUNDS, start=GENTLE + 1):
+        if kind in kinds:
+            found = domain.run(FilteredNormals(rounds, SHARP_TOLERANCE), **inputs, **start)
+            yield Estimate(kind, found.vertices)
+    domain.free(*start.values())
 
-    def moves(start: SingleArray, goal: SingleArray) -> SingleArray:
-        movable = ~adjacency.on_boundary  # those at borders stay
-        result = move_to_normals(_moved(mesh, start), adjacency, goal, movable, threads=threads)
-        result += start
+
+@dataclass(frozen=True)
+class SmoothEstimate:
+    """The low-pass filter's."""
+
+    rings: int = 0
+
+    def __call__(self, piece: Piece, inputs: Mapping[str, Arrays]) -> Outcome:
+        """See `Estimate`."""
+        vertices, taken, signs = piece.mesh.vertices, inputs["smooth"]["taken"], inputs["signs"]["drawn"]
+        moves = ((vertices - taken[:, :3]) - vertices).astype(np.float32)
+        leverages = (signs * (signs.astype(np.float64) - taken[:, 3])).astype(np.float32)
+        return Outcome(vertices={"moves": moves, "residuals": inputs["mixture"]["residuals"], "leverages": leverages})
+
+
+@dataclass(frozen=True)
+class NoiseSamples:
+    """Four of the coordinates of samples of the noise along the normals; the first sample is that of the probe."""
+
+    first: int
+
+    def __call__(self, piece: Piece, inputs: Mapping[str, Arrays]) -> SingleArray:
+        """Signals (n, 4)."""
+        samples = noise_samples(inputs)[:, self.first : self.first + WIDTH]
+        result = np.zeros((len(samples), WIDTH), dtype=np.float32)
+        result[:, : samples.shape[1]] = samples
         return result
 
-    def estimate(kind: int, start: _Start, state: NoisyNormals) -> Estimate:
-        moved = moves(start.moves, state.normals)
-        probed = moves(start.moves + start.probe, state.probed_normals)
+
+def noise_samples(inputs: Mapping[str, Arrays]) -> SingleArray:
+    """Coordinates of all samples of the noise, (n, 3 samples)."""
+    heights = inputs["heights"]["drawn"].copy()
+    heights[:, 0] = inputs["signs"]["drawn"]
+    heights *= inputs["levels"]["levels"].astype(np.float32)[:, np.newaxis]
+    normals = inputs["shape"]["normals"].astype(np.float32)
+    vectors: SingleArray = heights[:, :, np.newaxis] * normals[:, np.newaxis]
+    return vectors.reshape(len(vectors), -1)
+
+
+def _start(domain: Domain, low_pass: LowPass, samples: int, inputs: Mapping[str, Handle]) -> dict[str, Handle]:
+    """What a filter takes off vertices and samples of the noise, four columns each."""
+    found = {"points": low_pass.takes_off(domain, PointsAndSigns())}
+    for k, first in enumerate(range(0, 3 * samples, WIDTH)):
+        found[f"noise{k}"] = low_pass.takes_off(domain, NoiseSamples(first), **inputs)
+    return found
+
+
+@dataclass(frozen=True)
+class FilteredNormals:
+    """Vertices that follow filtered normals, after a low-pass filter."""
+
+    rounds: int
+    tolerance: float
+
+    @property
+    def rings(self) -> int:
+        """Those of the rounds, and of the vertices that follow."""
+        return ROUND_RINGS * self.rounds + UPDATE_STEPS + 2
+
+    def __call__(self, piece: Piece, inputs: Mapping[str, Arrays]) -> Outcome:
+        """See `Estimate`."""
+        mesh, levels, signs = piece.mesh, inputs["levels"]["levels"], inputs["signs"]["drawn"]
+        normals = inputs["shape"]["normals"].astype(np.float32)
+        start = ((mesh.vertices - inputs["points"]["taken"][:, :3]) - mesh.vertices).astype(np.float32)
+        probe, state = self._filtered(piece, inputs, start)
+        movable = ~piece.adjacency.on_boundary  # those at borders stay
+
+        def follow(start: SingleArray, goal: SingleArray) -> SingleArray:
+            moves = move_to_normals(_moved(mesh, start), piece.adjacency, goal, movable, threads=piece.threads)
+            moves += start
+            return moves
+
+        moved = follow(start, state.normals)
+        probed = follow(start + probe, state.probed_normals)
         residuals = -np.einsum("ij,ij->i", moved, normals) / levels
         leverages = np.einsum("ij,ij->i", probed - moved, normals) * signs / (PROBE * levels)
-        return Estimate(kind, moved, residuals.astype(np.float32), leverages.astype(np.float32))
+        return Outcome(
+            vertices={
+                "moves": moved,
+                "residuals": residuals.astype(np.float32),
+                "leverages": leverages.astype(np.float32),
+            }
+        )
 
-    yield _smooth_estimate(mesh, low_pass, signs, threads)
-    if GENTLE in kinds:
-        start, state = _start(mesh, low_pass.slightly_less_smoothed, normals, levels, threads)
-        state = filter_normals(state, adjacency.faces, 1, GENTLE_TOLERANCE, threads=threads)
-        yield estimate(GENTLE, start, state)
-        del start, state
-    if max(kinds, default=SMOOTH) <= GENTLE:
-        return
-    start, state = _start(mesh, low_pass.weakly_smoothed, normals, levels, threads)
-    del low_pass  # what follows is the hungriest part
-    done = 0
-    for kind, rounds in enumerate(SHARP_ROUNDS[: max(kinds) - GENTLE], start=GENTLE + 1):
-        state = filter_normals(state, adjacency.faces, rounds - done, SHARP_TOLERANCE, threads=threads)
-        done = rounds
-        if kind in kinds:
-            yield estimate(kind, start, state)
-
-
-def _smooth_estimate(mesh: TriangleMesh, low_pass: LowPass, signs: SingleArray, threads: int) -> Estimate:
-    smooth = low_pass.smoothed(np.column_stack([mesh.vertices, signs]), threads=threads)
-    moves = (smooth[:, :3] - mesh.vertices).astype(np.float32)
-    return Estimate(SMOOTH, moves, low_pass.residuals, (signs * smooth[:, 3]).astype(np.float32))
-
-
-def _signs(n: int) -> SingleArray:
-    return np.random.default_rng(1).choice(np.array([-1.0, 1.0]), n).astype(np.float32)
-
-
-def _start(
-    mesh: TriangleMesh, smooth: Smoother, normals: SingleArray, levels: FloatArray, threads: int
-) -> tuple[_Start, NoisyNormals]:
-    """Filtered vertices and their normals, without and with the probing steps, and what noise does to these.
-
-    The first sample of the noise is that of the probe.
-    """
-    n = mesh.vertex_count
-    count = int(np.clip(FEWEST_SAMPLED // n, 2, 6))
-    heights = np.random.default_rng(2).standard_normal((n, count), dtype=np.float32)
-    heights[:, 0] = _signs(n)
-    heights *= levels.astype(np.float32)[:, np.newaxis]
-    vectors: SingleArray = heights[:, :, np.newaxis] * normals[:, np.newaxis]
-    noise = smooth(vectors.reshape(n, -1), threads=threads).reshape(n, count, 3)
-    moves = (smooth(mesh.vertices, threads=threads) - mesh.vertices).astype(np.float32)
-    probe = np.float32(PROBE) * noise[:, 0]
-    both = _moved(mesh, moves), _moved(mesh, moves + probe)
-    return _Start(moves, probe), noisy_normals(*both, noise, threads=threads)
+    def _filtered(
+        self, piece: Piece, inputs: Mapping[str, Arrays], start: SingleArray
+    ) -> tuple[SingleArray, NoisyNormals]:
+        """The probing steps and the normals after all rounds, going on from an earlier stage if that was kept."""
+        key = f"normals {self.tolerance}"
+        if key not in piece.kept:
+            piece.forget()  # this is the hungriest part
+            noise = noise_samples(inputs)
+            for name, values in inputs.items():
+                if name.startswith("noise"):
+                    columns = noise[:, WIDTH * int(name.removeprefix("noise")) :][:, :WIDTH]
+                    columns -= values["taken"][:, : columns.shape[1]]
+            noise = noise.reshape(len(noise), -1, 3)
+            probe = np.float32(PROBE) * noise[:, 0]
+            both = _moved(piece.mesh, start), _moved(piece.mesh, start + probe)
+            piece.kept[key] = 0, probe, noisy_normals(*both, noise, threads=piece.threads)
+        done, probe, state = piece.kept.pop(key)
+        state = filter_normals(state, piece.adjacency.faces, self.rounds - done, self.tolerance, threads=piece.threads)
+        piece.kept[key] = self.rounds, probe, state
+        return probe, state
 
 
 def _moved(mesh: TriangleMesh, moves: SingleArray) -> TriangleMesh:
