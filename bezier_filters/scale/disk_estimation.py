@@ -4,7 +4,6 @@ import os
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,23 +13,12 @@ from bezier_filters.estimation.adaptive_fit import SurfaceFit
 from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, empty_geometry
 from bezier_filters.files.fields import CURVATURE_FIELDS, PREFIX, TORSION_FIELD
 from bezier_filters.learning.model_tree import leaves
-from bezier_filters.scale.joined_file import write_joined
+from bezier_filters.scale.file_run import RunOptions, file_run
 from bezier_filters.scale.mesh_source import SourcePath, open_source
 from bezier_filters.scale.sampling import FitOptions, learn_fit, rings_needed
-from bezier_filters.scale.scheduling import Scheduler, dashboard, running
+from bezier_filters.scale.scheduling import Scheduler, dashboard
 from bezier_filters.scale.tile_results import TileResult
-from bezier_filters.scale.tile_run import (
-    Finished,
-    StageProgress,
-    Stages,
-    check_room,
-    prepared_store,
-    remove_store,
-    results_folder,
-    run_job,
-    tile_size,
-    worker_count,
-)
+from bezier_filters.scale.tile_run import Finished, StageProgress, Stages, results_folder, run_job
 from bezier_filters.scale.tile_tasks import QUANTITIES, TileJob, peak_bytes
 from bezier_filters.status import FitStatus
 
@@ -130,22 +118,15 @@ def estimate_file(
     True
     """
     options = options or FitOptions()
-    creases = options.creases
-    opened, stages = open_source(source), Stages(progress)
+    opened, creases = open_source(source), options.creases
     chosen_quality, chosen = _columns(quantity, quality, columns)
-    tile_size(tile_vertices, memory_limit)  # refused at once if there cannot be any
-    workers = worker_count(workers)
-    folder = Path(store) if store is not None else Path(f"{os.fspath(target)}.tiles")
     parameters = {"quantity": quantity, "quality": chosen_quality, "columns": chosen, "options": asdict(options)}
-    if not resume:
-        check_room(opened, folder, Path(target), 3 * opened.dtype.itemsize + 8 * (len(chosen) + bool(chosen_quality)))
-    with running(scheduler, workers=workers, memory_limit=memory_limit) as cluster:
-        with stages.stage("sort") as report:
-            mesh = prepared_store(
-                opened, folder, tile_vertices, memory_limit, resume=resume, threads=workers, progress=report
-            )
-        with stages.stage("learn"):
-            fit = learn_fit(mesh, options, threads=workers)
+    how = RunOptions(scheduler, workers, tile_vertices, memory_limit, store, resume, keep_store, progress)
+    row_size = 3 * opened.dtype.itemsize + 8 * (len(chosen) + bool(chosen_quality))
+    with file_run(opened, target, how, row_size=row_size) as run:
+        mesh = run.mesh
+        with run.stages.stage("learn"):
+            fit = learn_fit(mesh, options, threads=run.workers)
         results = results_folder(mesh, parameters)
         job = TileJob(
             mesh.folder.resolve(),
@@ -158,26 +139,24 @@ def estimate_file(
             tuple(chosen),
             mesh.layout.dtype,
         )
-        with stages.stage("start"):
-            ready = cluster.ready()
+        with run.stages.stage("start"):
+            ready = run.cluster.ready()
         link = dashboard(ready)
-        with stages.stage("fit", link) as report:
-            finished = run_job(ready, mesh, job, workers=workers, progress=report)
-        cluster.release()
-        with stages.stage("write") as report:
-            write_joined(target, opened, mesh, finished.tiles, threads=workers, progress=report)
-    if not keep_store:
-        remove_store(folder)
-    return {
-        "input": [str(path) for path in opened.paths],
-        "output": os.fspath(target),
-        "quantity": quantity,
-        "quality": chosen_quality or None,
-        "attributes": chosen,
-        "fit": asdict(_with_counts(fit, finished.tiles)),
-        "status": _status(finished.tiles),
-        "dashboard": link or None,
-    } | tile_report(finished, mesh.layout.tile_vertices, rings_needed(fit), stages)
+        with run.stages.stage("fit", link) as report:
+            finished = run_job(ready, mesh, job, workers=run.workers, progress=report)
+        run.write(finished.tiles)
+    return (
+        run.files
+        | {
+            "quantity": quantity,
+            "quality": chosen_quality or None,
+            "attributes": chosen,
+            "fit": asdict(_with_counts(fit, finished.tiles)),
+            "status": _status(finished.tiles),
+            "dashboard": link or None,
+        }
+        | tile_report(finished, mesh.layout.tile_vertices, rings_needed(fit), run.stages)
+    )
 
 
 def tile_report(finished: Finished, tile_vertices: int, rings: int, stages: Stages) -> dict[str, Any]:

@@ -31,6 +31,7 @@ from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.scale.array_file import new_array_file
 from bezier_filters.scale.halo import part_around, part_around_samples
 from bezier_filters.scale.store import Store
+from bezier_filters.scale.tile_pieces import in_source_order
 
 CREASE_RINGS = 2
 """Around a vertex, within which faces decide about its plane and its creases."""
@@ -89,6 +90,22 @@ def learn_fit(store: Store, options: FitOptions, *, threads: int = 1) -> Surface
         return fit
     features = _first_features(store, learned.centers, fit, options, threads)
     return with_parts(fit, learned, lambda centers: features[np.searchsorted(learned.centers, centers)])
+
+
+def learn_noise(store: Store, *, threads: int = 1) -> float | None:
+    """Standard deviation of the noise of a mesh along the normal, a length: what `smooth` learns in memory."""
+
+    def sample(rings: int, count: int) -> NeighbourhoodSample:
+        centers = _draw(store, count)
+        part = part_around_samples(store, centers, rings + CREASE_RINGS, threads=threads)
+        ids, mesh = in_source_order(store, part)
+        arrays, adjacency = fitted_mesh(mesh, creases=True, threads=threads)
+        order = np.argsort(ids)
+        local = order[np.searchsorted(ids[order], centers)].astype(np.int32)
+        return sample_neighbourhoods(arrays, adjacency, local, rings=rings, most_turned=MOST_TURNED, threads=threads)
+
+    _, leaf = learn_from_samples(sample, store.layout.vertex_count, Choices(), threads=threads)
+    return None if leaf is None else leaf.surface.sigma
 
 
 def rings_needed(fit: SurfaceFit) -> int:

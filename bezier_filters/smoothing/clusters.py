@@ -8,6 +8,7 @@ as far, on average, as they do on the mesh.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from bezier_filters.arrays import FloatArray, IntArray, RealArray, SingleArray
@@ -121,7 +122,7 @@ def numbered(center: IntArray, adjacency: Adjacency) -> Clusters:
 
 
 @lean_njit()
-def find_centers(ptr: IntArray, indices: IntArray, visits: IntArray, center: IntArray) -> None:
+def find_centers(ptr: IntArray | NDArray[np.int64], indices: IntArray, visits: IntArray, center: IntArray) -> None:
     """Make clusters of the vertices whose neighbours are all free yet, with them, visit by visit."""
     for i in visits:
         free = center[i] < 0
@@ -134,7 +135,7 @@ def find_centers(ptr: IntArray, indices: IntArray, visits: IntArray, center: Int
 
 
 @lean_njit()
-def join_centers(ptr: IntArray, indices: IntArray, center: IntArray) -> None:
+def join_centers(ptr: IntArray | NDArray[np.int64], indices: IntArray, center: IntArray) -> None:
     """Let the others join the cluster of their first neighbour that has one."""
     for i in range(len(center)):
         for q in range(ptr[i], ptr[i + 1]):

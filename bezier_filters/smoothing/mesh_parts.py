@@ -58,13 +58,11 @@ def sampled_parts(
     n = mesh.vertex_count
     if n <= LARGEST_WHOLE:
         return SampledParts(mesh, adjacency, np.arange(n, dtype=np.int32), np.ones(n, dtype=np.bool_))
-    seeds = ((np.arange(PARTS) + 0.5) * n / PARTS).astype(np.int32)
-    core, taken, rows = np.zeros(n, np.bool_), np.zeros(n, np.bool_), adjacency.vertices
-    for seed in (*seeds, *around):
-        order = np.empty(PART, dtype=np.int32)
-        count = _grow(rows.indptr, rows.indices, seed, np.zeros(n, np.bool_), order)
-        taken[order[:count]] = True
-        core[order[: CORE if count == PART else count]] = True
+    core, taken = np.zeros((2, n), np.bool_)
+    for seed in (*part_seeds(n), *around):
+        order = _grown(adjacency, seed)
+        taken[order] = True
+        core[core_of(order)] = True
     vertices = np.flatnonzero(taken).astype(np.int32)
     number = np.full(n, -1, dtype=np.int32)
     number[vertices] = np.arange(len(vertices), dtype=np.int32)
@@ -73,28 +71,87 @@ def sampled_parts(
     return SampledParts(part, vertex_adjacency(part, threads=threads), vertices, core[vertices])
 
 
+def part_seeds(n: int) -> list[int]:
+    """Vertices that parts of a mesh of n vertices grow from."""
+    return [int(seed) for seed in (np.arange(PARTS) + 0.5) * n / PARTS]
+
+
+def core_of(order: IntArray) -> IntArray:
+    """Vertices of a part, nearest first, that are not near where it was cut out."""
+    return order[: CORE if len(order) == PART else len(order)]
+
+
+def _grown(adjacency: Adjacency, seed: int) -> IntArray:
+    """Vertices around one, nearest first, and then around the next one that is not among them."""
+    rows, n = adjacency.vertices, len(adjacency.vertices)
+    growth, seen, following = Growth.of(PART), np.zeros(n, np.bool_), seed
+    while not growth.is_full and following >= 0:
+        growth = growth.around(rows.indptr, rows.indices, following, seen)
+        following = _next_unseen(seen, following)
+    return growth.order[: growth.count]
+
+
+@dataclass(frozen=True)
+class Growth:
+    """Vertices that a part has got, nearest first.
+
+    Attributes
+    ----------
+    order, depth : (size,) int32
+        The vertices and how many edges each is away from where it began.
+    count : int
+        How many there are.
+    looked_at : int
+        The depth of the last one whose neighbours were added; -1 if there is none.
+    """
+
+    order: IntArray
+    depth: IntArray
+    count: int = 0
+    looked_at: int = -1
+
+    @staticmethod
+    def of(size: int) -> "Growth":
+        """An empty part that has room for some vertices."""
+        return Growth(*np.zeros((2, size), dtype=np.int32))
+
+    @property
+    def is_full(self) -> bool:
+        """Whether there is no more room."""
+        return self.count == len(self.order)
+
+    def around(self, ptr: IntArray, indices: IntArray, seed: int, seen: BoolArray) -> "Growth":
+        """Add what is connected to a vertex and was not seen before, as long as there is room."""
+        count, done = _grow(ptr, indices, seed, seen, self.order, self.depth, self.count)
+        return Growth(self.order, self.depth, count, int(self.depth[done - 1]) if done > self.count else -1)
+
+
 @lean_njit()
-def _grow(ptr: IntArray, indices: IntArray, seed: int, seen: BoolArray, order: IntArray) -> int:
-    """Write vertices around one, nearest first; return how many there are."""
-    n, count, done, following = len(seen), 0, 0, seed
-    while count < len(order):
-        if done == count:  # a seed, at first or because a component is exhausted
-            tried = 0
-            while seen[following] and tried < n:
-                following = (following + 1) % n
-                tried += 1
-            if tried == n:
-                return count
-            order[count] = following
-            seen[following] = True
-            count += 1
-            continue
-        i = order[done]
+def _grow(
+    ptr: IntArray, indices: IntArray, seed: int, seen: BoolArray, order: IntArray, depth: IntArray, count: int
+) -> tuple[int, int]:
+    """Write vertices around one, nearest first; return how many there are, and how many were looked at."""
+    done = count
+    order[count], depth[count] = seed, 0
+    seen[seed] = True
+    count += 1
+    while done < count and count < len(order):
+        i, next_depth = order[done], depth[done] + 1
         done += 1
         for q in range(ptr[i], ptr[i + 1]):
             j = indices[q]
             if not seen[j] and count < len(order):
                 seen[j] = True
-                order[count] = j
+                order[count], depth[count] = j, next_depth
                 count += 1
-    return count
+    return count, done
+
+
+@lean_njit()
+def _next_unseen(seen: BoolArray, after: int) -> int:
+    """The next vertex, beginning anew after the last one; -1 if all were seen."""
+    n = len(seen)
+    for k in range(1, n):
+        if not seen[(after + k) % n]:
+            return (after + k) % n
+    return -1

@@ -1,7 +1,6 @@
 """Smoothing: the function that users call."""
 
-from numbers import Integral, Real
-from typing import Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,12 +18,10 @@ from bezier_filters.meshes.creases import crease_vertices
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
 from bezier_filters.runtime.parallel import Progress, thread_count
+from bezier_filters.smoothing.smoothing_options import SmoothedBorders, SmoothingMethod, check_smoothing
 from bezier_filters.smoothing.smoothing_result import SmoothingResult
 from bezier_filters.smoothing.smoothing_run import Held, Movable, finished, part_of, smoothed
 from bezier_filters.smoothing.whole_mesh import WholeMesh
-
-SmoothingMethod = Literal["auto", "paper"]
-SmoothedBorders = Literal["curve", "fixed"]
 
 
 @takes_arrays
@@ -110,11 +107,11 @@ def smooth(
     (True, 1.0)
     """
     mesh = triangle_mesh(vertices, faces)
-    _check(method, iterations, noise, borders)
+    check_smoothing(method, iterations, noise, borders)
     mask = _checked_mask(selected, mesh.vertex_count)
     threads = thread_count(threads)
     domain = WholeMesh(mesh, vertex_adjacency(mesh, threads=threads), threads)
-    inputs = {} if mask is None else {"selected": {"selected": mask}}
+    inputs: dict[str, Any] = {} if mask is None else {"selected": {"selected": mask}}
     movable = domain.run(Movable(borders == "fixed"), **inputs).vertices
     with first_call():
         noise_before = noise if noise is not None else noise_of(domain)
@@ -180,17 +177,3 @@ def _checked_mask(selected: BoolArray | None, n: int) -> BoolArray | None:
     if mask.shape != (n,) or mask.dtype != np.bool_:
         raise InvalidParameterError(f"selected: got {mask.dtype} of shape {mask.shape}, expected bool of shape ({n},)")
     return mask
-
-
-def _check(method: object, iterations: object, noise: object, borders: object) -> None:
-    if method not in ("auto", "paper"):
-        raise InvalidParameterError(f"method: got {method!r}, expected 'auto' or 'paper'")
-    if isinstance(iterations, bool) or not isinstance(iterations, Integral) or iterations < 1:
-        raise InvalidParameterError(f"iterations: got {iterations!r}, expected an integer of 1 or more")
-    is_length = isinstance(noise, Real) and not isinstance(noise, bool) and 0.0 <= float(noise) < np.inf
-    if noise is not None and not is_length:
-        raise InvalidParameterError(f"noise: got {noise!r}, expected a length of 0 or more, or None to learn it")
-    if noise is not None and method == "paper":
-        raise InvalidParameterError("noise: the paper's method does not use it; leave it out")
-    if borders not in ("curve", "fixed"):
-        raise InvalidParameterError(f"borders: got {borders!r}, expected 'curve' or 'fixed'")

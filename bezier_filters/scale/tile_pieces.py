@@ -1,0 +1,105 @@
+"""Tiles with the rings around them, in the order of the source, as pieces that stages compute on.
+
+All but the coordinates of a piece is kept in the store: there are many stages.
+"""
+
+import os
+import uuid
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bezier_filters.arrays import IntArray
+from bezier_filters.meshes.adjacency import Adjacency, Rows, vertex_adjacency
+from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.scale.halo import Part, part_around
+from bezier_filters.scale.store import Store
+from bezier_filters.scale.tile_values import rows_at
+
+KEPT_RINGS = 26
+"""Around the tiles that are kept; stages that look further make their own."""
+
+
+@dataclass(frozen=True)
+class TilePiece:
+    """A tile with what is around it.
+
+    Attributes
+    ----------
+    ids : (k,) int32
+        Which vertices of the store they are, in the order of the source.
+    faces : (m, 3) int32
+        The faces, in the order of the source.
+    adjacency : Adjacency
+    """
+
+    ids: IntArray
+    faces: IntArray
+    adjacency: Adjacency
+
+    def rows(self, start: int, stop: int) -> IntArray:
+        """Where vertices start .. stop-1 of the store are, in this order."""
+        return rows_between(self.ids, start, stop)
+
+
+def rows_between(ids: IntArray, start: int, stop: int) -> IntArray:
+    """Where the numbers start .. stop-1 are, in ascending order of the numbers."""
+    places = np.flatnonzero((ids >= start) & (ids < stop))
+    return places[np.argsort(ids[places])].astype(np.int32)
+
+
+def in_source_order(store: Store, part: Part) -> tuple[IntArray, TriangleMesh]:
+    """A part with its vertices and faces in the order of the source, and which vertices of the store they are."""
+    order = np.argsort(rows_at(store.order, part.ids)).astype(np.int32)
+    number = np.empty_like(order)
+    number[order] = np.arange(len(order), dtype=np.int32)
+    of_faces = np.argsort(part.keys & 0xFFFFFFFF)
+    return part.ids[order], TriangleMesh(part.mesh.vertices[order], number[part.mesh.faces[of_faces]])
+
+
+def piece_around(store: Store, tile: int, rings: int) -> TilePiece:
+    """Some rings around a tile, or more."""
+    if rings <= KEPT_RINGS:
+        path = _path(store, tile)
+        if path.is_file():
+            return _read(path)
+        rings = KEPT_RINGS
+    start, stop = store.layout.tile(tile)
+    ids, mesh = in_source_order(store, part_around(store, np.arange(start, stop, dtype=np.int32), rings))
+    found = TilePiece(ids, mesh.faces, vertex_adjacency(mesh))
+    if rings == KEPT_RINGS:
+        _write(path, found)
+    return found
+
+
+def _path(store: Store, tile: int) -> Path:
+    return store.folder / "pieces" / f"piece-{tile:06d}.npz"
+
+
+def _write(path: Path, piece: TilePiece) -> None:
+    """Write a piece, whole or not at all; its sums are checked when it is read."""
+    path.parent.mkdir(exist_ok=True)
+    temporary = path.with_name(f".{uuid.uuid4().hex}.npz")
+    faces, vertices = piece.adjacency.faces, piece.adjacency.vertices
+    np.savez(
+        temporary,
+        ids=piece.ids,
+        faces=piece.faces,
+        face_ptr=faces.indptr,
+        face_indices=faces.indices,
+        ptr=vertices.indptr,
+        indices=vertices.indices,
+        on_boundary=piece.adjacency.on_boundary,
+    )
+    os.replace(temporary, path)
+
+
+def _read(path: Path) -> TilePiece:
+    with np.load(path) as found:
+        of_faces: NDArray[np.int32] = found["face_ptr"]
+        adjacency = Adjacency(
+            Rows(of_faces, found["face_indices"]), Rows(found["ptr"], found["indices"]), found["on_boundary"]
+        )
+        return TilePiece(found["ids"], found["faces"], adjacency)
