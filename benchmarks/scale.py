@@ -5,6 +5,9 @@ workers of this machine with 2 GB each. Up to a size that fits, the same file is
 in one process with as many threads. The model at the end says what a billion vertices would take on 64 workers: the
 tasks with their measured times are handed out to workers one by one, as a scheduler does; the same simulation of
 the run on this machine is set next to what that took.
+
+With ``--smooth`` the torus has noise of a fifth of an edge, and is smoothed in place of being estimated; its distance
+from the true torus tells how well.
 """
 
 import argparse
@@ -23,13 +26,14 @@ from pathlib import Path
 
 import numpy as np
 
-from bezier_filters import estimate_vertex_geometry
+from bezier_filters import estimate_vertex_geometry, smooth
 from bezier_filters.files.fields import CURVATURE_FIELDS, curvature_columns
-from bezier_filters.scale import estimate_file
+from bezier_filters.scale import estimate_file, smooth_file
+from bezier_filters.scale.disk_smoothing import SHARPNESS
 from bezier_filters.scale.joined_file import FACE, ply_head
 from bezier_filters.scale.mesh_source import open_source
 from bezier_filters.scale.tile_results import open_tile
-from bezier_filters.scale.tile_tasks import peak_bytes, table_of
+from bezier_filters.scale.tile_tasks import DISPLACEMENT, peak_bytes, table_of
 
 MAJOR, MINOR = 1.0, 0.4
 SIZES = (1_000_000, 7_000_000, 50_000_000)
@@ -37,6 +41,8 @@ LARGEST_IN_MEMORY = 8_000_000
 WORKERS, MEMORY_LIMIT = 2, 2_000_000_000
 ROWS = 1 << 18
 FAR, FAR_WORKERS = 1_000_000_000, 64
+NOISE = 0.2
+"""Times the edge, of the torus that is smoothed."""
 
 
 def torus_size(n: int) -> tuple[int, int]:
@@ -51,8 +57,8 @@ def angles(ids: np.ndarray, rows: int, minor: int) -> tuple[np.ndarray, np.ndarr
     return 2.0 * np.pi * i / rows, 2.0 * np.pi * (j + 0.5 * (i % 2)) / minor
 
 
-def write_torus(path: Path, rows: int, minor: int) -> None:
-    """Write a torus to a binary PLY file without ever holding it."""
+def write_torus(path: Path, rows: int, minor: int, noise: float = 0.0) -> None:
+    """Write a torus to a binary PLY file without ever holding it, with noise of some standard deviation."""
     n = rows * minor
     dtype = np.dtype([(axis, "<f8") for axis in "xyz"])
     with path.open("wb") as stream:
@@ -60,8 +66,9 @@ def write_torus(path: Path, rows: int, minor: int) -> None:
         for start in range(0, n, ROWS):
             u, v = angles(np.arange(start, min(start + ROWS, n)), rows, minor)
             table = np.empty(len(u), dtype=dtype)
-            table["x"], table["y"] = (MAJOR + MINOR * np.cos(v)) * np.cos(u), (MAJOR + MINOR * np.cos(v)) * np.sin(u)
-            table["z"] = MINOR * np.sin(v)
+            tube = MINOR + noise * np.random.default_rng(start).standard_normal(len(u)) if noise else MINOR
+            table["x"], table["y"] = (MAJOR + tube * np.cos(v)) * np.cos(u), (MAJOR + tube * np.cos(v)) * np.sin(u)
+            table["z"] = tube * np.sin(v)
             table.tofile(stream)
         for start in range(0, n, ROWS):
             i, j = np.divmod(np.arange(start, min(start + ROWS, n)), minor)
@@ -93,16 +100,30 @@ def errors(path: Path, rows: int, minor: int) -> dict[str, float]:
     return {"error_mean": float(np.sqrt(sums[0] / sums[1])), "error_gaussian": float(np.sqrt(sums[2] / sums[3]))}
 
 
-def in_memory(source: Path, target: Path) -> dict[str, object]:
+def distances(path: Path) -> dict[str, float]:
+    """RMS distance from the true torus, some rows at a time."""
+    found, squares = open_source(path), 0.0
+    for start in range(0, found.vertex_count, ROWS):
+        x, y, z = found.vertices(start, min(start + ROWS, found.vertex_count)).T
+        squares += np.square(np.hypot(np.hypot(x, y) - MAJOR, z) - MINOR).sum()
+    return {"distance": float(np.sqrt(squares / found.vertex_count))}
+
+
+def in_memory(source: Path, target: Path, *, smoothing: bool = False) -> dict[str, object]:
     """The same file to file in this process, by the same reader and writer."""
     start = time.perf_counter()
     opened = open_source(source)
     vertices, faces = opened.vertices(0, opened.vertex_count), opened.faces(0, opened.face_count)
     read = time.perf_counter()
-    geometry = estimate_vertex_geometry(vertices, faces, threads=WORKERS)
+    if smoothing:
+        result = smooth(vertices, faces, threads=WORKERS)
+        vertices, quality = result.vertices, DISPLACEMENT
+        columns = {DISPLACEMENT: result.displacement, SHARPNESS: result.sharpness}
+    else:
+        columns = curvature_columns(estimate_vertex_geometry(vertices, faces, threads=WORKERS))
+        quality = CURVATURE_FIELDS["mean"].mesh_attribute
     fitted = time.perf_counter()
-    columns = curvature_columns(geometry)
-    table = table_of(vertices, columns, CURVATURE_FIELDS["mean"].mesh_attribute, list(columns), "<f8")
+    table = table_of(vertices, columns, quality, list(columns), "<f8")
     rows = np.empty(len(faces), dtype=FACE)
     rows["corners"], rows["vertex_indices"] = 3, faces
     with target.open("wb") as stream:
@@ -123,6 +144,23 @@ def tiled(source: Path, target: Path) -> dict[str, object]:
     (results,) = store.glob("results-*")
     report["seconds_of_tiles"] = [open_tile(results, tile).report["seconds"] for tile in range(report["tiles"])]
     return report
+
+
+def tiled_smoothing(source: Path, target: Path) -> dict[str, object]:
+    """The smoothing in tiles, on workers of this machine."""
+    start = time.perf_counter()
+    report = smooth_file(source, target, workers=WORKERS, memory_limit=MEMORY_LIMIT)
+    report["seconds"]["all"] = time.perf_counter() - start
+    del report["input"], report["output"]
+    return report
+
+
+def smoothing_in_memory(source: Path, target: Path) -> dict[str, object]:
+    """The smoothing in this process."""
+    return in_memory(source, target, smoothing=True)
+
+
+KINDS = {"tiled": tiled, "memory": in_memory, "smooth-tiled": tiled_smoothing, "smooth-memory": smoothing_in_memory}
 
 
 def measured(kind: str, source: Path, target: Path) -> dict[str, object]:
@@ -166,33 +204,35 @@ def main() -> None:
     parser.add_argument("--vertices", type=int, nargs="+", default=list(SIZES[:2]), help="sizes")
     parser.add_argument("--folder", type=Path, help="where the files go: 600 bytes per vertex at most")
     parser.add_argument("--save", type=Path, help="file for the results")
+    parser.add_argument("--smooth", action="store_true", help="smooth a torus with noise")
     parser.add_argument("--measure", nargs=3, metavar=("KIND", "SOURCE", "TARGET"), help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.measure:
         kind, source, target = options.measure
-        print(json.dumps((tiled if kind == "tiled" else in_memory)(Path(source), Path(target))))
+        print(json.dumps(KINDS[kind](Path(source), Path(target))))
         return
     runs: list[dict[str, object]] = []
     with tempfile.TemporaryDirectory(dir=options.folder) as name:
         for size in options.vertices:
-            runs.append(one_size(Path(name), size))
+            runs.append(one_size(Path(name), size, "smooth-" if options.smooth else ""))
             show(runs[-1])
             if options.save:
                 options.save.write_text(json.dumps(runs, indent=1) + "\n", encoding="utf-8")
-    show_model(runs)
+    if not options.smooth:
+        show_model(runs)
 
 
-def one_size(folder: Path, size: int) -> dict[str, object]:
+def one_size(folder: Path, size: int, prefix: str = "") -> dict[str, object]:
     """Everything that is measured at one size."""
     start = time.perf_counter()
     rows, minor = torus_size(size)
-    write_torus(folder / "torus.ply", rows, minor)
+    write_torus(folder / "torus.ply", rows, minor, NOISE * 2.0 * np.pi * MINOR / minor if prefix else 0.0)
     n = rows * minor
     run: dict[str, object] = {"vertices": n, "generated": time.perf_counter() - start}
     if n <= LARGEST_IN_MEMORY:
-        run["in_memory"] = measured("memory", folder / "torus.ply", folder / "whole.ply")
-    run["tiled"] = measured("tiled", folder / "torus.ply", folder / "tiled.ply")
-    run.update(errors(folder / "tiled.ply", rows, minor))
+        run["in_memory"] = measured(prefix + "memory", folder / "torus.ply", folder / "whole.ply")
+    run["tiled"] = measured(prefix + "tiled", folder / "torus.ply", folder / "tiled.ply")
+    run.update(distances(folder / "tiled.ply") if prefix else errors(folder / "tiled.ply", rows, minor))
     if n <= LARGEST_IN_MEMORY:
         run["same"] = filecmp.cmp(folder / "tiled.ply", folder / "whole.ply", shallow=False)
     for path in folder.iterdir():
@@ -213,7 +253,10 @@ def show(run: dict[str, object]) -> None:
         print(f"             {whole['peak_bytes'] / 1e9:.2f} GB; the files are {'' if run['same'] else 'NOT '}the same")
         times = tiles["seconds"]["all"] / whole["seconds"]["all"], tiles["cpu_seconds"] / whole["cpu_seconds"]
         print(f"  overhead   {times[0]:.2f} times the time, {times[1]:.2f} times the processor time")
-    print(f"  error      H {run['error_mean']:.1e}, K {run['error_gaussian']:.1e}", flush=True)
+    if "distance" in run:
+        print(f"  distance   {run['distance']:.2e} from the truth", flush=True)
+    else:
+        print(f"  error      H {run['error_mean']:.1e}, K {run['error_gaussian']:.1e}", flush=True)
 
 
 def show_model(runs: list[dict[str, object]]) -> None:

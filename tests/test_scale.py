@@ -103,7 +103,8 @@ def test_some_columns_can_be_chosen(tmp_path):
 def test_smoothing_moves_vertices_as_in_memory(name, iterations, tmp_path):
     vertices, faces = MESHES[name]()
     files = save_arrays(tmp_path, vertices, faces)
-    report = smooth_file(files, tmp_path / "out.ply", iterations=iterations, scheduler="synchronous", tile_vertices=400)
+    target, how = tmp_path / "out.ply", {"scheduler": "synchronous", "tile_vertices": 400}
+    report = smooth_file(files, target, "paper", iterations=iterations, **how)
     moved = open_source(tmp_path / "out.ply").vertices(0, len(vertices))
     expected = smooth(vertices, faces, method="paper", iterations=iterations)
     # The mesh in memory is sorted anew by the moved vertices: the same sums in another order.
@@ -117,7 +118,7 @@ def test_smoothing_onto_learned_patches_takes_off_noise(tmp_path):
     noise = np.random.default_rng(0).normal(scale=0.01, size=(len(ball.vertices), 1))
     vertices = ball.vertices * (1.0 + noise)
     files = save_arrays(tmp_path, vertices, ball.faces)
-    smooth_file(files, tmp_path / "out.ply", options=FitOptions(), scheduler="synchronous", tile_vertices=512)
+    smooth_file(files, tmp_path / "out.ply", "paper", options=FitOptions(), scheduler="synchronous", tile_vertices=512)
     moved = open_source(tmp_path / "out.ply").vertices(0, len(vertices))
     geometry = estimate_vertex_geometry(vertices, ball.faces)
     assert np.array_equal(moved, vertices + geometry.displacements)

@@ -114,10 +114,10 @@ def test_smoothing_goes_on_at_the_step_it_was_in(files, tmp_path):
         return not (stage == "step 2" and done >= 4)
 
     with pytest.raises(CancelledError):
-        smooth_file(files, tmp_path / "out.ply", iterations=3, progress=progress, **OPTIONS)
-    report = smooth_file(files, tmp_path / "out.ply", iterations=3, resume=True, **OPTIONS)
+        smooth_file(files, tmp_path / "out.ply", "paper", iterations=3, progress=progress, **OPTIONS)
+    report = smooth_file(files, tmp_path / "out.ply", "paper", iterations=3, resume=True, **OPTIONS)
     assert TILES < report["computed_tiles"] < 2 * TILES
-    smooth_file(files, tmp_path / "whole.ply", iterations=3, **OPTIONS)
+    smooth_file(files, tmp_path / "whole.ply", "paper", iterations=3, **OPTIONS)
     assert (tmp_path / "out.ply").read_bytes() == (tmp_path / "whole.ply").read_bytes()
 
 

@@ -68,12 +68,21 @@ def print_status(report: dict[str, Any], source: str) -> None:
 def print_tiles(report: dict[str, Any]) -> None:
     """Say how the tiles of a large mesh went."""
     there = report["tiles"] - report["computed_tiles"]
+    stages = f" in {report['stages']} stages" if "stages" in report else ""
     out.print(
-        f"  {report['tiles']:,} tiles of {report['tile_vertices']:,} vertices, {report['halo']:.0%} read around them; "
-        f"{there:,} were there already; {report['peak_bytes']['worker'] / 1e9:.2f} GB per worker at most"
+        f"  {report['tiles']:,} tiles{stages} of {report['tile_vertices']:,} vertices, {report['halo']:.0%} read around "
+        f"them; {there:,} were there already; {report['peak_bytes']['worker'] / 1e9:.2f} GB per worker at most"
     )
     if report["damaged_tiles"]:
         out.print(f"  damaged, and computed again: tiles {', '.join(map(str, report['damaged_tiles']))}")
+
+
+def print_noise(report: dict[str, Any]) -> None:
+    """Say what became of the noise of a large mesh."""
+    if "noise" not in report:  # the paper's method does not look at it
+        return
+    noise = " before, ".join("unknown" if x is None else f"{x:.3g}" for x in report["noise"].values())
+    out.print(f"  noise {noise} after (standard deviation, length); {report['faces']['new']:,} new wrong faces")
 
 
 def print_smoothing(report: dict[str, Any], source: str) -> None:

@@ -83,32 +83,27 @@ def curvature(
     json: Json = False,
 ) -> None:
     """Compute mean, Gaussian and principal curvatures and directions, with the values that the mesh has in memory."""
-    fit = {"rings": rings, "alpha": alpha, "degree": degree, "smoothness": smoothness, "robust": robust}
-    run = {
-        "scheduler": scheduler,
-        "workers": workers,
-        "tile_vertices": tile_vertices,
-        "memory_limit": memory_limit,
-        "store": store,
-        "resume": resume,
-        "keep_store": keep_store,
-    }
-    run |= {"quality": quality, "columns": column}
-    report = _run("estimate_file", source, faces, target, fit, run, quiet=quiet or json)
-    if json:
-        console.print_json(report)
-    elif not quiet:
+    report = _run("estimate_file", **locals())
+    if not (quiet or json):
         console.print_status(report, str(source))
         console.print_tiles(report)
         console.print_written(report, str(target))
 
 
-@scale_app.command(epilog="Example: bezier-filters scale smooth statue.ply smooth.ply --iterations 3")
+@scale_app.command(epilog="Example: bezier-filters scale smooth statue.ply smooth.ply --memory-limit 2GB")
 def smooth(
     source: BigSource,
     target: BigTarget,
+    method: Annotated[str, typer.Option(help="auto (learns what to do from the mesh) or paper.")] = "auto",
     faces: Faces = None,
-    iterations: Annotated[int, typer.Option(help="How many times.", min=1)] = 1,
+    iterations: Annotated[int, typer.Option(help="How many times; with auto once is enough.", min=1)] = 1,
+    noise: Annotated[
+        float | None, typer.Option(help="Standard deviation of the noise, a length; learned if left out.", min=0.0)
+    ] = None,
+    borders: Annotated[str, typer.Option(help="curve (smoothed along the border) or fixed.")] = "curve",
+    keep_volume: Annotated[
+        bool | None, typer.Option("--keep-volume/--no-keep-volume", help="Keep what closed parts enclose.")
+    ] = None,
     rings: Rings = 2,
     alpha: Alpha = 0.8,
     degree: Degree = "auto",
@@ -124,38 +119,36 @@ def smooth(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Move every vertex onto its patch, as the paper does; the automatic smoothing is for meshes in memory."""
-    fit = {"rings": rings, "alpha": alpha, "degree": degree, "smoothness": smoothness, "robust": robust}
-    run = {
-        "scheduler": scheduler,
-        "workers": workers,
-        "tile_vertices": tile_vertices,
-        "memory_limit": memory_limit,
-        "store": store,
-        "resume": resume,
-        "keep_store": keep_store,
-        "iterations": iterations,
-    }
-    report = _run("smooth_file", source, faces, target, fit, run, quiet=quiet or json)
-    if json:
-        console.print_json(report)
-    elif not quiet:
+    """Take the noise off, with the vertices that the mesh gets in memory.
+
+    Rings, alpha, degree, smoothness and robust are for the paper's method, which moves every vertex onto its patch.
+    """
+    report = _run("smooth_file", **locals())
+    if not (quiet or json):
+        console.print_noise(report)
         console.print_tiles(report)
         console.print_written(report, str(target))
 
 
+_FIT = ("rings", "alpha", "degree", "smoothness", "robust")
+
+
 def _run(
-    name: str, source: Path, faces: Path | None, target: Path, fit: dict[str, Any], run: dict[str, Any], *, quiet: bool
+    name: str, source: Path, target: Path, faces: Path | None, quiet: bool, json: bool, **options: Any
 ) -> dict[str, Any]:
-    """Call a function of `bezier_filters.scale`; its report."""
+    """Call a function of `bezier_filters.scale` with the options of a command; its report, printed if it is to be."""
     from bezier_filters import scale
 
+    fit = scale.FitOptions(**{option: options.pop(option) for option in _FIT})
+    options["options"] = None if options.get("method") == "auto" else fit
+    if "column" in options:
+        options["columns"] = options.pop("column")
     files = source if faces is None else (source, faces)
     try:
-        with console.stage_bar("scale", quiet=quiet) as progress:
-            found: dict[str, Any] = getattr(scale, name)(
-                files, target, options=scale.FitOptions(**fit), progress=progress, **run
-            )
+        with console.stage_bar("scale", quiet=quiet or json) as progress:
+            found: dict[str, Any] = getattr(scale, name)(files, target, progress=progress, **options)
     except KeyboardInterrupt:
         raise CancelledError("interrupted; give --resume to go on with what is not done yet") from None
+    if json:
+        console.print_json(found)
     return found

@@ -14,7 +14,7 @@ from bezier_filters.scale.stage_tasks import NOTHING, Where, clusters_of_piece
 from bezier_filters.scale.tile_pieces import piece_around, rows_between
 from bezier_filters.scale.tile_results import write_tile
 from bezier_filters.scale.tile_tasks import peak_bytes
-from bezier_filters.scale.tile_values import ClusterValues
+from bezier_filters.scale.tile_values import ClusterValues, Stretches
 from bezier_filters.smoothing.laplacian import Laplacian
 from bezier_filters.smoothing.scale_space import diffused, heat_terms
 
@@ -68,7 +68,9 @@ def find_graph(job: GraphJob, tile: int) -> int:
     start, stop = store.layout.tile(tile)
     piece = piece_around(store, tile, RINGS)
     assert job.where.clusters is not None
-    clusters, centers = clusters_of_piece(job.where.clusters, piece)
+    clusters, centers = clusters_of_piece(
+        job.where.clusters, piece, Stretches.with_all(piece.ids).ordered(piece.places)
+    )
     laplacian = clusters.laplacian()
     own = rows_between(centers, start, stop)
     entries = _entries(laplacian.indptr, own)
@@ -94,14 +96,12 @@ def spread(job: SpreadJob, tile: int) -> int:
     near = _Surroundings(job.graph, job.values.tile_vertices)
     near.load(tile)
     own = near.centers.copy()
-    reached = own
+    reached = front = own
     for _ in range(rings):
-        following = np.setdiff1d(near.neighbours(reached), reached, assume_unique=True)
-        if not len(following):
-            break
-        for other in np.unique(following // np.int32(near.tile_vertices)).tolist():
+        front = np.setdiff1d(near.neighbours(front), reached, assume_unique=True)
+        for other in np.unique(front // np.int32(near.tile_vertices)).tolist():
             near.load(other)
-        reached = np.union1d(reached, following)
+        reached = np.sort(np.concatenate([reached, front]))
     laplacian = near.laplacian(reached, job.largest_rate)
     values = np.ascontiguousarray(job.values.rows_of(reached)["means"])
     result = diffused(laplacian, values, job.time)[np.searchsorted(reached, own)]

@@ -70,7 +70,7 @@ def _rows_of_tiles(store: Store, threads: int) -> Iterator[tuple[IntArray, IntAr
         rows, table = piece.rows(*store.layout.tile(tile)), piece.adjacency.vertices
         lengths = table.lengths_of(rows)
         starts = np.repeat(table.indptr[rows] - np.append(0, np.cumsum(lengths)[:-1]), lengths)
-        return lengths, piece.ids[table.indices[starts + np.arange(len(starts))]]
+        return lengths, piece.ids[piece.places][table.indices[starts + np.arange(len(starts))]]
 
     with ThreadPoolExecutor(threads) as pool:
         tiles = range(store.layout.tile_count)

@@ -16,7 +16,7 @@ from bezier_filters.scale.store import Store, open_store
 from bezier_filters.scale.tile_pieces import TilePiece, piece_around, rows_between
 from bezier_filters.scale.tile_results import write_tile
 from bezier_filters.scale.tile_tasks import peak_bytes
-from bezier_filters.scale.tile_values import ClusterValues, RowFile, columns_of, rows_at, table_of_columns
+from bezier_filters.scale.tile_values import ClusterValues, RowFile, Stretches, columns_of, table_of_columns
 from bezier_filters.smoothing.accurate_sums import sums_by_part
 from bezier_filters.smoothing.clusters import Clusters, numbered
 from bezier_filters.smoothing.pieces import Outcome, Piece, Stage
@@ -90,19 +90,20 @@ def run_stage(job: StageJob, tile: int) -> int:
     store = job.where.opened()
     start, stop = store.layout.tile(tile)
     there = _own_tile(start, stop) if job.stage.rings == 0 else piece_around(store, tile, job.stage.rings)
-    ids, back = np.unique(there.ids, return_inverse=True)  # in the order of the store
-    mesh = TriangleMesh(rows_at(store.vertices, ids).astype(np.float64, copy=False)[back], there.faces)
+    stretches = Stretches.with_all(there.ids).ordered(there.places)
+    coordinates = stretches.read(store.vertices)[stretches.rows]
+    mesh = TriangleMesh(coordinates.astype(np.float64, copy=False), there.faces)
     if job.where.scale != 1.0 or job.where.center.any():
         mesh = moved_and_scaled(mesh, job.where.center, job.where.scale)
     clusters, centers = None, np.zeros(0, dtype=np.int32)
     if job.where.clusters is not None and job.stage.rings > 0:
-        clusters, centers = clusters_of_piece(job.where.clusters, there)
-    inputs = {name: _columns(values, ids, back, centers) for name, values in job.inputs.items()}
+        clusters, centers = clusters_of_piece(job.where.clusters, there, stretches)
+    inputs = {name: _columns(values, stretches, centers) for name, values in job.inputs.items()}
     outcome = job.stage(Piece(mesh, there.adjacency, clusters), inputs)
     rows, own_clusters = there.rows(start, stop), rows_between(centers, start, stop)
     report = {
         "vertices": stop - start,
-        "read": len(ids),
+        "read": len(there.ids),
         "sums": {k: s.tolist() for k, s in partial_sums(outcome, rows, own_clusters).items()},
         "parts": {k: _of_parts(v, rows) for k, v in outcome.part_sums.items()},
         "largest": {k: float(v[rows].max(initial=-np.inf)) for k, v in outcome.largest.items()},
@@ -114,12 +115,10 @@ def run_stage(job: StageJob, tile: int) -> int:
     return tile
 
 
-def _columns(
-    values: RowFile | ClusterValues, ids: IntArray, back: NDArray[Any], centers: IntArray
-) -> dict[str, NDArray[Any]]:
+def _columns(values: RowFile | ClusterValues, stretches: Stretches, centers: IntArray) -> dict[str, NDArray[Any]]:
     """Values at the vertices, or on the clusters, of a piece."""
     if not isinstance(values, ClusterValues):
-        return columns_of(rows_at(values, ids), back)
+        return columns_of(stretches.read(values), stretches.rows)
     ascending, places = np.unique(centers, return_inverse=True)
     return columns_of(values.rows_of(ascending), places)
 
@@ -139,19 +138,21 @@ def _own_tile(start: int, stop: int) -> TilePiece:
     empty = Rows(np.zeros(stop - start + 1, dtype=np.int32), np.zeros(0, dtype=np.int32))
     no_faces = np.zeros((0, 3), dtype=np.int32)
     ids = np.arange(start, stop, dtype=np.int32)
-    return TilePiece(ids, no_faces, Adjacency(empty, empty, np.zeros(stop - start, dtype=np.bool_)))
+    return TilePiece(
+        ids, ids - np.int32(start), no_faces, Adjacency(empty, empty, np.zeros(stop - start, dtype=np.bool_))
+    )
 
 
-def clusters_of_piece(values: RowFile, piece: TilePiece) -> tuple[Clusters, IntArray]:
+def clusters_of_piece(values: RowFile, piece: TilePiece, stretches: Stretches) -> tuple[Clusters, IntArray]:
     """Clusters of a piece in the order of the source, and their centers in the store.
 
     Those with their centers in the tile are complete.
     """
-    ids, back = np.unique(piece.ids, return_inverse=True)
-    rows = rows_at(values, ids)[back]
-    _, first = np.unique(rows["label"], return_index=True)
-    centers: IntArray = rows["center"][first]
-    return numbered(rows["label"], piece.adjacency), centers
+    rows = columns_of(stretches.read(values), stretches.rows)
+    clusters = numbered(rows["label"], piece.adjacency)
+    centers = np.empty_like(clusters.centers)
+    centers[clusters.of_vertex] = rows["center"]
+    return clusters, centers
 
 
 def _of_parts(values: tuple[IntArray, FloatArray], rows: IntArray) -> dict[str, list[Any]]:

@@ -18,8 +18,9 @@ from bezier_filters.scale.halo import Part, part_around
 from bezier_filters.scale.store import Store
 from bezier_filters.scale.tile_values import rows_at
 
-KEPT_RINGS = 26
-"""Around the tiles that are kept; stages that look further make their own."""
+KEPT_RINGS = 36
+"""Around the tiles that are kept; stages that look further make their own. Reading and writing what goes from stage to
+stage takes as long as some thirty steps of a filter: more rings would save less than they cost."""
 
 
 @dataclass(frozen=True)
@@ -29,19 +30,24 @@ class TilePiece:
     Attributes
     ----------
     ids : (k,) int32
-        Which vertices of the store they are, in the order of the source.
+        Which vertices of the store it has, ascending.
+    places : (k,) int32
+        Where each of its vertices is among them: these are in the order of the source, and so are the faces.
     faces : (m, 3) int32
-        The faces, in the order of the source.
     adjacency : Adjacency
     """
 
     ids: IntArray
+    places: IntArray
     faces: IntArray
     adjacency: Adjacency
 
     def rows(self, start: int, stop: int) -> IntArray:
         """Where vertices start .. stop-1 of the store are, in this order."""
-        return rows_between(self.ids, start, stop)
+        vertices = np.empty_like(self.places)
+        vertices[self.places] = np.arange(len(vertices), dtype=np.int32)
+        first, end = np.searchsorted(self.ids, [start, stop])
+        return vertices[first:end]
 
 
 def rows_between(ids: IntArray, start: int, stop: int) -> IntArray:
@@ -67,8 +73,9 @@ def piece_around(store: Store, tile: int, rings: int) -> TilePiece:
             return _read(path)
         rings = KEPT_RINGS
     start, stop = store.layout.tile(tile)
-    ids, mesh = in_source_order(store, part_around(store, np.arange(start, stop, dtype=np.int32), rings))
-    found = TilePiece(ids, mesh.faces, vertex_adjacency(mesh))
+    part = part_around(store, np.arange(start, stop, dtype=np.int32), rings)
+    ids, mesh = in_source_order(store, part)
+    found = TilePiece(part.ids, part.local(ids), mesh.faces, vertex_adjacency(mesh))
     if rings == KEPT_RINGS:
         _write(path, found)
     return found
@@ -86,6 +93,7 @@ def _write(path: Path, piece: TilePiece) -> None:
     np.savez(
         temporary,
         ids=piece.ids,
+        places=piece.places,
         faces=piece.faces,
         face_ptr=faces.indptr,
         face_indices=faces.indices,
@@ -102,4 +110,4 @@ def _read(path: Path) -> TilePiece:
         adjacency = Adjacency(
             Rows(of_faces, found["face_indices"]), Rows(found["ptr"], found["indices"]), found["on_boundary"]
         )
-        return TilePiece(found["ids"], found["faces"], adjacency)
+        return TilePiece(found["ids"], found["places"], found["faces"], adjacency)

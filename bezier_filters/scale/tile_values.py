@@ -1,6 +1,5 @@
 """Values at vertices and on clusters in the files of the tiles, read some rows at a time."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -105,7 +104,44 @@ class ClusterValues:
 
 def rows_at(values: RowFile, ids: IntArray) -> NDArray[Any]:
     """Rows of some vertices in ascending order."""
-    return np.concatenate([values.read(start, stop)[ids[these] - start] for start, stop, these in _runs(ids)])
+    stretches = Stretches.with_all(ids)
+    return stretches.read(values)[stretches.rows]
+
+
+@dataclass(frozen=True)
+class Stretches:
+    """Stretches of rows, without large gaps, that hold all rows of some vertices.
+
+    Attributes
+    ----------
+    ends : tuple of (int, int)
+        Their first rows and those after the last ones.
+    rows : (k,) int32
+        Where the vertices are, the stretches being put together.
+    """
+
+    ends: tuple[tuple[int, int], ...]
+    rows: IntArray
+
+    @staticmethod
+    def with_all(ids: IntArray) -> "Stretches":
+        """Those of some vertices in ascending order."""
+        breaks = np.flatnonzero(np.diff(ids) > GAP) + 1
+        first, last = ids[np.append(0, breaks)], ids[np.append(breaks, len(ids)) - 1]
+        ends = tuple((int(a), int(b) + 1) for a, b in zip(first, last, strict=True))
+        lengths = last - first + 1
+        shifts = first - (np.cumsum(lengths) - lengths)
+        counts = np.diff(np.concatenate([[0], breaks, [len(ids)]]))
+        return Stretches(ends, (ids - np.repeat(shifts, counts)).astype(np.int32))
+
+    def read(self, values: RowFile) -> NDArray[Any]:
+        """All rows of the stretches."""
+        rows = [values.read(start, stop) for start, stop in self.ends]
+        return rows[0] if len(rows) == 1 else np.concatenate(rows)
+
+    def ordered(self, places: IntArray) -> "Stretches":
+        """The same for the vertices in another order."""
+        return Stretches(self.ends, self.rows[places])
 
 
 def columns_of(rows: NDArray[Any], order: NDArray[Any]) -> dict[str, NDArray[Any]]:
@@ -120,12 +156,3 @@ def table_of_columns(columns: dict[str, NDArray[Any]], rows: IntArray) -> NDArra
     for name, values in columns.items():
         table[name] = values[rows]
     return table
-
-
-def _runs(ids: IntArray) -> Iterator[tuple[int, int, slice]]:
-    """Stretches without large gaps: their first row, that after the last one, and which of the ids lie there."""
-    ends = np.append(np.flatnonzero(np.diff(ids) > GAP) + 1, len(ids))
-    first = 0
-    for end in ends.tolist():
-        yield int(ids[first]), int(ids[end - 1]) + 1, slice(first, end)
-        first = end

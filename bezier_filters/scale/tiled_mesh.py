@@ -19,6 +19,7 @@ from bezier_filters.scale.sampled_parts import sampled_parts_of
 from bezier_filters.scale.stage_runs import Rounds, largest_of, sums_of
 from bezier_filters.scale.stage_tasks import StageJob, Where, run_stage
 from bezier_filters.scale.store import Store
+from bezier_filters.scale.tile_pieces import KEPT_RINGS
 from bezier_filters.scale.tile_results import look_at_tile
 from bezier_filters.scale.tile_values import ClusterValues, FileValues, RowFile, TileValues, rows_at
 from bezier_filters.smoothing.cluster_stages import pace_of
@@ -26,8 +27,8 @@ from bezier_filters.smoothing.mesh_parts import SampledParts
 from bezier_filters.smoothing.pieces import ClosedParts, Draw, Found, Stage
 from bezier_filters.smoothing.whole_mesh import moved_and_scaled
 
-STEPS = 24
-"""That a stage makes at the most: its tiles are kept with as many rings around them."""
+STEPS = KEPT_RINGS - 2
+"""That a stage makes at the most: the tiles that are kept have enough around them."""
 
 
 @dataclass(frozen=True)
