@@ -59,6 +59,7 @@ bench: .venv-dev/bench-ready  ## accuracy, stability and speed next to MeshLab a
 
 bench-scale: .venv-dev/ready  ## 50 million vertices in tiles, next to smaller meshes in memory (30 GB of disk)
 	.venv-dev/bin/python benchmarks/scale.py --vertices 1000000 7000000 50000000 --save benchmarks/results/scale.json
+	.venv-dev/bin/python benchmarks/scale.py --smooth --save benchmarks/results/scale_smoothing.json
 
 bench-kernels: .venv-dev/bench-ready  ## times of the stages, next to the last run of this target
 	.venv-dev/bin/python -m pytest -q -W default benchmarks/bench_kernels.py --benchmark-autosave --benchmark-compare \

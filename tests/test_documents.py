@@ -3,6 +3,8 @@
 import re
 import shlex
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pymeshlab
@@ -36,6 +38,16 @@ def test_python_block_runs(code, tmp_path, monkeypatch, capsys):
     printed = capsys.readouterr().out
     assert "OK" in printed or "status" not in code
     assert printed
+
+
+def test_script_for_large_meshes_runs(tmp_path):
+    """In a process of its own: its workers import it once more."""
+    (code,) = re.findall(r"```py\n(.*?)```", (ROOT / "docs" / "scale.md").read_text(encoding="utf-8"), re.DOTALL)
+    (tmp_path / "script.py").write_text(code, encoding="utf-8")
+    shutil.copy(ROOT / "sample_meshes" / "torus.ply", tmp_path / "statue.ply")
+    done = subprocess.run([sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert "'OK': " in done.stdout
+    assert (tmp_path / "curved.ply").is_file()
 
 
 def in_help():

@@ -182,9 +182,9 @@ def test_the_command_line_takes_arrays(tmp_path):
     assert read_fields(tmp_path / "out.ply").keys() == {"quality", "bz_k_min"}
 
 
-def test_the_command_line_smooths(tmp_path):
+def test_the_command_line_moves_vertices_onto_patches(tmp_path):
     arguments = ["scale", "smooth", str(TORUS), str(tmp_path / "out.ply"), "--scheduler", "synchronous"]
-    result = CliRunner().invoke(app, [*arguments, "--iterations", "2", "--json"])
+    result = CliRunner().invoke(app, [*arguments, "--method", "paper", "--iterations", "2", "--json"])
     assert result.exception is None
     assert json.loads(result.stdout)["iterations"] == 2
     vertices = open_source(TORUS).vertices(0, 1440)

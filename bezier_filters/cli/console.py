@@ -68,10 +68,10 @@ def print_status(report: dict[str, Any], source: str) -> None:
 def print_tiles(report: dict[str, Any]) -> None:
     """Say how the tiles of a large mesh went."""
     there = report["tiles"] - report["computed_tiles"]
-    stages = f" in {report['stages']} stages" if "stages" in report else ""
+    stages = f", over {report['stages']} stages" if "stages" in report else ""
     out.print(
-        f"  {report['tiles']:,} tiles{stages} of {report['tile_vertices']:,} vertices, {report['halo']:.0%} read around "
-        f"them; {there:,} were there already; {report['peak_bytes']['worker'] / 1e9:.2f} GB per worker at most"
+        f"  {report['tiles']:,} tiles of {report['tile_vertices']:,} vertices{stages}, {report['halo']:.0%} read "
+        f"around them; {there:,} were there already; {report['peak_bytes']['worker'] / 1e9:.2f} GB per worker at most"
     )
     if report["damaged_tiles"]:
         out.print(f"  damaged, and computed again: tiles {', '.join(map(str, report['damaged_tiles']))}")

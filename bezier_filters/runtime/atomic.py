@@ -12,7 +12,7 @@ _MARGIN = 1 << 16
 
 
 @contextmanager
-def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
+def atomic_write(path: str | os.PathLike[str], *, lasting: bool = True) -> Iterator[Path]:
     """Yield a temporary path whose file replaces `path` when the block succeeds.
 
     The temporary path lies in the same directory, so that the replacement is a single step, and
@@ -27,6 +27,8 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
     ----------
     path : path
         File to write or replace.
+    lasting : bool
+        Whether to wait until the file is on the disk, so that it will be there after a power cut, too.
 
     Yields
     ------
@@ -57,7 +59,8 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
     temporary = target.with_name(f"{TEMPORARY}{uuid.uuid4().hex}{target.suffix}")
     try:
         yield temporary
-        _check_room(temporary)
+        if lasting:
+            _check_room(temporary)
         if target.exists():
             temporary.chmod(target.stat().st_mode)
         os.replace(temporary, target)

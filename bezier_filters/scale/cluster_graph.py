@@ -86,7 +86,9 @@ def find_graph(job: GraphJob, tile: int) -> int:
     )
     os.replace(temporary, _path(job.folder, tile))
     largest = float(laplacian.rates[own].max(initial=0.0))
-    write_tile(job.folder, tile, NOTHING, {"rate": largest, "clusters": len(own), "peak_bytes": peak_bytes()})
+    write_tile(
+        job.folder, tile, NOTHING, {"rate": largest, "clusters": len(own), "peak_bytes": peak_bytes()}, lasting=False
+    )
     return tile
 
 
@@ -107,7 +109,9 @@ def spread(job: SpreadJob, tile: int) -> int:
     result = diffused(laplacian, values, job.time)[np.searchsorted(reached, own)]
     table = np.empty(len(own), dtype=[("means", "<f8", (values.shape[1],))])
     table["means"] = result
-    write_tile(job.folder, tile, table, {"peak_bytes": peak_bytes(), "read": len(reached), "clusters": len(own)})
+    write_tile(
+        job.folder, tile, table, {"peak_bytes": peak_bytes(), "read": len(reached), "clusters": len(own)}, lasting=False
+    )
     return tile
 
 

@@ -1,6 +1,7 @@
 """Smooths meshes that do not fit into memory, file to file."""
 
 import os
+import shutil
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -16,7 +17,7 @@ from bezier_filters.scale.file_run import FileRun, RunOptions, file_run
 from bezier_filters.scale.mesh_source import SourcePath, open_source
 from bezier_filters.scale.sampling import FitOptions, learn_fit, learn_noise, rings_needed
 from bezier_filters.scale.scheduling import Scheduler
-from bezier_filters.scale.stage_runs import Rounds
+from bezier_filters.scale.stage_runs import Rounds, ValuesGoneError
 from bezier_filters.scale.stage_tasks import Where
 from bezier_filters.scale.tile_results import open_tile
 from bezier_filters.scale.tile_run import Finished, StageProgress, results_folder, run_job
@@ -121,10 +122,29 @@ def smooth_file(
 def _automatic(
     run: FileRun, iterations: int, noise: float | None, borders: SmoothedBorders, keep_volume: bool
 ) -> dict[str, Any]:
-    """The automatic smoothing; its report."""
+    """The automatic smoothing; its report. It begins anew if a tile is damaged that cannot be computed again alone."""
+    damaged: list[str] = []
+    while True:
+        rounds = _rounds(run, iterations, noise, borders, keep_volume)
+        rounds.damaged += damaged
+        try:
+            return _smoothed(run, rounds, iterations, noise, borders, keep_volume)
+        except ValuesGoneError:
+            damaged = rounds.damaged
+            shutil.rmtree(rounds.folder)
+
+
+def _rounds(run: FileRun, iterations: int, noise: float | None, borders: SmoothedBorders, keep_volume: bool) -> Rounds:
+    """The rounds of a run with some options, none of which was run yet."""
     parameters = {"iterations": iterations, "noise": noise, "borders": borders, "keep_volume": keep_volume}
     folder = results_folder(run.mesh, {"quantity": "automatic smoothing"} | parameters)
-    rounds = Rounds(run.cluster, run.mesh, folder.resolve(), run.stages, run.workers)
+    return Rounds(run.cluster, run.mesh, folder.resolve(), run.stages, run.workers)
+
+
+def _smoothed(
+    run: FileRun, rounds: Rounds, iterations: int, noise: float | None, borders: SmoothedBorders, keep_volume: bool
+) -> dict[str, Any]:
+    """The automatic smoothing in rounds; its report."""
     domain = TiledMesh(rounds, Where(run.mesh.folder.resolve()))
 
     def noise_of(domain: TiledMesh) -> float | None:

@@ -13,7 +13,7 @@ from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, PART, Growth, Sam
 
 FIRST_RINGS, NEXT_RINGS = 64, 4
 """That are read around a vertex, and around those where there was nothing more to grow to; more if that is too few."""
-NEXT = 256
+NEXT = 2048
 """Vertices whose surroundings are read together then."""
 
 

@@ -2,7 +2,7 @@
 
 import json
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +19,10 @@ from bezier_filters.smoothing.accurate_sums import total
 
 GONE = "gone.json"
 """What is left of a stage whose values are not needed any more: its report."""
+
+
+class ValuesGoneError(RuntimeError):
+    """A tile is damaged, and what it was computed from was removed; the run has to begin anew."""
 
 
 @dataclass
@@ -56,7 +60,21 @@ class Rounds:
         self.number += 1
         return self.folder / f"{self.number:03d}-{name}"
 
-    def run(self, function: Callable[[Any, int], int], job: Any, folder: Path, name: str) -> list[dict[str, Any]]:
+    def recalled(self, name: str, find: Callable[[], Any]) -> Any:
+        """What a function finds, a number or some, or what it has found before the run was interrupted.
+
+        The values that it looks at may be gone by then.
+        """
+        path = self.next_folder(name).with_suffix(".json")
+        if not path.is_file():
+            temporary = path.with_suffix(".tmp")
+            temporary.write_text(json.dumps(find()), encoding="utf-8")
+            temporary.rename(path)
+        return json.loads(path.read_text(encoding="utf-8"))
+
+    def run(
+        self, function: Callable[[Any, int], int], job: Any, folder: Path, name: str, needed: Sequence[Path] = ()
+    ) -> list[dict[str, Any]]:
         """Compute the tiles that are not there yet; the reports of all.
 
         Parameters
@@ -69,6 +87,13 @@ class Rounds:
             Where the results go; those whose reports have a mark "has_clusters" go to the folder next to it, too.
         name : str
             Of the stage, for the progress.
+        needed : sequence of Path
+            Folders of the values that it reads.
+
+        Raises
+        ------
+        ValuesGoneError
+            If a tile is to be computed again for which they are not there any more.
         """
         if (folder / GONE).is_file():
             found: list[dict[str, Any]] = json.loads((folder / GONE).read_text(encoding="utf-8"))
@@ -78,6 +103,8 @@ class Rounds:
         (folder.parent / "clusters").mkdir(exist_ok=True)
         count = self.store.layout.tile_count
         todo = [tile for tile in range(count) if not self._is_there(folder, tile)]
+        if todo and any((values / GONE).is_file() for values in needed):
+            raise ValuesGoneError(folder.parent.name)
         with self.stages.stage(name) as progress:
             ready = self.workers.ready()
             for _ in run_tasks(ready, function, job, todo, workers=self.threads, progress=progress):

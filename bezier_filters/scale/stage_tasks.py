@@ -128,9 +128,9 @@ def _write(
 ) -> None:
     """Values on clusters first: the file with the report says that all is done."""
     if outcome.clusters:
-        write_tile(job.clusters, tile, table_of_columns(dict(outcome.clusters), clusters), {})
+        write_tile(job.clusters, tile, table_of_columns(dict(outcome.clusters), clusters), {}, lasting=False)
     table = table_of_columns(dict(outcome.vertices), rows) if outcome.vertices else NOTHING
-    write_tile(job.vertices, tile, table, report | {"has_clusters": bool(outcome.clusters)})
+    write_tile(job.vertices, tile, table, report | {"has_clusters": bool(outcome.clusters)}, lasting=False)
 
 
 def _own_tile(start: int, stop: int) -> TilePiece:

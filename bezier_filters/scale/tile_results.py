@@ -42,12 +42,15 @@ def tile_path(folder: Path, tile: int) -> Path:
     return folder / f"tile-{tile:06d}.bin"
 
 
-def write_tile(folder: Path, tile: int, rows: NDArray[Any], report: dict[str, Any]) -> None:
-    """Write the results of a tile: whole or not at all."""
+def write_tile(folder: Path, tile: int, rows: NDArray[Any], report: dict[str, Any], *, lasting: bool = True) -> None:
+    """Write the results of a tile: whole or not at all.
+
+    What is not to be lasting may be damaged after a power cut, which its checksum will tell.
+    """
     data = np.ascontiguousarray(rows).reshape(-1).view(np.uint8).data
     header = {"dtype": rows.dtype.descr, "columns": 1 if rows.ndim == 1 else rows.shape[1], "rows": len(rows)}
     text = json.dumps(header | {"checksum": zlib.crc32(data), "report": report}).encode()
-    with atomic_write(tile_path(folder, tile)) as temporary, open(temporary, "wb") as stream:
+    with atomic_write(tile_path(folder, tile), lasting=lasting) as temporary, open(temporary, "wb") as stream:
         stream.write(MAGIC + len(text).to_bytes(4, "little") + zlib.crc32(text).to_bytes(4, "little") + text)
         stream.write(data)
 

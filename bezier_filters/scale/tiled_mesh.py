@@ -75,7 +75,8 @@ class TiledMesh:
         name = type(stage).__name__
         folder = self.rounds.next_folder(name)
         job = StageJob(self.where, folder, stage, inputs)
-        reports = self.rounds.run(run_stage, job, job.vertices, _in_words(name))
+        needed = [_reported(values) for values in inputs.values() if not isinstance(values, FileValues)]
+        reports = self.rounds.run(run_stage, job, job.vertices, _in_words(name), needed)
         size = self.rounds.store.layout.tile_vertices
         clusters = None if self.graph is None else ClusterValues(job.clusters, self.graph, size)
         return Found(TileValues(job.vertices, size), clusters, sums_of(reports, part_count), largest_of(reports))
@@ -84,7 +85,7 @@ class TiledMesh:
         """Remove the files of some values; their sums stay."""
         for handle in handles:
             if isinstance(handle, TileValues | ClusterValues):
-                self.rounds.free(handle.folder.parent / "vertices")
+                self.rounds.free(_reported(handle))
             elif isinstance(handle, FileValues):
                 handle.table.path.unlink(missing_ok=True)
 
@@ -117,7 +118,7 @@ class TiledMesh:
         assert self.graph is not None
         folder = self.rounds.next_folder("spread") / "vertices"
         job = SpreadJob(self.graph, folder, means, time * self.cluster_pace, self.cluster_rate)
-        self.rounds.run(spread, job, folder, "spread")
+        self.rounds.run(spread, job, folder, "spread", [_reported(means)])
         return replace(means, folder=folder)
 
     def drawn(self, draw: Draw) -> FileValues:
@@ -137,7 +138,10 @@ class TiledMesh:
 
     def ordered(self, ranks: list[int], name: str, values: TileValues) -> list[float]:
         """Values that would have some places if they were sorted: their high bits are counted, then the low ones."""
-        return [self._ordered(rank, name, values) for rank in ranks]
+        found: list[float] = self.rounds.recalled(
+            "ordered", lambda: [self._ordered(rank, name, values) for rank in ranks]
+        )
+        return found
 
     def _ordered(self, rank: int, name: str, values: TileValues) -> float:
         prefix = 0
@@ -156,6 +160,9 @@ class TiledMesh:
 
     def center_of_largest(self, means: ClusterValues) -> int:
         """Center of the cluster with the largest value; the first of several in the order of the source."""
+        return int(self.rounds.recalled("largest", lambda: self._center_of_largest(means)))
+
+    def _center_of_largest(self, means: ClusterValues) -> int:
         best, found = -np.inf, -1
         for tile in range(self.rounds.store.layout.tile_count):
             centers = np.load(means.centers / f"centers-{tile:06d}.npy")
@@ -196,13 +203,23 @@ class TiledMesh:
         """Values at some vertices of the source."""
         ids = rows_at(self.rounds.store.rank, vertices)
         order = np.argsort(ids)
-        rows = rows_at(values, ids[order])[name]
+
+        def find() -> list[float]:
+            found: list[float] = rows_at(values, ids[order])[name].tolist()
+            return found
+
+        rows = np.array(self.rounds.recalled("at", find))
         result = np.empty_like(rows)
         result[order] = rows
         return result
 
     def _neighbours(self) -> Neighbours:
         return neighbours_of(self.rounds.store, threads=self.rounds.threads)
+
+
+def _reported(values: TileValues | ClusterValues) -> Path:
+    """Folder with the reports of the stage that has left some values."""
+    return values.folder.parent / "vertices"
 
 
 def _in_words(name: str) -> str:
