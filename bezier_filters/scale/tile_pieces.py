@@ -18,9 +18,10 @@ from bezier_filters.scale.halo import Part, part_around
 from bezier_filters.scale.store import Store
 from bezier_filters.scale.tile_values import rows_at
 
-KEPT_RINGS = 36
-"""Around the tiles that are kept; stages that look further make their own. Reading and writing what goes from stage to
-stage takes as long as some thirty steps of a filter: more rings would save less than they cost."""
+KEPT_RINGS = (3, 36)
+"""Around the tiles that are kept, for stages that look at neighbours and for those that make many steps. Those that look
+further make their own. Reading and writing what goes from stage to stage takes as long as some thirty steps of a
+filter: more rings would save less than they cost."""
 
 
 @dataclass(frozen=True)
@@ -67,22 +68,17 @@ def in_source_order(store: Store, part: Part) -> tuple[IntArray, TriangleMesh]:
 
 def piece_around(store: Store, tile: int, rings: int) -> TilePiece:
     """Some rings around a tile, or more."""
-    if rings <= KEPT_RINGS:
-        path = _path(store, tile)
-        if path.is_file():
-            return _read(path)
-        rings = KEPT_RINGS
+    rings = next((kept for kept in KEPT_RINGS if kept >= rings), rings)
+    path = store.folder / f"pieces-{rings}" / f"piece-{tile:06d}.npz"
+    if path.is_file():
+        return _read(path)
     start, stop = store.layout.tile(tile)
     part = part_around(store, np.arange(start, stop, dtype=np.int32), rings)
     ids, mesh = in_source_order(store, part)
     found = TilePiece(part.ids, part.local(ids), mesh.faces, vertex_adjacency(mesh))
-    if rings == KEPT_RINGS:
+    if rings in KEPT_RINGS:
         _write(path, found)
     return found
-
-
-def _path(store: Store, tile: int) -> Path:
-    return store.folder / "pieces" / f"piece-{tile:06d}.npz"
 
 
 def _write(path: Path, piece: TilePiece) -> None:

@@ -27,7 +27,7 @@ from bezier_filters.smoothing.mesh_parts import SampledParts
 from bezier_filters.smoothing.pieces import ClosedParts, Draw, Found, Stage
 from bezier_filters.smoothing.whole_mesh import moved_and_scaled
 
-STEPS = KEPT_RINGS - 2
+STEPS = KEPT_RINGS[-1] - 2
 """That a stage makes at the most: the tiles that are kept have enough around them."""
 
 
