@@ -19,9 +19,9 @@ from bezier_filters.scale.store import Store
 from bezier_filters.scale.tile_values import rows_at
 
 KEPT_RINGS = (3, 36)
-"""Around the tiles that are kept, for stages that look at neighbours and for those that make many steps. Those that look
-further make their own. Reading and writing what goes from stage to stage takes as long as some thirty steps of a
-filter: more rings would save less than they cost."""
+"""Around the tiles that are kept, for stages that look at neighbours and for those that make many steps. Those that
+look further make their own. Reading and writing what goes from stage to stage takes as long as some thirty steps of
+a filter: more rings would save less than they cost."""
 
 
 @dataclass(frozen=True)
