@@ -165,7 +165,7 @@ def test_what_would_fail_in_the_end_is_refused_at_once(files, tmp_path):
     source = open_source(files)
     huge = replace(source, vertex_rows=replace(source.vertex_rows, rows=10**12))
     with pytest.raises(InvalidParameterError, match=r"^store: .* GB are needed below .* GB are free"):
-        check_room(huge, tmp_path / "store", tmp_path / "out.ply", 200)
+        check_room(huge, tmp_path / "store", tmp_path / "out.ply", 200, 200)
     assert sorted(tmp_path.iterdir()) == sorted(files)
 
 

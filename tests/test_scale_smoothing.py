@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numba import config
 from scale_cases import MESHES, clean, open_sheet, save_arrays, shuffled
 from typer.testing import CliRunner
 
@@ -27,6 +28,7 @@ from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, sampled_parts
 from bezier_filters.smoothing.whole_mesh import WholeMesh
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, sphere, waves
 
+compiled = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
 HOW = {"scheduler": "synchronous", "workers": 1}
 
 
@@ -81,6 +83,7 @@ def assert_same(report, expected):
     assert report["faces"]["new"] == expected.new_bad_faces == 0
 
 
+@compiled
 @pytest.mark.parametrize(
     ("name", "tile"),
     [*QUICK.items(), *(pytest.param(name, tile, marks=pytest.mark.slow) for name, tile in SLOW.items())],
@@ -95,6 +98,21 @@ def test_vertices_are_those_in_memory_to_the_last_bit(name, tile, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["faces.npy", "out.ply", "vertices.npy"]
 
 
+@pytest.mark.parametrize(
+    ("vertices", "faces"),
+    [
+        pytest.param(np.eye(3), [[0, 1, 2]], id="one face"),
+        pytest.param(np.ones((300, 3)), np.random.default_rng(0).integers(0, 300, (500, 3)), id="all in one place"),
+        pytest.param(np.eye(300, 3), np.zeros((9, 3), dtype=int), id="no face with three corners"),
+    ],
+)
+def test_what_is_hardly_a_mesh_is_as_in_memory(vertices, faces, tmp_path):
+    files = save_arrays(tmp_path, vertices, np.array(faces))
+    report = smooth_file(files, tmp_path / "out.ply", tile_vertices=256, noise=0.1, **HOW)
+    assert_same(report, smooth(vertices, faces, noise=0.1))
+
+
+@compiled
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
@@ -130,6 +148,7 @@ def test_clusters_and_closed_parts_are_those_in_memory(seed, tile, crumpled, tmp
         assert np.array_equal(store.coordinates(0, len(vertices))[firsts], whole.origins)
 
 
+@compiled
 @pytest.mark.slow
 @pytest.mark.parametrize("scattered", [False, True])
 def test_sampled_parts_are_those_in_memory(scattered, tmp_path):
@@ -161,6 +180,7 @@ def stopped(files, target, stage, after, **options):
     return results
 
 
+@compiled
 @pytest.mark.parametrize("stage", ["Shares", pytest.param("Levels", marks=pytest.mark.slow)])
 def test_a_run_goes_on_in_the_stage_it_was_in(stage, tmp_path):
     """A damaged tile is computed again, if need be with all that it was computed from."""
@@ -177,6 +197,7 @@ def test_a_run_goes_on_in_the_stage_it_was_in(stage, tmp_path):
     assert not results.exists()
 
 
+@compiled
 @pytest.mark.slow
 def test_a_killed_worker_changes_nothing(tmp_path):
     import distributed
@@ -201,6 +222,7 @@ def test_a_killed_worker_changes_nothing(tmp_path):
     assert_same(report, smooth(vertices, faces))
 
 
+@compiled
 def test_the_command_line_smooths(tmp_path):
     vertices, faces = save_arrays(tmp_path, *ball())
     arguments = ["scale", "smooth", vertices, tmp_path / "out.ply", "--faces", faces, "--scheduler", "synchronous"]

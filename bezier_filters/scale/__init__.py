@@ -1,7 +1,7 @@
 """Meshes that do not fit into memory: in tiles, on Dask (``pip install "bezier-filters[scale]"``).
 
 `estimate_file` gives the values of `bezier_filters.estimate_vertex_geometry` for files of any size, and
-`smooth_file` moves their vertices onto the patches.
+`smooth_file` those of `bezier_filters.smooth`.
 """
 
 from bezier_filters.scale.disk_estimation import estimate_file

@@ -123,7 +123,7 @@ def estimate_file(
     parameters = {"quantity": quantity, "quality": chosen_quality, "columns": chosen, "options": asdict(options)}
     how = RunOptions(scheduler, workers, tile_vertices, memory_limit, store, resume, keep_store, progress)
     row_size = 3 * opened.dtype.itemsize + 8 * (len(chosen) + bool(chosen_quality))
-    with file_run(opened, target, how, row_size=row_size) as run:
+    with file_run(opened, target, how, row_size=row_size, in_store=row_size) as run:
         mesh = run.mesh
         with run.stages.stage("learn"):
             fit = learn_fit(mesh, options, threads=run.workers)

@@ -31,7 +31,7 @@ PAPER = FitOptions(rings=2, alpha=0.8, smoothness="paper")
 """As ``bezier_filters.smooth(..., method="paper")``."""
 SHARPNESS = PREFIX + "sharpness"
 """Column of how sharp edges were kept."""
-ROW_SIZE = {"auto": 700, "paper": 40}
+IN_STORE = {"auto": 700, "paper": 40}
 """Bytes per vertex in the store, at the most, for each iteration."""
 
 
@@ -113,7 +113,7 @@ def smooth_file(
     fit_options.checked()
     opened = open_source(source)
     how = RunOptions(scheduler, workers, tile_vertices, memory_limit, store, resume, keep_store, progress)
-    with file_run(opened, target, how, row_size=40 + ROW_SIZE[method] * iterations) as run:
+    with file_run(opened, target, how, row_size=48, in_store=48 + IN_STORE[method] * iterations) as run:
         if method == "paper":
             return run.files | _onto_patches(run, iterations, fit_options)
         return run.files | _automatic(run, iterations, noise, borders, keep_volume is not False)

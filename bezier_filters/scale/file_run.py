@@ -77,7 +77,7 @@ class FileRun:
 
 @contextmanager
 def file_run(
-    source: MeshSource, target: str | os.PathLike[str], options: RunOptions, *, row_size: int
+    source: MeshSource, target: str | os.PathLike[str], options: RunOptions, *, row_size: int, in_store: int
 ) -> Iterator[FileRun]:
     """Sort a mesh on disk and start workers; in the end the store is removed, unless anything went wrong.
 
@@ -87,14 +87,14 @@ def file_run(
     target : path
         File to write.
     options : RunOptions
-    row_size : int
-        Bytes per vertex that the results take in the store.
+    row_size, in_store : int
+        Bytes per vertex that the results take in the target, and in the store.
     """
     tile_size(options.tile_vertices, options.memory_limit)  # refused at once if there cannot be any
     workers, stages = worker_count(options.workers), Stages(options.progress)
     folder = Path(options.store) if options.store is not None else Path(f"{os.fspath(target)}.tiles")
     if not options.resume:
-        check_room(source, folder, Path(target), row_size)
+        check_room(source, folder, Path(target), row_size, in_store)
     with running(options.scheduler, workers=workers, memory_limit=options.memory_limit) as cluster:
         with stages.stage("sort") as report:
             mesh = prepared_store(

@@ -162,7 +162,7 @@ def _check_layout(layout: Layout, tile_vertices: int, folder: Path) -> None:
         )
 
 
-def check_room(source: MeshSource, folder: Path, target: Path, row_size: int) -> None:
+def check_room(source: MeshSource, folder: Path, target: Path, row_size: int, in_store: int) -> None:
     """Refuse early what would fail in the end.
 
     Parameters
@@ -170,8 +170,8 @@ def check_room(source: MeshSource, folder: Path, target: Path, row_size: int) ->
     source : MeshSource
     folder, target : Path
         Of the store and of the file that is written.
-    row_size : int
-        Bytes of a vertex in that.
+    row_size, in_store : int
+        Bytes of a vertex in that, and in the store.
 
     Raises
     ------
@@ -183,7 +183,7 @@ def check_room(source: MeshSource, folder: Path, target: Path, row_size: int) ->
     if not target.resolve().parent.is_dir():
         raise FileNotFoundError(f"cannot write {target}: there is no directory {target.resolve().parent}")
     n, m = source.vertex_count, source.face_count
-    of_store = (3 * source.dtype.itemsize + 8 + row_size) * n + (16 + 2) * m
+    of_store = (3 * source.dtype.itemsize + 8 + in_store) * n + (16 + 2) * m
     of_target = row_size * n + 13 * m
     there = next(path for path in (folder.resolve(), *folder.resolve().parents) if path.exists())
     same_disk = there.stat().st_dev == target.resolve().parent.stat().st_dev

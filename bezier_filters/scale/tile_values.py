@@ -40,7 +40,7 @@ class TileValues:
     def read(self, start: int, stop: int) -> NDArray[Any]:
         """Rows start .. stop-1."""
         rows = []
-        for tile in range(start // self.tile_vertices, -(-stop // self.tile_vertices)):
+        for tile in range(start // self.tile_vertices, max(stop - 1, start) // self.tile_vertices + 1):
             first = tile * self.tile_vertices
             table = look_at_tile(self.folder, tile).rows
             rows.append(table.read(max(start - first, 0), min(stop - first, table.rows)))
@@ -126,6 +126,8 @@ class Stretches:
     @staticmethod
     def with_all(ids: IntArray) -> "Stretches":
         """Those of some vertices in ascending order."""
+        if not len(ids):
+            return Stretches(((0, 0),), ids)
         breaks = np.flatnonzero(np.diff(ids) > GAP) + 1
         first, last = ids[np.append(0, breaks)], ids[np.append(breaks, len(ids)) - 1]
         ends = tuple((int(a), int(b) + 1) for a, b in zip(first, last, strict=True))

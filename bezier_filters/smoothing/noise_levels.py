@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bezier_filters.arrays import FloatArray, RealArray
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.smoothing.cluster_stages import MEMBERS
@@ -106,8 +107,9 @@ class Levels:
         return Outcome(vertices={"levels": np.sqrt(levels**2 - self.detail**2)})
 
 
-def _levels(roots: np.ndarray) -> np.ndarray:
-    return np.square(roots.astype(np.float64) / MEAN_ROOT)
+def _levels(roots: RealArray) -> FloatArray:
+    result: FloatArray = np.square(roots.astype(np.float64) / MEAN_ROOT)
+    return result
 
 
 def noise_levels(domain: Domain, sigma: float, unit: float, least: float, detail: float) -> Handle:
