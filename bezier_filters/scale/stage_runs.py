@@ -40,6 +40,18 @@ class Rounds:
         Seconds and progress.
     threads : int
         Tasks at a time on this machine.
+    number : int
+        Of rounds so far.
+    computed, tiles : int
+        Tiles that were computed now, and those of all rounds.
+    peak_bytes : int
+        The most memory that a worker has had.
+    seconds : float
+        That tasks have taken.
+    halo : float
+        Vertices read beyond those of the tiles, per vertex, in the round that read the most.
+    damaged : list of str
+        Stages and tiles that were not what was written.
     """
 
     workers: Workers

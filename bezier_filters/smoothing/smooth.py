@@ -16,7 +16,7 @@ from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.array_arguments import takes_arrays
 from bezier_filters.meshes.creases import crease_vertices
 from bezier_filters.meshes.frames import tangent_planes
-from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
+from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.runtime.parallel import Progress, thread_count
 from bezier_filters.smoothing.smoothing_options import SmoothedBorders, SmoothingMethod, check_smoothing
 from bezier_filters.smoothing.smoothing_result import SmoothingResult
@@ -129,8 +129,7 @@ def smooth(
         else:
             found = {"points": mesh.vertices}
             for k in range(iterations):
-                report = part_of(progress, k, iterations)
-                patches = {"points": _onto_patches(domain.with_points(found).mesh, rings, alpha, threads, report)}
+                patches = _onto_patches(domain.with_points(found), rings, alpha, part_of(progress, k, iterations))
                 found = domain.run(Held(), found=patches, movable=movable).vertices
         is_auto = method == "auto"
         keep_volume = is_auto if keep_volume is None else keep_volume
@@ -161,13 +160,13 @@ def noise_of(domain: WholeMesh) -> float | None:
     return None if leaf is None else leaf.surface.sigma
 
 
-def _onto_patches(mesh: TriangleMesh, rings: int, alpha: float, threads: int, progress: Progress | None) -> FloatArray:
-    """The paper's smoothing."""
+def _onto_patches(domain: WholeMesh, rings: int, alpha: float, progress: Progress | None) -> dict[str, FloatArray]:
+    """The paper's smoothing: "points" (n, 3)."""
+    mesh, threads = domain.mesh, domain.threads
     geometry = estimate_vertex_geometry(
         mesh.vertices, mesh.faces, rings=rings, alpha=alpha, smoothness="paper", threads=threads, progress=progress
     )
-    result: FloatArray = mesh.vertices + geometry.displacements
-    return result
+    return {"points": mesh.vertices + geometry.displacements}
 
 
 def _checked_mask(selected: BoolArray | None, n: int) -> BoolArray | None:
