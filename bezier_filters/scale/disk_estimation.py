@@ -107,7 +107,7 @@ def estimate_file(
     Examples
     --------
     >>> import tempfile
-    >>> from bezier_filters.files.fields import PREFIX
+    >>> from pathlib import Path
     >>> from bezier_filters.surfaces import sphere
     >>> folder, ball = Path(tempfile.mkdtemp()), sphere(resolution=30)
     >>> np.save(folder / "v.npy", ball.vertices)

@@ -1,4 +1,7 @@
-"""Sums that do not depend on the order of what is added up: they are carried with twice the digits."""
+"""Sums that do not depend on the order of what is added up: they are carried with twice the digits, and rounded once.
+
+Only if the exact sum is within 2^-100 of half-way between two numbers may the order tell which of them it becomes.
+"""
 
 import math
 
