@@ -90,7 +90,7 @@ def curvature(
         console.print_written(report, str(target))
 
 
-@scale_app.command(epilog="Example: bezier-filters scale smooth statue.ply smooth.ply --memory-limit 2GB")
+@scale_app.command(epilog="Example: bezier-filters scale smooth statue.ply smooth.ply --scheduler tcp://HOST:8786")
 def smooth(
     source: BigSource,
     target: BigTarget,
