@@ -14,6 +14,7 @@ MESHES = {
     "so flat that rounding says where its points are": ("estimate, fixed", 510911),
     "a rim that meets itself: edges were flipped until vertices had no face": ("fill_holes, paper", 518176),
     "areas whose powers are beyond what a number holds": ("fill_holes, paper", 557183),
+    "a size beyond single precision": ("apply_coord_bezier_patch_smoothing", 20234688),
     "a point on an edge, rounded outwards": ("find_creases", 528782),
 }
 

@@ -119,8 +119,9 @@ class Denoised:
         if not self.sharpness:
             return Outcome(vertices={"points": points, "sharpness": np.zeros(len(points))})
         shares = inputs["shares"]["shares"] if "shares" in inputs else np.ones((len(points), 1), np.float32)
+        scale = np.float64(self.scale)  # which may be beyond the single precision of the moves
         for k in range(len(self.sharpness)):
-            points += shares[:, [k]] * (inputs[f"estimate{k}"]["moves"] / self.scale)
+            points += shares[:, [k]] * (inputs[f"estimate{k}"]["moves"] / scale)
         return Outcome(vertices={"points": points, "sharpness": np.einsum("ns,s->n", shares, np.array(self.sharpness))})
 
 
