@@ -14,8 +14,8 @@ help:  ## list the targets
 demo: .venv/ready  ## curvature, torsion and normals of the bunny (or MESH=file) into out/
 	.venv/bin/bezier-filters demo $(MESH) --out $(OUT)
 
-test: .venv-dev/ready  ## run the test suite
-	.venv-dev/bin/python -m pytest $(ARGS)
+test: .venv-dev/ready  ## run the test suite, in two processes
+	.venv-dev/bin/python -m pytest -n 2 --dist worksteal $(ARGS)
 
 test-slow: .venv-dev/ready  ## run the tests that take long
 	.venv-dev/bin/python -m pytest -m slow $(ARGS)
