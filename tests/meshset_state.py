@@ -2,6 +2,7 @@
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from xml.etree.ElementTree import canonicalize
 
 import numpy as np
 
@@ -74,10 +75,11 @@ def changed(before, after):
 
 
 def filter_script(ms):
+    """The recorded filters; Qt writes the attributes of an element in an order that changes from process to process."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "script.mlx"
         ms.save_filter_script(str(path))
-        return path.read_text(encoding="utf-8")
+        return canonicalize(from_file=str(path))
 
 
 def textures(mesh):
