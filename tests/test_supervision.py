@@ -83,8 +83,8 @@ def test_a_second_interrupt_does_not_disturb_the_end():
 def test_the_work_ends_when_its_parent_is_killed(tmp_path):
     work = f"""
     import time
-    open({str(tmp_path / "pid")!r}, "w").write(str(os.getpid()))
     try:
+        open({str(tmp_path / "pid")!r}, "w").close()
         time.sleep(60)
     finally:
         open({str(tmp_path / "cleaned")!r}, "w").close()"""

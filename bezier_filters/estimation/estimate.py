@@ -12,6 +12,7 @@ from bezier_filters.estimation.ball_fit import fit_in_balls
 from bezier_filters.estimation.fallbacks import fit_with_fallbacks
 from bezier_filters.estimation.first_call import first_call
 from bezier_filters.estimation.fit_options import Automatic, check_radius, fit_options
+from bezier_filters.estimation.fitted_mesh import fitted_mesh
 from bezier_filters.estimation.outliers import without_outliers
 from bezier_filters.estimation.point_cloud import point_cloud
 from bezier_filters.estimation.vertex_geometry import FitChoice, VertexGeometry, empty_geometry
@@ -20,12 +21,10 @@ from bezier_filters.learning.learn import learn_surface
 from bezier_filters.learning.model_tree import Leaf
 from bezier_filters.learning.plans import Choices
 from bezier_filters.learning.ring_analysis import RingAnalysis
-from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
+from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.array_arguments import takes_arrays
-from bezier_filters.meshes.creases import crease_vertices
-from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
-from bezier_filters.meshes.spatial_order import SpatialOrder, in_spatial_order
+from bezier_filters.meshes.spatial_order import in_spatial_order
 from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.runtime.parallel import Progress, thread_count
@@ -171,16 +170,6 @@ def estimate_vertex_geometry(
         if mask is not None:
             _clear(geometry, ~mask & (geometry.status != FitStatus.SKIPPED))
         return replace(geometry, fit=choice)
-
-
-def fitted_mesh(
-    mesh: TriangleMesh, ordered: SpatialOrder | None = None, *, creases: bool, threads: int = 1
-) -> tuple[KernelMesh, Adjacency]:
-    """Neighbours, planes and creases of a mesh, ready for the kernels."""
-    adjacency = vertex_adjacency(mesh, threads=threads)
-    planes = tangent_planes(mesh, adjacency, threads=threads)
-    stops = crease_vertices(mesh, adjacency, planes, threads=threads) if creases else None
-    return kernel_mesh(mesh, adjacency, planes, stops, ordered), adjacency
 
 
 def _fit(

@@ -5,14 +5,12 @@ from contextlib import AbstractContextManager
 import numpy as np
 
 from bezier_filters.estimation.fallbacks import QUADRATIC, Attempt, fit_with_fallbacks
+from bezier_filters.estimation.fitted_mesh import fitted_mesh
 from bezier_filters.estimation.vertex_geometry import empty_geometry
-from bezier_filters.kernels.kernel_input import FITTED, KernelMesh, kernel_mesh
+from bezier_filters.kernels.kernel_input import FITTED, KernelMesh
 from bezier_filters.kernels.lane_kernel import fit_in_lanes
 from bezier_filters.learning.learn import learn_surface
 from bezier_filters.learning.plans import Choices
-from bezier_filters.meshes.adjacency import vertex_adjacency
-from bezier_filters.meshes.creases import crease_vertices
-from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.spatial_order import in_spatial_order
 from bezier_filters.runtime.compilation import first_compilation
@@ -49,7 +47,4 @@ def compile_the_rest() -> None:
     """Compile what prepares a mesh and learns from it, on a small sphere."""
     ball = sphere(resolution=8)
     ordered = in_spatial_order(triangle_mesh(ball.vertices, ball.faces))
-    mesh, adjacency = ordered.mesh, vertex_adjacency(ordered.mesh)
-    planes = tangent_planes(mesh, adjacency)
-    stops = crease_vertices(mesh, adjacency, planes)
-    learn_surface(kernel_mesh(mesh, adjacency, planes, stops, ordered), adjacency, Choices())
+    learn_surface(*fitted_mesh(ordered.mesh, ordered, creases=True), Choices())

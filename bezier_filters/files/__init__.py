@@ -1,1 +1,1 @@
-"""Readers and writers that pymeshlab does not have."""
+"""The fields that files and filters share, and readers and writers that pymeshlab does not have."""

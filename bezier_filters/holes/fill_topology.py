@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.half_edges import faces_at_edges
+from bezier_filters.meshes.triangles import angle_parts, area_vector
 from bezier_filters.runtime.lean import inner_njit, lean_njit
 
 DENSITY = float(np.sqrt(2.0))
@@ -221,8 +222,8 @@ def _flip(
 @inner_njit()
 def _is_better_flipped(points: FloatArray, a: int, b: int, c: int, d: int) -> bool:
     """Whether the angles at c and d, opposite the edge (a, b), exceed pi, and (c, d) makes no sharper edge."""
-    at_c, across_c = _angle_parts(points, c, a, b)
-    at_d, across_d = _angle_parts(points, d, b, a)
+    at_c, across_c = angle_parts(points, c, a, b)
+    at_d, across_d = angle_parts(points, d, b, a)
     if across_c * at_d + at_c * across_d >= -1e-10 * (abs(across_c * at_d) + abs(at_c * across_d)):
         return False
     now = _cosine(points, a, b, c, b, a, d)
@@ -231,38 +232,14 @@ def _is_better_flipped(points: FloatArray, a: int, b: int, c: int, d: int) -> bo
 
 
 @inner_njit()
-def _angle_parts(points: FloatArray, tip: int, left: int, right: int) -> tuple[float, float]:
-    """Cosine and sine of the angle at a corner, times the lengths of its sides."""
-    ux, uy, uz = (
-        points[left, 0] - points[tip, 0],
-        points[left, 1] - points[tip, 1],
-        points[left, 2] - points[tip, 2],
-    )
-    vx, vy, vz = (
-        points[right, 0] - points[tip, 0],
-        points[right, 1] - points[tip, 1],
-        points[right, 2] - points[tip, 2],
-    )
-    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    return ux * vx + uy * vy + uz * vz, np.sqrt(x * x + y * y + z * z)
-
-
-@inner_njit()
 def _cosine(points: FloatArray, a: int, b: int, c: int, d: int, e: int, f: int) -> float:
     """Cosine of the angle between the triangles (a, b, c) and (d, e, f); -1 if one has no area."""
-    x, y, z = _cross(points, a, b, c)
-    u, v, w = _cross(points, d, e, f)
+    x, y, z = area_vector(points, a, b, c)
+    u, v, w = area_vector(points, d, e, f)
     lengths = np.sqrt((x * x + y * y + z * z) * (u * u + v * v + w * w))
     if lengths == 0.0:
         return -1.0
     return float((x * u + y * v + z * w) / lengths)
-
-
-@inner_njit()
-def _cross(points: FloatArray, a: int, b: int, c: int) -> tuple[float, float, float]:
-    ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
-    vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
-    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
 
 @inner_njit()

@@ -8,6 +8,7 @@ import numpy as np
 from bezier_filters.arrays import FloatArray, IntArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.triangles import area_vector
 from bezier_filters.runtime.lean import inner_njit, lean_njit, variable
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
@@ -60,10 +61,7 @@ def tangent_planes(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1
 @inner_njit()
 def face_normal(vertices: FloatArray, faces: IntArray, f: int) -> tuple[float, float, float]:
     """Normal of face f, twice its area long."""
-    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-    ux, uy, uz = vertices[b, 0] - vertices[a, 0], vertices[b, 1] - vertices[a, 1], vertices[b, 2] - vertices[a, 2]
-    vx, vy, vz = vertices[c, 0] - vertices[a, 0], vertices[c, 1] - vertices[a, 1], vertices[c, 2] - vertices[a, 2]
-    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    return area_vector(vertices, faces[f, 0], faces[f, 1], faces[f, 2])
 
 
 @inner_njit()

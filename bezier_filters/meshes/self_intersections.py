@@ -4,6 +4,7 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.adjacency import Rows
+from bezier_filters.meshes.triangles import area_vector
 from bezier_filters.runtime.lean import inner_njit, lean_njit
 
 FEWEST_CELLS, MOST_CELLS = 4, 128
@@ -273,17 +274,10 @@ def _lie_on_each_other(vertices: FloatArray, faces: IntArray, f: int, g: int) ->
     for k in range(3):
         if not _has(faces, f, faces[g, k]):
             d = faces[g, k]
-    x, y, z = _normal(vertices, a, b, c)
-    u, v, w = _normal(vertices, b, a, d)
+    x, y, z = area_vector(vertices, a, b, c)
+    u, v, w = area_vector(vertices, b, a, d)
     lengths = np.sqrt((x * x + y * y + z * z) * (u * u + v * v + w * w))
     return bool(lengths > 0.0 and (x * u + y * v + z * w) < FOLDED * lengths)
-
-
-@inner_njit()
-def _normal(vertices: FloatArray, a: int, b: int, c: int) -> tuple[float, float, float]:
-    ux, uy, uz = vertices[b, 0] - vertices[a, 0], vertices[b, 1] - vertices[a, 1], vertices[b, 2] - vertices[a, 2]
-    vx, vy, vz = vertices[c, 0] - vertices[a, 0], vertices[c, 1] - vertices[a, 1], vertices[c, 2] - vertices[a, 2]
-    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
 
 @inner_njit()
@@ -299,7 +293,7 @@ def _pierces(vertices: FloatArray, a: int, b: int, p: int, q: int, r: int) -> bo
 @inner_njit()
 def _volume(vertices: FloatArray, a: int, b: int, c: int, d: int) -> float:
     """Six times the volume of a tetrahedron; 0 where rounding decides."""
-    x, y, z = _normal(vertices, a, b, c)
+    x, y, z = area_vector(vertices, a, b, c)
     dx, dy, dz = vertices[d, 0] - vertices[a, 0], vertices[d, 1] - vertices[a, 1], vertices[d, 2] - vertices[a, 2]
     volume = x * dx + y * dy + z * dz
     scale = abs(x * dx) + abs(y * dy) + abs(z * dz)

@@ -185,7 +185,9 @@ def _end_in_order_on_signals() -> None:
 def _end_with_the_parent(lifeline: int) -> None:
     """Ask this process to end in order when the other end of the pipe closes, as it does when the parent is killed."""
     os.read(lifeline, 1)
-    os.kill(os.getpid(), signal.SIGTERM)
+    main = threading.main_thread().ident
+    if main is not None:
+        signal.pthread_kill(main, signal.SIGTERM)  # only a signal to this thread ends what it waits for
 
 
 def _write_note(text: str) -> None:

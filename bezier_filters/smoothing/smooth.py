@@ -9,13 +9,11 @@ from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.first_call import first_call
-from bezier_filters.kernels.kernel_input import kernel_mesh
+from bezier_filters.estimation.fitted_mesh import fitted_mesh
 from bezier_filters.learning.learn import learn_surface
 from bezier_filters.learning.plans import Choices
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.array_arguments import takes_arrays
-from bezier_filters.meshes.creases import crease_vertices
-from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.runtime.parallel import Progress, thread_count
 from bezier_filters.smoothing.smoothing_options import SmoothedBorders, SmoothingMethod, check_smoothing
@@ -153,10 +151,8 @@ def smooth(
 
 def noise_of(domain: WholeMesh) -> float | None:
     """Standard deviation of the noise along the normal, learned from the mesh; None if it is too small."""
-    mesh, adjacency, threads = domain.mesh, domain.adjacency, domain.threads
-    planes = tangent_planes(mesh, adjacency, threads=threads)
-    stops = crease_vertices(mesh, adjacency, planes, threads=threads)
-    _, leaf = learn_surface(kernel_mesh(mesh, adjacency, planes, stops), adjacency, Choices(), threads=threads)
+    arrays, adjacency = fitted_mesh(domain.mesh, adjacency=domain.adjacency, creases=True, threads=domain.threads)
+    _, leaf = learn_surface(arrays, adjacency, Choices(), threads=domain.threads)
     return None if leaf is None else leaf.surface.sigma
 
 
