@@ -1,5 +1,6 @@
 """Shared settings and meshes of the tests."""
 
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,12 @@ from hypothesis import settings
 
 settings.register_profile("project", deadline=None)  # the first call of a kernel may compile it
 settings.load_profile("project")
+
+
+def pytest_configure():
+    """Take Ctrl-C again: in the background of a script it is ignored, also in the processes that the tests start."""
+    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def load_sample(name):
