@@ -6,14 +6,19 @@ import subprocess
 import sys
 from dataclasses import fields
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
 from furnished import punched_torus
 from numba import config
+from scale_cases import save_arrays
 
 from bezier_filters import baselines, boundary_loops, estimate_vertex_geometry, fill_holes, smooth, triangle_mesh
+from bezier_filters.files.field_files import read_fields
 from bezier_filters.meshes.self_intersections import cut_faces
+from bezier_filters.scale import estimate_file, smooth_file
+from bezier_filters.scale.mesh_source import open_source
 from bezier_filters.surfaces import block_with_sharp_edges, sphere, waves
 
 
@@ -23,6 +28,9 @@ def mesh(name):
     if name == "block":
         vertices, faces = block_with_sharp_edges(resolution=4, jitter=0.2)
         return vertices, faces[4:]
+    if name == "bowl":
+        surface = sphere(resolution=7, jitter=0.2)
+        return surface.vertices, surface.faces[(surface.vertices[surface.faces, 2] < 0.5).any(axis=1)]
     surface = {"ball": sphere, "sheet": waves}[name](resolution=4, jitter=0.2)
     return surface.vertices, surface.faces
 
@@ -41,6 +49,15 @@ def folded(name):
     return np.vstack([vertices, [[3.0, 3.0, 3.0], [4.0, 4.0, 4.0]]]), faces
 
 
+def in_tiles(work):
+    """Columns and coordinates that a job on files writes."""
+    with TemporaryDirectory() as folder:
+        files = save_arrays(Path(folder), *punched_torus(13))
+        work(files, Path(folder) / "out.ply", tile_vertices=256, scheduler="synchronous", workers=1)
+        result = open_source(Path(folder) / "out.ply")
+        return read_fields(Path(folder) / "out.ply") | {"vertices": result.vertices(0, result.vertex_count)}
+
+
 CASES = {
     "automatic": lambda: estimate_vertex_geometry(*noisy("ring"), conditions=True),
     "fixed": lambda: estimate_vertex_geometry(*mesh("sheet"), rings=2, alpha=0.8, conditions=True),
@@ -57,17 +74,22 @@ CASES = {
     "smooth a border": lambda: smooth(*noisy("sheet")),
     "smooth, paper": lambda: smooth(*noisy("ring"), "paper", keep_volume=True),
     "fill": lambda: fill_holes(*mesh("ring"), outer_rims=True),
+    "fill a bowl": lambda: fill_holes(*mesh("bowl"), outer_rims=True),
     "fill creases": lambda: fill_holes(*mesh("block"), outer_rims=True),
     "fill, paper": lambda: fill_holes(*mesh("ring"), "paper", outer_rims=True),
     "razdan_bae": lambda: baselines.razdan_bae(*mesh("ball")),
     "ouyang_feng": lambda: baselines.ouyang_feng_normals(*mesh("ball")),
     "loops": lambda: boundary_loops(triangle_mesh(*mesh("sheet"))),
+    "tiles": lambda: in_tiles(estimate_file),
+    "smooth tiles": lambda: in_tiles(smooth_file),
     "crossings": lambda: cut_faces(*folded("ball"), 40),
 }
 
 
 def arrays(result):
     """The arrays of a result by name."""
+    if isinstance(result, dict):
+        return result
     if isinstance(result, np.ndarray):
         return {"": result}
     if isinstance(result, list | tuple):

@@ -19,12 +19,14 @@ from bezier_filters.errors import CancelledError
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.scale import FitOptions, smooth_file
+from bezier_filters.scale import sampled_parts as scale_parts
 from bezier_filters.scale.connections import cluster_centers, label_parts, neighbours_of
 from bezier_filters.scale.mesh_source import open_source
 from bezier_filters.scale.partition import build_store
 from bezier_filters.scale.sampled_parts import sampled_parts_of
+from bezier_filters.smoothing import mesh_parts
 from bezier_filters.smoothing.clusters import clusters_of
-from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, sampled_parts
+from bezier_filters.smoothing.mesh_parts import CORE, LARGEST_WHOLE, PART
 from bezier_filters.smoothing.whole_mesh import WholeMesh
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, sphere, waves
 
@@ -148,19 +150,24 @@ def test_clusters_and_closed_parts_are_those_in_memory(seed, tile, crumpled, tmp
         assert np.array_equal(store.coordinates(0, len(vertices))[firsts], whole.origins)
 
 
-@compiled
-@pytest.mark.slow
 @pytest.mark.parametrize("scattered", [False, True])
-def test_sampled_parts_are_those_in_memory(scattered, tmp_path):
+@pytest.mark.parametrize("size", [600, pytest.param(PART, marks=[compiled, pytest.mark.slow])])
+def test_sampled_parts_are_those_in_memory(size, scattered, tmp_path, monkeypatch):
     """Also where a mesh falls into many small pieces, so that parts go on and on with the next vertex."""
-    star = bumpy_star(resolution=80)
+    star = bumpy_star(resolution=80 if size == PART else 24)
     vertices, faces = star.vertices, star.faces
     if scattered:
         faces = faces[np.random.default_rng(0).random(len(faces)) < 0.2]
     mesh = triangle_mesh(*shuffled(vertices, faces))
-    assert mesh.vertex_count > LARGEST_WHOLE
-    store = build_store(open_source(save_arrays(tmp_path, mesh.vertices, mesh.faces)), tmp_path, 8192)
-    expected, found = sampled_parts(mesh, vertex_adjacency(mesh), (17,)), sampled_parts_of(store, (17,))
+    monkeypatch.setattr(mesh_parts, "CORE", CORE * size // PART)
+    for module in (mesh_parts, scale_parts):
+        monkeypatch.setattr(module, "PART", size)
+        monkeypatch.setattr(module, "LARGEST_WHOLE", LARGEST_WHOLE * size // PART)
+    monkeypatch.setattr(scale_parts, "FIRST_RINGS", 64 if size == PART else 6)
+    assert mesh.vertex_count > LARGEST_WHOLE * size // PART
+    store = build_store(open_source(save_arrays(tmp_path, mesh.vertices, mesh.faces)), tmp_path, 8192 * size // PART)
+    expected, found = mesh_parts.sampled_parts(mesh, vertex_adjacency(mesh), (17,)), sampled_parts_of(store, (17,))
+    assert len(found.vertices) < mesh.vertex_count
     assert np.array_equal(found.vertices, expected.vertices)
     assert np.array_equal(found.core, expected.core)
     assert np.array_equal(found.mesh.vertices, expected.mesh.vertices)

@@ -6,6 +6,7 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.holes.fill_topology import Fill
+from bezier_filters.meshes.triangles import area_vector
 from bezier_filters.runtime.lean import inner_njit, lean_njit
 
 
@@ -54,13 +55,6 @@ def _even_out(
 @inner_njit()
 def _are_opposite(before: FloatArray, after: FloatArray, a: int, b: int, c: int) -> bool:
     """Whether a triangle is turned by more than a right angle."""
-    ux, uy, uz = _normal(before, a, b, c)
-    vx, vy, vz = _normal(after, a, b, c)
+    ux, uy, uz = area_vector(before, a, b, c)
+    vx, vy, vz = area_vector(after, a, b, c)
     return ux * vx + uy * vy + uz * vz < 0.0
-
-
-@inner_njit()
-def _normal(points: FloatArray, a: int, b: int, c: int) -> tuple[float, float, float]:
-    ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
-    vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
-    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx

@@ -12,6 +12,7 @@ from math import pi
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.meshes.triangles import area_vector
 from bezier_filters.runtime.lean import inner_njit, lean_njit
 
 LARGEST_EXACT = 160
@@ -197,9 +198,7 @@ def _rounded(cosine: float, known: float) -> float:
 @inner_njit()
 def _normal(points: FloatArray, i: int, m: int, k: int) -> tuple[float, float, float, float]:
     """Unit normal of a triangle, zero if it has none, and its area."""
-    ux, uy, uz = points[m, 0] - points[i, 0], points[m, 1] - points[i, 1], points[m, 2] - points[i, 2]
-    vx, vy, vz = points[k, 0] - points[i, 0], points[k, 1] - points[i, 1], points[k, 2] - points[i, 2]
-    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    x, y, z = area_vector(points, i, m, k)
     length = np.sqrt(x * x + y * y + z * z)
     if length == 0.0:
         return 0.0, 0.0, 0.0, 0.0

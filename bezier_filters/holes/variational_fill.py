@@ -11,6 +11,7 @@ from scipy.sparse import csc_matrix, csr_matrix, diags, issparse
 from scipy.sparse.linalg import splu
 
 from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.meshes.triangles import angle_parts
 from bezier_filters.runtime.lean import lean_njit
 
 Matrix: TypeAlias = FloatArray | csr_matrix
@@ -107,12 +108,9 @@ def _measure(points: FloatArray, faces: IntArray, areas: FloatArray, weights: Fl
     """
     for f in range(faces.shape[0]):
         for k in range(3):
-            i, j, tip = faces[f, k], faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
-            ux, uy, uz = points[i, 0] - points[tip, 0], points[i, 1] - points[tip, 1], points[i, 2] - points[tip, 2]
-            vx, vy, vz = points[j, 0] - points[tip, 0], points[j, 1] - points[tip, 1], points[j, 2] - points[tip, 2]
-            x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-            twice = np.sqrt(x * x + y * y + z * z)
-            cotangent = (ux * vx + uy * vy + uz * vz) / max(twice, 1e-300)
+            tip = faces[f, (k + 2) % 3]
+            cosine, twice = angle_parts(points, tip, faces[f, k], faces[f, (k + 1) % 3])
+            cotangent = cosine / max(twice, 1e-300)
             weights[f, k] = 0.5 * min(max(cotangent, -LARGEST_COTANGENT), LARGEST_COTANGENT)
             areas[tip] += twice / 6.0
 
