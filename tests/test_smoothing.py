@@ -70,6 +70,14 @@ def test_noise_on_smooth_surfaces_goes(surface, most):
     assert result.volume_ratio == pytest.approx(1.0, abs=1e-6)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_smooth_already_is_left_alone(seed):
+    ball = bumpy_star(resolution=16, jitter=0.2)
+    once = smooth(with_noise(ball.vertices, ball.faces, ball.normals, 0.2, seed), ball.faces)
+    assert once.max_displacement > 0.0
+    assert smooth(once.vertices, ball.faces).max_displacement == 0.0
+
+
 def test_sharp_edges_stay_sharp(block):
     clean, noisy, faces = block
     result = smooth(noisy, faces)
