@@ -125,16 +125,12 @@ def test_a_thousand_repetitions(kind):
 
 
 KEPT = """
-import sys, gc, os
+import sys
 import pymeshlab
 sys.path.insert(0, {tests!r})
 from furnished import punched_torus
-from test_load import FILTERS
+from repetitions import FILTERS, resident_memory
 vertices, faces = punched_torus(24)
-def resident():
-    gc.collect()
-    with open("/proc/self/statm") as file:
-        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 def new():
     ms = pymeshlab.MeshSet()
     ms.add_mesh(pymeshlab.Mesh(vertices, faces))
@@ -142,10 +138,10 @@ def new():
 def growth(repeat):
     for k in range(30):
         repeat()
-    before = resident()
+    before = resident_memory()
     for k in range(200):
         repeat()
-    return resident() - before
+    return resident_memory() - before
 (curvature,) = (function for function in FILTERS if "curvature" in function.__name__)
 columns = len(curvature(new())["attributes"])
 print(growth(lambda: curvature(new())) / 200 / vertices[:, 0].nbytes, columns)

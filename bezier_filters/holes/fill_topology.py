@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.half_edges import faces_at_edges
-from bezier_filters.meshes.triangles import angle_parts, area_vector
+from bezier_filters.meshes.triangles import angle_parts, area_vector, has_corner
 from bezier_filters.runtime.lean import inner_njit, lean_njit
 
 DENSITY = float(np.sqrt(2.0))
@@ -265,12 +265,12 @@ def _are_joined(faces: IntArray, neighbours: IntArray, f: int, g: int, c: int, d
     if c < rim_count and d < rim_count:
         joined = False
         for face in range(faces.shape[0]):
-            joined = joined or (_has_corner(faces, face, c) and _has_corner(faces, face, d))
+            joined = joined or (has_corner(faces, face, c) and has_corner(faces, face, d))
         return joined
     start, tip, other = (f, c, d) if c >= rim_count else (g, d, c)
     face = start
     for _ in range(faces.shape[0]):
-        if _has_corner(faces, face, other):
+        if has_corner(faces, face, other):
             return True
         k = 0 if faces[face, 0] == tip else 1 if faces[face, 1] == tip else 2
         face = neighbours[face, k]
@@ -279,8 +279,3 @@ def _are_joined(faces: IntArray, neighbours: IntArray, f: int, g: int, c: int, d
         if face < 0:
             break
     return True
-
-
-@inner_njit()
-def _has_corner(faces: IntArray, face: int, vertex: int) -> bool:
-    return bool(faces[face, 0] == vertex or faces[face, 1] == vertex or faces[face, 2] == vertex)

@@ -12,6 +12,7 @@ from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.frames import unit_face_normals
 from bezier_filters.meshes.half_edges import faces_at_edges, half_edge, half_edge_lists
 from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.triangles import angle_parts, edge_length
 from bezier_filters.runtime.lean import lean_njit
 
 
@@ -160,22 +161,12 @@ def _measure_rim(
         while h >= 0:
             f, k = h // 3, h % 3
             after, before = faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
-            ux, uy, uz = (
-                points[after, 0] - points[i, 0],
-                points[after, 1] - points[i, 1],
-                points[after, 2] - points[i, 2],
-            )
-            vx, vy, vz = (
-                points[before, 0] - points[i, 0],
-                points[before, 1] - points[i, 1],
-                points[before, 2] - points[i, 2],
-            )
-            x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-            angles[i] += np.arctan2(np.sqrt(x * x + y * y + z * z), ux * vx + uy * vy + uz * vz)
-            lengths[i] += np.sqrt(ux * ux + uy * uy + uz * uz)
+            cosine, sine = angle_parts(points, i, after, before)
+            angles[i] += np.arctan2(sine, cosine)
+            lengths[i] += edge_length(points, i, after)
             count += 1
             if half_edge(faces, first, following, i, before) < 0:  # the edge has no other face
-                lengths[i] += np.sqrt(vx * vx + vy * vy + vz * vz)
+                lengths[i] += edge_length(points, i, before)
                 count += 1
             h = following[h]
         lengths[i] /= max(count, 1)

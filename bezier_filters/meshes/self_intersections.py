@@ -4,7 +4,7 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.adjacency import Rows
-from bezier_filters.meshes.triangles import area_vector
+from bezier_filters.meshes.triangles import area_vector, has_corner
 from bezier_filters.runtime.lean import inner_njit, lean_njit
 
 FEWEST_CELLS, MOST_CELLS = 4, 128
@@ -244,13 +244,13 @@ def _cut(vertices: FloatArray, faces: IntArray, f: int, g: int) -> bool:
         return _lie_on_each_other(vertices, faces, f, g)
     for k in range(3):
         a, b = faces[f, k], faces[f, (k + 1) % 3]
-        if _has(faces, g, a) or _has(faces, g, b):
+        if has_corner(faces, g, a) or has_corner(faces, g, b):
             continue
         if _pierces(vertices, a, b, faces[g, 0], faces[g, 1], faces[g, 2]):
             return True
     for k in range(3):
         a, b = faces[g, k], faces[g, (k + 1) % 3]
-        if _has(faces, f, a) or _has(faces, f, b):
+        if has_corner(faces, f, a) or has_corner(faces, f, b):
             continue
         if _pierces(vertices, a, b, faces[f, 0], faces[f, 1], faces[f, 2]):
             return True
@@ -258,21 +258,16 @@ def _cut(vertices: FloatArray, faces: IntArray, f: int, g: int) -> bool:
 
 
 @inner_njit()
-def _has(faces: IntArray, f: int, i: int) -> bool:
-    return bool(faces[f, 0] == i or faces[f, 1] == i or faces[f, 2] == i)
-
-
-@inner_njit()
 def _lie_on_each_other(vertices: FloatArray, faces: IntArray, f: int, g: int) -> bool:
     """Whether two faces on one edge are folded on each other."""
     a, b, c = 0, 0, 0
     for k in range(3):
-        if not _has(faces, g, faces[f, k]):
+        if not has_corner(faces, g, faces[f, k]):
             c = faces[f, k]
             a, b = faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
     d = 0
     for k in range(3):
-        if not _has(faces, f, faces[g, k]):
+        if not has_corner(faces, f, faces[g, k]):
             d = faces[g, k]
     x, y, z = area_vector(vertices, a, b, c)
     u, v, w = area_vector(vertices, b, a, d)

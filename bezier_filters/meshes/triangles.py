@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from bezier_filters.arrays import FloatArray
+from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.runtime.lean import inner_njit
 
 
@@ -17,15 +17,21 @@ def area_vector(points: FloatArray, a: int, b: int, c: int) -> tuple[float, floa
 @inner_njit()
 def angle_parts(points: FloatArray, tip: int, left: int, right: int) -> tuple[float, float]:
     """Cosine and sine of the angle at a corner, times the lengths of its sides."""
-    ux, uy, uz = (
-        points[left, 0] - points[tip, 0],
-        points[left, 1] - points[tip, 1],
-        points[left, 2] - points[tip, 2],
-    )
-    vx, vy, vz = (
-        points[right, 0] - points[tip, 0],
-        points[right, 1] - points[tip, 1],
-        points[right, 2] - points[tip, 2],
-    )
-    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    return ux * vx + uy * vy + uz * vz, np.sqrt(x * x + y * y + z * z)
+    x, y, z = area_vector(points, tip, left, right)
+    cosine = 0.0
+    for axis in range(3):
+        cosine += (points[left, axis] - points[tip, axis]) * (points[right, axis] - points[tip, axis])
+    return cosine, np.sqrt(x * x + y * y + z * z)
+
+
+@inner_njit()
+def has_corner(faces: IntArray, f: int, i: int) -> bool:
+    """Whether vertex i is a corner of face f."""
+    return bool(faces[f, 0] == i or faces[f, 1] == i or faces[f, 2] == i)
+
+
+@inner_njit()
+def edge_length(points: FloatArray, a: int, b: int) -> float:
+    """Distance of two points."""
+    x, y, z = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
+    return float(np.sqrt(x * x + y * y + z * z))
