@@ -80,6 +80,23 @@ def test_a_second_interrupt_does_not_disturb_the_end():
 
 
 @posix
+def test_an_interrupt_between_two_processes_is_not_lost():
+    """It comes when there is a second process already, and the first does not wait for it yet."""
+    interrupting = """
+import os, signal, time
+fork = os.fork
+def fork_and_interrupt():
+    child = fork()
+    if child:
+        os.kill(os.getpid(), signal.SIGINT)
+    return child
+os.fork = fork_and_interrupt
+"""
+    result = in_python(interrupting + SUPERVISED.format(work="time.sleep(60)"))
+    assert result.stdout.strip() == "(130, '')", result.stderr
+
+
+@posix
 def test_the_work_ends_when_its_parent_is_killed(tmp_path):
     work = f"""
     import time

@@ -80,15 +80,17 @@ def run_supervised(work: Callable[[], str]) -> tuple[int, str]:
     _note = mmap.mmap(-1, _NOTE_SIZE)
     lifeline, held = os.pipe()
     _flush()
+    # Signals wait until both processes are ready for them: none must end the one that waits, and leave the other.
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, _forwarded_signals())
     child = os.fork()
     if child == 0:
         os.close(held)
         this_process_is_expendable()
         _end_in_order_on_signals()
         threading.Thread(target=_end_with_the_parent, args=(lifeline,), daemon=True).start()
-        os._exit(_exit_status_of(work))  # whatever called this function goes on in the other process alone
+        os._exit(_exit_status_of(work, mask))  # whatever called this function goes on in the other process alone
     os.close(lifeline)
-    status = _wait(child)
+    status = _wait(child, mask)
     os.close(held)
     code = os.waitstatus_to_exitcode(status)
     note = _read_note()
@@ -124,9 +126,14 @@ def crash_message(signal_name: str, activity: str = "") -> str:
     return f"{place}; nothing was written. Please report it with the file"
 
 
-def _exit_status_of(work: Callable[[], str]) -> int:
-    """Do the work and leave its reason; return the status to exit with."""
+def _forwarded_signals() -> list[signal.Signals]:
+    return [signal.Signals[name] for name in _FORWARDED]
+
+
+def _exit_status_of(work: Callable[[], str], mask: set[int | signal.Signals]) -> int:
+    """Let signals in again, do the work and leave its reason; return the status to exit with."""
     try:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         reason = work()
         _write_note(reason)
         return FAILED if reason else 0
@@ -148,16 +155,17 @@ def _flush() -> None:
                 stream.flush()
 
 
-def _wait(child: int) -> int:
-    """Status of a process after its end; signals are passed on to it."""
+def _wait(child: int, mask: set[int | signal.Signals]) -> int:
+    """Status of a process after its end; signals, which are let in again, are passed on to it."""
 
     def forward(number: int, _frame: FrameType | None) -> None:
         os.kill(child, number)
 
-    before = {number: signal.getsignal(number) for number in map(signal.Signals.__getitem__, _FORWARDED)}
+    before = {number: signal.getsignal(number) for number in _forwarded_signals()}
     try:
         for number in before:
             signal.signal(number, forward)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         return os.waitpid(child, 0)[1]
     finally:
         for number, handler in before.items():
