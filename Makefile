@@ -6,7 +6,7 @@ ARGS ?=
 PYTHONS ?= python3.10 python3.13
 SOURCES := pyproject.toml
 
-.PHONY: help demo test test-slow test-oldest test-pythons check coverage docs bench bench-kernels bench-scale fuzz clean
+.PHONY: help demo test test-slow test-oldest test-pythons frozen check coverage docs bench bench-kernels bench-scale fuzz clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 16
@@ -34,6 +34,9 @@ test-pythons: $(SOURCES)  ## run the test suite on other Pythons: PYTHONS="pytho
 	    $$env/bin/python -m pytest $(ARGS); \
 	done
 
+frozen: .venv-dev/ready  ## compare every array of the public functions with the hashes in tests/frozen.json
+	.venv-dev/bin/python tests/frozen.py $(ARGS)
+
 check: .venv-dev/ready  ## style (ruff) and types (mypy)
 	.venv-dev/bin/ruff check .
 	.venv-dev/bin/ruff format --check .
@@ -42,7 +45,7 @@ check: .venv-dev/ready  ## style (ruff) and types (mypy)
 coverage: .venv-dev/ready  ## lines and branches that the tests run, kernels in plain Python (takes some minutes)
 	.venv-dev/bin/coverage erase
 	.venv-dev/bin/coverage run -m pytest -q
-	NUMBA_DISABLE_JIT=1 .venv-dev/bin/coverage run -m pytest -q tests/test_plain_python.py
+	NUMBA_DISABLE_JIT=1 .venv-dev/bin/coverage run -m pytest -q tests/whole/test_plain_python.py
 	.venv-dev/bin/coverage combine
 	.venv-dev/bin/coverage report
 

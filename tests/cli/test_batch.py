@@ -22,7 +22,7 @@ from bezier_filters.meshlab.mesh_files import save_mesh
 from bezier_filters.runtime.worker_processes import run_in_processes
 from bezier_filters.surfaces import block_with_sharp_edges
 
-SAMPLES = Path(__file__).parent.parent / "sample_meshes"
+SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 MODULE = [sys.executable, "-m", "bezier_filters"]
 
 

@@ -14,7 +14,7 @@ from plyfile import PlyData
 
 from bezier_filters import surfaces
 
-FOLDER = Path(__file__).parents[1] / "sample_meshes"
+FOLDER = Path(__file__).parents[2] / "sample_meshes"
 RIMS = {
     "sphere.ply": 0,
     "ellipsoid.ply": 0,

@@ -14,7 +14,7 @@ from bezier_filters.runtime.interrupts import interrupts_held
 from bezier_filters.runtime.memory_limit import ALLOWANCE, memory_limited
 from bezier_filters.runtime.supervision import FAILED, crash_message, doing, processor_time_limited, run_supervised
 
-SAMPLES = Path(__file__).parent.parent / "sample_meshes"
+SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 MODULE = [sys.executable, "-m", "bezier_filters"]
 posix = pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
 linux = pytest.mark.skipif(sys.platform != "linux", reason="only Linux counts the memory of a process")

@@ -29,7 +29,7 @@ from bezier_filters.surfaces import (
     waves,
 )
 
-SAMPLES = Path(__file__).parent.parent / "sample_meshes"
+SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 PAPER = {"rings": 2, "alpha": 0.8, "smoothness": "paper"}
 FIXED = {"rings": 2, "alpha": 0.8}
 

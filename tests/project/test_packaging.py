@@ -14,7 +14,7 @@ import pytest
 
 from bezier_filters import __version__
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 
 
 OUTSIDE = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
@@ -78,7 +78,13 @@ def test_the_wheel_and_the_sdist_hold_what_they_should(built):
     assert modules <= set(names)
     with tarfile.open(sdist) as archive:
         names = {name.split("/", 1)[-1] for name in archive.getnames()}
-    assert {"LICENSE", "README.md", "CITATION.cff", "tests/test_packaging.py", "sample_meshes/torus.ply"} <= names
+    assert {
+        "LICENSE",
+        "README.md",
+        "CITATION.cff",
+        "tests/project/test_packaging.py",
+        "sample_meshes/torus.ply",
+    } <= names
 
 
 USERS_SCRIPT = """import numpy as np

@@ -18,7 +18,7 @@ from bezier_filters.meshlab.meshset import BezierFilterError, former_filter_name
 from bezier_filters.meshlab.registration import FILTERS
 from bezier_filters.meshlab.script_runner import _NEWER_NAMES, check_steps
 
-SAMPLES = Path(__file__).parent.parent / "sample_meshes"
+SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 WORDS = st.text(st.characters(codec="utf-8", exclude_categories=["C"]) | st.sampled_from("\n\t"), min_size=1)
 
 

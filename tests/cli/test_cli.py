@@ -15,7 +15,7 @@ from bezier_filters import estimate_vertex_geometry, read_fields
 from bezier_filters._version import __version__
 from bezier_filters.cli.commands import app
 
-SAMPLES = Path(__file__).parent.parent / "sample_meshes"
+SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 COMMANDS = [
     "normals",
     "curvature",

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from bezier_filters.cli.commands import app
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs" / "filters").glob("*.md"))]
 EVERY_PAGE = [*PAGES, *sorted((ROOT / "docs" / "decisions").glob("*.md")), *ROOT.glob("*/README.md")]
 PYTHON = re.compile(r"```python\n(.*?)```", re.DOTALL)

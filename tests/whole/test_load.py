@@ -79,10 +79,12 @@ def test_many_mesh_sets_in_two_threads():
     assert [digest_of(ms) for ms in meshsets] == alone
 
 
+FOLDERS = [str(Path(__file__).parents[k]) for k in (0, 1)]
+"""Of this module, and of what all tests share."""
 POOL = """
 import multiprocessing, sys
 from concurrent.futures import ProcessPoolExecutor
-sys.path.insert(0, {tests!r})
+sys.path[:0] = {folders!r}
 import test_load
 if __name__ == "__main__":
     names = list(test_load.FUNCTIONS)
@@ -105,7 +107,7 @@ if __name__ == "__main__":
 def test_a_pool_of_processes_gives_the_same(method, tmp_path):
     """The parent has used threads and compiled functions before it forks."""
     script = tmp_path / "pool.py"
-    script.write_text(POOL.format(tests=os.path.dirname(__file__), method=method))
+    script.write_text(POOL.format(folders=FOLDERS, method=method))
     result = subprocess.run([sys.executable, script], capture_output=True, encoding="utf-8", timeout=300)
     assert result.returncode == 0, result.stderr
 
@@ -116,7 +118,9 @@ def test_a_pool_of_processes_gives_the_same(method, tmp_path):
 def test_a_thousand_repetitions(kind):
     """Memory stays flat to 1 %, and the results the same."""
     command = [sys.executable, str(Path(__file__).with_name("repetitions.py")), kind]
-    result = subprocess.run(command, capture_output=True, encoding="utf-8")
+    result = subprocess.run(
+        command, capture_output=True, encoding="utf-8", env=os.environ | {"PYTHONPATH": os.pathsep.join(FOLDERS)}
+    )
     assert result.returncode == 0, result.stderr
     different, before, after = map(int, result.stdout.split())
     print(f"a thousand times all {kind}: {after / before:.4f} times the memory")
@@ -127,7 +131,7 @@ def test_a_thousand_repetitions(kind):
 KEPT = """
 import sys
 import pymeshlab
-sys.path.insert(0, {tests!r})
+sys.path[:0] = {folders!r}
 from furnished import punched_torus
 from repetitions import FILTERS, resident_memory
 vertices, faces = punched_torus(24)
@@ -152,7 +156,7 @@ print(growth(lambda: curvature(new())) / 200 / vertices[:, 0].nbytes, columns)
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux counts the memory of a process")
 def test_on_new_meshsets_nothing_grows_but_the_attributes_that_pymeshlab_keeps():
     """pymeshlab frees no custom attribute with its mesh, whoever made it."""
-    code = KEPT.format(tests=os.path.dirname(__file__))
+    code = KEPT.format(folders=FOLDERS)
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True)
     leaked, columns = map(float, result.stdout.split())
     print(f"each new MeshSet keeps {leaked:.1f} arrays of the length of the mesh; the filter writes {columns:.0f}")

@@ -17,7 +17,7 @@ from bezier_filters.meshlab.vertex_normal_filter import NORMAL_FIELDS
 from bezier_filters.pictures.pictures import check_field, field_limits, field_panels, read_mesh_file
 from bezier_filters.pictures.sheets import ColorBar
 
-SAMPLES = Path(__file__).parent.parent / "sample_meshes"
+SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 
 
 @pytest.fixture(scope="module")

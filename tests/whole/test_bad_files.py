@@ -21,7 +21,7 @@ from bezier_filters.meshlab.mesh_files import SAVE_SUFFIXES, load_mesh, save_mes
 from bezier_filters.meshlab.meshset import BezierFilterError
 from bezier_filters.meshlab.registration import FILTERS
 
-SAMPLES = Path(__file__).parent.parent / "sample_meshes"
+SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 COMMANDS = {
     "normals": ["out.ply"],
     "curvature": ["out.ply"],
@@ -163,7 +163,7 @@ def test_a_full_disk_never_leaves_a_file_cut_short(tmp_path):
     """A limit to the size of files is what a full disk is to a writer; pymeshlab often takes no notice."""
     # The library behind 3MF ends the process when it cannot write; see the next test.
     suffixes = [suffix for suffix in SAVE_SUFFIXES if suffix != ".3mf"]
-    code = FULL.format(tests=str(Path(__file__).parent), folder=str(tmp_path), suffixes=suffixes)
+    code = FULL.format(tests=str(Path(__file__).parents[1]), folder=str(tmp_path), suffixes=suffixes)
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8")
     assert result.returncode == 0, result.stderr
     assert result.stdout == ""
@@ -191,7 +191,7 @@ def test_an_output_survives_a_kill_in_the_middle(tmp_path):
     """Killed again and again at random, the output is always a whole file, the old one or the new one."""
     code = f"""
 import sys
-sys.path.insert(0, {str(Path(__file__).parent)!r})
+sys.path.insert(0, {str(Path(__file__).parents[1])!r})
 from furnished import furnished, punched_torus
 from bezier_filters.meshlab.mesh_files import save_mesh
 small, large = furnished(*punched_torus(8)), furnished(*punched_torus(24))

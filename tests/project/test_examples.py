@@ -7,7 +7,7 @@ import numpy as np
 import pymeshlab
 import pytest
 
-EXAMPLES = sorted(path.stem for path in (Path(__file__).parent.parent / "examples").glob("ex*.py"))
+EXAMPLES = sorted(path.stem for path in (Path(__file__).parents[2] / "examples").glob("ex*.py"))
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from bezier_filters.errors import FieldFileError
 from bezier_filters.scale import estimate_file
 from bezier_filters.scale.mesh_source import open_source
 
-TORUS = Path(__file__).parent.parent / "sample_meshes" / "torus.ply"
+TORUS = Path(__file__).parents[2] / "sample_meshes" / "torus.ply"
 
 
 def ply(

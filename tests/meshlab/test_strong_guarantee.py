@@ -17,7 +17,7 @@ from bezier_filters.meshlab.meshset import BezierFilterError
 from bezier_filters.meshlab.registration import FILTERS
 
 VERTEX_FILTERS = [function for function in FILTERS if function is not meshing_close_holes_by_bezier_patch]
-TESTS = Path(__file__).parent
+TESTS = Path(__file__).parents[1]
 
 
 class Stop(Exception):

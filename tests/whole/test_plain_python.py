@@ -107,8 +107,9 @@ def everything():
 def test_kernels_say_the_same_without_the_compiler(tmp_path):
     target = tmp_path / "plain"
     code = f"import pickle, test_plain_python as t; pickle.dump(t.everything(), open({str(target)!r}, 'wb'))"
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONWARNINGS": "ignore"}
-    subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).parent, env=environment)
+    folders = os.pathsep.join(str(Path(__file__).parents[k]) for k in (0, 1))
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONWARNINGS": "ignore", "PYTHONPATH": folders}
+    subprocess.run([sys.executable, "-c", code], check=True, env=environment)
     plain = pickle.loads(target.read_bytes())
     for name, expected in everything().items():
         assert plain[name].keys() == expected.keys()

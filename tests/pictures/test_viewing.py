@@ -17,7 +17,7 @@ from bezier_filters.pictures.render import Panel
 from bezier_filters.pictures.viewing import window
 from bezier_filters.surfaces import torus
 
-SAMPLES = Path(__file__).parent.parent / "sample_meshes"
+SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 
 
 @pytest.fixture
