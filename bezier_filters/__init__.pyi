@@ -24,11 +24,11 @@ from .holes.hole_result import HoleReport as HoleReport
 from .meshes.adjacency import Adjacency as Adjacency
 from .meshes.adjacency import Rows as Rows
 from .meshes.adjacency import vertex_adjacency as vertex_adjacency
-from .meshes.boundary import boundary_loops as boundary_loops
+from .meshes.diagnosis import MeshReport as MeshReport
 from .meshes.diagnosis import diagnose as diagnose
-from .meshes.mesh import MeshReport as MeshReport
+from .meshes.diagnosis import inspect_mesh as inspect_mesh
+from .meshes.half_edges import boundary_loops as boundary_loops
 from .meshes.mesh import TriangleMesh as TriangleMesh
-from .meshes.mesh import inspect_mesh as inspect_mesh
 from .meshes.mesh import triangle_mesh as triangle_mesh
 from .meshes.neighbourhoods import k_rings as k_rings
 from .meshlab.converters import mesh_arrays as mesh_arrays

@@ -9,7 +9,7 @@ from scipy.optimize import linear_sum_assignment
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.holes.loop_geometry import area_vector, diameter, edge_lengths, enclosed, plane_axes
 from bezier_filters.meshes.adjacency import Adjacency
-from bezier_filters.meshes.boundary import border_half_edges
+from bezier_filters.meshes.half_edges import border_half_edges
 from bezier_filters.meshes.mesh import TriangleMesh
 
 RIM_TURNING = pi

@@ -18,8 +18,7 @@ from bezier_filters.holes.hole_groups import FilledHole, OpenMesh, fill_group, g
 from bezier_filters.holes.hole_result import HoleFillingResult, HoleReport
 from bezier_filters.holes.hole_surroundings import all_surroundings, normals_and_noise
 from bezier_filters.meshes.adjacency import vertex_adjacency
-from bezier_filters.meshes.array_arguments import takes_arrays
-from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.meshes.mesh import takes_arrays, triangle_mesh
 from bezier_filters.meshes.self_intersections import faces_in_boxes
 from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.runtime.parallel import Progress, RangeTask, report, run_in_chunks, thread_count

@@ -7,7 +7,7 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.holes.surroundings import Surroundings
-from bezier_filters.meshes.boundary import half_edge_twins
+from bezier_filters.meshes.half_edges import half_edge_twins
 from bezier_filters.meshes.mesh import TriangleMesh
 
 SHARP = radians(35.0)
