@@ -18,9 +18,9 @@ from .files.field_files import save_fields as save_fields
 from .files.filter_scripts import ScriptStep as ScriptStep
 from .files.filter_scripts import read_filter_script as read_filter_script
 from .files.filter_scripts import save_filter_script as save_filter_script
+from .holes.hole_filling import HoleFillingResult as HoleFillingResult
+from .holes.hole_filling import HoleReport as HoleReport
 from .holes.hole_filling import fill_holes as fill_holes
-from .holes.hole_result import HoleFillingResult as HoleFillingResult
-from .holes.hole_result import HoleReport as HoleReport
 from .meshes.adjacency import Adjacency as Adjacency
 from .meshes.adjacency import Rows as Rows
 from .meshes.adjacency import vertex_adjacency as vertex_adjacency
