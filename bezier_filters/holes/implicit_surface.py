@@ -96,23 +96,10 @@ def fit_implicit_surface(
     noisy: bool,
     others: FloatArray | None = None,
 ) -> ImplicitSurface | None:
-    """Fit a surface to points (n, 3) and unit normals (n, 3).
+    """Fit a surface to points (n, 3) and unit normals (n, 3); None if they are too few or do not determine it.
 
-    Parameters
-    ----------
-    points, normals : (n, 3) float64
-        Where the surface is, and where its outside.
-    offset : float
-        Length e at which the function is told its values off the surface: about that of an edge.
-    noisy : bool
-        Whether the points have errors; otherwise they are interpolated.
-    others : (k, 3) float64, optional
-        Further points of the surface, with unknown normals.
-
-    Returns
-    -------
-    ImplicitSurface or None
-        None if there are too few points, or they do not determine the function.
+    The function is told its values at the offset, a length of about an edge, from the surface. Points that are not
+    noisy are interpolated. `others` (k, 3) are further points, with unknown normals.
 
     Examples
     --------

@@ -122,23 +122,10 @@ def triangulate_loop(
 ) -> IntArray | None:
     """Triangulate a closed loop.
 
-    Parameters
-    ----------
-    points : (k, 3) float64
-        Corners of the loop in the direction of its triangles.
-    ids : (k,) int
-        Names of the corners; a loop that reaches islands over bridges names the ends of the bridges twice.
-    rim_normals : (k, 3) float64
-        Unit normal of the face beyond the edge that begins at each corner; zero where there is none.
-    gaps : (k,) float64
-        Angle of the hole at each corner, in radians.
-    existing : set of (int, int)
-        Pairs of ids, the smaller first, that are joined by edges already and must not be joined again.
-
-    Returns
-    -------
-    (k - 2, 3) int32 or None
-        Triangles of ids; None if every triangulation would join a pair again.
+    `points` (k, 3) run in the direction of the triangles, `rim_normals` (k, 3) are those of the faces beyond the edges
+    that begin there, zero where there is none, and `gaps` (k,) are the angles of the hole, in radians. A loop that
+    reaches islands over bridges names the ends of the bridges twice, by `ids` (k,). Pairs of ids that exist, the
+    smaller first, are not joined again: None if every triangulation would, otherwise triangles of ids (k - 2, 3).
 
     Examples
     --------

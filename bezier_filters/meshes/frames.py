@@ -187,20 +187,8 @@ def farthest_direction(
     regular meshes, the whole neighbourhood decides: see `_signature`. Those that tie in this,
     too, see the same surroundings or their mirror image, and the one that comes first is taken.
 
-    Parameters
-    ----------
-    vertices : (n, 3) float64
-    members : (n,) int32
-        The center, then its neighbours, then the rest of the neighbourhood.
-    neighbours, count : int
-        How many of the members are neighbours, and how many there are in all.
-    nx, ny, nz : float
-        Unit normal of the plane.
-
-    Returns
-    -------
-    x, y, z : float
-        Zero if every neighbour projects onto the center.
+    The first `count` members are the center, its neighbours, and the rest of the neighbourhood; (nx, ny, nz) is the
+    unit normal of the plane. Zero if every neighbour projects onto the center.
     """
     farthest, second = 0.0, 0.0
     bx, by, bz = 0.0, 0.0, 0.0

@@ -18,13 +18,7 @@ FOLDED = -0.9999
 
 
 def faces_in_boxes(vertices: FloatArray, faces: IntArray, low: FloatArray, high: FloatArray) -> Rows:
-    """Faces whose bounding box meets each of some boxes: rows of ascending indices.
-
-    Parameters
-    ----------
-    vertices, faces : (n, 3) float64, (m, 3) int32
-    low, high : (b, 3) float64
-        Corners of the boxes.
+    """Faces whose bounding box meets each of some boxes between corners (b, 3): rows of ascending indices.
 
     Examples
     --------
