@@ -13,10 +13,9 @@ import pytest
 
 import bezier_filters
 from bezier_filters import estimate_vertex_geometry
-from bezier_filters.estimation.first_call import compile_fit, compile_the_rest
+from bezier_filters.estimation.first_call import compile_fit, compile_the_rest, first_compilation
 from bezier_filters.kernels.lane_kernel import fit_in_lanes
 from bezier_filters.learning.ring_lanes import analyse_in_lanes
-from bezier_filters.runtime.compilation import first_compilation
 from bezier_filters.surfaces import sphere
 
 CODE = """
