@@ -98,8 +98,7 @@ def estimate_vertex_geometry(
     selected : (n,) bool, optional
         Vertices to estimate; the others get zeros and `FitStatus.SKIPPED`.
     conditions : bool
-        Whether the result has the condition number of every fit. Vertices are then fitted one at a time, which takes
-        some three times as long and gives the same up to rounding.
+        Whether the result has the condition number of every fit, which changes nothing else.
     threads : int, optional
         Number of threads; by default BEZIER_FILTERS_THREADS or all usable cores. The result
         does not depend on it.

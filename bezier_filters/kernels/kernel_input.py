@@ -1,4 +1,4 @@
-"""What the kernels read: the arrays of a mesh, and how to fit."""
+"""What the kernels read and write: the arrays of a mesh, how to fit, and the results."""
 
 from typing import NamedTuple
 
@@ -71,6 +71,7 @@ class KernelFit(NamedTuple):
     rings: int
     radius: float  # of a ball that takes the place of the rings; 0 for none
     fewest_points: int
+    free: int  # coefficients that only the points can determine
     square: bool
     any_axis: bool  # whether the result is the same for any direction of the x axis
     mean_plane: bool
@@ -92,3 +93,21 @@ class KernelFit(NamedTuple):
     weight_scale: float  # points weigh 1 / (1 + (scale distance^2)^power); 0 for equal weights
     weight_power: int
     rounds: int  # of reweighting by residuals; 0 for none
+
+
+class VertexResults(NamedTuple):
+    """Arrays of a `VertexGeometry` that the kernels write, by their names there."""
+
+    normals: FloatArray
+    k_min: FloatArray
+    k_max: FloatArray
+    direction_min: FloatArray
+    direction_max: FloatArray
+    extremality_min: FloatArray
+    extremality_max: FloatArray
+    displacements: FloatArray
+    residual: FloatArray
+    normal_std: FloatArray
+    mean_curvature_std: FloatArray
+    gaussian_curvature_std: FloatArray
+    rings_used: IntArray

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from compiled import from_python
-from numba import config
 
 from bezier_filters.kernels.lane_algebra import (
     GROUP,
@@ -15,8 +14,6 @@ from bezier_filters.kernels.lane_algebra import (
 )
 from bezier_filters.patches.polynomials import lexicographic_places, row_starts, tensor_space, total_degree_space
 from bezier_filters.runtime.lanes import LANES, aligned
-
-pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="lanes are compiled code only")
 
 RANDOM = np.random.default_rng(0)
 SPACES = [total_degree_space(2), tensor_space(3), total_degree_space(6)]
@@ -113,15 +110,16 @@ def test_residuals_of_points_that_are_there(space, count):
     points[3] = RANDOM.integers(0, 2, (stride, LANES))
     points[:, count : count + GROUP] = 0.0
     coefficients = RANDOM.standard_normal((space.dimension, LANES))
-    total = lanes_of(np.full((1, LANES), 0.5))
+    total, residuals = lanes_of(np.full((1, LANES), 0.5)), aligned(count + GROUP)
     from_python(add_squared_residuals)(
-        lanes_of(coefficients), row_starts(space.exponents), lanes_of(points), stride, count, total
+        lanes_of(coefficients), row_starts(space.exponents), lanes_of(points), stride, count, total, residuals
     )
     a, b = space.exponents.T
     terms = points[0, :count, None] ** a[:, None] * points[1, :count, None] ** b[:, None]
     values = (terms * coefficients[lexicographic_places(space.exponents)]).sum(axis=1)
-    expected = 0.5 + (points[3, :count] * (values - points[2, :count]) ** 2).sum(axis=0)
-    np.testing.assert_allclose(total, expected, rtol=1e-12)
+    differences = points[3, :count] * (values - points[2, :count])
+    np.testing.assert_allclose(residuals.reshape(-1, LANES)[:count], differences, atol=1e-12 * np.abs(values).max())
+    np.testing.assert_allclose(total, 0.5 + np.square(differences).sum(axis=0), rtol=1e-12)
 
 
 @pytest.mark.parametrize("space", SPACES, ids=lambda space: str(space.dimension))
