@@ -25,6 +25,7 @@ from bezier_filters.kernels.lane_algebra import (
     differentiate,
     raise_powers,
     solve_lanes,
+    sort_lanes,
 )
 from bezier_filters.meshes.neighbourhoods import collect_ball, collect_ring
 from bezier_filters.runtime.lanes import LANES, Lanes, load, multiply_add, spread, square_root, store, where_greater
@@ -246,7 +247,7 @@ def _solve_robustly(fit: KernelFit, stride: int, count: int, work: FitWorkspace,
     _solve(fit, stride, count, work, robust.weights)
     for _ in range(fit.rounds):
         add_squared_residuals(work.coefficients, fit.starts, work.points, stride, count, work.total, robust.residuals)
-        if not _find_reaches(fit.free, work, robust):
+        if not _find_reaches(fit.free, stride, count, work, robust):
             break
         reach = load(robust.reaches, 0)
         for p in range(count):
@@ -259,60 +260,35 @@ def _solve_robustly(fit: KernelFit, stride: int, count: int, work: FitWorkspace,
 
 
 @inner_njit()
-def _find_reaches(free: int, work: FitWorkspace, robust: RobustWorkspace) -> bool:
+def _find_reaches(free: int, stride: int, count: int, work: FitWorkspace, robust: RobustWorkspace) -> bool:
     """Find how far off a point of each neighbourhood may be; return whether reweighting of any goes on.
 
     It ends where the median residual has settled, or is rounding, by which weights would be random. A
     neighbourhood of which no more points than `free` coefficients would be left is ill posed.
     """
+    zero = spread(0.0)
+    for p in range(count):
+        residual = load(robust.residuals, p)
+        size = where_greater(residual, zero, residual, zero - residual)
+        store(robust.sizes, p, where_greater(load(work.points, 3 * stride + p), zero, size, spread(np.inf)))
+    sort_lanes(robust.sizes, count)
     any_goes_on = False
     for lane in range(LANES):
-        count, median, reach = int(work.counts[lane]), 0.0, 0.0
-        if count > 0 and work.sound[lane] > 0.0:
-            for p in range(count):
-                robust.sizes[p] = abs(robust.residuals[LANES * p + lane])
-            median = _median(robust.sizes, count)
+        points, median, reach = int(work.counts[lane]), 0.0, 0.0
+        if points > 0 and work.sound[lane] > 0.0:
+            # the mean of the two in the middle, which are one if the number is odd
+            median = 0.5 * (
+                robust.sizes[LANES * (points // 2) + lane] + robust.sizes[LANES * ((points - 1) // 2) + lane]
+            )
         if EXACT / work.box[LANES + lane] < median < SETTLED * robust.medians[lane]:
-            reach, left = BIWEIGHT * NORMAL_MEDIAN * median, 0
-            for p in range(count):
-                left += robust.sizes[p] < reach
-            if left <= free:
+            reach = BIWEIGHT * NORMAL_MEDIAN * median
+            if points <= free or robust.sizes[LANES * free + lane] >= reach:
                 median, reach = -1.0, 0.0
-        elif robust.medians[lane] >= 0.0:
-            median = 0.0
         else:
-            median = -1.0
+            median = min(0.0, robust.medians[lane])
         robust.medians[lane], robust.reaches[lane] = median, reach
         any_goes_on = any_goes_on or reach > 0.0
     return any_goes_on
-
-
-@inner_njit()
-def _median(values: FloatArray, count: int) -> float:
-    """Median of the first `count` values, one or more, which are put into another order (Hoare's selection)."""
-    middle, low, high = count // 2, 0, count - 1
-    while low < high:
-        pivot, i, j = values[(low + high) // 2], low, high
-        while i <= j:
-            while values[i] < pivot:
-                i += 1
-            while values[j] > pivot:
-                j -= 1
-            if i <= j:
-                values[i], values[j] = values[j], values[i]
-                i, j = i + 1, j - 1
-        if middle <= j:
-            high = j
-        elif middle >= i:
-            low = i
-        else:
-            break
-    if count % 2 == 1:
-        return float(values[middle])
-    below = values[0]
-    for k in range(1, middle):
-        below = max(below, values[k])
-    return float(0.5 * (below + values[middle]))
 
 
 @inner_njit()

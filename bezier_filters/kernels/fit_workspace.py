@@ -74,9 +74,9 @@ class RobustWorkspace(NamedTuple):
     weights: FloatArray  # lanes (capacity): of the points, by their residuals
     medians: FloatArray  # lanes (1): of the residuals' sizes; 0 where settled, -1 where too few points are left
     reaches: FloatArray  # lanes (1): residuals from which on points weigh nothing; 0 where reweighting has ended
-    sizes: FloatArray  # (capacity,): of the residuals of one neighbourhood
+    sizes: FloatArray  # lanes (capacity): of the residuals, sorted
 
 
 def robust_workspace(capacity: int) -> RobustWorkspace:
     """Scratch arrays for neighbourhoods of up to `capacity` points."""
-    return RobustWorkspace(aligned(capacity), aligned(capacity), aligned(1), aligned(1), np.empty(capacity))
+    return RobustWorkspace(aligned(capacity), aligned(capacity), aligned(1), aligned(1), aligned(capacity))

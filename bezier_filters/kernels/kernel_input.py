@@ -5,8 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
-from bezier_filters.meshes.adjacency import Adjacency
-from bezier_filters.meshes.frames import TangentPlanes
+from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
+from bezier_filters.meshes.creases import crease_vertices
+from bezier_filters.meshes.frames import TangentPlanes, tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.spatial_order import SpatialOrder
 
@@ -59,6 +60,21 @@ def kernel_mesh(
         np.zeros(mesh.vertex_count, dtype=np.bool_) if stops is None else stops,
         np.arange(mesh.vertex_count, dtype=np.int32) if ordered is None else ordered.order,
     )
+
+
+def fitted_mesh(
+    mesh: TriangleMesh,
+    ordered: SpatialOrder | None = None,
+    adjacency: Adjacency | None = None,
+    *,
+    creases: bool,
+    threads: int = 1,
+) -> tuple[KernelMesh, Adjacency]:
+    """Neighbours, unless they are known, planes and creases of a mesh, ready for the kernels."""
+    adjacency = adjacency or vertex_adjacency(mesh, threads=threads)
+    planes = tangent_planes(mesh, adjacency, threads=threads)
+    stops = crease_vertices(mesh, adjacency, planes, threads=threads) if creases else None
+    return kernel_mesh(mesh, adjacency, planes, stops, ordered), adjacency
 
 
 class KernelFit(NamedTuple):

@@ -287,6 +287,31 @@ def differentiate(
 
 
 @inner_njit()
+def sort_lanes(values: FloatArray, count: int) -> None:
+    """Put the first `count` entries of lanes in ascending order, each of the eight sequences on its own.
+
+    The exchanges do not depend on the values (Batcher's merge exchange: Knuth, "The art of computer programming",
+    vol. 3, 5.2.2, algorithm M).
+    """
+    largest = 1
+    while 2 * largest < count:
+        largest *= 2
+    p = largest
+    while p > 0:
+        q, r, d = largest, 0, p
+        while True:
+            for i in range(count - d):
+                if i & p == r:
+                    a, b = load(values, i), load(values, i + d)
+                    store(values, i, where_greater(a, b, b, a))
+                    store(values, i + d, where_greater(a, b, a, b))
+            if q == p:
+                break
+            q, r, d = q // 2, p, q - p
+        p //= 2
+
+
+@inner_njit()
 def condition_numbers(factors: FloatArray, order: int, column: FloatArray, result: FloatArray) -> None:
     """How well eight systems determine their solutions: condition numbers from the factors of `factorise`.
 

@@ -4,10 +4,8 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
-from compiled import from_python
 
 from bezier_filters import estimate_vertex_geometry
-from bezier_filters.kernels.fit_kernel import _median
 from bezier_filters.surfaces import torus
 
 EVERYTHING = {"robust": True, "conditions": True}
@@ -44,10 +42,3 @@ def test_condition_numbers_change_nothing_else():
     for field in fields(found):
         if isinstance(getattr(without, field.name), np.ndarray):
             np.testing.assert_array_equal(getattr(found, field.name), getattr(without, field.name))
-
-
-@pytest.mark.parametrize("count", [*range(1, 8), 30, 91])
-def test_medians_are_those_of_numpy(count):
-    rng = np.random.default_rng(count)
-    for values in (rng.standard_normal(count), rng.integers(0, 3, count).astype(float), np.arange(count, 0.0, -1.0)):
-        assert from_python(_median)(np.append(values, 1e9), count) == np.median(values)

@@ -11,6 +11,7 @@ from bezier_filters.kernels.lane_algebra import (
     differentiate,
     raise_powers,
     solve_lanes,
+    sort_lanes,
 )
 from bezier_filters.patches.polynomials import lexicographic_places, row_starts, tensor_space, total_degree_space
 from bezier_filters.runtime.lanes import LANES, aligned
@@ -138,3 +139,12 @@ def test_derivatives(space):
                 derivative = np.polynomial.polynomial.polyder(np.polynomial.polynomial.polyder(grid, r), q, axis=1)
                 expected = np.polynomial.polynomial.polyval2d(s[lane], t[lane], derivative)
                 np.testing.assert_allclose(jets[LANES * (4 * r + q) + lane], expected, rtol=1e-10, atol=1e-10)
+
+
+@pytest.mark.parametrize("count", [*range(10), 16, 17, 37, 91])
+def test_every_lane_is_sorted(count):
+    values = np.concatenate([RANDOM.standard_normal((count, 4)), RANDOM.integers(0, 3, (count, 4))], axis=1)
+    flat = lanes_of(np.vstack([values, np.full((2, LANES), -9.0)]))
+    from_python(sort_lanes)(flat, count)
+    np.testing.assert_array_equal(flat.reshape(-1, LANES)[:count], np.sort(values, axis=0))
+    np.testing.assert_array_equal(flat.reshape(-1, LANES)[count:], -9.0)
