@@ -60,8 +60,8 @@ from .patches.fitting import PatchFit as PatchFit
 from .patches.fitting import fit_patch as fit_patch
 from .patches.patch import BezierPatch as BezierPatch
 from .patches.patch import ParameterRectangle as ParameterRectangle
-from .pictures.render import Panel as Panel
 from .pictures.render import render_panels as render_panels
+from .pictures.scene import Panel as Panel
 from .smoothing.smooth import smooth as smooth
 from .smoothing.smoothing_result import SmoothingResult as SmoothingResult
 from .status import FitStatus as FitStatus

@@ -1,21 +1,25 @@
 """What render, view and qmap show: fields with names and units, common colours, histograms."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pymeshlab
 import pytest
 from matplotlib.image import imread
+from scipy.spatial import cKDTree
 from typer.testing import CliRunner
 
 import bezier_filters as bf
 from bezier_filters.cli.commands import app
+from bezier_filters.feature_lines.crease_lines import COLORS
 from bezier_filters.meshlab.mesh_files import load_mesh, save_mesh
 from bezier_filters.meshlab.registration import FILTERS
 from bezier_filters.meshlab.vertex_normal_filter import NORMAL_FIELDS
-from bezier_filters.pictures.pictures import check_field, field_limits, field_panels, read_mesh_file
-from bezier_filters.pictures.sheets import ColorBar
+from bezier_filters.pictures.field_panels import check_field, crease_panel, field_limits, field_panels, read_mesh_file
+from bezier_filters.pictures.render import legend
+from bezier_filters.surfaces import block_with_sharp_edges
 
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 
@@ -156,5 +160,20 @@ class TestCommands:
 
 
 def test_a_legend_has_a_unit():
-    bar = ColorBar("mean curvature", "1/length", (0.0, 1e-7), None)
-    assert bar.text == "mean curvature [10⁻⁷ 1/length]"
+    panel = bf.Panel(np.eye(3), np.array([[0, 1, 2]]), np.zeros(3), label="mean curvature", unit="1/length")
+    assert legend(panel) == "mean curvature [1/length]"
+    assert legend(panel, -7) == "mean curvature [10⁻⁷ 1/length]"
+
+
+def test_creases_are_tubes_in_their_colours():
+    vertices, faces = block_with_sharp_edges(resolution=6)
+    creases = bf.find_creases(vertices, faces)
+    panel = crease_panel(vertices, faces, creases, radius=0.01)
+    assert len(panel.vertices) > len(vertices)
+    np.testing.assert_array_equal(panel.vertices[: len(vertices)], vertices)
+    points = np.vstack([line.points for line in creases.lines])
+    distance = cKDTree(panel.vertices[len(vertices) :]).query(points)[0]
+    assert distance.max() < 0.0101
+    assert {tuple(color) for color in panel.colors[len(vertices) :]} == {COLORS[line.kind] for line in creases.lines}
+    alone = crease_panel(vertices, faces, replace(creases, lines=creases.lines[:0]))
+    assert len(alone.vertices) == len(vertices)

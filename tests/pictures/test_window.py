@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 import pyvista
 
-from bezier_filters.pictures.render import Panel
-from bezier_filters.pictures.viewing import window
+from bezier_filters.pictures.scene import Panel, window
 from bezier_filters.surfaces import torus
 
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
@@ -57,6 +56,21 @@ def test_every_panel_with_values_has_a_bar_with_its_unit(opened):
     bars = [[actor for actor in every if actor.GetClassName() == "vtkScalarBarActor"] for every in actors]
     assert [len(of_panel) for of_panel in bars] == [1, 1, 0]
     assert bars[0][0].GetTitle().strip() == "height [length]"
+
+
+def test_meshes_of_any_size_and_place_are_seen_whole():
+    small, large = torus(resolution=12), torus(resolution=12, minor_radius=0.9)
+    panels = [
+        Panel(shift + shape.vertices, shape.faces, colors=np.full((len(shape.vertices), 3), 0.75))
+        for shape, shift in [(small, 0.0), (large, 2.0)]
+    ]
+    with pyvista.vtk_verbosity("error"):
+        plotter = window(panels, off_screen=True)
+        halves = np.array_split(image(plotter), 2, axis=1)
+        plotter.close()
+    for half in halves:
+        assert (half != 255).any()
+        assert (np.concatenate([half[:, 0], half[:, -1], half[0], half[-1]]) == 255).all()
 
 
 def test_the_panels_turn_together(opened):

@@ -1,26 +1,51 @@
-"""Images of coloured meshes as arrays, drawn off screen with pyvista."""
+"""Panels, which are meshes with colours: drawn from several sides off screen, or in a window to be turned."""
 
+import ctypes
+import ctypes.util
+import math
+import os
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.display.palettes import AUTO, matplotlib_colormap
+from bezier_filters.display.colors import AUTO, color_range, matplotlib_colormap, round_limits
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
+
+if TYPE_CHECKING:
+    import pyvista
+
+Image: TypeAlias = NDArray[np.uint8]
+"""Pixels (height, width, 3)."""
 
 MARGIN = 4  # pixels around the mesh
 
 _SUPERSAMPLING = 2  # rendered larger and averaged: smooth edges on every graphics driver
 _NAN_COLOR = "lightgray"
 _AMBIENT = 0.45  # share of the colour that no shadow takes
+_ZOOM = 1.3  # a window first has room for a ball around the meshes
+_REMEDY = "`bezier-filters render` draws a picture without one"
 _SMOOTH_BUT_FOR_EDGES: dict[str, Any] = {
     "split_vertices": True,
     "feature_angle": 60.0,
     "consistent_normals": False,  # both sides of a face are lit alike
     "auto_orient_normals": False,
+}
+
+_BAR: dict[str, Any] = {
+    "color": "black",
+    "title_font_size": 16,
+    "label_font_size": 14,
+    "n_labels": 3,
+    "position_x": 0.2,
+    "position_y": 0.04,
+    "width": 0.6,
+    "height": 0.1,
+    "fmt": "%.3g",
 }
 
 # Right, up and towards the viewer, each in the coordinates (right, up, towards) of the front view.
@@ -50,6 +75,17 @@ UP_AXES = tuple(_FRONT)
 
 class RenderingUnavailableError(ImportError):
     """Pyvista or matplotlib, which pictures need, cannot be imported."""
+
+
+def require_libraries() -> None:
+    """Refuse to draw without the libraries of the extra."""
+    try:
+        import matplotlib  # noqa: F401
+        import pyvista  # noqa: F401
+    except ImportError as error:
+        raise RenderingUnavailableError(
+            f'pictures need pyvista and matplotlib: pip install "bezier-filters[viz]" ({error})'
+        ) from error
 
 
 @dataclass(frozen=True)
@@ -126,6 +162,12 @@ class Panel:
         result[self.faces] = True
         return result
 
+    def color_limits(self) -> tuple[float, float]:
+        """Values of the first and the last colour."""
+        if self.limits is not None or self.values is None:
+            return self.limits or (0.0, 1.0)
+        return round_limits(*color_range(self.values, signed=self.signed, mask=self.drawn()))
+
 
 @dataclass(frozen=True)
 class View:
@@ -186,9 +228,7 @@ def view_of(panel: Panel, axes: FloatArray) -> View:
     return View(axes, projected.min(axis=0), projected.max(axis=0))
 
 
-def draw(
-    panel: Panel, views: Sequence[View], *, limits: tuple[float, float], scale: float, background: str
-) -> list[NDArray[np.uint8]]:
+def draw(panel: Panel, views: Sequence[View], *, scale: float, background: str) -> list[Image]:
     """Draw a panel from several sides with parallel projection, without title and colour bar.
 
     Parameters
@@ -197,8 +237,6 @@ def draw(
         What is drawn.
     views : sequence of View
         From where.
-    limits : (low, high)
-        Values of the lowest and highest colour; unused if the panel has colours.
     scale : float
         Pixels per unit of length.
     background : str
@@ -219,14 +257,14 @@ def draw(
             plotter.set_background(background)
             # In pixels about the origin, because graphics hardware computes in single precision.
             center = 0.5 * (views[0].low + views[0].high) @ views[0].axes
-            add_panel(plotter, panel, (panel.vertices - center) * scale, limits)
+            add_panel(plotter, panel, (panel.vertices - center) * scale)
             return [_photograph(plotter, view, center, scale) for view in views]
         finally:
             plotter.close()
 
 
-def add_lights(plotter: Any) -> None:
-    """Light the scene of a pyvista plotter so that surfaces facing the viewer have just their colour."""
+def add_lights(plotter: "pyvista.Plotter") -> None:
+    """Light a scene, in all subplots, so that surfaces facing the viewer have just their colour."""
     import pyvista
 
     # One light at the camera, one above its left shoulder. A surface that faces the camera gets
@@ -235,36 +273,36 @@ def add_lights(plotter: Any) -> None:
     plotter.add_light(pyvista.Light(light_type="camera light", position=(-0.6, 0.9, 1.0), intensity=0.66))
 
 
-def add_panel(plotter: Any, panel: Panel, points: FloatArray, limits: tuple[float, float]) -> None:
-    """Add a panel's mesh, with its vertices at these points, to a pyvista plotter."""
+def add_panel(plotter: "pyvista.Plotter", panel: Panel, points: FloatArray) -> None:
+    """Add a panel's mesh, with its vertices at these points."""
     import pyvista
 
     options: dict[str, Any] = {"show_scalar_bar": False}
+    colored: NDArray[Any] | None = panel.values
     if panel.colors is not None:
-        colors = panel.colors if panel.colors.dtype == np.uint8 else np.round(255 * np.clip(panel.colors, 0, 1))
-        options |= {"scalars": colors.astype(np.uint8), "rgb": True}
+        colored = panel.colors
+        if colored.dtype != np.uint8:
+            colored = (255 * np.clip(colored, 0.0, 1.0)).round().astype(np.uint8)
+        options |= {"rgb": True}
     else:
         # Values are interpolated within triangles and then coloured, which keeps to the colour map.
-        options |= {
-            "scalars": panel.values,
-            "clim": limits,
-            "cmap": matplotlib_colormap(panel.colormap, signed=panel.signed),
-        }
-        options |= {"interpolate_before_map": True, "nan_color": _NAN_COLOR}
+        colormap = matplotlib_colormap(panel.colormap, signed=panel.signed)
+        options |= {"clim": panel.color_limits(), "cmap": colormap, "interpolate_before_map": True}
+        options |= {"nan_color": _NAN_COLOR}
     if len(panel.faces) == 0:
         size = _SUPERSAMPLING * float(np.clip(400 / np.sqrt(len(points)), 2, 2 * MARGIN))
-        plotter.add_points(points, point_size=size, lighting=False, **options)
+        plotter.add_points(points, scalars=colored, point_size=size, lighting=False, **options)
         return
-    faces: Any = panel.faces
+    faces: NDArray[Any] = panel.faces
     mesh = pyvista.PolyData.from_regular_faces(points, faces)
-    mesh.point_data["colored"] = options.pop("scalars")
+    mesh.point_data["colored"] = colored
     mesh = mesh.compute_normals(cell_normals=False, **_SMOOTH_BUT_FOR_EDGES)
-    light = {"ambient": _AMBIENT, "diffuse": 1.0 - _AMBIENT, "specular": 0.0}
-    actor = plotter.add_mesh(mesh, scalars="colored", **light, **options)
+    options |= {"ambient": _AMBIENT, "diffuse": 1.0 - _AMBIENT, "specular": 0.0}
+    actor = plotter.add_mesh(mesh, scalars="colored", **options)
     actor.prop.interpolation = "Phong"
 
 
-def _photograph(plotter: Any, view: View, center: FloatArray, scale: float) -> NDArray[np.uint8]:
+def _photograph(plotter: Any, view: View, center: FloatArray, scale: float) -> Image:
     width, height = (int(np.ceil(side * scale)) + 2 * MARGIN for side in view.extent[:2])
     depth = view.extent[2] * scale + 1.0
     target = (0.5 * (view.low + view.high) - view.axes @ center) * scale @ view.axes
@@ -279,5 +317,82 @@ def _photograph(plotter: Any, view: View, center: FloatArray, scale: float) -> N
     plotter.render()
     large = plotter.screenshot(None, return_img=True)[..., :3]
     blocks = large.reshape(height, _SUPERSAMPLING, width, _SUPERSAMPLING, 3)
-    result: NDArray[np.uint8] = np.round(blocks.mean(axis=(1, 3))).astype(np.uint8)
+    result: Image = np.round(blocks.mean(axis=(1, 3))).astype(np.uint8)
     return result
+
+
+def check_display() -> None:
+    """Refuse to open a window where there is no display.
+
+    Raises
+    ------
+    RenderingUnavailableError
+        With the remedy: `render` writes a picture.
+    """
+    if sys.platform in ("win32", "darwin") or os.environ.get("WAYLAND_DISPLAY"):
+        return
+    display = os.environ.get("DISPLAY")
+    if not display:
+        raise RenderingUnavailableError(f"there is no display to open a window on; {_REMEDY}")
+    library = ctypes.util.find_library("X11")
+    if library is None:  # VTK will tell
+        return
+    x11 = ctypes.CDLL(library)
+    x11.XOpenDisplay.restype = ctypes.c_void_p
+    x11.XCloseDisplay.argtypes = [ctypes.c_void_p]
+    connection = x11.XOpenDisplay(None)
+    if not connection:
+        raise RenderingUnavailableError(f"cannot open the display {display!r}; {_REMEDY}")
+    x11.XCloseDisplay(connection)
+
+
+def show_panels(panels: Sequence[Panel], *, columns: int | None = None, up: str = "auto") -> None:
+    """Open a window with the panels side by side, which turn together, until it is closed.
+
+    Parameters
+    ----------
+    panels : sequence of Panel
+        What is shown.
+    columns : int, optional
+        Panels in a row; by default all.
+    up : str
+        Axis that points up, as for `render_panels`.
+
+    Raises
+    ------
+    RenderingUnavailableError
+        If there is no display, or pyvista or matplotlib is missing.
+    """
+    require_libraries()
+    check_display()
+    window(panels, columns=columns, up=up).show()
+
+
+def window(panels: Sequence[Panel], *, columns: int | None = None, up: str = "auto", off_screen: bool = False) -> Any:
+    """Plotter of pyvista that `show_panels` shows; off the screen it can be photographed."""
+    import pyvista
+
+    columns = columns or len(panels)
+    shape = (math.ceil(len(panels) / columns), columns)
+    plotter: Any = pyvista.Plotter(shape=shape, lighting="none", border=False, off_screen=off_screen)
+    plotter.title = "bezier-filters"
+    add_lights(plotter)
+    for number, panel in enumerate(panels):
+        plotter.subplot(*divmod(number, columns))
+        plotter.set_background("white")
+        add_panel(plotter, panel, panel.vertices)
+        if panel.values is not None:
+            unit = f" [{panel.unit}]" if panel.unit else ""
+            # pyvista draws bars of one title once; the blanks are not seen.
+            bar = plotter.add_scalar_bar(title=f"{panel.label}{unit}\n{' ' * number}", **_BAR)
+            bar.SetVerticalTitleSeparation(6)
+        plotter.add_text(panel.title, font_size=10, color="black")
+    plotter.link_views()
+    axes = view_axes("front", up_axis(panels) if up == "auto" else up)
+    drawn = np.vstack([panel.vertices[panel.drawn()] for panel in panels])
+    plotter.camera.focal_point = 0.5 * (drawn.min(axis=0) + drawn.max(axis=0))
+    plotter.camera.position = plotter.camera.focal_point + axes[2]
+    plotter.camera.up = axes[1]
+    plotter.reset_camera(bounds=np.stack([drawn.min(axis=0), drawn.max(axis=0)], axis=1).ravel())
+    plotter.camera.zoom(_ZOOM)
+    return plotter

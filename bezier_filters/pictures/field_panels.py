@@ -1,4 +1,4 @@
-"""The fields that mesh files carry, with their names and units, and panels of them."""
+"""Panels of what there is to show: the fields that mesh files carry, with their names and units, and creases."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.display.color_range import color_range
+from bezier_filters.display.colors import color_range, round_limits
 from bezier_filters.errors import FieldFileError, InvalidParameterError
+from bezier_filters.feature_lines.crease_lines import COLORS, Creases
 from bezier_filters.files.field_files import read_fields
 from bezier_filters.files.fields import CURVATURE_FIELDS, DIAGNOSTIC_FIELDS, PREFIX, TORSION_FIELD
 from bezier_filters.meshlab.crease_filter import CREASE_FIELDS
@@ -16,8 +17,7 @@ from bezier_filters.meshlab.mesh_files import load_mesh
 from bezier_filters.meshlab.meshset import current_mesh
 from bezier_filters.meshlab.smoothing_filter import SMOOTHING_FIELDS
 from bezier_filters.meshlab.vertex_normal_filter import NORMAL_FIELDS
-from bezier_filters.pictures.render import Panel
-from bezier_filters.pictures.sheets import round_limits
+from bezier_filters.pictures.scene import Panel, require_libraries
 
 QUALITY, COLOR, SHAPE = "quality", "color", "shape"
 NO_UNIT = "no unit"
@@ -26,6 +26,8 @@ _GROUPS = (CURVATURE_FIELDS, NORMAL_FIELDS, SMOOTHING_FIELDS, CREASE_FIELDS, DIA
 _KNOWN = {field.mesh_attribute: field for group in _GROUPS for field in group.values()}
 _KNOWN[TORSION_FIELD.mesh_attribute] = TORSION_FIELD
 _GREY = 0.75
+_GREY_BELOW_LINES = 0.85
+_SIDES = 12  # of tubes
 
 
 @dataclass(frozen=True)
@@ -191,3 +193,40 @@ def _shape(file: MeshFile) -> Panel:
         vertices = np.ascontiguousarray(vertices[faces].reshape(-1, 3))
         faces = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
     return Panel(vertices, faces, colors=np.full((len(vertices), 3), _GREY), title=file.path.name)
+
+
+def crease_panel(
+    vertices: FloatArray, faces: IntArray, creases: Creases, *, radius: float | None = None, title: str = ""
+) -> Panel:
+    """A surface with its ridges in red and its ravines in blue, to be drawn by `render_panels`.
+
+    Parameters
+    ----------
+    vertices, faces : (n, 3) float64, (m, 3) int32
+        The surface.
+    creases : Creases
+        Its lines.
+    radius : float, optional
+        Of the tubes, a length; by default a 400th of the diagonal of the bounding box.
+    title : str
+        Text above the picture.
+
+    Raises
+    ------
+    RenderingUnavailableError
+        Pyvista or matplotlib is missing.
+    """
+    require_libraries()
+    import pyvista
+
+    if radius is None:
+        radius = float(np.linalg.norm(np.ptp(vertices, axis=0))) / 400.0
+    points, corners, colors = [vertices], [faces], [np.full((len(vertices), 3), _GREY_BELOW_LINES)]
+    count = len(vertices)
+    for line in creases.lines:
+        tube = pyvista.MultipleLines(line.points).tube(radius=radius, n_sides=_SIDES, capping=True).triangulate()
+        points.append(np.asarray(tube.points, dtype=np.float64))
+        corners.append(np.asarray(tube.regular_faces, dtype=np.int32) + np.int32(count))
+        colors.append(np.tile(COLORS[line.kind], (tube.n_points, 1)))
+        count += tube.n_points
+    return Panel(np.vstack(points), np.vstack(corners), colors=np.vstack(colors), title=title)
