@@ -148,7 +148,8 @@ def _fits(
     reflections = reflections_of(_quadratics(points))
     if np.abs(np.diag(reflections.triangle)).min() < 1e-12:
         return []
-    turned, factor = np.empty((2, len(points), len(points)))
+    turned = np.empty((len(points), len(points)))
+    factor = np.empty((len(points) - TERMS, len(points) - TERMS))
     errors = _error_covariance(len(surface), len(further)) if noisy else np.empty((0, 0))
     if noisy:
         turn(errors, reflections)

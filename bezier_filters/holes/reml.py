@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.lapack import dgeqrf
+from scipy.linalg.lapack import dgeqrf, dpotrf
 
 from bezier_filters.arrays import FloatArray
-from bezier_filters.runtime.lapack import factor_in_place
 from bezier_filters.runtime.lean import lean_njit
 
 TERMS = 10
@@ -73,14 +72,13 @@ def restricted_likelihood(
     """
     for _ in range(4):
         _add_errors(turned, errors, variance, factor)
-        if factor_in_place(factor, TERMS):
-            break
+        # LAPACK's rows are columns here: its upper triangle is the lower one, and nothing is copied.
+        if dpotrf(factor.T, lower=0, clean=0, overwrite_a=1)[1] == 0:
+            weights = target.copy()
+            log_determinant, energy = _solve_factored(factor, weights)
+            return log_determinant + len(target) * float(np.log(energy)), weights
         variance *= 10.0
-    else:
-        return None
-    weights = target.copy()
-    log_determinant, energy = _solve_factored(factor, weights)
-    return log_determinant + len(target) * float(np.log(energy)), weights
+    return None
 
 
 @lean_njit(fastmath=FAST)
@@ -113,29 +111,30 @@ def _subtract_products(v: FloatArray, b: FloatArray, matrix: FloatArray) -> floa
 @lean_njit()
 def _add_errors(turned: FloatArray, errors: FloatArray, variance: float, total: FloatArray) -> None:
     """Write the lower triangle of the contrasts with errors, independent ones if no covariance is given."""
-    for i in range(TERMS, turned.shape[0]):
-        for j in range(TERMS, i + 1):
-            total[i, j] = turned[i, j]
+    for i in range(total.shape[0]):
+        row = total[i]
+        for j in range(i + 1):
+            row[j] = turned[TERMS + i, TERMS + j]
         if errors.shape[0] == 0:
-            total[i, i] += variance
+            row[i] += variance
         else:
-            for j in range(TERMS, i + 1):
-                total[i, j] += variance * errors[i, j]
+            for j in range(i + 1):
+                row[j] += variance * errors[TERMS + i, TERMS + j]
 
 
 @lean_njit(fastmath=FAST)
 def _solve_factored(factor: FloatArray, right: FloatArray) -> tuple[float, float]:
-    """Solve L L^T x = b in place, L from row and column 10 on; return log det L L^T and b^T x, which is positive."""
+    """Solve L L^T x = b in place, lower triangular; return log det L L^T and b^T x, which is positive."""
     log_determinant, energy = 0.0, 0.0
     for i in range(right.shape[0]):
-        row = factor[TERMS + i, TERMS:]
+        row = factor[i]
         log_determinant += 2.0 * np.log(row[i])
         for j in range(i):
             right[i] -= row[j] * right[j]
         right[i] /= row[i]
         energy += right[i] * right[i]
     for i in range(right.shape[0] - 1, -1, -1):
-        row = factor[TERMS + i, TERMS:]
+        row = factor[i]
         right[i] /= row[i]
         for j in range(i):
             right[j] -= row[j] * right[i]
