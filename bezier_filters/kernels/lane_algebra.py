@@ -7,14 +7,14 @@ at k stride + p. Four sums go side by side wherever possible: one alone waits fo
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.runtime.jit import inner_jit
 from bezier_filters.runtime.lanes import Lanes, load, multiply_add, spread, square_root, store, where_greater
-from bezier_filters.runtime.lean import inner_njit
 
 GROUP = 4
 """Sums side by side. Tables have this many rows, or points, more than are asked for."""
 
 
-@inner_njit()
+@inner_jit()
 def raise_powers(table: FloatArray, stride: int, count: int, highest: int) -> None:
     """Rows k = 1 .. highest of a table become row 0 times powers of what was row 1."""
     for p in range(count):
@@ -25,7 +25,7 @@ def raise_powers(table: FloatArray, stride: int, count: int, highest: int) -> No
             store(table, k * stride + p, power)
 
 
-@inner_njit()
+@inner_jit()
 def add_moments(
     left: FloatArray, right: FloatArray, stride: int, count: int, starts: IntArray, sums: FloatArray
 ) -> None:
@@ -74,7 +74,7 @@ def add_moments(
             _store_group(sums, k, stop, s0, s1, s2, s3)
 
 
-@inner_njit()
+@inner_jit()
 def _store_group(sums: FloatArray, k: int, stop: int, s0: Lanes, s1: Lanes, s2: Lanes, s3: Lanes) -> None:
     """Write up to four sums to entries k .. stop-1."""
     if k < stop:
@@ -87,7 +87,7 @@ def _store_group(sums: FloatArray, k: int, stop: int, s0: Lanes, s1: Lanes, s2: 
         store(sums, k + 3, s3)
 
 
-@inner_njit()
+@inner_jit()
 def factorise(matrix: FloatArray, rows: int, columns: int, smallest_pivot: float, sound: FloatArray) -> None:
     """Cholesky factors of eight symmetric positive semidefinite matrices, or of their first columns.
 
@@ -155,7 +155,7 @@ def factorise(matrix: FloatArray, rows: int, columns: int, smallest_pivot: float
     store(sound, 0, full_rank)
 
 
-@inner_njit()
+@inner_jit()
 def _eliminate(
     matrix: FloatArray, place: int, s: Lanes, t: Lanes, scale_j: Lanes, across: Lanes, scale_l: Lanes
 ) -> None:
@@ -165,7 +165,7 @@ def _eliminate(
     store(matrix, place + 1, (load(matrix, place + 1) - t - x * across) * scale_l)
 
 
-@inner_njit()
+@inner_jit()
 def substitute_back(factors: FloatArray, order: int, last: int, solution: FloatArray) -> None:
     """Solve L^T x = b for factors from `factorise`, b being their row number `last`; 0 where a column of L is."""
     for i in range(order):
@@ -178,7 +178,7 @@ def substitute_back(factors: FloatArray, order: int, last: int, solution: FloatA
             store(solution, k, load(solution, k) - load(factors, row + k) * found)
 
 
-@inner_njit()
+@inner_jit()
 def solve_lanes(matrix: FloatArray, order: int, smallest_pivot: float, solution: FloatArray, sound: FloatArray) -> None:
     """Solve eight symmetric positive definite systems.
 
@@ -200,7 +200,7 @@ def solve_lanes(matrix: FloatArray, order: int, smallest_pivot: float, solution:
     substitute_back(matrix, order, order, solution)
 
 
-@inner_njit()
+@inner_jit()
 def add_squared_residuals(
     coefficients: FloatArray,
     starts: IntArray,
@@ -262,7 +262,7 @@ def add_squared_residuals(
     store(total, 0, (total0 + total1) + (total2 + total3))
 
 
-@inner_njit()
+@inner_jit()
 def differentiate(
     coefficients: FloatArray, exponents: IntArray, powers_s: FloatArray, powers_t: FloatArray, jets: FloatArray
 ) -> None:
@@ -286,7 +286,7 @@ def differentiate(
             factor_s *= np.float64(a - r)
 
 
-@inner_njit()
+@inner_jit()
 def sort_lanes(values: FloatArray, count: int) -> None:
     """Put the first `count` entries of lanes in ascending order, each of the eight sequences on its own.
 
@@ -311,7 +311,7 @@ def sort_lanes(values: FloatArray, count: int) -> None:
         p //= 2
 
 
-@inner_njit()
+@inner_jit()
 def condition_numbers(factors: FloatArray, order: int, column: FloatArray, result: FloatArray) -> None:
     """How well eight systems determine their solutions: condition numbers from the factors of `factorise`.
 
