@@ -21,7 +21,7 @@ from bezier_filters.learning.plans import THRIFT, Choices, plan_for
 from bezier_filters.learning.ring_analysis import FEWEST_SAMPLES, RingAnalysis
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.patches.fitting import PatchFit
-from bezier_filters.runtime.parallel import Progress, run_in_chunks
+from bezier_filters.runtime.parallel import Progress, run_kernel
 
 RADIUS_SAMPLES = 150
 """Neighbourhoods whose radius is measured."""
@@ -187,7 +187,7 @@ def _part_numbers(parts: Tree[PartFit], geometry: VertexGeometry, origin: IntArr
     def number(start: int, stop: int) -> None:
         numbers[start:stop] = leaf_numbers(parts, first_features(geometry, origin[ids[start:stop]]))
 
-    run_in_chunks(lambda: number, len(ids), threads=1)
+    run_kernel(number, len(ids), threads=1)
     return numbers
 
 
