@@ -6,6 +6,7 @@ The neighbourhoods are rings of edges, or balls of one radius: a scale that does
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -122,11 +123,7 @@ def with_parts(fit: SurfaceFit, learned: Learned, features: Features) -> Surface
     """The fit with what suits the parts of the surface, if they differ, by the `first_features` of sampled vertices."""
     root = learned.root
     tree = grow(root, learned.analyses, features, learned.choices)
-    return fit if isinstance(tree, Leaf) else replace(fit, parts=_part_fits(root, tree))
-
-
-def _part_fits(root: Leaf, tree: Tree[Leaf]) -> Tree[PartFit]:
-    return at_leaves(tree, lambda leaf: _part_fit(root, leaf))
+    return fit if isinstance(tree, Leaf) else replace(fit, parts=at_leaves(tree, partial(_part_fit, root)))
 
 
 def _part_fit(root: Leaf, leaf: Leaf) -> PartFit:

@@ -256,7 +256,6 @@ def kernel_fit(attempt: Attempt, *, robust: bool = False) -> KernelFit:
         exponents=space.exponents,
         starts=row_starts(space.exponents),
         lexicographic=lexicographic_places(space.exponents),
-        moment_exponents=moment_exponents,
         moment_starts=row_starts(moment_exponents),
         moment_place=moment_place,
         penalty=penalty,

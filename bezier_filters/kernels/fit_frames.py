@@ -91,6 +91,7 @@ def point_to_farthest(
     most_points, most_neighbours = _largest(counts), _largest(neighbours)
     zero, share = spread(0.0), spread(1.0 - TIE)
     farthest, second, bx, by, bz = zero, zero, zero, zero, zero
+    # The second farthest, too: only where it is as far, on lattices mostly, the costly rules for ties are needed.
     for p in range(1, most_neighbours + 1):
         x, y, z, square = _projected(points, stride, p, neighbours, frame)
         second = where_greater(square, farthest, farthest, where_greater(square, second, square, second))
@@ -170,6 +171,7 @@ def _break_ties(
             along = multiply_add(a * a * a, one + a, along)
             heights = multiply_add(a * a, h * h, heights)
         along, heights = along / load(counts, 0), heights / load(counts, 0)
+        # First the moments along the axis, then those of the heights; within rounding, the first neighbour stays.
         better = where_greater(heights, best_heights * (one + tie), one, zero)
         better = where_greater(along, best_along - tie, better, zero)
         better = where_greater(along, best_along + tie, one, better)

@@ -314,6 +314,7 @@ def _sum_moments(fit: KernelFit, stride: int, count: int, work: FitWorkspace, we
         store(work.moments, k, zero)
     for k in range(fit.starts[-1]):
         store(work.heights, k, zero)
+    # Chunks of equal size whose powers fit into the nearest cache, so that no last chunk is nearly empty.
     chunks = (count + CHUNK - 1) // CHUNK
     size = (count + chunks - 1) // chunks
     s, t, z, presence = 0, stride, 2 * stride, 3 * stride
