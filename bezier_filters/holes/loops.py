@@ -14,7 +14,7 @@ from scipy.spatial.distance import cdist
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.triangles import area_vector
-from bezier_filters.runtime.lean import inner_njit, lean_njit
+from bezier_filters.runtime.jit import inner_jit, jit
 
 DISTANCES_AT_ONCE = 512
 """Points whose distances to all others are computed together."""
@@ -212,7 +212,7 @@ def _triangles(split: IntArray) -> IntArray | None:
     return np.array(triangles, dtype=np.int32).reshape(-1, 3)
 
 
-@lean_njit()
+@jit()
 def _search(
     points: FloatArray,
     rim_normals: FloatArray,
@@ -250,7 +250,7 @@ def _search(
                     worst[i, k], area[i, k], split[i, k] = sharpest, total, m
 
 
-@inner_njit()
+@inner_jit()
 def _sharpness(
     points: FloatArray, rim_normals: FloatArray, split: IntArray, a: int, b: int, x: float, y: float, z: float
 ) -> float:
@@ -262,7 +262,7 @@ def _sharpness(
     return _rounded(x * u + y * v + z * w, u * u + v * v + w * w)
 
 
-@inner_njit()
+@inner_jit()
 def _rounded(cosine: float, known: float) -> float:
     """1 - cos in steps, so that rounding errors do not choose between flat triangulations; 0 at unknown faces."""
     if known == 0.0:
@@ -270,7 +270,7 @@ def _rounded(cosine: float, known: float) -> float:
     return float(np.floor((1.0 - cosine) * STEPS + 0.5) / STEPS)
 
 
-@inner_njit()
+@inner_jit()
 def _normal(points: FloatArray, i: int, m: int, k: int) -> tuple[float, float, float, float]:
     """Unit normal of a triangle, zero if it has none, and its area."""
     x, y, z = area_vector(points, i, m, k)

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg.lapack import dgeqrf, dpotrf
 
 from bezier_filters.arrays import FloatArray
-from bezier_filters.runtime.lean import lean_njit
+from bezier_filters.runtime.jit import jit
 
 TERMS = 10
 """Of a quadratic."""
@@ -81,7 +81,7 @@ def restricted_likelihood(
     return None
 
 
-@lean_njit(fastmath=FAST)
+@jit(fastmath=FAST)
 def _multiply(matrix: FloatArray, columns: FloatArray, products: FloatArray) -> None:
     """Add a symmetric matrix, of which the lower triangle is read, times columns (k, n) to `products` (k, n)."""
     for i in range(matrix.shape[0]):
@@ -94,7 +94,7 @@ def _multiply(matrix: FloatArray, columns: FloatArray, products: FloatArray) -> 
             product[i] += total + row[i] * x
 
 
-@lean_njit(fastmath=FAST)
+@jit(fastmath=FAST)
 def _subtract_products(v: FloatArray, b: FloatArray, matrix: FloatArray) -> float:
     """Subtract V^T B + B^T V of (10, n) from the lower triangle; return the sum of squares of all from row 10 on."""
     squares = 0.0
@@ -108,7 +108,7 @@ def _subtract_products(v: FloatArray, b: FloatArray, matrix: FloatArray) -> floa
     return squares
 
 
-@lean_njit()
+@jit()
 def _add_errors(turned: FloatArray, errors: FloatArray, variance: float, total: FloatArray) -> None:
     """Write the lower triangle of the contrasts with errors, independent ones if no covariance is given."""
     for i in range(total.shape[0]):
@@ -122,7 +122,7 @@ def _add_errors(turned: FloatArray, errors: FloatArray, variance: float, total: 
                 row[j] += variance * errors[TERMS + i, TERMS + j]
 
 
-@lean_njit(fastmath=FAST)
+@jit(fastmath=FAST)
 def _solve_factored(factor: FloatArray, right: FloatArray) -> tuple[float, float]:
     """Solve L L^T x = b in place, lower triangular; return log det L L^T and b^T x, which is positive."""
     log_determinant, energy = 0.0, 0.0

@@ -6,7 +6,7 @@ from numba import njit
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.meshes.adjacency import Adjacency, Rows
-from bezier_filters.runtime.lean import inner_njit, lean_njit, variable
+from bezier_filters.runtime.jit import inner_jit, jit, variable
 
 
 def k_rings(adjacency: Adjacency, rings: int) -> Rows:
@@ -58,7 +58,7 @@ def rings_around(neighbours: Rows, seeds: IntArray, rings: int) -> list[IntArray
     return result[1:]
 
 
-@lean_njit()
+@jit()
 def collect_ring(
     indptr: IntArray,
     indices: IntArray,
@@ -84,14 +84,14 @@ def collect_ring(
     return count, inner
 
 
-@inner_njit()
+@inner_jit()
 def forget(visited: BoolArray, members: IntArray, count: int) -> None:
     """Make the marks at members[:count] false again."""
     for a in range(count):
         visited[np.uint32(members[a])] = False
 
 
-@inner_njit()
+@inner_jit()
 def next_ring(
     indptr: IntArray,
     indices: IntArray,
@@ -116,7 +116,7 @@ def next_ring(
     return count
 
 
-@inner_njit()
+@inner_jit()
 def collect_ball(
     vertices: FloatArray,
     indptr: IntArray,
