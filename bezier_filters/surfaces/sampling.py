@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, Delaunay
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.errors import InvalidParameterError
+from bezier_filters.errors import InvalidParameterError, is_integer
 
 MAX_JITTER = 0.35
 """Half the width of a right triangle with unit legs: no corner moves past the opposite edge."""
@@ -164,7 +164,7 @@ def notched_cube(resolution: int, *, jitter: float = 0.0, seed: int = 0) -> tupl
 
 def check_resolution(resolution: int, minimum: int) -> None:
     """Raise `InvalidParameterError` unless `resolution` is an int of at least `minimum`."""
-    if not isinstance(resolution, (int, np.integer)) or isinstance(resolution, bool) or resolution < minimum:
+    if not is_integer(resolution) or resolution < minimum:
         raise InvalidParameterError(f"resolution is {resolution!r}, but must be an int of at least {minimum}")
 
 
