@@ -11,9 +11,9 @@ from typer.testing import CliRunner
 
 import bezier_filters as bf
 from bezier_filters.cli.commands import app
+from bezier_filters.fields import qualities
 from bezier_filters.meshlab.mesh_files import load_mesh, save_mesh
 from bezier_filters.meshlab.registration import FILTERS
-from bezier_filters.meshlab.vertex_normal_filter import NORMAL_FIELDS
 from bezier_filters.pictures.pictures import check_field, field_limits, field_panels, read_mesh_file
 from bezier_filters.pictures.sheets import ColorBar
 
@@ -67,7 +67,7 @@ class TestFields:
         assert {name: file.field(name).unit for name in columns if file.field(name).unit == "unit unknown"} == {}
         assert file.field("bz_gaussian_curvature_std").unit == "1/length²"
         assert file.field("bz_displacement").unit == "length"
-        assert file.field("bz_normal_angle").unit == NORMAL_FIELDS["angle"].unit == "degrees"
+        assert file.field("bz_normal_angle").unit == qualities("normals")["angle"].unit == "degrees"
 
     def test_several_files_have_one_range(self, folder):
         files = [read_mesh_file(folder / name) for name in ("curved.ply", "large.ply")]
