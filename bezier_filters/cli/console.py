@@ -13,8 +13,8 @@ from rich.table import Table
 
 from bezier_filters.arrays import Report
 from bezier_filters.fields import CURVATURE, qualities
-from bezier_filters.meshes.diagnosis import diagnose, is_fit
-from bezier_filters.meshes.mesh import MeshReport, TriangleMesh
+from bezier_filters.meshes.diagnosis import MeshReport, diagnose, is_fit
+from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.parallel import Progress as ProgressCallback
 from bezier_filters.status import FitStatus
 

@@ -204,7 +204,7 @@ def creases(
     seconds = time.perf_counter() - begin
     save_lines(target, *lines_as_mesh(found))
     if picture is not None:
-        from bezier_filters.pictures.crease_pictures import crease_panel
+        from bezier_filters.pictures.field_panels import crease_panel
 
         panel = crease_panel(mesh.vertices, mesh.faces, found, title=source.name)
         render_panels(picture, [panel], views=view or ["front", "back"])

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from bezier_filters.display.colors import round_limits
 from bezier_filters.fields import CURVATURE, NORMALS, TORSION, Field, qualities
 from bezier_filters.meshlab.mesh_files import load_mesh, save_mesh
 from bezier_filters.meshlab.meshset import MeshSet, read_current_mesh, shipped_bunny
@@ -15,8 +16,8 @@ from bezier_filters.meshlab.vertex_filters import (
     compute_normal_by_bezier_patch_per_vertex,
     compute_torsion_by_bezier_patch_per_vertex,
 )
-from bezier_filters.pictures.render import Panel, render_panels
-from bezier_filters.pictures.sheets import round_limits
+from bezier_filters.pictures.render import render_panels
+from bezier_filters.pictures.scene import Panel
 
 VIEWS = ("front", "back")
 _FIELDS = [qualities(NORMALS, CURVATURE, TORSION)[name] for name in ("angle", "mean", "gaussian", "torsion")]

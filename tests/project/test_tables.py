@@ -108,7 +108,7 @@ import typer
 import bezier_filters as bf
 from bezier_filters.cli.commands import app
 from bezier_filters.parameters import QUALITY
-from bezier_filters.pictures.pictures import read_mesh_file
+from bezier_filters.pictures.field_panels import read_mesh_file
 
 curvature = bf.compute_curvature_by_bezier_patch_per_vertex
 assert "- ``bz_dummy``: dummy curvature [1/length]" in curvature.__doc__
