@@ -198,7 +198,8 @@ _Function = TypeVar("_Function", bound=Callable[..., object])
 def documented(name: str) -> Callable[[_Function], _Function]:
     """Complete the docstring of a filter, of a command's name, from the tables of fields and parameters.
 
-    An entry of two lines that ends in "see `GROUP`." becomes the entries of the parameters in that group.
+    An entry of two lines that ends in "see `GROUP`." becomes the entries of the parameters in that group. What the
+    source has is a docstring, too, for editors that do not run it.
     """
     texts = {group: "\n".join(parameter.entry() for parameter in members) for group, members in GROUPS.items()}
     texts |= {"ESTIMATE": _ESTIMATE, "ERRORS": _ERRORS, "FIELDS": _listed_fields(name)}

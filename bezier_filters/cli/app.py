@@ -101,7 +101,7 @@ def _option(parameter: Parameter) -> object:
         typer.Option(
             f"--{name}/--no-{name}" if parameter.kind == "bool" else f"--{name}",
             help=parameter.help,
-            min=_LEAST.get(parameter.name),
+            min=_LEAST.get(parameter.name) if parser is None else None,
             parser=parser,
             metavar=metavar,
         ),

@@ -174,16 +174,14 @@ def _remark(report: Report) -> str:
     if "closed_holes" in report:
         return f"{report['closed_holes']:,} holes filled, {report['open_holes']:,} left open"
     if "noise_before" in report:
-        before, after = (f"{report[key]:.3g}" if report[key] is not None else "unknown" for key in _NOISE)
+        noises = (report[key] for key in ("noise_before", "noise_after"))
+        before, after = ("unknown" if noise is None else f"{noise:.3g}" for noise in noises)
         return f"noise {before} before, {after} after [length]"
     if "statistics" in report:
         unit = f" [{report['unit']}]" if report["unit"] else ""
         known = qualities(CURVATURE).get(report["quality"])
         return f"{known.label if known else report['quality']}: median {report['statistics']['median']:.4g}{unit}"
     return ""
-
-
-_NOISE = ("noise_before", "noise_after")
 
 
 def mesh_summary(mesh: TriangleMesh, report: MeshReport, topology: Report) -> Report:

@@ -165,7 +165,7 @@ def _nearest(name: str, known: Mapping[str, str]) -> str:
     return f"did you mean {' or '.join(close)}?" if close else "pymeshlab.print_filter_list() lists MeshLab's"
 
 
-def _our_values(name: str, step: ScriptStep) -> Report:
+def _our_values(name: str, step: ScriptStep) -> dict[str, Any]:
     hints = parameters_of(_OURS[name])
     return _converted(step, hints, lambda key, attributes: value_of_type(hints[key], attributes))
 

@@ -1,7 +1,8 @@
 """The filters that write the geometry of vertices into a MeshSet: normals, curvature and torsion by Bezier patches.
 
 Like the other filters they follow pymeshlab's manner: named ``verb_what_by_how_per_element``, keyword arguments, in
-place on the current mesh, a dict as result.
+place on the current mesh, a dict as result. Where their docstrings say "see `FIT`", the tables in `fields` and
+`parameters` have the text, and `documented` puts it there.
 """
 
 from dataclasses import asdict, dataclass
