@@ -88,7 +88,7 @@ color : bool, default False
     Colour all vertices by the quality.
     There must be one. Where it has both signs by nature, zero gets the middle colour.
 colormap : str, default "auto"
-    auto (Cool Warm where zero is in the middle, else Viridis), Paper, or a colour map of pymeshlab: Turbo, RdPu, ...
+    auto (Cool Warm where zero is in the middle, else Viridis), Paper, or a map of pymeshlab: Turbo, French RGB, ...
     Paper is red for high, blue for medium and green for low. In any case, red or bright is high (see
     `color_by_quality`).
 percentile : float, default 2.0

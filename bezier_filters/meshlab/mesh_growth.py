@@ -8,7 +8,7 @@ pymeshlab makes meshes from arrays, but not with the number of the texture that 
 Only files bring it along, so new faces of textured meshes are written to one and loaded.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,18 +26,13 @@ from bezier_filters.meshlab.meshset import BezierFilterError, Image, Mesh, MeshS
 from bezier_filters.status import FitStatus
 
 _TEXTURE = "TextureFile "
-_GETTERS = {
-    "__ca_vs__": "vertex_custom_scalar_attribute_array",
-    "__ca_vp__": "vertex_custom_point_attribute_matrix",
-    "__ca_fs__": "face_custom_scalar_attribute_array",
-    "__ca_fp__": "face_custom_point_attribute_matrix",
+_ATTRIBUTES = {
+    "__ca_vs__": ("vertex_custom_scalar_attribute", "array"),
+    "__ca_vp__": ("vertex_custom_point_attribute", "matrix"),
+    "__ca_fs__": ("face_custom_scalar_attribute", "array"),
+    "__ca_fp__": ("face_custom_point_attribute", "matrix"),
 }
-_SETTERS = {
-    "__ca_vs__": "add_vertex_custom_scalar_attribute",
-    "__ca_vp__": "add_vertex_custom_point_attribute",
-    "__ca_fs__": "add_face_custom_scalar_attribute",
-    "__ca_fp__": "add_face_custom_point_attribute",
-}
+"""What custom attributes are called in pymeshlab, by the beginnings of the parameters that save them."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +125,7 @@ def grow_mesh(ms: MeshSet, growth: Growth, *, select: bool) -> Grown:
             raise BezierFilterError("pymeshlab merged the new faces with the mesh in another way than expected")
         write_coordinates(ms, vertices)
         for prefix, name, values in attributes:
-            getattr(grown, _SETTERS[prefix])(values, name)
+            getattr(grown, f"add_{_ATTRIBUTES[prefix][0]}")(values, name)
         if select:
             _select_faces_from(ms, old.face_number())
         ms.set_matrix(transformmatrix=transform, freeze=False)
@@ -166,7 +161,7 @@ def _attributes(ms: MeshSet, mesh: Mesh, growth: Growth) -> tuple[list[tuple[str
     found: list[tuple[str, str, FloatArray]] = []
     lost = []
     for key in ms.filter_parameter_values("ply"):
-        prefix = next((prefix for prefix in _GETTERS if key.startswith(prefix)), None)
+        prefix = next((prefix for prefix in _ATTRIBUTES if key.startswith(prefix)), None)
         if prefix is None:
             continue
         name = key[len(prefix) :]
@@ -185,7 +180,7 @@ def _values(mesh: Mesh, prefix: str, listed: str) -> FloatArray | None:
     """Values of an attribute by the name that pymeshlab lists; None if the true name differs and is not known."""
     for name in (listed, *(name for name in (LEFTOVER, KEPT_LEFTOVER) if name.lower() == listed)):
         try:
-            return np.array(getattr(mesh, _GETTERS[prefix])(name), dtype=np.float64)
+            return np.array(getattr(mesh, "_".join(_ATTRIBUTES[prefix]))(name), dtype=np.float64)
         except PyMeshLabException:
             continue
     return None
@@ -208,7 +203,7 @@ def _texture(ms: MeshSet, old: Mesh, growth: Growth, vertices: FloatArray) -> _T
 def _add_patch(ms: MeshSet, old: Mesh, growth: Growth, numbers: FloatArray, texture: _Texture | None) -> bool:
     """Add the new faces as a layer, and say whether they show a texture."""
     patch = _patch(old, growth, numbers)
-    if texture is not None and load_patch(ms, patch, texture.coordinates, texture.numbers, texture.pictures):
+    if texture is not None and _load_patch(ms, patch, texture):
         return True
     ms.add_mesh(patch, "new faces", set_as_current=False)
     return False
@@ -296,25 +291,10 @@ def textures_of(ms: MeshSet) -> tuple[list[str], IntArray]:
     return names, rows["number"].astype(np.int32)
 
 
-def load_patch(
-    ms: MeshSet, patch: Mesh, coordinates: FloatArray, numbers: IntArray, textures: Mapping[str, Image]
-) -> bool:
-    """Add a mesh with texture coordinates (3 f, 2) and texture numbers (f,) as a layer, which becomes the current one.
+def _load_patch(ms: MeshSet, patch: Mesh, texture: _Texture) -> bool:
+    """Add new faces with their texture as a layer, which becomes the current one.
 
-    Parameters
-    ----------
-    ms : pymeshlab.MeshSet
-    patch : pymeshlab.Mesh
-        Its vertices and faces, with their colours and quality.
-    coordinates : (3 f, 2) float64
-    numbers : (f,) int32
-    textures : dict of pymeshlab.Image
-        All textures in their order.
-
-    Returns
-    -------
-    bool
-        False, and no layer, if there is a name that pymeshlab's files cannot hold, such as one with spaces.
+    There is none, and the answer is False, if pymeshlab's files cannot hold a name, such as one with spaces.
     """
     vertices: dict[str, NDArray[Any]] = {**coordinate_columns(patch.vertex_matrix())}
     if patch.has_vertex_color():
@@ -326,21 +306,21 @@ def load_patch(
         vertices |= {"float texture_u": u, "float texture_v": v}
     faces: dict[str, NDArray[Any]] = {
         "list uchar int vertex_indices": patch.face_matrix(),
-        "list uchar float texcoord": coordinates.reshape(-1, 6),
-        "int texnumber": numbers,
+        "list uchar float texcoord": texture.coordinates.reshape(-1, 6),
+        "int texnumber": texture.numbers,
     }
     if patch.has_face_color():
         faces |= color_columns(patch.face_color_matrix())
     if patch.has_face_scalar():
         faces["double quality"] = patch.face_scalar_array()
-    text = ply_text({"vertex": vertices, "face": faces}, [f"{_TEXTURE}{name}" for name in textures])
+    text = ply_text({"vertex": vertices, "face": faces}, [f"{_TEXTURE}{name}" for name in texture.pictures])
     with TemporaryDirectory(prefix="bezier_filters_") as folder:
         path = Path(folder) / "patch.ply"
         path.write_text(text, encoding="utf-8")
-        if not all(_save_picture(Path(folder), name, picture) for name, picture in textures.items()):
+        if not all(_save_picture(Path(folder), name, picture) for name, picture in texture.pictures.items()):
             return False
         ms.load_new_mesh(str(path))
-    if set(current_mesh(ms).textures()) == set(textures):
+    if set(current_mesh(ms).textures()) == set(texture.pictures):
         return True
     ms.delete_current_mesh()
     return False

@@ -267,13 +267,11 @@ def value_of_type(hint: Any, attributes: Mapping[str, str]) -> Any:
     text = _value(attributes)
     options = _options(hint)
     for option in options:
-        value = _read(option, text)
-        if value is not _UNREADABLE:
-            return value
+        try:
+            return _read(option, text)
+        except ValueError:
+            continue
     raise InvalidScriptError(f"got {text!r}, expected {' or '.join(dict.fromkeys(map(_described, options)))}")
-
-
-_UNREADABLE = object()
 
 
 def _options(hint: Any) -> list[Any]:
@@ -282,39 +280,49 @@ def _options(hint: Any) -> list[Any]:
     return list(get_args(hint)) if get_origin(hint) is Literal else [hint]
 
 
+def _flag(text: str) -> bool:
+    if text.lower() not in ("true", "false", "1", "0"):
+        raise ValueError
+    return text.lower() in ("true", "1")
+
+
+def _nothing(text: str) -> None:
+    if text.lower() not in ("", "none"):
+        raise ValueError
+
+
+def _percentage(text: str) -> PercentageValue:
+    if not text.endswith("%"):
+        raise ValueError
+    return PercentageValue(float(text.removesuffix("%")))
+
+
+_READERS: dict[object, tuple[Callable[[str], object], str]] = {
+    bool: (_flag, "true or false"),
+    int: (int, "an integer"),
+    float: (float, "a number"),
+    str: (str, "text"),
+    PureValue: (lambda text: PureValue(float(text)), "a number"),
+    PercentageValue: (_percentage, "a percentage such as 2%"),
+    type(None): (_nothing, "nothing"),
+}
+"""How a text becomes a value of a type, with a ValueError if it does not, and what is said of the type then."""
+
+
 def _read(option: Any, text: str) -> Any:
-    try:
-        if option is type(None):
-            return None if text.lower() in ("", "none") else _UNREADABLE
-        if option is bool:
-            return _flag(text)
-        if option is PercentageValue:
-            return PercentageValue(float(text.removesuffix("%"))) if text.endswith("%") else _UNREADABLE
-        if option in (int, float, PureValue):
-            return option(float(text)) if option is PureValue else option(text)
-    except ValueError:
-        return _UNREADABLE
-    if option is str:
-        return text
+    if option in _READERS:
+        return _READERS[option][0](text)
     if get_origin(option) is tuple:
-        values = tuple(_read(kind, part) for kind, part in zip(get_args(option), text.split(), strict=False))
-        fits = len(values) == len(text.split()) == len(get_args(option)) and _UNREADABLE not in values
-        return values if fits else _UNREADABLE
-    return option if text == option else _UNREADABLE  # one of the words of a Literal
+        return tuple(_read(kind, part) for kind, part in zip(get_args(option), text.split(), strict=True))
+    if text != option:  # one of the words of a Literal
+        raise ValueError
+    return option
 
 
 def _described(option: Any) -> str:
-    names = {
-        bool: "true or false",
-        int: "an integer",
-        float: "a number",
-        PureValue: "a number",
-        PercentageValue: "a percentage such as 2%",
-        type(None): "nothing",
-    }
     if get_origin(option) is tuple:
         return f"{len(get_args(option))} numbers"
-    return names.get(option, repr(option)) if isinstance(option, type) else repr(option)
+    return _READERS[option][1] if option in _READERS else repr(option)
 
 
 def value_like(default: Any, attributes: Mapping[str, str]) -> Any:
@@ -344,12 +352,6 @@ def _array(shape: tuple[int, ...], attributes: Mapping[str, str]) -> Any:
         return np.array([float(text) for text in texts]).reshape(shape)
     except (KeyError, ValueError) as error:
         raise InvalidScriptError(f"got {dict(attributes)}, expected {size} numbers {', '.join(keys)}") from error
-
-
-def _flag(text: str) -> bool:
-    if text.lower() not in ("true", "false", "1", "0"):
-        raise ValueError
-    return text.lower() in ("true", "1")
 
 
 def _value(attributes: Mapping[str, str], key: str = "value") -> str:
