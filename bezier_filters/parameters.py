@@ -40,7 +40,7 @@ class Parameter:
 
     def entry(self) -> str:
         """Its entry in a docstring."""
-        default = "optional" if self.default is None else f"default {self.default!r}"
+        default = "optional" if self.default is None else f"default {self.default!r}".replace("'", '"')
         text = textwrap.fill(f"{self.help} {self.more}".strip(), 110, initial_indent="    ", subsequent_indent="    ")
         return f"{self.name} : {self.kind}, {default}\n{text}"
 
@@ -89,8 +89,8 @@ color : bool, default False
     There must be one. Where it has both signs by nature, zero gets the middle colour.
 colormap : str, default "auto"
     auto (Cool Warm where zero is in the middle, else Viridis), Paper, or a map of pymeshlab: Turbo, French RGB, ...
-    Paper is red for high, blue for medium and green for low. In any case, red or bright is high (see
-    `color_by_quality`).
+    Paper is red for high, blue for medium and green for low; in the others, too, red or bright is high (see
+    `color_by_quality`). Names may be in upper or lower case.
 percentile : float, default 2.0
     Percentage of the values that may lie beyond each end of the colours, in [0, 50).
 colorrange : (float, float), optional
@@ -157,14 +157,14 @@ def _quality(name: str, default: str | None) -> Parameter:
     """The parameter that says which field of a filter becomes the quality."""
     fields = qualities(name)
     *others, last = fields
+    meant = [f'``"{word}"`` is the {_meaning(field)}' for word, field in fields.items() if word != field.name]
     stays = "; the old one stays if left out" if default is None else ""
     return Parameter(
         "quality",
         "{" + ", ".join(f'"{word}"' for word in fields) + "} or None",
         default,
         f"Quality to set: {', '.join(others)} or {last}{stays}.",
-        "; ".join(f'``"{word}"`` is the {_meaning(field)}' for word, field in fields.items())
-        + ". None leaves the old one alone.",
+        "; ".join(meant) + ". None leaves the old one alone." if meant else "",
     )
 
 
