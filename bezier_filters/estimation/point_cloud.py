@@ -17,7 +17,7 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.adjacency import Adjacency, Rows
 from bezier_filters.meshes.frames import TangentPlanes
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.orientation import oriented
+from bezier_filters.meshes.orientation import orient_normals
 from bezier_filters.runtime.parallel import run_kernel
 
 CANDIDATES = 20
@@ -72,7 +72,7 @@ def point_cloud(mesh: TriangleMesh, normals: FloatArray | None = None, *, thread
     nearest, reach = _nearest(points, threads)
     planes = _least_squares_normals(points, nearest)
     neighbours, on_boundary = _neighbours(points, nearest, reach, planes, threads)
-    planes = oriented(points, planes, neighbours, None if normals is None else normals[first])[place_of]
+    planes = orient_normals(points, planes, neighbours, None if normals is None else normals[first])[place_of]
     if normals is not None:
         inward = np.einsum("ij,ij->i", planes, normals) < 0.0
         planes[inward] *= -1.0

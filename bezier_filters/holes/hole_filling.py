@@ -1,7 +1,7 @@
 """Hole filling: the function that users call, and what it gives."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from numbers import Real
 from typing import get_args
 
@@ -69,16 +69,16 @@ class HoleReport:
     perimeter: float
     diameter: float
     is_outer_rim: bool
-    filled: bool
-    method: str
-    reason: str
-    parts: int
-    creases: IntArray
-    new_vertices: range
-    new_faces: range
-    rim_error: float
-    rim_dihedral: float
-    self_intersections: int
+    filled: bool = False
+    method: str = ""
+    reason: str = ""
+    parts: int = 0
+    creases: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int32))
+    new_vertices: range = range(0)
+    new_faces: range = range(0)
+    rim_error: float = 0.0
+    rim_dihedral: float = 0.0
+    self_intersections: int = 0
 
 
 @dataclass(frozen=True, repr=False)
@@ -288,16 +288,7 @@ def _left_open(hole: Hole, reason: str) -> HoleReport:
         perimeter=hole.perimeter,
         diameter=hole.diameter,
         is_outer_rim=hole.is_outer_rim,
-        filled=False,
-        method="",
         reason=reason,
-        parts=0,
-        creases=np.empty((0, 2), dtype=np.int32),
-        new_vertices=range(0),
-        new_faces=range(0),
-        rim_error=0.0,
-        rim_dihedral=0.0,
-        self_intersections=0,
     )
 
 
