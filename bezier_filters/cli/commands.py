@@ -17,7 +17,8 @@ __all__ = ["app", "batch", "creases", "filters", "pictures", "scale", "script", 
 @app.command(epilog="Example: bezier-filters info scan.ply")
 def info(source: Source, json: Json = False) -> None:
     """Say what is in a mesh or point cloud, and whether it is fit for fitting."""
-    from bezier_filters.meshes.mesh import inspect_mesh, triangle_mesh
+    from bezier_filters.meshes.diagnosis import inspect_mesh
+    from bezier_filters.meshes.mesh import triangle_mesh
     from bezier_filters.meshlab.mesh_files import load_mesh
     from bezier_filters.meshlab.meshset import current_mesh, topological_measures
 

@@ -22,8 +22,7 @@ from bezier_filters.learning.model_tree import Leaf
 from bezier_filters.learning.plans import Choices
 from bezier_filters.learning.ring_analysis import RingAnalysis
 from bezier_filters.meshes.adjacency import Adjacency
-from bezier_filters.meshes.array_arguments import takes_arrays
-from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
+from bezier_filters.meshes.mesh import TriangleMesh, takes_arrays, triangle_mesh
 from bezier_filters.meshes.spatial_order import in_spatial_order
 from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.patches.smoothness import Smoothness

@@ -13,8 +13,7 @@ from bezier_filters.estimation.fitted_mesh import fitted_mesh
 from bezier_filters.learning.learn import learn_surface
 from bezier_filters.learning.plans import Choices
 from bezier_filters.meshes.adjacency import vertex_adjacency
-from bezier_filters.meshes.array_arguments import takes_arrays
-from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.meshes.mesh import takes_arrays, triangle_mesh
 from bezier_filters.runtime.parallel import Progress, thread_count
 from bezier_filters.smoothing.smoothing_options import SmoothedBorders, SmoothingMethod, check_smoothing
 from bezier_filters.smoothing.smoothing_result import SmoothingResult

@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from surface_cases import area_vectors, border_edges, directed_edges
 
-from bezier_filters.holes.fill_topology import Fill, refined
-from bezier_filters.holes.loop_triangulation import LARGEST_EXACT, triangulate_loop
+from bezier_filters.holes.loops import LARGEST_EXACT, triangulate_loop
+from bezier_filters.holes.refinement import Fill, refine
 
 
 def triangulated(points, existing=frozenset()):
@@ -79,7 +79,7 @@ def test_a_fold_of_the_surroundings_goes_on():
 def test_refined_polygons_are_delaunay_and_fine_enough(count, seed):
     points = ring(count) * np.random.default_rng(seed).uniform(0.5, 1.0, count)[:, np.newaxis]
     sizes = np.full(count, 0.25)
-    fill = refined(Fill(points, sizes, triangulated(points), count), frozenset())
+    fill = refine(Fill(points, sizes, triangulated(points), count), frozenset())
     assert_disk(fill.faces, count)
     areas = area_vectors(fill.points, fill.faces)[:, 2]
     assert (areas > 0.0).all()

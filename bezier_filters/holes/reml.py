@@ -1,6 +1,6 @@
 """Restricted likelihood (REML) of splines: covariances in the directions that quadratics do not take."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg.lapack import dgeqrf
@@ -12,25 +12,6 @@ from bezier_filters.runtime.lean import lean_njit
 TERMS = 10
 """Of a quadratic."""
 FAST = {"contract", "reassoc", "nsz", "arcp"}
-
-
-@dataclass
-class WorkSpace:
-    """Memory for the matrices of a fit: fresh memory for each fit would take as long as the algebra.
-
-    Attributes
-    ----------
-    room : (k,) float64
-        Grows as needed.
-    """
-
-    room: FloatArray = field(default_factory=lambda: np.empty(0))
-
-    def matrices(self, count: int) -> FloatArray:
-        """Two square matrices with so many rows, (2, count, count), that mean nothing yet."""
-        if len(self.room) < 2 * count * count:
-            self.room = np.empty(2 * count * count)
-        return self.room[: 2 * count * count].reshape(2, count, count)
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ from hole_cases import assert_filled, sheet, without_faces_near, without_squares
 
 from bezier_filters import fill_holes
 from bezier_filters.holes.hole_detection import find_holes
-from bezier_filters.holes.paper_fill import _frame, paper_fill
-from bezier_filters.holes.surroundings import surroundings_of
+from bezier_filters.holes.influence_region import influence_region
+from bezier_filters.holes.planar_fill import _frame, paper_fill
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.patches.fitting import PatchFit, fit_patch
@@ -16,7 +16,7 @@ def hole_around(vertices, faces, rings=2):
     mesh = triangle_mesh(vertices, faces)
     adjacency = vertex_adjacency(mesh)
     hole = next(h for h in find_holes(mesh, adjacency) if not h.is_outer_rim)
-    return surroundings_of(mesh, adjacency, hole.loops, rings)
+    return influence_region(mesh, adjacency, hole.loops, rings)
 
 
 def test_a_plane_is_filled_with_its_delaunay_triangulation():

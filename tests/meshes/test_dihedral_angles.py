@@ -5,7 +5,7 @@ import pytest
 from surface_cases import CASES, make
 
 from bezier_filters import estimate_vertex_geometry, triangle_mesh, vertex_adjacency
-from bezier_filters.meshes.creases import SHARPEST_SMOOTH, crease_vertices
+from bezier_filters.meshes.dihedral_angles import IN_NEIGHBOURHOODS, sharp_edge_vertices
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.surfaces import block_with_sharp_edges
 
@@ -15,7 +15,7 @@ each_block = pytest.mark.parametrize(("resolution", "jitter"), [(8, 0.0), (10, 0
 def creases_of(vertices, faces, threads=1):
     mesh = triangle_mesh(vertices, faces)
     adjacency = vertex_adjacency(mesh)
-    return crease_vertices(mesh, adjacency, tangent_planes(mesh, adjacency), threads=threads)
+    return sharp_edge_vertices(mesh, adjacency, tangent_planes(mesh, adjacency), threads=threads)
 
 
 def on_several_planes(vertices, faces):
@@ -72,10 +72,10 @@ def fold(angle, columns=8, rows=8):
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_an_edge_is_a_crease_beyond_the_limit_whichever_way_it_turns(sign):
-    vertices, faces, x, y = fold(sign * (np.degrees(SHARPEST_SMOOTH) + 1.0))
+    vertices, faces, x, y = fold(sign * (np.degrees(IN_NEIGHBOURHOODS) + 1.0))
     inside = (y > 0) & (y < y.max())
     np.testing.assert_array_equal(creases_of(vertices, faces), (x == 0) & inside)  # the ends have one crease each
-    vertices, faces, *_ = fold(sign * (np.degrees(SHARPEST_SMOOTH) - 1.0))
+    vertices, faces, *_ = fold(sign * (np.degrees(IN_NEIGHBOURHOODS) - 1.0))
     assert not creases_of(vertices, faces).any()
 
 

@@ -1,4 +1,4 @@
-"""Fills without tension: interior vertices where the k-th power of the Laplacian vanishes.
+"""Polyharmonic fairing: interior vertices where the k-th power of the Laplacian vanishes.
 
 With k = 2 the fill continues the tangent planes around the hole, with k = 3 the curvature, too (M. Botsch, L.
 Kobbelt, "An intuitive framework for real-time freeform modeling", SIGGRAPH 2004).
@@ -11,7 +11,7 @@ from scipy.sparse import csc_matrix, csr_matrix, diags, issparse
 from scipy.sparse.linalg import splu
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.meshes.triangles import angle_parts
+from bezier_filters.meshes.triangles import cotangent_and_area
 from bezier_filters.runtime.lean import lean_njit
 
 Matrix: TypeAlias = FloatArray | csr_matrix
@@ -19,32 +19,20 @@ Matrix: TypeAlias = FloatArray | csr_matrix
 MOST_DENSE = 300
 """Vertices up to which matrices are dense."""
 LEAST_COTANGENT, LARGEST_COTANGENT = 0.02, 5.0
-"""Bounds of the weights: slivers do not rule, and there is always one solution."""
+"""Bounds of the weights: slivers do not rule, and there is always one solution, as all are positive."""
 
 
-def without_tension(points: FloatArray, faces: IntArray, first: int, order: int) -> FloatArray:
+def polyharmonic_fairing(points: FloatArray, faces: IntArray, first: int, order: int) -> FloatArray:
     """Move the last vertices to where the Laplacian to a power vanishes, the others fixed.
 
-    Parameters
-    ----------
-    points : (n, 3) float64
-        Vertices of the fill and `order` rings around it.
-    faces : (m, 3) int32
-        Faces of both.
-    first : int
-        The first vertex that moves; all after it do, too.
-    order : int
-        1, 2 or 3.
-
-    Returns
-    -------
-    (n, 3) float64
+    Vertices (n, 3) of the fill and `order` rings around it, and the faces (m, 3) of both: all from `first` on move.
+    The power, 1, 2 or 3, is the order; with 1 the fill has the least area, as a soap film does.
 
     Examples
     --------
     >>> hub = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 5.0]])
     >>> wheel = np.array([[4, 0, 1], [4, 1, 2], [4, 2, 3], [4, 3, 0]], dtype=np.int32)
-    >>> bool(np.allclose(without_tension(hub, wheel, 4, 1)[4], 0.0))
+    >>> bool(np.allclose(polyharmonic_fairing(hub, wheel, 4, 1)[4], 0.0))
     True
     """
     if first == len(points):
@@ -54,30 +42,29 @@ def without_tension(points: FloatArray, faces: IntArray, first: int, order: int)
     rows = stiffness[first:]
     for _ in range(order - 1):
         rows = (rows @ diags(1.0 / areas) if issparse(rows) else rows / areas) @ stiffness
-    return np.vstack([points[:first], solved(rows[:, first:], -(rows[:, :first] @ points[:first]))])
+    return _solve(rows, points[:first])
 
 
-def shifted(points: FloatArray, faces: IntArray, shift: FloatArray) -> FloatArray:
+def harmonic_displacement(points: FloatArray, faces: IntArray, shift: FloatArray) -> FloatArray:
     """Harmonic continuation of shifts (r, 3) of the first r points to all n of them, (n, 3).
 
     It is nowhere larger than at these points, and what differs from one to the next dies away within an edge or two.
     """
-    count = len(shift)
-    if len(points) == count:
+    if len(points) == len(shift):
         return shift.copy()
     stiffness, _ = cotangent_matrix(points, faces)
-    rows = stiffness[count:]
-    return np.vstack([shift, solved(rows[:, count:], -(rows[:, :count] @ shift))])
+    return _solve(stiffness[len(shift) :], shift)
 
 
-def solved(matrix: Matrix, right: FloatArray) -> FloatArray:
-    """Solution (n, c) of a symmetric, positive definite system with right-hand sides (n, c)."""
+def _solve(rows: Matrix, known: FloatArray) -> FloatArray:
+    """The known first values (r, c) and the others, where the last rows (n - r, n) of a symmetric matrix give zero."""
+    matrix, right = rows[:, len(known) :], -(rows[:, : len(known)] @ known)
     if not issparse(matrix):
-        return np.linalg.solve(matrix, right)
+        return np.vstack([known, np.linalg.solve(matrix, right)])
     # Without pivoting, in an order for symmetric matrices: several times as fast as for any matrix.
     options = {"SymmetricMode": True}
     factor = splu(csc_matrix(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
-    return np.asarray(factor.solve(np.ascontiguousarray(right)), dtype=np.float64)
+    return np.vstack([known, factor.solve(np.ascontiguousarray(right))])
 
 
 def cotangent_matrix(points: FloatArray, faces: IntArray) -> tuple[Matrix, FloatArray]:
@@ -109,10 +96,9 @@ def _measure(points: FloatArray, faces: IntArray, areas: FloatArray, weights: Fl
     for f in range(faces.shape[0]):
         for k in range(3):
             tip = faces[f, (k + 2) % 3]
-            cosine, twice = angle_parts(points, tip, faces[f, k], faces[f, (k + 1) % 3])
-            cotangent = cosine / max(twice, 1e-300)
+            cotangent, area = cotangent_and_area(points, tip, faces[f, k], faces[f, (k + 1) % 3])
             weights[f, k] = 0.5 * min(max(cotangent, -LARGEST_COTANGENT), LARGEST_COTANGENT)
-            areas[tip] += twice / 6.0
+            areas[tip] += area / 3.0
 
 
 @lean_njit()

@@ -1,19 +1,18 @@
-"""Splitting and flipping in the triangulation of a hole.
+"""The triangulation of a hole, refined: triangles are split, edges flipped, vertices moved to where they are more even.
 
-Triangles are refined until their edges are as long as those of the surroundings, with edges flipped until all of them
+Triangles are split until their edges are as long as those of the surroundings, with edges flipped until all of them
 are locally Delaunay (P. Liepa, "Filling holes in meshes", SGP 2003). The edges at the rim stay as they are.
 """
 
 from collections.abc import Set as AbstractSet
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.meshes.half_edges import faces_at_edges
-from bezier_filters.meshes.triangles import angle_parts, area_vector, has_corner
+from bezier_filters.meshes.half_edges import face_neighbours
+from bezier_filters.meshes.triangles import angle_parts, area_vector, cosine_between, has_corner
 from bezier_filters.runtime.lean import inner_njit, lean_njit
 
 DENSITY = float(np.sqrt(2.0))
@@ -26,6 +25,8 @@ GROWTH = 9
 """Rows that there is room for, in faces of a fill, before its arrays are made longer."""
 MOST_FLIPS = 30
 """Passes over all edges."""
+
+Values = TypeVar("Values", FloatArray, IntArray)
 
 
 @dataclass(frozen=True)
@@ -40,8 +41,6 @@ class Fill:
         Edge length that is wanted around each of them.
     faces : (m, 3) int32
         Triangles.
-    fixed : frozenset of (int, int)
-        Edges within the fill that must stay: creases. Pairs of vertices, the smaller first.
     rim_count : int
         Number of vertices of the rim.
     """
@@ -50,81 +49,59 @@ class Fill:
     sizes: FloatArray
     faces: IntArray
     rim_count: int
-    fixed: AbstractSet[tuple[int, int]] = frozenset()
 
 
-def refined(fill: Fill, existing: AbstractSet[tuple[int, int]]) -> Fill:
-    """Split triangles that are too large, and flip edges.
-
-    Parameters
-    ----------
-    fill : Fill
-    existing : set of (int, int)
-        Pairs of rim vertices that must not be joined, the smaller first.
-    """
-    keys = _keys(existing | fill.fixed)
-    arrays: tuple[NDArray[Any], ...] = (
-        fill.points,
-        fill.sizes,
-        fill.faces,
-        face_neighbours(fill.faces),
-        _fixed_edges(fill.faces, fill.fixed),
-    )
-    n, m = len(fill.points), len(fill.faces)
+def refine(fill: Fill, existing: AbstractSet[tuple[int, int]]) -> Fill:
+    """Split triangles that are too large, and flip edges; pairs of rim vertices that exist are not joined again."""
+    keys = _sorted_pairs(existing)
+    points, sizes, faces = fill.points, fill.sizes, fill.faces
+    neighbours = face_neighbours(faces)
+    n, m = len(points), len(faces)
     most = FEW_FACES + 2 * fill.rim_count**2
     for _ in range(MOST_PASSES):
         if m > most:
             break
-        if len(arrays[2]) < 3 * m:  # each face may become three
-            arrays = tuple(_with_room(part, GROWTH * m) for part in arrays)
-        points, sizes, faces, neighbours, fixed = arrays
-        added = _split(points, sizes, faces, neighbours, fixed, n, m)
+        if len(faces) < 3 * m:  # each face may become three
+            points, sizes = _with_room(points, GROWTH * m), _with_room(sizes, GROWTH * m)
+            faces, neighbours = _with_room(faces, GROWTH * m), _with_room(neighbours, GROWTH * m)
+        added = _split(points, sizes, faces, neighbours, n, m)
         n, m = n + added, m + 2 * added
-        flips = _flip(points, faces[:m], neighbours, fixed, keys, fill.rim_count, MOST_FLIPS)
-        if added == 0 and flips == 0:
+        if _flip(points, faces[:m], neighbours, keys, fill.rim_count) == added == 0:
             break
-    points, sizes, faces = arrays[:3]
-    return Fill(points[:n].copy(), sizes[:n].copy(), faces[:m].copy(), fill.rim_count, fill.fixed)
+    return Fill(points[:n].copy(), sizes[:n].copy(), faces[:m].copy(), fill.rim_count)
 
 
-def _with_room(part: NDArray[Any], count: int) -> NDArray[Any]:
+def _with_room(part: Values, count: int) -> Values:
     """An array with as many further rows as are needed for so many in all."""
     return np.concatenate([part, np.zeros((count - len(part), *part.shape[1:]), dtype=part.dtype)])
 
 
-def flipped(fill: Fill, existing: AbstractSet[tuple[int, int]]) -> Fill:
-    """Flip edges until all are locally Delaunay."""
+def flip_edges(fill: Fill, existing: AbstractSet[tuple[int, int]]) -> Fill:
+    """Flip edges until all are locally Delaunay, without joining rim vertices again."""
     faces = fill.faces.copy()
-    neighbours = face_neighbours(faces)
-    fixed = _fixed_edges(faces, fill.fixed)
-    _flip(fill.points, faces, neighbours, fixed, _keys(existing | fill.fixed), fill.rim_count, MOST_FLIPS)
-    return Fill(fill.points, fill.sizes, faces, fill.rim_count, fill.fixed)
+    _flip(fill.points, faces, face_neighbours(faces), _sorted_pairs(existing), fill.rim_count)
+    return replace(fill, faces=faces)
 
 
-def face_neighbours(faces: IntArray) -> IntArray:
-    """Face beyond the edge from corner k to the next, -1 at the border, (m, 3), of manifold, oriented faces."""
-    return faces_at_edges(faces, faces[:, [1, 2, 0]].ravel(), faces.ravel()).reshape(-1, 3)
-
-
-def _keys(pairs: AbstractSet[tuple[int, int]]) -> IntArray:
-    """Sorted pairs, (p, 2)."""
+def _sorted_pairs(pairs: AbstractSet[tuple[int, int]]) -> IntArray:
+    """Pairs in ascending order, (p, 2)."""
     return np.array(sorted(pairs), dtype=np.int32).reshape(-1, 2)
 
 
-def _fixed_edges(faces: IntArray, fixed: AbstractSet[tuple[int, int]]) -> BoolArray:
-    """Which edges of faces, from corner k to the next, must not be flipped, (m, 3)."""
-    result = np.zeros(faces.shape, dtype=np.bool_)
-    if fixed:
-        low, high = (function(faces, np.roll(faces, -1, axis=1)) for function in (np.minimum, np.maximum))
-        for a, b in fixed:
-            result |= (low == a) & (high == b)
-    return result
+def relax_tangentially(fill: Fill) -> Fill:
+    """Move every new vertex to the mean of its neighbours, unless that turns a triangle over.
+
+    On a fill that is projected to its surface again this moves vertices along the surface only.
+    """
+    n = len(fill.points)
+    goals, counts, moving = np.zeros((n, 3)), np.zeros(n), np.arange(n) >= fill.rim_count
+    points = fill.points.copy()
+    _move_to_means(fill.points, fill.faces, goals, counts, moving, points)
+    return replace(fill, points=points)
 
 
 @lean_njit()
-def _split(
-    points: FloatArray, sizes: FloatArray, faces: IntArray, neighbours: IntArray, fixed: BoolArray, n: int, m: int
-) -> int:
+def _split(points: FloatArray, sizes: FloatArray, faces: IntArray, neighbours: IntArray, n: int, m: int) -> int:
     """Split those of the first m faces that are too large at their centroids; return how many."""
     added = 0
     for f in range(m):
@@ -150,7 +127,6 @@ def _split(
         neighbours[g, 0], neighbours[g, 1], neighbours[g, 2] = beyond_bc, h, f
         neighbours[h, 0], neighbours[h, 1], neighbours[h, 2] = beyond_ca, f, g
         neighbours[f, 1], neighbours[f, 2] = g, h
-        fixed[g, 0], fixed[h, 0], fixed[f, 1], fixed[f, 2] = fixed[f, 1], fixed[f, 2], False, False
         _relink(faces, neighbours, beyond_bc, c, g)
         _relink(faces, neighbours, beyond_ca, a, h)
         added += 1
@@ -166,23 +142,15 @@ def _relink(faces: IntArray, neighbours: IntArray, f: int, start: int, new: int)
 
 
 @lean_njit()
-def _flip(
-    points: FloatArray,
-    faces: IntArray,
-    neighbours: IntArray,
-    fixed: BoolArray,
-    existing: IntArray,
-    rim_count: int,
-    passes: int,
-) -> int:
+def _flip(points: FloatArray, faces: IntArray, neighbours: IntArray, existing: IntArray, rim_count: int) -> int:
     """Flip edges that are not locally Delaunay, in passes over all faces; return how many."""
     flips = 0
-    for _ in range(passes):
+    for _ in range(MOST_FLIPS):
         before = flips
         for f in range(faces.shape[0]):
             for k in range(3):
                 g = neighbours[f, k]
-                if g < 0 or fixed[f, k]:
+                if g < 0:
                     continue
                 a, b, c = faces[f, k], faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
                 q = 0 if faces[g, 0] == b else 1 if faces[g, 1] == b else 2
@@ -197,19 +165,12 @@ def _flip(
                 # Faces (a, b, c) and (b, a, d) become (d, c, a) and (c, d, b).
                 p1, p2 = (k + 1) % 3, (k + 2) % 3
                 q1, q2 = (q + 1) % 3, (q + 2) % 3
-                beyond_bc, beyond_ca, beyond_ad, beyond_db = (
-                    neighbours[f, p1],
-                    neighbours[f, p2],
-                    neighbours[g, q1],
-                    neighbours[g, q2],
-                )
-                fixed_bc, fixed_ca, fixed_ad, fixed_db = fixed[f, p1], fixed[f, p2], fixed[g, q1], fixed[g, q2]
+                beyond_bc, beyond_ca = neighbours[f, p1], neighbours[f, p2]
+                beyond_ad, beyond_db = neighbours[g, q1], neighbours[g, q2]
                 faces[f, 0], faces[f, 1], faces[f, 2] = d, c, a
                 faces[g, 0], faces[g, 1], faces[g, 2] = c, d, b
                 neighbours[f, 0], neighbours[f, 1], neighbours[f, 2] = g, beyond_ca, beyond_ad
                 neighbours[g, 0], neighbours[g, 1], neighbours[g, 2] = f, beyond_db, beyond_bc
-                fixed[f, 0], fixed[f, 1], fixed[f, 2] = False, fixed_ca, fixed_ad
-                fixed[g, 0], fixed[g, 1], fixed[g, 2] = False, fixed_db, fixed_bc
                 _relink(faces, neighbours, beyond_ad, d, f)
                 _relink(faces, neighbours, beyond_bc, c, g)
                 flips += 1
@@ -226,20 +187,10 @@ def _is_better_flipped(points: FloatArray, a: int, b: int, c: int, d: int) -> bo
     at_d, across_d = angle_parts(points, d, b, a)
     if across_c * at_d + at_c * across_d >= -1e-10 * (abs(across_c * at_d) + abs(at_c * across_d)):
         return False
-    now = _cosine(points, a, b, c, b, a, d)
-    then = _cosine(points, d, c, a, c, d, b)
+    # A triangle without area is as good as folded. Ties stay as they are, lest rounding flips edges to and fro.
+    now = cosine_between(points, a, b, c, b, a, d, -1.0)
+    then = cosine_between(points, d, c, a, c, d, b, -1.0)
     return then >= min(now, 0.5) - 1e-9
-
-
-@inner_njit()
-def _cosine(points: FloatArray, a: int, b: int, c: int, d: int, e: int, f: int) -> float:
-    """Cosine of the angle between the triangles (a, b, c) and (d, e, f); -1 if one has no area."""
-    x, y, z = area_vector(points, a, b, c)
-    u, v, w = area_vector(points, d, e, f)
-    lengths = np.sqrt((x * x + y * y + z * z) * (u * u + v * v + w * w))
-    if lengths == 0.0:
-        return -1.0
-    return float((x * u + y * v + z * w) / lengths)
 
 
 @inner_njit()
@@ -279,3 +230,44 @@ def _are_joined(faces: IntArray, neighbours: IntArray, f: int, g: int, c: int, d
         if face < 0:
             break
     return True
+
+
+@lean_njit()
+def _move_to_means(
+    before: FloatArray, faces: IntArray, goals: FloatArray, counts: FloatArray, moving: BoolArray, points: FloatArray
+) -> None:
+    """Write the new points; those of turned triangles, and of triangles that turn because they stay, keep their places.
+
+    `goals` and `counts` are zero at first.
+    """
+    for k in range(3):
+        for f in range(faces.shape[0]):
+            i, j = faces[f, k], faces[f, (k + 1) % 3]
+            counts[i] += 1.0
+            for axis in range(3):
+                goals[i, axis] += before[j, axis]
+    for i in range(before.shape[0]):
+        if moving[i]:
+            for axis in range(3):
+                points[i, axis] = goals[i, axis] / max(counts[i], 1.0)
+    turned = True
+    while turned:
+        turned = False
+        # All triangles are judged before vertices go back, so that their order does not matter.
+        for f in range(faces.shape[0]):
+            a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+            if (moving[a] or moving[b] or moving[c]) and _are_opposite(before, points, a, b, c):
+                moving[a] = moving[b] = moving[c] = False
+                turned = True
+        for i in range(before.shape[0]):
+            if not moving[i]:
+                for axis in range(3):
+                    points[i, axis] = before[i, axis]
+
+
+@inner_njit()
+def _are_opposite(before: FloatArray, after: FloatArray, a: int, b: int, c: int) -> bool:
+    """Whether a triangle is turned by more than a right angle."""
+    ux, uy, uz = area_vector(before, a, b, c)
+    vx, vy, vz = area_vector(after, a, b, c)
+    return ux * vx + uy * vy + uz * vz < 0.0

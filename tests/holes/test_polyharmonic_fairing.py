@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from bezier_filters.holes import variational_fill
-from bezier_filters.holes.variational_fill import cotangent_matrix, shifted, without_tension
+from bezier_filters.holes import polyharmonic_fairing as module
+from bezier_filters.holes.polyharmonic_fairing import cotangent_matrix, harmonic_displacement, polyharmonic_fairing
 from bezier_filters.surfaces import sphere
 
 
@@ -14,18 +14,21 @@ def test_dense_and_sparse_matrices_give_the_same_fill(monkeypatch):
     faces = np.argsort(order)[ball.faces].astype(np.int32)
     first = len(points) - len(free)
     shift = np.random.default_rng(0).standard_normal((first, 3))
-    assert len(points) <= variational_fill.MOST_DENSE
-    dense = cotangent_matrix(points, faces), [without_tension(points, faces, first, k) for k in (1, 2, 3)]
-    dense_shift = shifted(points, faces, shift)
-    monkeypatch.setattr(variational_fill, "MOST_DENSE", 0)
+    assert len(points) <= module.MOST_DENSE
+    dense = (
+        cotangent_matrix(points, faces),
+        [polyharmonic_fairing(points, faces, first, k) for k in (1, 2, 3)],
+    )
+    dense_shift = harmonic_displacement(points, faces, shift)
+    monkeypatch.setattr(module, "MOST_DENSE", 0)
     (matrix, areas), fills = (
         cotangent_matrix(points, faces),
-        [without_tension(points, faces, first, k) for k in (1, 2, 3)],
+        [polyharmonic_fairing(points, faces, first, k) for k in (1, 2, 3)],
     )
     np.testing.assert_allclose(dense[0][0], matrix.toarray(), atol=1e-12)
     np.testing.assert_array_equal(dense[0][1], areas)
     np.testing.assert_allclose(dense[1], fills, atol=1e-9)
-    np.testing.assert_allclose(dense_shift, shifted(points, faces, shift), atol=1e-9)
+    np.testing.assert_allclose(dense_shift, harmonic_displacement(points, faces, shift), atol=1e-9)
 
 
 def test_areas_of_a_closed_mesh_sum_up_to_its_area():

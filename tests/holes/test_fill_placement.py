@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.sparse.csgraph import connected_components
 
+from bezier_filters.holes.fill_placement import groups_of_boxes
 from bezier_filters.holes.hole_filling import fill_holes
-from bezier_filters.holes.hole_groups import groups_of_boxes
 from bezier_filters.surfaces import sphere
 
 
