@@ -15,10 +15,9 @@ from typing import Any
 import numpy as np
 
 from bezier_filters.estimation.fallbacks import QUADRATIC, Attempt, fit_with_fallbacks
-from bezier_filters.estimation.fitted_mesh import fitted_mesh
 from bezier_filters.estimation.vertex_geometry import empty_geometry
-from bezier_filters.kernels.kernel_input import FITTED, KernelMesh
-from bezier_filters.kernels.lane_kernel import fit_in_lanes
+from bezier_filters.kernels.fit_kernel import fit_in_lanes
+from bezier_filters.kernels.kernel_input import FITTED, KernelMesh, fitted_mesh
 from bezier_filters.learning.learn import learn_surface
 from bezier_filters.learning.plans import Choices
 from bezier_filters.meshes.mesh import triangle_mesh

@@ -9,7 +9,7 @@ from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.first_call import first_call
-from bezier_filters.estimation.fitted_mesh import fitted_mesh
+from bezier_filters.kernels.kernel_input import fitted_mesh
 from bezier_filters.learning.learn import learn_surface
 from bezier_filters.learning.plans import Choices
 from bezier_filters.meshes.adjacency import vertex_adjacency

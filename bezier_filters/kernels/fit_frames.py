@@ -1,13 +1,76 @@
-"""The axes of eight local frames at a time, by the rules of `frames.farthest_direction`."""
+"""The frame over which a neighbourhood is a height field, if it is one.
 
-from typing import Any
+Its plane is chosen vertex by vertex. So is its x axis where any will do; otherwise it points to the farthest
+neighbour, for eight vertices at a time, by the rules of `frames.farthest_direction`.
+"""
 
 import numpy as np
 
-from bezier_filters.arrays import FloatArray
-from bezier_filters.meshes.frames import TIE
-from bezier_filters.runtime.lanes import LANES, load, multiply_add, spread, square_root, store, where_greater
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.kernels.kernel_input import FITTED, FOLDED, ILL_POSED, NO_FRAME, KernelFit, KernelMesh
+from bezier_filters.meshes.frames import TIE, direction_to, farthest_direction, folds, mean_normal, turned_share
+from bezier_filters.runtime.lanes import LANES, Lanes, load, multiply_add, spread, square_root, store, where_greater
 from bezier_filters.runtime.lean import inner_njit
+
+
+@inner_njit()
+def write_plane(mesh: KernelMesh, fit: KernelFit, members: IntArray, count: int, inner: int, frame: FloatArray) -> int:
+    """Write the z axis of the local frame of members[0] into the last third of frame (9,); return the outcome so far.
+
+    `inner` of the `count` members must not fold.
+    """
+    i = members[0]
+    nx, ny, nz = mesh.normals[i, 0], mesh.normals[i, 1], mesh.normals[i, 2]
+    if fit.mean_plane:
+        nx, ny, nz = mean_normal(mesh.normals, members, count)
+    if nx == 0.0 and ny == 0.0 and nz == 0.0:
+        return NO_FRAME
+    if count < fit.fewest_points:
+        return ILL_POSED
+    if fit.most_turned >= 0.0:
+        folded = turned_share(mesh.normals, members, inner, nx, ny, nz) > fit.most_turned
+    else:
+        folded = folds(
+            mesh.vertices,
+            mesh.faces,
+            mesh.face_ptr,
+            mesh.face_indices,
+            mesh.normals,
+            mesh.safe_cosine,
+            members,
+            inner,
+            nx,
+            ny,
+            nz,
+        )
+    if folded:
+        return FOLDED
+    frame[6], frame[7], frame[8] = nx, ny, nz
+    return FITTED
+
+
+@inner_njit()
+def write_any_axes(mesh: KernelMesh, members: IntArray, count: int, neighbours: int, frame: FloatArray) -> int:
+    """Write x and y axes, any that there are, of the local frame of members[0] before its z axis; return the outcome.
+
+    `neighbours` of the `count` members, after the first, share an edge with it.
+    """
+    i = members[0]
+    nx, ny, nz = frame[6], frame[7], frame[8]
+    xx, xy, xz = 0.0, 0.0, 0.0
+    if neighbours > 0:
+        xx, xy, xz = direction_to(mesh.vertices, i, members[1], nx, ny, nz)
+    if xx == 0.0 and xy == 0.0 and xz == 0.0:
+        xx, xy, xz = farthest_direction(mesh.vertices, members, neighbours, count, nx, ny, nz)
+    if xx == 0.0 and xy == 0.0 and xz == 0.0:
+        return ILL_POSED
+    rest = xx * nx + xy * ny + xz * nz  # of the edge's part along the normal, if that is nearly all of it
+    xx, xy, xz = xx - rest * nx, xy - rest * ny, xz - rest * nz
+    length = np.sqrt(xx * xx + xy * xy + xz * xz)
+    xx, xy, xz = xx / length, xy / length, xz / length
+    frame[0], frame[1], frame[2] = xx, xy, xz
+    frame[3], frame[4], frame[5] = ny * xz - nz * xy, nz * xx - nx * xz, nx * xy - ny * xx
+    return FITTED
 
 
 @inner_njit()
@@ -77,7 +140,9 @@ def _largest(lanes: FloatArray) -> int:
 
 
 @inner_njit()
-def _projected(points: FloatArray, stride: int, p: int, neighbours: FloatArray, frame: FloatArray) -> Any:
+def _projected(
+    points: FloatArray, stride: int, p: int, neighbours: FloatArray, frame: FloatArray
+) -> tuple[Lanes, Lanes, Lanes, Lanes]:
     """Lanes of edge p without its part along the normal, and of its squared length; -1 for what is no neighbour."""
     nx, ny, nz = load(frame, 6), load(frame, 7), load(frame, 8)
     x, y, z = load(points, p), load(points, stride + p), load(points, 2 * stride + p)
@@ -95,8 +160,8 @@ def _break_ties(
     most_neighbours: int,
     counts: FloatArray,
     neighbours: FloatArray,
-    farthest: Any,
-    scale: Any,
+    farthest: Lanes,
+    scale: Lanes,
     frame: FloatArray,
 ) -> None:
     """Choose among equally far neighbours by how the whole neighbourhood lies: see `frames.farthest_direction`."""

@@ -12,10 +12,10 @@ from bezier_filters.runtime.lanes import LANES, aligned
 CHUNK = 32
 """Most points whose powers are held at a time: they fit into the nearest cache."""
 OUTPUTS = 20
-"""Numbers that every fit gives: see `lane_results`."""
+"""Numbers that every fit gives: see `graph_geometry`."""
 
 
-class LaneWorkspace(NamedTuple):
+class FitWorkspace(NamedTuple):
     """Scratch arrays for one block; those without a shape of their own are flat arrays of lanes."""
 
     counts: FloatArray  # (1): number of points
@@ -40,10 +40,10 @@ class LaneWorkspace(NamedTuple):
     one_frame: FloatArray  # (9,): of one vertex
 
 
-def lane_workspace(fit: KernelFit, capacity: int) -> LaneWorkspace:
+def fit_workspace(fit: KernelFit, capacity: int) -> FitWorkspace:
     """Scratch arrays for neighbourhoods of up to `capacity` points."""
     order, rows = fit.exponents.shape[0], fit.highest_power + 1
-    return LaneWorkspace(
+    return FitWorkspace(
         aligned(1),
         np.zeros(LANES, np.int32),
         aligned(1),
@@ -65,3 +65,18 @@ def lane_workspace(fit: KernelFit, capacity: int) -> LaneWorkspace:
         aligned(OUTPUTS),
         np.empty(9),
     )
+
+
+class RobustWorkspace(NamedTuple):
+    """What reweighting by residuals needs beyond that."""
+
+    residuals: FloatArray  # lanes (capacity)
+    weights: FloatArray  # lanes (capacity): of the points, by their residuals
+    medians: FloatArray  # lanes (1): of the residuals' sizes; 0 where settled, -1 where too few points are left
+    reaches: FloatArray  # lanes (1): residuals from which on points weigh nothing; 0 where reweighting has ended
+    sizes: FloatArray  # lanes (capacity): of the residuals, sorted
+
+
+def robust_workspace(capacity: int) -> RobustWorkspace:
+    """Scratch arrays for neighbourhoods of up to `capacity` points."""
+    return RobustWorkspace(aligned(capacity), aligned(capacity), aligned(1), aligned(1), aligned(capacity))

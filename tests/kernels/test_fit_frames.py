@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 from compiled import from_python
-from numba import config
 
-from bezier_filters.kernels.lane_frames import point_to_farthest
+from bezier_filters.kernels.fit_frames import point_to_farthest
 from bezier_filters.meshes.frames import farthest_direction
 from bezier_filters.runtime.lanes import LANES, aligned
 
-pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="lanes are compiled code only")
 STRIDE = 16
 
 
