@@ -1,13 +1,11 @@
 """The demonstration: normals, curvatures and torsion of one mesh as coloured PLY files and one picture."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from bezier_filters.display.colors import round_limits
+from bezier_filters.display.colors import AUTO
 from bezier_filters.fields import CURVATURE, NORMALS, TORSION, Field, qualities
 from bezier_filters.meshlab.mesh_files import load_mesh, save_mesh
 from bezier_filters.meshlab.meshset import MeshSet, read_current_mesh, shipped_bunny
@@ -16,6 +14,7 @@ from bezier_filters.meshlab.vertex_filters import (
     compute_normal_by_bezier_patch_per_vertex,
     compute_torsion_by_bezier_patch_per_vertex,
 )
+from bezier_filters.pictures.field_panels import QUALITY, field_panels, read_mesh_file
 from bezier_filters.pictures.render import render_panels
 from bezier_filters.pictures.scene import Panel
 
@@ -57,7 +56,7 @@ def run_demo(folder: Path, mesh: Path | None = None, *, size: tuple[int, int] = 
         report = _run(ms, field)
         path = folder / f"{mesh.stem}_{field.name}.ply"
         save_mesh(ms, path)
-        panels.append(_panel(ms, field, report))
+        panels.append(_panel(ms, field, path))
         yield DemoStep(field, path, report)
     render_panels(picture_path(folder, mesh), panels, views=VIEWS, size=size)
 
@@ -75,19 +74,11 @@ def _run(ms: MeshSet, field: Field) -> dict[str, Any]:
     return compute_normal_by_bezier_patch_per_vertex(ms, color=True)
 
 
-def _panel(ms: MeshSet, field: Field, report: dict[str, Any]) -> Panel:
-    """Normals are shown as colours, the other fields by their values."""
-    arrays = read_current_mesh(ms)
+def _panel(ms: MeshSet, field: Field, path: Path) -> Panel:
+    """Normals are shown as colours, the other fields by the values in their file."""
     if NORMALS in field.filters:
+        arrays = read_current_mesh(ms)
         colors = 0.5 + 0.5 * arrays.vertex_normals
         return Panel(arrays.vertices, arrays.faces, colors=colors, title="normals (x, y, z as red, green, blue)")
-    return Panel(
-        arrays.vertices,
-        arrays.faces,
-        values=np.array(ms.current_mesh().vertex_scalar_array()),
-        label=field.label,
-        unit=field.unit,
-        signed=field.signed,
-        limits=round_limits(*report["color_range"]),
-        title=field.label,
-    )
+    (panel,) = field_panels([read_mesh_file(path)], QUALITY, colormap=AUTO, percentile=2.0)
+    return replace(panel, title=field.label)
