@@ -247,7 +247,7 @@ def _take_farthest(
     """Take some of the candidates; `distances` are those to the points taken before, squared."""
     for _ in range(count):
         farthest = -1
-        for i in candidates:
+        for i in candidates:  # of equally far ones the first
             if not taken[i] and (farthest < 0 or distances[i] > distances[farthest]):
                 farthest = i
         taken[farthest] = True

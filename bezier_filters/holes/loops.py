@@ -245,6 +245,7 @@ def _search(
                 if span == count - 1:
                     u, v, w = rim_normals[k, 0], rim_normals[k, 1], rim_normals[k, 2]
                     sharpest = max(sharpest, _rounded(x * u + y * v + z * w, u * u + v * v + w * w))
+                # Of equally sharp ones the least area, of equal areas the first corner: sharpness is rounded for that.
                 total = area[i, m] + area[m, k] + size
                 if sharpest < worst[i, k] or (sharpest == worst[i, k] and total < area[i, k]):
                     worst[i, k], area[i, k], split[i, k] = sharpest, total, m

@@ -263,7 +263,7 @@ def _find_sharp_vertices(
                 for b in range(own, count):
                     flatter += TIMES_AROUND * angles[b] < angles[a]
                 sharp += 2 * flatter > count - own
-        result[i] = sharp >= 2
+        result[i] = sharp >= 2  # where a sharp edge ends, one side of a fit may look across it
 
 
 @inner_jit()
