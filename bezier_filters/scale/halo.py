@@ -12,8 +12,8 @@ from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.lean import lean_njit
 from bezier_filters.scale.store import Store
 
-FAR = np.uint8(255)
-"""Layer of what was not reached."""
+FAR = np.int32(np.iinfo(np.int32).max)
+"""Ring of what was not reached: no number of rings comes near it."""
 GROUP = 16
 """Vertices whose surroundings are read together, so that few blocks are held."""
 
@@ -92,7 +92,7 @@ class _Loaded:
         self.count = 0
         self.ptr = store.face_ptr()
         self.vertices: FloatArray = np.empty((0, 3))
-        self.layers: NDArray[np.uint8] = np.empty(0, dtype=np.uint8)
+        self.layers: IntArray = np.empty(0, dtype=np.int32)
         self.faces: IntArray = np.empty((0, 4), dtype=np.int32)
         self.active: IntArray = np.empty(0, dtype=np.int32)  # faces that may still lead on
 
@@ -150,15 +150,15 @@ class _Loaded:
 
 
 @lean_njit()
-def _layer(bits: int, slots: IntArray, layers: NDArray[np.uint8], i: int) -> int:
-    """Layer of a vertex, 255 if it is unknown."""
+def _layer(bits: int, slots: IntArray, layers: IntArray, i: int) -> int:
+    """Layer of a vertex, `FAR` if it is unknown."""
     slot = slots[i >> bits]
-    return int(layers[(slot << bits) + (i & (1 << bits) - 1)]) if slot >= 0 else 255
+    return int(layers[(slot << bits) + (i & (1 << bits) - 1)]) if slot >= 0 else FAR
 
 
 @lean_njit()
 def _reach(
-    faces: IntArray, active: IntArray, bits: int, slots: IntArray, layers: NDArray[np.uint8], k: int, needed: BoolArray
+    faces: IntArray, active: IntArray, bits: int, slots: IntArray, layers: IntArray, k: int, needed: BoolArray
 ) -> int:
     """Put the unknown corners of active faces with one in layer k into layer k + 1.
 
@@ -167,7 +167,7 @@ def _reach(
     """
     count = 0
     for f in active:
-        nearest, farthest = 255, 0
+        nearest, farthest = FAR, 0
         for c in range(1, 4):
             layer = _layer(bits, slots, layers, faces[f, c])
             nearest, farthest = min(nearest, layer), max(farthest, layer)
@@ -183,7 +183,7 @@ def _reach(
                     needed[i >> bits] = True
                 else:
                     place = (slot << bits) + (i & (1 << bits) - 1)
-                    if layers[place] == 255:
+                    if layers[place] == FAR:
                         layers[place] = k + 1
     return count
 
@@ -193,7 +193,7 @@ def _local_faces(
     faces: IntArray,
     bits: int,
     slots: IntArray,
-    layers: NDArray[np.uint8],
+    layers: IntArray,
     rings: int,
     numbers: IntArray,
     cells: IntArray,
@@ -203,7 +203,7 @@ def _local_faces(
     """Write the faces with a corner within rings - 1 layers in local numbers, and their keys; return their number."""
     count = 0
     for f in range(faces.shape[0]):
-        nearest = 255
+        nearest = FAR
         for c in range(1, 4):
             nearest = min(nearest, _layer(bits, slots, layers, faces[f, c]))
         if nearest >= rings:

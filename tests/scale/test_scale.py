@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scale_cases import MESHES, assert_same_as_in_memory, clean, noisy, save_arrays, shuffled
+from scale_cases import MESHES, assert_same_as_in_memory, clean, noisy, save_arrays
 
 from bezier_filters import InvalidParameterError, estimate_vertex_geometry, read_fields, smooth
 from bezier_filters.files.fields import normal_columns, torsion_columns
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.spatial_order import in_spatial_order
 from bezier_filters.scale import FitOptions, estimate_file, smooth_file
-from bezier_filters.scale.halo import part_around, part_around_samples
+from bezier_filters.scale.halo import part_around
 from bezier_filters.scale.mesh_source import open_source
 from bezier_filters.scale.partition import build_store
 from bezier_filters.surfaces import sphere, torus
@@ -139,24 +139,6 @@ def test_the_store_has_the_order_of_meshes_in_memory(seed, tile, tmp_path_factor
     assert np.array_equal(store.order.read(0, len(vertices)), ordered.order)
     whole = part_around(store, np.arange(len(vertices), dtype=np.int32), 1)
     assert np.array_equal(whole.mesh.faces, ordered.mesh.faces)
-
-
-@pytest.mark.parametrize("rings", [1, 2, 5])
-def test_a_part_has_all_faces_at_its_inner_vertices(rings, tmp_path):
-    vertices, faces = shuffled(*clean())
-    store = build_store(open_source(save_arrays(tmp_path, vertices, faces)), tmp_path, 256)
-    mesh = in_spatial_order(triangle_mesh(vertices, faces)).mesh
-    seeds = np.arange(256, 512, dtype=np.int32)
-    near = np.zeros(len(vertices), dtype=bool)
-    near[seeds] = True
-    for _ in range(rings - 1):
-        near[mesh.faces[near[mesh.faces].any(axis=1)]] = True
-    expected = mesh.faces[near[mesh.faces].any(axis=1)]
-    for part in (part_around(store, seeds, rings), part_around_samples(store, seeds[::-1], rings)):
-        assert np.array_equal(part.ids, np.union1d(seeds, expected))
-        assert np.array_equal(part.ids[part.mesh.faces], expected)
-        assert np.array_equal(part.mesh.vertices, mesh.vertices[part.ids])
-        assert np.array_equal(part.ids[part.local(seeds)], seeds)
 
 
 @pytest.mark.parametrize(
