@@ -29,11 +29,11 @@ import numpy as np
 from bezier_filters import estimate_vertex_geometry, smooth
 from bezier_filters.files.fields import CURVATURE_FIELDS, curvature_columns
 from bezier_filters.scale import estimate_file, smooth_file
-from bezier_filters.scale.disk_smoothing import SHARPNESS
-from bezier_filters.scale.joined_file import FACE, ply_head
-from bezier_filters.scale.mesh_source import open_source
-from bezier_filters.scale.tile_results import open_tile
-from bezier_filters.scale.tile_tasks import DISPLACEMENT, peak_bytes, table_of
+from bezier_filters.scale.columns import DISPLACEMENT, SHARPNESS, table_of
+from bezier_filters.scale.run import peak_bytes
+from bezier_filters.scale.source import open_source
+from bezier_filters.scale.target import FACE, ply_head
+from bezier_filters.scale.tiles import open_tile
 
 MAJOR, MINOR = 1.0, 0.4
 SIZES = (1_000_000, 7_000_000, 50_000_000)
@@ -142,7 +142,7 @@ def tiled(source: Path, target: Path) -> dict[str, object]:
     report["seconds"]["all"] = time.perf_counter() - start
     del report["input"], report["output"]
     (results,) = store.glob("results-*")
-    report["seconds_of_tiles"] = [open_tile(results, tile).report["seconds"] for tile in range(report["tiles"])]
+    report["seconds_of_tiles"] = [open_tile(results, tile).report.seconds for tile in range(report["tiles"])]
     return report
 
 

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bezier_filters.arrays import BoolArray, IntArray, SingleArray
+from bezier_filters.scale.run import peak_bytes
 from bezier_filters.scale.stage_tasks import NOTHING, Where, clusters_of_piece
 from bezier_filters.scale.tile_pieces import piece_around, rows_between
 from bezier_filters.scale.tile_results import write_tile
-from bezier_filters.scale.tile_tasks import peak_bytes
 from bezier_filters.scale.tile_values import ClusterValues, Stretches
 from bezier_filters.smoothing.laplacian import Laplacian
 from bezier_filters.smoothing.scale_space import diffused, heat_terms

@@ -12,7 +12,7 @@ from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.lean import lean_njit
 from bezier_filters.scale.store import Store
 
-FAR = np.int32(np.iinfo(np.int32).max)
+FAR = 2**31 - 1
 """Ring of what was not reached: no number of rings comes near it."""
 GROUP = 16
 """Vertices whose surroundings are read together, so that few blocks are held."""
@@ -74,6 +74,15 @@ def part_around_samples(store: Store, samples: IntArray, rings: int, *, threads:
         return _together(list(pool.map(lambda group: part_around(store, group, rings), groups)))
 
 
+def in_source_order(store: Store, part: Part) -> tuple[IntArray, TriangleMesh]:
+    """A part with its vertices and faces in the order of the source, and which vertices of the store they are."""
+    order = np.argsort(store.order.mapped()[part.ids]).astype(np.int32)
+    number = np.empty_like(order)
+    number[order] = np.arange(len(order), dtype=np.int32)
+    of_faces = np.argsort(part.keys & 0xFFFFFFFF)
+    return part.ids[order], TriangleMesh(part.mesh.vertices[order], number[part.mesh.faces[of_faces]])
+
+
 def _together(parts: Sequence[Part]) -> Part:
     """The union of parts."""
     ids, first = np.unique(np.concatenate([part.ids for part in parts]), return_index=True)
@@ -116,7 +125,7 @@ class _Loaded:
                 faces.append(self.store.faces(int(self.ptr[run[0]]), int(self.ptr[run[-1] + 1])))
         before = len(self.faces)
         self.vertices, self.faces = np.concatenate(vertices), np.concatenate(faces)
-        self.layers = np.append(self.layers, np.full(len(blocks) * size, FAR))
+        self.layers = np.append(self.layers, np.full(len(blocks) * size, FAR, dtype=np.int32))
         self.active = np.append(self.active, np.arange(before, len(self.faces), dtype=np.int32))
 
     def grow(self, k: int) -> IntArray:

@@ -5,9 +5,8 @@ import numpy as np
 from bezier_filters.arrays import IntArray
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.scale.halo import part_around
+from bezier_filters.scale.halo import in_source_order, part_around
 from bezier_filters.scale.store import Store
-from bezier_filters.scale.tile_pieces import in_source_order
 from bezier_filters.scale.tile_values import rows_at
 from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, PART, Growth, SampledParts, core_of, part_seeds
 

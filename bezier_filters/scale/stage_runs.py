@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
+from bezier_filters.scale.run import Stages
 from bezier_filters.scale.scheduling import Workers, run_tasks
 from bezier_filters.scale.store import Store
 from bezier_filters.scale.tile_results import DamagedTileError, TileResult, look_at_tile, open_tile, tile_path
-from bezier_filters.scale.tile_run import Stages
 from bezier_filters.smoothing.accurate_sums import total
 
 GONE = "gone.json"

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.meshes.adjacency import Adjacency, Rows
 from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.scale.run import peak_bytes
 from bezier_filters.scale.store import Store, open_store
 from bezier_filters.scale.tile_pieces import TilePiece, piece_around, rows_between
 from bezier_filters.scale.tile_results import write_tile
-from bezier_filters.scale.tile_tasks import peak_bytes
 from bezier_filters.scale.tile_values import ClusterValues, RowFile, Stretches, columns_of, table_of_columns
 from bezier_filters.smoothing.accurate_sums import sums_by_part
 from bezier_filters.smoothing.clusters import Clusters, numbered

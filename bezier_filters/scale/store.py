@@ -7,7 +7,6 @@ that the faces at a vertex are all in one place. Tiles are runs of blocks.
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from bezier_filters.errors import FieldFileError
 from bezier_filters.meshes.spatial_order import Grid
 from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.scale.array_file import ArrayFile
+from bezier_filters.scale.source import Fingerprint
 
 FORMAT = 1
 MANIFEST = "store.json"
@@ -64,6 +64,10 @@ class Layout:
     def grid(self) -> Grid:
         """The grid whose cells the vertices are sorted by."""
         return Grid(np.array(self.low), self.scale, self.bits)
+
+    def in_whole_blocks(self, tile_vertices: int) -> int:
+        """Vertices of a tile, rounded up to whole blocks."""
+        return -(-tile_vertices >> self.block_bits) << self.block_bits
 
     def tile(self, number: int) -> tuple[int, int]:
         """First vertex of a tile, and the one after the last."""
@@ -117,7 +121,7 @@ class Store:
         return replace(self, vertices=vertices)
 
 
-def write_manifest(folder: Path, layout: Layout, fingerprint: list[list[Any]]) -> None:
+def write_manifest(folder: Path, layout: Layout, fingerprint: Fingerprint) -> None:
     """Declare a store to be complete."""
     with atomic_write(folder / MANIFEST) as temporary:
         text = json.dumps({"format": FORMAT, "source": fingerprint, **layout.__dict__}, indent=1)
@@ -129,7 +133,7 @@ def is_store(folder: Path) -> bool:
     return (folder / MANIFEST).is_file()
 
 
-def open_store(folder: Path, fingerprint: list[list[Any]] | None = None) -> Store:
+def open_store(folder: Path, fingerprint: Fingerprint | None = None) -> Store:
     """Open a store.
 
     Parameters

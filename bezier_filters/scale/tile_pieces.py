@@ -13,10 +13,8 @@ from numpy.typing import NDArray
 
 from bezier_filters.arrays import IntArray
 from bezier_filters.meshes.adjacency import Adjacency, Rows, vertex_adjacency
-from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.scale.halo import Part, part_around
+from bezier_filters.scale.halo import in_source_order, part_around
 from bezier_filters.scale.store import Store
-from bezier_filters.scale.tile_values import rows_at
 
 KEPT_RINGS = (3, 36)
 """Around the tiles that are kept, for stages that look at neighbours and for those that make many steps. Those that
@@ -55,15 +53,6 @@ def rows_between(ids: IntArray, start: int, stop: int) -> IntArray:
     """Where the numbers start .. stop-1 are, in ascending order of the numbers."""
     places = np.flatnonzero((ids >= start) & (ids < stop))
     return places[np.argsort(ids[places])].astype(np.int32)
-
-
-def in_source_order(store: Store, part: Part) -> tuple[IntArray, TriangleMesh]:
-    """A part with its vertices and faces in the order of the source, and which vertices of the store they are."""
-    order = np.argsort(rows_at(store.order, part.ids)).astype(np.int32)
-    number = np.empty_like(order)
-    number[order] = np.arange(len(order), dtype=np.int32)
-    of_faces = np.argsort(part.keys & 0xFFFFFFFF)
-    return part.ids[order], TriangleMesh(part.mesh.vertices[order], number[part.mesh.faces[of_faces]])
 
 
 def piece_around(store: Store, tile: int, rings: int) -> TilePiece:

@@ -7,13 +7,13 @@ from hypothesis import strategies as st
 from scale_cases import MESHES, assert_same_as_in_memory, clean, noisy, save_arrays
 
 from bezier_filters import InvalidParameterError, estimate_vertex_geometry, read_fields, smooth
-from bezier_filters.files.fields import normal_columns, torsion_columns
+from bezier_filters.files.fields import curvature_columns, normal_columns, torsion_columns
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.spatial_order import in_spatial_order
 from bezier_filters.scale import FitOptions, estimate_file, smooth_file
 from bezier_filters.scale.halo import part_around
-from bezier_filters.scale.mesh_source import open_source
 from bezier_filters.scale.partition import build_store
+from bezier_filters.scale.source import open_source
 from bezier_filters.surfaces import sphere, torus
 
 
@@ -97,6 +97,23 @@ def test_some_columns_can_be_chosen(tmp_path):
     )
     assert report["attributes"] == ["bz_k_min", "bz_k_max"]
     assert read_fields(tmp_path / "out.ply").keys() == {"quality", "bz_k_min", "bz_k_max"}
+
+
+def test_columns_of_all_filters_come_from_one_run(tmp_path):
+    """What is there for each of them, with any quality."""
+    vertices, faces = clean()
+    files, geometry = save_arrays(tmp_path, vertices, faces), estimate_vertex_geometry(vertices, faces)
+    how = {"scheduler": "synchronous", "tile_vertices": 512}
+    report = estimate_file(files, tmp_path / "out.ply", "all", quality="torsion", **how)
+    fields = read_fields(tmp_path / "out.ply")
+    expected = curvature_columns(geometry) | normal_columns(geometry) | torsion_columns(geometry)
+    assert set(report["attributes"]) == expected.keys() == fields.keys() - {"quality"}
+    for name, values in (expected | {"quality": geometry.geodesic_torsion}).items():
+        assert np.array_equal(fields[name], values), name
+    estimate_file(files, tmp_path / "some.ply", "normals", columns=["geodesic_torsion", "normal_x", "k_min"], **how)
+    some = read_fields(tmp_path / "some.ply")
+    assert list(some) == ["bz_geodesic_torsion", "bz_normal_x", "bz_k_min"]
+    assert all(np.array_equal(some[name], fields[name]) for name in some)
 
 
 @pytest.mark.parametrize(("name", "iterations"), [("shuffled", 1), ("broken", 1), ("noisy", 3), ("open", 3)])

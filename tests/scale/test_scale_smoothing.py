@@ -21,9 +21,9 @@ from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.scale import FitOptions, smooth_file
 from bezier_filters.scale import sampled_parts as scale_parts
 from bezier_filters.scale.connections import cluster_centers, label_parts, neighbours_of
-from bezier_filters.scale.mesh_source import open_source
 from bezier_filters.scale.partition import build_store
 from bezier_filters.scale.sampled_parts import sampled_parts_of
+from bezier_filters.scale.source import open_source
 from bezier_filters.smoothing import mesh_parts
 from bezier_filters.smoothing.clusters import clusters_of
 from bezier_filters.smoothing.mesh_parts import CORE, LARGEST_WHOLE, PART

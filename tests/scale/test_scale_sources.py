@@ -15,7 +15,7 @@ from bezier_filters import InvalidMeshError, read_fields
 from bezier_filters.cli.commands import app, main
 from bezier_filters.errors import FieldFileError
 from bezier_filters.scale import estimate_file
-from bezier_filters.scale.mesh_source import open_source
+from bezier_filters.scale.source import open_source
 
 TORUS = Path(__file__).parents[2] / "sample_meshes" / "torus.ply"
 

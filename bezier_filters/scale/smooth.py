@@ -2,35 +2,33 @@
 
 import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.files.fields import PREFIX
 from bezier_filters.runtime.atomic import atomic_write
-from bezier_filters.scale.disk_estimation import tile_report
-from bezier_filters.scale.file_run import FileRun, RunOptions, file_run
-from bezier_filters.scale.mesh_source import SourcePath, open_source
-from bezier_filters.scale.sampling import FitOptions, learn_fit, learn_noise, rings_needed
+from bezier_filters.scale.columns import DISPLACEMENT, QUALITY, SHARPNESS, table_of
+from bezier_filters.scale.estimate import TileFit, fit_tile
+from bezier_filters.scale.learn import FitOptions, learn_fit, learn_noise, rings_needed
+from bezier_filters.scale.run import Output, Report, Run, RunOptions, StageProgress, file_run, peak_bytes
 from bezier_filters.scale.scheduling import Scheduler
+from bezier_filters.scale.source import SourcePath, open_source
 from bezier_filters.scale.stage_runs import Rounds, ValuesGoneError
 from bezier_filters.scale.stage_tasks import Where
-from bezier_filters.scale.tile_results import open_tile
-from bezier_filters.scale.tile_run import Finished, StageProgress, results_folder, run_job
-from bezier_filters.scale.tile_tasks import DISPLACEMENT, QUALITY, SMOOTHING, TileJob, peak_bytes
+from bezier_filters.scale.store import open_store
+from bezier_filters.scale.tile_results import look_at_tile
 from bezier_filters.scale.tiled_mesh import TiledMesh
+from bezier_filters.scale.tiles import Tile, TileReport, open_tile, write_tile
 from bezier_filters.smoothing.pieces import Arrays, Outcome, Piece
 from bezier_filters.smoothing.smoothing_options import SmoothedBorders, SmoothingMethod, check_smoothing
 from bezier_filters.smoothing.smoothing_run import Movable, finished, smoothed
 
 PAPER = FitOptions(rings=2, alpha=0.8, smoothness="paper")
 """As ``bezier_filters.smooth(..., method="paper")``."""
-SHARPNESS = PREFIX + "sharpness"
-"""Column of how sharp edges were kept."""
 IN_STORE = {"auto": 700, "paper": 40}
 """Bytes per vertex in the store, at the most, for each iteration."""
 
@@ -53,7 +51,7 @@ def smooth_file(
     resume: bool = False,
     keep_store: bool = False,
     progress: StageProgress | None = None,
-) -> dict[str, Any]:
+) -> Report:
     """Take the noise off a mesh of any size and keep its shape, its volume and its edges: `smooth` in tiles.
 
     The automatic smoothing runs as rounds of tasks, one for each of its stages, between which tiles see each other's
@@ -115,13 +113,11 @@ def smooth_file(
     how = RunOptions(scheduler, workers, tile_vertices, memory_limit, store, resume, keep_store, progress)
     with file_run(opened, target, how, row_size=48, in_store=48 + IN_STORE[method] * iterations) as run:
         if method == "paper":
-            return run.files | _onto_patches(run, iterations, fit_options)
-        return run.files | _automatic(run, iterations, noise, borders, keep_volume is not False)
+            return _onto_patches(run, iterations, fit_options)
+        return _automatic(run, iterations, noise, borders, keep_volume is not False)
 
 
-def _automatic(
-    run: FileRun, iterations: int, noise: float | None, borders: SmoothedBorders, keep_volume: bool
-) -> dict[str, Any]:
+def _automatic(run: Run, iterations: int, noise: float | None, borders: SmoothedBorders, keep_volume: bool) -> Report:
     """The automatic smoothing; its report. It begins anew if a tile is damaged that cannot be computed again alone."""
     damaged: list[str] = []
     while True:
@@ -134,18 +130,18 @@ def _automatic(
             shutil.rmtree(rounds.folder)
 
 
-def _rounds(run: FileRun, iterations: int, noise: float | None, borders: SmoothedBorders, keep_volume: bool) -> Rounds:
+def _rounds(run: Run, iterations: int, noise: float | None, borders: SmoothedBorders, keep_volume: bool) -> Rounds:
     """The rounds of a run with some options, none of which was run yet."""
     parameters = {"iterations": iterations, "noise": noise, "borders": borders, "keep_volume": keep_volume}
-    folder = results_folder(run.mesh, {"quantity": "automatic smoothing"} | parameters)
-    return Rounds(run.cluster, run.mesh, folder.resolve(), run.stages, run.workers)
+    folder = run.results({"quantity": "automatic smoothing"} | parameters)
+    return Rounds(run.cluster, run.store, folder.resolve(), run.stages, run.workers)
 
 
 def _smoothed(
-    run: FileRun, rounds: Rounds, iterations: int, noise: float | None, borders: SmoothedBorders, keep_volume: bool
-) -> dict[str, Any]:
+    run: Run, rounds: Rounds, iterations: int, noise: float | None, borders: SmoothedBorders, keep_volume: bool
+) -> Report:
     """The automatic smoothing in rounds; its report."""
-    domain = TiledMesh(rounds, Where(run.mesh.folder.resolve()))
+    domain = TiledMesh(rounds, Where(run.store.folder.resolve()))
 
     def noise_of(domain: TiledMesh) -> float | None:
         with run.stages.stage("learn"):
@@ -157,21 +153,28 @@ def _smoothed(
     end = finished(domain, found, movable, keep_volume=keep_volume, keep_faces=True)
     columns = domain.run(Columns(), points=end.points, found=found).vertices
     noise_after = noise_of(domain.with_points(end.points))
-    run.write([open_tile(columns.folder, tile) for tile in range(run.mesh.layout.tile_count)])
+    written = []
+    for tile in range(run.store.layout.tile_count):
+        rows = look_at_tile(columns.folder, tile).rows
+        write_tile(columns.folder, TileReport(tile, rows.rows, rows.rows, {}), rows.read(0, rows.rows))
+        written.append(open_tile(columns.folder, tile))
+    run.write(written)
     volumes = [float(sums) for sums in end.volumes.sum(axis=1)] if end.volumes.size else [None, None]
     return {
+        "input": [str(path) for path in run.source.paths],
+        "output": os.fspath(run.target),
         "iterations": iterations,
         "quality": DISPLACEMENT,
         "attributes": [DISPLACEMENT, SHARPNESS],
         "noise": {"before": noise_before, "after": noise_after},
         "volume": {"before": volumes[0], "after": volumes[1]},
         "faces": end.faces,
-        "vertices": run.mesh.layout.vertex_count,
+        "vertices": run.store.layout.vertex_count,
         "tiles": rounds.tiles,
         "computed_tiles": rounds.computed,
         "damaged_tiles": rounds.damaged,
-        "tile_vertices": run.mesh.layout.tile_vertices,
-        "stages": rounds.number,
+        "tile_vertices": run.store.layout.tile_vertices,
+        "rounds": 1,
         "halo": rounds.halo,
         "tile_seconds": rounds.seconds,
         "peak_bytes": {"worker": rounds.peak_bytes, "driver": peak_bytes()},
@@ -193,45 +196,50 @@ class Columns:
         return Outcome(vertices=columns | {SHARPNESS: inputs["found"]["sharpness"]})
 
 
-def _onto_patches(run: FileRun, iterations: int, options: FitOptions) -> dict[str, Any]:
+@dataclass(frozen=True)
+class PatchJob:
+    """Vertices that move onto their patches: how these are fitted, and the store with the vertices at first."""
+
+    fit: TileFit
+    store: Path
+
+
+def move_tile(job: PatchJob, tile: int) -> Output:
+    """The vertices of a tile on their patches, and how far they are from where they were at first."""
+    found = fit_tile(job.fit, tile)
+    store = open_store(job.store)
+    vertices = found.vertices + found.geometry.displacements
+    moved = np.linalg.norm(vertices - store.coordinates(*store.layout.tile(tile)), axis=1)
+    rows = table_of(vertices, {DISPLACEMENT: moved}, DISPLACEMENT, (DISPLACEMENT,), "<f8")
+    return Output(rows, found.read, {})
+
+
+def _onto_patches(run: Run, iterations: int, options: FitOptions) -> Report:
     """Every vertex moves to its patch, some times; the report."""
-    computed, damaged, mesh = 0, list[int](), run.mesh
-    current = mesh
+    folder, current = run.store.folder.resolve(), run.store
     for step in range(iterations):
-        results = results_folder(mesh, {"quantity": SMOOTHING, "options": asdict(options), "step": step})
+        results = run.results({"quantity": "patches", "options": asdict(options), "step": step})
         with run.stages.stage("learn"):
             fit = learn_fit(current, options, threads=run.workers)
-        job = TileJob(
-            mesh.folder.resolve(),
-            results.resolve(),
-            fit,
-            options.creases,
-            options.robust,
-            SMOOTHING,
-            DISPLACEMENT,
-            (DISPLACEMENT,),
-            vertices=current.vertices.path.resolve() if step else None,
-        )
-        with run.stages.stage(f"step {step + 1}") as report:
-            done = run_job(run.cluster.ready(), mesh, job, workers=run.workers, progress=report)
-        computed += done.computed
-        damaged += done.damaged
-        current = mesh.with_vertices(_joined_vertices(results, done))
+        moved = current.vertices.path.resolve() if step else None
+        job = PatchJob(TileFit(folder, fit, options.creases, options.robust, moved), folder)
+        done = run.tiles(f"step {step + 1}", results, partial(move_tile, job))
+        current = run.store.with_vertices(_joined_vertices(results, done.tiles))
     run.write(done.tiles)
-    in_all = Finished(done.tiles, computed, tuple(damaged))
-    return {
+    return run.report() | {
         "iterations": iterations,
         "quality": DISPLACEMENT,
         "attributes": [DISPLACEMENT],
         "fit": asdict(fit.choice),
-    } | tile_report(in_all, mesh.layout.tile_vertices, rings_needed(fit), run.stages)
+        "halo_rings": rings_needed(fit),
+    }
 
 
-def _joined_vertices(results: Path, finished: Finished) -> Path:
+def _joined_vertices(results: Path, tiles: Sequence[Tile]) -> Path:
     """One file with the coordinates of all tiles, in the order of the store."""
     path = results / "vertices.bin"
     with atomic_write(path) as temporary, open(temporary, "wb") as stream:
-        for tile in finished.tiles:
-            rows = tile.rows.read(0, tile.rows.rows)
+        for tile in tiles:
+            rows = tile.rows()
             np.column_stack([rows[axis] for axis in "xyz"]).tofile(stream)
     return path

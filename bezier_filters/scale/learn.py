@@ -29,9 +29,8 @@ from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.scale.array_file import new_array_file
-from bezier_filters.scale.halo import part_around, part_around_samples
+from bezier_filters.scale.halo import in_source_order, part_around, part_around_samples
 from bezier_filters.scale.store import Store
-from bezier_filters.scale.tile_pieces import in_source_order
 
 CREASE_RINGS = 2
 """Around a vertex, within which faces decide about its plane and its creases."""

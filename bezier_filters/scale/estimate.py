@@ -1,0 +1,250 @@
+"""Estimates the geometry of meshes that do not fit into memory, file to file."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from bezier_filters.arrays import FloatArray
+from bezier_filters.estimation.adaptive_fit import SurfaceFit, fit_parts
+from bezier_filters.estimation.fallbacks import fit_with_fallbacks
+from bezier_filters.estimation.fitted_mesh import fitted_mesh
+from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, empty_geometry
+from bezier_filters.learning.model_tree import leaves
+from bezier_filters.scale.columns import chosen_columns, columns_of, table_of
+from bezier_filters.scale.halo import part_around
+from bezier_filters.scale.learn import FitOptions, learn_fit, rings_needed
+from bezier_filters.scale.run import Output, Report, Round, RunOptions, StageProgress, file_run
+from bezier_filters.scale.scheduling import Scheduler, dashboard
+from bezier_filters.scale.source import SourcePath, open_source
+from bezier_filters.scale.store import Store, open_store
+from bezier_filters.status import FitStatus
+
+
+def estimate_file(
+    source: SourcePath,
+    target: str | os.PathLike[str],
+    quantity: str = "curvature",
+    *,
+    quality: str | None = None,
+    columns: Sequence[str] | None = None,
+    options: FitOptions | None = None,
+    scheduler: Scheduler = None,
+    workers: int | None = None,
+    tile_vertices: int | None = None,
+    memory_limit: int | None = None,
+    store: str | os.PathLike[str] | None = None,
+    resume: bool = False,
+    keep_store: bool = False,
+    progress: StageProgress | None = None,
+) -> Report:
+    """Normals, curvature or torsion of a mesh of any size: the values of `estimate_vertex_geometry`, in tiles.
+
+    The mesh is sorted in space in a folder, the store, and cut into tiles. How to fit is learned from the same
+    sampled neighbourhoods as in memory. Then every tile is a task for Dask: a worker reads it with the rings
+    around it that its values depend on, and writes its results. In the end they are joined to one PLY file.
+
+    The vertices and faces of a tile keep their order in the whole mesh, so that the values are the same as in
+    memory to the last bit, whatever the tiles and the scheduler.
+
+    Parameters
+    ----------
+    source : path, or two of them
+        A binary PLY file of triangles, or NPY files of vertices (n, 3) and faces (m, 3).
+    target : path
+        PLY file to write: coordinates, quality and columns ``bz_*`` as double, and faces.
+    quantity : {"curvature", "normals", "torsion", "all"}
+        What to estimate; it says which columns and which quality there are by default.
+    quality : str, optional
+        mean, gaussian, min, max, curvedness, shape_index, std or torsion. By default mean, or torsion if that is
+        the quantity; normals have none.
+    columns : sequence of str, optional
+        Columns to write, with or without ``bz_``: any of those of the three filters. By default those of the quantity.
+    options : FitOptions, optional
+        How to fit.
+    scheduler : optional
+        "threads", "processes", "synchronous", the address of a Dask scheduler, or a `distributed.Client`; by
+        default, processes of this machine are started, and ended when all is done. All workers must see the store
+        under the same path.
+    workers : int, optional
+        Processes or threads on this machine; all cores by default.
+    tile_vertices : int, optional
+        Vertices of a tile, 256 or more; by default 524,288, or as many as there is memory for.
+    memory_limit : int, optional
+        Bytes of each worker that is started.
+    store : path, optional
+        Folder for the store, with room for 70 bytes per vertex and the size of the result. By default the target
+        with ``.tiles`` after its name.
+    resume : bool
+        Whether to go on with a store that is there, and compute only what it does not have.
+    keep_store : bool
+        Whether to leave the store there at the end; it stays if anything goes wrong.
+    progress : callable, optional
+        ``progress(stage, done, total)``; if it returns False the run is cancelled, and can be resumed.
+
+    Returns
+    -------
+    dict
+        Report: the choice of the fit, status counts, tiles, seconds and the most memory of any process.
+
+    Raises
+    ------
+    FieldFileError
+        If the source is damaged, or cannot be read in parts, or the store belongs to another one.
+    InvalidMeshError
+        If it is not a mesh of triangles with finite coordinates.
+    InvalidParameterError
+        If a parameter is out of range.
+    ImportError
+        If Dask is not installed.
+    LostTaskError
+        If workers die again and again of the same tile.
+    CancelledError
+        If `progress` returned False.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from bezier_filters.surfaces import sphere
+    >>> folder, ball = Path(tempfile.mkdtemp()), sphere(resolution=30)
+    >>> np.save(folder / "v.npy", ball.vertices)
+    >>> np.save(folder / "f.npy", ball.faces)
+    >>> files = folder / "v.npy", folder / "f.npy"
+    >>> report = estimate_file(files, folder / "out.ply", tile_vertices=1024, scheduler="synchronous")
+    >>> report["status"] == {"OK": len(ball.vertices)}
+    True
+    """
+    options = options or FitOptions()
+    opened, creases = open_source(source), options.creases
+    chosen_quality, chosen = chosen_columns(quantity, quality, columns)
+    parameters = {"quantity": quantity, "quality": chosen_quality, "columns": chosen, "options": asdict(options)}
+    how = RunOptions(scheduler, workers, tile_vertices, memory_limit, store, resume, keep_store, progress)
+    row_size = 3 * opened.dtype.itemsize + 8 * (len(chosen) + bool(chosen_quality))
+    with file_run(opened, target, how, row_size=row_size, in_store=row_size) as run:
+        with run.stages.stage("learn"):
+            fit = learn_fit(run.store, options, threads=run.workers)
+        with run.stages.stage("start"):
+            link = dashboard(run.cluster.ready())
+        job = EstimateJob(
+            TileFit(run.store.folder.resolve(), fit, creases, options.robust),
+            chosen_quality,
+            tuple(chosen),
+            run.store.layout.dtype,
+        )
+        done = run.tiles("fit", run.results(parameters), partial(estimate_tile, job), link)
+        run.write(done.tiles)
+    return run.report() | {
+        "quantity": quantity,
+        "quality": chosen_quality or None,
+        "attributes": chosen,
+        "fit": asdict(_with_counts(fit, done)),
+        "status": _status(done),
+        "halo_rings": rings_needed(fit),
+        "dashboard": link or None,
+    }
+
+
+@dataclass(frozen=True)
+class TileFit:
+    """How the vertices of a tile are fitted.
+
+    Attributes
+    ----------
+    store : Path
+        Folder of the store.
+    fit : SurfaceFit
+    creases, robust : bool
+        Whether neighbourhoods end at creases, and whether points far off a fit lose their weight.
+    vertices : Path or None
+        File with other coordinates than those of the source.
+    """
+
+    store: Path
+    fit: SurfaceFit
+    creases: bool
+    robust: bool
+    vertices: Path | None = None
+
+    def opened(self) -> Store:
+        """The mesh that is fitted."""
+        store = open_store(self.store)
+        return store if self.vertices is None else store.with_vertices(self.vertices)
+
+
+@dataclass(frozen=True)
+class EstimateJob:
+    """What is estimated at every vertex.
+
+    Attributes
+    ----------
+    fit : TileFit
+    quality : str
+        Column that becomes the quality, too; empty for none.
+    columns : tuple of str
+        Columns that are written.
+    coordinates : str
+        Type that coordinates are written in.
+    """
+
+    fit: TileFit
+    quality: str
+    columns: tuple[str, ...]
+    coordinates: str
+
+
+def estimate_tile(job: EstimateJob, tile: int) -> Output:
+    """What the estimate says of the vertices of a tile, as rows of the file that is written."""
+    found = fit_tile(job.fit, tile)
+    columns = columns_of(found.geometry, [*job.columns, *([job.quality] if job.quality else [])])
+    rows = table_of(found.vertices, columns, job.quality, job.columns, job.coordinates)
+    counts = found.geometry.status_counts()
+    sums = {
+        "status": [float(counts.get(status.name, 0)) for status in FitStatus],
+        "parts": [float(part.vertices) for part in found.choice.parts],
+    }
+    return Output(rows, found.read, sums)
+
+
+@dataclass(frozen=True)
+class FittedTile:
+    """The estimate for the vertices of a tile, and how many had to be read for it."""
+
+    geometry: VertexGeometry
+    choice: FitChoice
+    vertices: FloatArray
+    read: int
+
+
+def fit_tile(job: TileFit, tile: int) -> FittedTile:
+    """Estimate the vertices of a tile: the same values as for the whole mesh."""
+    store = job.opened()
+    start, stop = store.layout.tile(tile)
+    part = part_around(store, np.arange(start, stop, dtype=np.int32), rings_needed(job.fit))
+    arrays, _ = fitted_mesh(part.mesh, creases=job.creases)
+    first = int(np.searchsorted(part.ids, start))
+    own = np.arange(first, first + stop - start, dtype=np.int32)
+    vertices = part.mesh.vertices[own]
+    arrays = arrays._replace(origin=np.arange(len(part.ids), dtype=np.int32) - np.int32(first))
+    geometry = empty_geometry(len(own))
+    fit_with_fallbacks(arrays, own, job.fit.attempts, geometry, robust=job.robust)
+    choice = fit_parts(arrays, own, job.fit, geometry, robust=job.robust)
+    return FittedTile(geometry, choice, vertices, len(part.ids))
+
+
+def _status(done: Round) -> dict[str, int]:
+    """Vertices per status, from best to worst."""
+    counts = zip(FitStatus, done.sums("status"), strict=True)
+    return {status.name: int(count) for status, count in counts if count}
+
+
+def _with_counts(fit: SurfaceFit, done: Round) -> FitChoice:
+    """The choice with the number of vertices of each part."""
+    if fit.parts is None:
+        return fit.choice
+    found = zip(done.sums("parts"), leaves(fit.parts), strict=True)
+    parts = tuple(FitPart(int(count), part.rings, part.degree, part.noise_sigma) for count, part in found)
+    return replace(fit.choice, parts=parts)
