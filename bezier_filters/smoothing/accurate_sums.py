@@ -36,6 +36,11 @@ def total(sums: FloatArray) -> FloatArray:
     return np.array([math.fsum(sums[:, :, k].ravel()) for k in range(sums.shape[2])])
 
 
+def exact_sum(values: RealArray, *, squared: bool = False) -> float:
+    """Sum of values (n,)."""
+    return float(total(column_sums(values, squared=squared)[np.newaxis])[0])
+
+
 def sums_by_part(parts: IntArray, values: FloatArray, count: int) -> FloatArray:
     """Sums of values (n,) over each of some parts, -1 for none, as of columns, (2, count)."""
     result = np.zeros((2, count))
