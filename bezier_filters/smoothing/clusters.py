@@ -15,7 +15,6 @@ from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.lean import lean_njit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
-from bezier_filters.smoothing.accurate_sums import exact_sum
 from bezier_filters.smoothing.chebyshev import diffuse
 from bezier_filters.smoothing.laplacian import Laplacian
 
@@ -114,8 +113,8 @@ def clusters_of(mesh: TriangleMesh, adjacency: Adjacency) -> Clusters:
     # Centers of gravity are as far apart as things spread in a unit of time on the clusters.
     middles = np.column_stack([np.bincount(of_vertex, mesh.vertices[:, k], count) / sizes for k in range(3)])
     jumps = outer * np.square(middles[laplacian.indices] - middles[of_entry]).sum(axis=1)
-    across = exact_sum(np.bincount(of_entry, weights=jumps, minlength=count).astype(np.float64))
-    pace = float(exact_sum(squares) / across) if across > 0.0 else 1.0
+    across = float(jumps.sum())
+    pace = float(squares.sum()) / across if across > 0.0 else 1.0
     return Clusters(of_vertex, centers.astype(np.int32), sizes, adjacency, laplacian, pace)
 
 

@@ -14,7 +14,6 @@ from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.lean import lean_njit
 from bezier_filters.runtime.parallel import Progress, RangeTask, report, run_in_chunks
-from bezier_filters.smoothing.accurate_sums import column_sums, exact_sum, total
 from bezier_filters.smoothing.candidates import GENTLE, KINDS, Candidate, candidates
 from bezier_filters.smoothing.clusters import Clusters, clusters_of
 from bezier_filters.smoothing.laplacian import Borders
@@ -79,9 +78,9 @@ def mesh_scale(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) ->
         return lambda start, stop: _sum_lengths(vertices, rows.indptr, rows.indices, start, stop, lengths)
 
     run_in_chunks(make_task, len(vertices), threads=threads)
-    center = total(column_sums(vertices)[np.newaxis]) / len(vertices)
+    center = vertices.mean(axis=0)
     near = bool(np.abs(center).max() <= np.ptp(vertices, axis=0).max())
-    return MeshScale(exact_sum(lengths) / len(rows.indices), np.zeros(3) if near else center)
+    return MeshScale(float(lengths.sum()) / len(rows.indices), np.zeros(3) if near else center)
 
 
 @dataclass(frozen=True)
@@ -202,8 +201,8 @@ def _side_by_side(estimates: list[Candidate], factor: float) -> Estimates:
 
 def _means(estimate: Candidate) -> FloatArray:
     """Mean squared residual and mean leverage."""
-    sums = exact_sum(estimate.residuals, squared=True), exact_sum(estimate.leverages)
-    return np.array(sums) / len(estimate.residuals)
+    squares = np.square(estimate.residuals, dtype=np.float64).mean()
+    return np.array([squares, estimate.leverages.mean(dtype=np.float64)])
 
 
 @lean_njit()

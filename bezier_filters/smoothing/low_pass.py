@@ -11,7 +11,6 @@ from bezier_filters.arrays import FloatArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.smoothing.accurate_sums import column_sums, exact_sum, total
 from bezier_filters.smoothing.chebyshev import ORDER, WIDTH, Signals, add_heights, low_pass, low_pass_series
 from bezier_filters.smoothing.clusters import Clusters
 from bezier_filters.smoothing.laplacian import Borders, Laplacian, cotangent_laplacian, umbrella_laplacian
@@ -216,8 +215,8 @@ def fit_low_pass(
             laplacian, choice.order, strengths, mesh.vertices, shape.normals, sigma, threads=threads
         )
         shares = local_shares(clusters, local_risks(clusters, estimates, threads=threads), n, threads=threads)
-        seldom = exact_sum((shares[:, 0] > 0.5).astype(np.float32)) / n
-    used = int(np.flatnonzero(total(column_sums(shares)[np.newaxis]) / n > RARE)[-1]) + 1
+        seldom = float((shares[:, 0] > 0.5).mean())
+    used = int(np.flatnonzero(shares.mean(axis=0, dtype=np.float64) > RARE)[-1]) + 1
     shares = shares[:, :used] / shares[:, :used].sum(axis=1, keepdims=True)
     residuals, leverages = (
         np.einsum("ns,ns->n", shares, values[:, :used]) for values in (estimates.residuals, estimates.leverages)

@@ -6,7 +6,6 @@ from bezier_filters.arrays import FloatArray, RealArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.smoothing.accurate_sums import exact_sum
 from bezier_filters.smoothing.chebyshev import low_pass
 from bezier_filters.smoothing.clusters import Clusters
 from bezier_filters.smoothing.laplacian import umbrella_laplacian
@@ -65,8 +64,7 @@ def local_sigma(
     smooth = low_pass(laplacian, mesh.vertices, STRONGER, threads=threads)
     normals = tangent_planes(TriangleMesh(smooth, mesh.faces), adjacency, threads=threads).normals
     residuals = np.abs(np.einsum("ij,ij->i", taken[:, :3], normals))
-    noise = np.ascontiguousarray(taken[:, 3])
-    share = float(np.sqrt(exact_sum(noise, squared=True) / mesh.vertex_count))
+    share = float(np.sqrt(np.square(taken[:, 3]).mean()))
     means = clusters.means(np.sqrt(residuals / share)[:, np.newaxis])
     roots = clusters.at_vertices(clusters.diffuse(means, WIDTH, threads=threads), threads=threads)[:, 0]
     roots = np.maximum(roots, np.float32(0.0))

@@ -15,7 +15,6 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from bezier_filters.runtime.lean import lean_njit
-from bezier_filters.smoothing.accurate_sums import column_sums, exact_sum, total
 from bezier_filters.smoothing.clusters import Clusters
 
 WIDTH = 100.0
@@ -89,7 +88,7 @@ def mean_terms(clusters: Clusters, estimates: Estimates) -> FloatArray:
 def last_gain(clusters: Clusters, risks: FloatArray) -> float:
     """Mean of what the last of several estimates gains over all others."""
     gains = np.maximum(risks[:, :-1].min(axis=1) - risks[:, -1], 0.0)
-    return exact_sum(clusters.sizes * gains) / max(len(clusters.of_vertex), 1)
+    return float(clusters.sizes @ gains) / max(len(clusters.of_vertex), 1)
 
 
 def local_shares(clusters: Clusters, risks: FloatArray, vertex_count: int, *, threads: int = 1) -> SingleArray:
@@ -102,8 +101,7 @@ def local_shares(clusters: Clusters, risks: FloatArray, vertex_count: int, *, th
 
 def _mean(clusters: Clusters, values: FloatArray) -> FloatArray:
     """Mean over all vertices of values on clusters (k, s)."""
-    sums = total(column_sums(clusters.sizes[:, np.newaxis] * values)[np.newaxis])
-    result: FloatArray = sums / max(len(clusters.of_vertex), 1)
+    result: FloatArray = clusters.sizes @ values / max(len(clusters.of_vertex), 1)
     return result
 
 
