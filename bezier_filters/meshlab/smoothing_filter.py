@@ -9,8 +9,7 @@ from bezier_filters.files.fields import ScalarField
 from bezier_filters.meshlab.meshset import BezierFilterError, CurrentMesh, Length, MeshSet, absolute_length
 from bezier_filters.meshlab.vertex_output import Computed, Output, choose_field, run_filter
 from bezier_filters.runtime.parallel import Progress
-from bezier_filters.smoothing.smooth import smooth
-from bezier_filters.smoothing.smoothing_options import SmoothedBorders, SmoothingMethod
+from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, smooth
 from bezier_filters.smoothing.smoothing_result import SmoothingResult
 
 SMOOTHING_FIELDS = {

@@ -35,15 +35,15 @@ class Laplacian:
         One for each neighbour; those of a row sum to 1, or are all 0.
     rates : (n,) float32
         How fast the vertices move, 1 on a regular mesh; 0 for those that do not.
-    largest_rate : float or None
-        Of the whole mesh, if this is a tile of one.
+    largest_rate : float
+        None of them is larger.
     """
 
     indptr: IntArray
     indices: IntArray
     weights: SingleArray
     rates: SingleArray
-    largest_rate: float | None = None
+    largest_rate: float
 
     @property
     def arrays(self) -> tuple[IntArray, IntArray, SingleArray, SingleArray]:
@@ -53,36 +53,7 @@ class Laplacian:
     @property
     def bound(self) -> float:
         """No eigenvalue is larger (Gershgorin)."""
-        largest = float(self.rates.max(initial=0.0)) if self.largest_rate is None else self.largest_rate
-        return 2.0 * max(largest, 0.5)
-
-
-@dataclass(frozen=True)
-class LaplacianRule:
-    """How to make a Laplacian of a mesh, or of any tile of it.
-
-    Attributes
-    ----------
-    borders : {"curve", "fixed", "free"}
-        What border vertices do.
-    power : float or None
-        See `cotangent_laplacian`; None for that of umbrellas.
-    unit : float
-        The mean edge, a length.
-    largest_rate : float or None
-        Of the whole mesh, once it is known.
-    """
-
-    borders: Borders
-    power: float | None = None
-    unit: float = 0.0
-    largest_rate: float | None = None
-
-    def of(self, mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> Laplacian:
-        """The Laplacian of a mesh."""
-        if self.power is None:
-            return umbrella_laplacian(mesh, adjacency, self.borders, threads=threads)
-        return cotangent_laplacian(mesh, adjacency, self.borders, self.power, self.unit, threads=threads)
+        return 2.0 * max(self.largest_rate, 0.5)
 
 
 def umbrella_laplacian(mesh: TriangleMesh, adjacency: Adjacency, borders: Borders, *, threads: int = 1) -> Laplacian:
@@ -141,7 +112,7 @@ def _laplacian(
         )
 
     run_in_chunks(make_task, n, threads=threads)
-    return Laplacian(rows.indptr, rows.indices, weights, rates)
+    return Laplacian(rows.indptr, rows.indices, weights, rates, float(rates.max(initial=0.0)))
 
 
 @lean_njit()

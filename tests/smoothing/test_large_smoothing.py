@@ -8,7 +8,7 @@ from test_smoothing import edge_of, face_normals, mean_angle, with_noise
 from bezier_filters import smooth
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
-from bezier_filters.smoothing.mesh_parts import CORE, LARGEST_WHOLE, PART, sampled_parts
+from bezier_filters.smoothing.sampled_parts import CORE, LARGEST_WHOLE, PART, sampled_parts
 from bezier_filters.smoothing.vertex_update import ROUNDS, move_to_normals
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, sphere
 
