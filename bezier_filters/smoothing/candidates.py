@@ -5,18 +5,18 @@ filtered, many times, by means that do not reach across what noise cannot explai
 vertices follow. In between are fewer rounds.
 """
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, SingleArray
-from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.smoothing.laplacian import umbrella_laplacian
 from bezier_filters.smoothing.low_pass import FittedLowPass, LowPass
+from bezier_filters.smoothing.noise import NoisyMesh
 from bezier_filters.smoothing.normal_filter import filter_normals, noisy_normals
-from bezier_filters.smoothing.probes import other_signs, white_noise
+from bezier_filters.smoothing.probes import OTHER_SIGNS, random_signs, white_noise
 from bezier_filters.smoothing.vertex_update import move_to_normals
 
 SMOOTH, GENTLE = 0, 1
@@ -55,92 +55,49 @@ class Candidate:
 
 
 def candidates(
-    mesh: TriangleMesh,
-    adjacency: Adjacency,
-    fitted: FittedLowPass,
-    sigma: FloatArray,
-    kinds: frozenset[int],
-    *,
-    threads: int = 1,
+    noisy: NoisyMesh, fitted: FittedLowPass, kinds: Collection[int] = KINDS, *, threads: int = 1
 ) -> Iterator[Candidate]:
     """Estimates, ever sharper ones, of which the first is the low-pass filter's.
 
     Parameters
     ----------
-    mesh : TriangleMesh
+    noisy : NoisyMesh
         As measured.
-    adjacency : Adjacency
-        Of the same mesh.
     fitted : FittedLowPass
         What every estimate starts with, more or less of it.
-    sigma : (n,) float64
-        Standard deviation of the noise around every vertex.
-    kinds : frozenset of int
+    kinds : collection of int
         Those that are wanted besides the first.
     threads : int
         Number of threads.
     """
-    n, filters, shape = mesh.vertex_count, fitted.filters, fitted.shape
-    signs = other_signs(n)
-    filtered = filters.apply(np.column_stack([mesh.vertices, signs]), threads=threads)
+    part, filters, normals = noisy.part, fitted.filters, fitted.shape.normals.astype(np.float32)
+    signs = random_signs(part.ids, 1, first=OTHER_SIGNS)[:, 0]
+    filtered = filters.apply(np.column_stack([part.mesh.vertices, signs]), threads=threads)
     leverages = (signs * filtered[:, 3]).astype(np.float32)
-    yield Candidate(SMOOTH, _moves(mesh, filtered[:, :3]), fitted.residuals, leverages)
+    yield Candidate(SMOOTH, _moves(part.mesh, filtered[:, :3]), fitted.residuals, leverages)
     del fitted, filtered, leverages  # for large meshes, memory counts
-    if not kinds - {SMOOTH}:
-        return
-    heights = white_noise(n, int(np.clip(FEWEST_SAMPLED // n, 2, 6)))
-    heights[:, 0] = signs
-    noise = heights * sigma.astype(np.float32)[:, np.newaxis]
-    signals = _Signals(sigma, signs, shape.normals.astype(np.float32), noise)
+    sharp = {kind: rounds for kind, rounds in enumerate(SHARP_ROUNDS, start=GENTLE + 1) if kind in kinds}
     if GENTLE in kinds:
-        yield from _sharp(mesh, adjacency, filters.weaker(), signals, {GENTLE: 1}, GENTLE_TOLERANCE, threads)
-    rounds = {kind: rounds for kind, rounds in enumerate(SHARP_ROUNDS, start=GENTLE + 1) if kind in kinds}
-    if rounds:
-        weak = filters.weak(umbrella_laplacian(mesh, adjacency, filters.borders, threads=threads))
-        del filters, shape
-        yield from _sharp(mesh, adjacency, weak, signals, rounds, SHARP_TOLERANCE, threads)
-
-
-@dataclass(frozen=True)
-class _Signals:
-    """Noise that is like that of the mesh.
-
-    Attributes
-    ----------
-    sigma : (n,) float64
-        Its standard deviation around every vertex.
-    signs : (n,) float32
-        Random signs.
-    normals : (n, 3) float32
-        Of the smooth surface.
-    heights : (n, k) float32
-        Samples along the normals; the first one is sigma times the signs.
-    """
-
-    sigma: FloatArray
-    signs: SingleArray
-    normals: SingleArray
-    heights: SingleArray
-
-    def samples(self) -> SingleArray:
-        """Coordinates of all samples side by side, (n, 3 k)."""
-        vectors: SingleArray = self.heights[:, :, np.newaxis] * self.normals[:, np.newaxis]
-        return vectors.reshape(len(vectors), -1)
+        yield from _sharp(noisy, filters.weaker(), normals, signs, {GENTLE: 1}, GENTLE_TOLERANCE, threads)
+    if sharp:
+        umbrella = umbrella_laplacian(part.mesh, part.adjacency, filters.borders, cut=part.cut, threads=threads)
+        filters = filters.weak(umbrella)
+        yield from _sharp(noisy, filters, normals, signs, sharp, SHARP_TOLERANCE, threads)
 
 
 def _sharp(
-    mesh: TriangleMesh,
-    adjacency: Adjacency,
+    noisy: NoisyMesh,
     filters: LowPass,
-    noise: _Signals,
+    normals: SingleArray,
+    signs: SingleArray,
     rounds: dict[int, int],
     tolerance: float,
     threads: int,
 ) -> Iterator[Candidate]:
     """Estimates by kind, whose vertices follow normals that were filtered some rounds, after a low-pass filter."""
+    mesh, adjacency, sigma = noisy.part.mesh, noisy.part.adjacency, noisy.sigma
     start = _moves(mesh, filters.apply(mesh.vertices, threads=threads))
-    samples = filters.apply(noise.samples(), threads=threads).reshape(mesh.vertex_count, -1, 3)
-    del filters
+    samples = filters.apply(_noise_samples(noisy, normals, signs), threads=threads).reshape(mesh.vertex_count, -1, 3)
     probe = np.float32(PROBE) * samples[:, 0]
     state = noisy_normals(_moved(mesh, start), _moved(mesh, start + probe), samples, threads=threads)
     del samples
@@ -149,12 +106,21 @@ def _sharp(
         state = filter_normals(state, adjacency.faces, total - done, tolerance, threads=threads)
         done = total
         moves, probed = (
-            first + move_to_normals(_moved(mesh, first), adjacency, normals, movable, threads=threads)
-            for first, normals in ((start, state.normals), (start + probe, state.probed_normals))
+            first + move_to_normals(_moved(mesh, first), adjacency, goal, movable, threads=threads)
+            for first, goal in ((start, state.normals), (start + probe, state.probed_normals))
         )
-        residuals = -np.einsum("ij,ij->i", moves, noise.normals) / noise.sigma
-        leverages = np.einsum("ij,ij->i", probed - moves, noise.normals) * noise.signs / (PROBE * noise.sigma)
+        residuals = -np.einsum("ij,ij->i", moves, normals) / sigma
+        leverages = np.einsum("ij,ij->i", probed - moves, normals) * signs / (PROBE * sigma)
         yield Candidate(kind, moves, residuals.astype(np.float32), leverages.astype(np.float32))
+
+
+def _noise_samples(noisy: NoisyMesh, normals: SingleArray, signs: SingleArray) -> SingleArray:
+    """Coordinates of samples of the noise along the normals side by side, (n, 3 k); the first one goes by the signs."""
+    heights = white_noise(noisy.part.ids, int(np.clip(FEWEST_SAMPLED // noisy.part.vertex_count, 2, 6)))
+    heights[:, 0] = signs
+    heights *= noisy.sigma.astype(np.float32)[:, np.newaxis]
+    vectors: SingleArray = heights[:, :, np.newaxis] * normals[:, np.newaxis]
+    return vectors.reshape(len(vectors), -1)
 
 
 def _moves(mesh: TriangleMesh, vertices: FloatArray) -> SingleArray:

@@ -3,6 +3,10 @@
 A cluster is a vertex and its neighbours, nine or so vertices. Neighbouring clusters exchange what they hold in
 proportion to the edges between them; a unit of time on them is scaled so that things spread
 as far, on average, as they do on the mesh.
+
+They form in a random order of the vertices, which goes by their numbers in the whole mesh: whether a vertex is a center
+then depends on those a few rings around it (on chains of ever earlier vertices, which are short), and a tile has
+the clusters of the mesh but near where it was cut out. In the order of the vertices it would depend on all before.
 """
 
 from dataclasses import dataclass
@@ -17,18 +21,21 @@ from bezier_filters.runtime.lean import lean_njit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 from bezier_filters.smoothing.chebyshev import diffuse
 from bezier_filters.smoothing.laplacian import Laplacian
+from bezier_filters.smoothing.mesh_parts import MeshPart
+from bezier_filters.smoothing.probes import random_bits
+
+CENTERS = 100
+"""Which of the random numbers at vertices say what order clusters form in."""
 
 
 @dataclass(frozen=True)
 class Clusters:
-    """Disjoint clusters that cover a mesh.
+    """Disjoint clusters that cover a mesh, or a tile of one.
 
     Attributes
     ----------
     of_vertex : (n,) int32
         Number of the cluster that a vertex belongs to.
-    centers : (k,) int32
-        The vertices that they have grown from, ascending.
     sizes : (k,) float64
         Numbers of their vertices.
     adjacency : Adjacency
@@ -40,7 +47,6 @@ class Clusters:
     """
 
     of_vertex: IntArray
-    centers: IntArray
     sizes: FloatArray
     adjacency: Adjacency
     laplacian: Laplacian
@@ -68,27 +74,36 @@ class Clusters:
         return result
 
 
-def clusters_of(mesh: TriangleMesh, adjacency: Adjacency) -> Clusters:
+def clusters_of(part: MeshPart, pace: float | None = None) -> Clusters:
     """Cluster a mesh.
+
+    Parameters
+    ----------
+    part : MeshPart
+    pace : float, optional
+        That of the whole mesh; by default, of this part.
 
     Examples
     --------
     >>> from bezier_filters.meshes.adjacency import vertex_adjacency
     >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> from bezier_filters.smoothing.mesh_parts import whole_mesh
     >>> from bezier_filters.surfaces import sphere
     >>> ball = sphere(resolution=10)
     >>> mesh = triangle_mesh(ball.vertices, ball.faces)
-    >>> clusters = clusters_of(mesh, vertex_adjacency(mesh))
+    >>> clusters = clusters_of(whole_mesh(mesh, vertex_adjacency(mesh)))
     >>> bool(5.0 < clusters.sizes.mean() < 12.0), clusters.sizes.sum() == mesh.vertex_count
     (True, np.True_)
     """
-    rows = adjacency.vertices
+    mesh, adjacency, rows = part.mesh, part.adjacency, part.adjacency.vertices
+    visits = np.argsort(random_bits(part.ids, CENTERS)).astype(np.int32)
+    rank = np.empty_like(visits)
+    rank[visits] = np.arange(len(visits), dtype=np.int32)
     center = np.full(len(rows), -1, dtype=np.int32)
-    _find_centers(rows.indptr, rows.indices, center)
-    _join_centers(rows.indptr, rows.indices, center)
-    centers, places = np.unique(center, return_inverse=True)
-    of_vertex: IntArray = places.astype(np.int32)
-    count = len(centers)
+    _find_centers(rows.indptr, rows.indices, visits, center)
+    _join_centers(rows.indptr, rows.indices, rank, center)
+    number = np.cumsum(center == np.arange(len(center)), dtype=np.int32) - np.int32(1)
+    of_vertex, count = number[center], int(number[-1]) + 1 if len(number) else 0
     sizes = np.bincount(of_vertex, minlength=count).astype(np.float64)
     # All edges between two clusters become one entry of a sparse matrix, with their number.
     start = np.repeat(of_vertex, rows.lengths)
@@ -100,28 +115,40 @@ def clusters_of(mesh: TriangleMesh, adjacency: Adjacency) -> Clusters:
     of_entry = np.repeat(np.arange(count, dtype=np.int32), np.diff(edges.indptr))
     outer = np.where(edges.indices == of_entry, 0.0, edges.data)
     leaving = np.bincount(of_entry, weights=outer, minlength=count)
-    rates = (leaving / degrees).astype(np.float32)
     laplacian = Laplacian(
         edges.indptr.astype(np.int32),
         edges.indices.astype(np.int32),
         (outer / np.maximum(leaving, 1.0)[of_entry]).astype(np.float32),
-        rates,
-        float(rates.max(initial=0.0)),
+        (leaving / degrees).astype(np.float32),
     )
+    if pace is None:
+        pace = _pace(mesh, adjacency, of_vertex, sizes, laplacian, of_entry, outer)
+    return Clusters(of_vertex, sizes, adjacency, laplacian, pace)
+
+
+def _pace(
+    mesh: TriangleMesh,
+    adjacency: Adjacency,
+    of_vertex: IntArray,
+    sizes: FloatArray,
+    laplacian: Laplacian,
+    of_entry: IntArray,
+    outer: FloatArray,
+) -> float:
+    """Time on clusters per time on the mesh: by how far apart vertices are, and centers of gravity."""
+    rows, count = adjacency.vertices, len(sizes)
     squares = np.zeros(mesh.vertex_count)
     _add_squares(rows.indptr, rows.indices, mesh.vertices, squares)
-    # Centers of gravity are as far apart as things spread in a unit of time on the clusters.
     middles = np.column_stack([np.bincount(of_vertex, mesh.vertices[:, k], count) / sizes for k in range(3)])
     jumps = outer * np.square(middles[laplacian.indices] - middles[of_entry]).sum(axis=1)
     across = float(jumps.sum())
-    pace = float(squares.sum()) / across if across > 0.0 else 1.0
-    return Clusters(of_vertex, centers.astype(np.int32), sizes, adjacency, laplacian, pace)
+    return float(squares.sum()) / across if across > 0.0 else 1.0
 
 
 @lean_njit()
-def _find_centers(ptr: IntArray, indices: IntArray, center: IntArray) -> None:
-    """Make clusters of the vertices whose neighbours are all free yet, with them."""
-    for i in range(len(center)):
+def _find_centers(ptr: IntArray, indices: IntArray, visits: IntArray, center: IntArray) -> None:
+    """Make clusters of the vertices whose neighbours are all free yet, with them, visit by visit."""
+    for i in visits:
         free = center[i] < 0
         for q in range(ptr[i], ptr[i + 1]):
             free = free and center[indices[q]] < 0
@@ -132,13 +159,14 @@ def _find_centers(ptr: IntArray, indices: IntArray, center: IntArray) -> None:
 
 
 @lean_njit()
-def _join_centers(ptr: IntArray, indices: IntArray, center: IntArray) -> None:
-    """Let the others join the cluster of their first neighbour that has one."""
+def _join_centers(ptr: IntArray, indices: IntArray, rank: IntArray, center: IntArray) -> None:
+    """Let the others join the earliest cluster of a neighbour that has one."""
     for i in range(len(center)):
         for q in range(ptr[i], ptr[i + 1]):
             # Those who came late count only as themselves, lest a cluster grow into a chain.
-            if center[i] == -1 and center[indices[q]] >= 0:
-                center[i] = -2 - center[indices[q]]
+            found = center[indices[q]]
+            if found >= 0 and center[i] < 0 and (center[i] == -1 or rank[found] < rank[-2 - center[i]]):
+                center[i] = -2 - found
     for i in range(len(center)):
         if center[i] <= -2:
             center[i] = -2 - center[i]

@@ -1,11 +1,11 @@
 """Laplacians of a mesh: how far every vertex is from the mean of its neighbours."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from bezier_filters.arrays import FloatArray, IntArray, SingleArray
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.lean import lean_njit
@@ -35,37 +35,43 @@ class Laplacian:
         One for each neighbour; those of a row sum to 1, or are all 0.
     rates : (n,) float32
         How fast the vertices move, 1 on a regular mesh; 0 for those that do not.
-    largest_rate : float
-        None of them is larger.
+    bound : float
+        Twice the largest rate, or more: no eigenvalue is larger (Gershgorin).
     """
 
     indptr: IntArray
     indices: IntArray
     weights: SingleArray
     rates: SingleArray
-    largest_rate: float
+    bound: float = 2.0
 
     @property
     def arrays(self) -> tuple[IntArray, IntArray, SingleArray, SingleArray]:
         """All of it, as compiled code takes it."""
         return self.indptr, self.indices, self.weights, self.rates
 
-    @property
-    def bound(self) -> float:
-        """No eigenvalue is larger (Gershgorin)."""
-        return 2.0 * max(self.largest_rate, 0.5)
 
-
-def umbrella_laplacian(mesh: TriangleMesh, adjacency: Adjacency, borders: Borders, *, threads: int = 1) -> Laplacian:
+def umbrella_laplacian(
+    mesh: TriangleMesh, adjacency: Adjacency, borders: Borders, *, cut: BoolArray | None = None, threads: int = 1
+) -> Laplacian:
     """Differences from the plain mean of the neighbours.
 
     It depends on the connections alone, not on coordinates and their noise, and evens out the triangles, too.
+    Vertices that are `cut` (n,), because the mesh is part of a larger one, stay.
     """
-    return _laplacian(mesh, adjacency, borders, 0.0, 0.0, threads)
+    return _laplacian(mesh, adjacency, borders, 0.0, 0.0, 1.0, cut, threads)
 
 
 def cotangent_laplacian(
-    mesh: TriangleMesh, adjacency: Adjacency, borders: Borders, power: float, unit: float, *, threads: int = 1
+    mesh: TriangleMesh,
+    adjacency: Adjacency,
+    borders: Borders,
+    power: float,
+    unit: float,
+    *,
+    fastest: float | None = None,
+    cut: BoolArray | None = None,
+    threads: int = 1,
 ) -> Laplacian:
     """Differences from the mean with cotangent weights, which vanish on planes: they move vertices along the normal.
 
@@ -81,14 +87,28 @@ def cotangent_laplacian(
         lengths; or between.
     unit : float
         The mean edge, a length.
+    fastest : float, optional
+        Rates are kept within this, which bounds the eigenvalues; by default within `FASTEST`, and the largest rate
+        that there is bounds them.
+    cut : (n,) bool, optional
+        Vertices that stay, because the mesh is part of a larger one and was cut out there.
     threads : int
         Number of threads.
     """
-    return _laplacian(mesh, adjacency, borders, power, unit, threads)
+    result = _laplacian(mesh, adjacency, borders, power, unit, FASTEST if fastest is None else fastest, cut, threads)
+    largest = float(result.rates.max(initial=0.5)) if fastest is None else fastest
+    return replace(result, bound=2.0 * largest)
 
 
 def _laplacian(
-    mesh: TriangleMesh, adjacency: Adjacency, borders: Borders, power: float, unit: float, threads: int
+    mesh: TriangleMesh,
+    adjacency: Adjacency,
+    borders: Borders,
+    power: float,
+    unit: float,
+    fastest: float,
+    cut: BoolArray | None,
+    threads: int,
 ) -> Laplacian:
     """Of cotangent weights if there is a unit."""
     rows, n = adjacency.vertices, mesh.vertex_count
@@ -106,13 +126,16 @@ def _laplacian(
             stop,
             unit,
             power,
+            fastest,
             {"curve": 1, "fixed": 0, "free": 2}[borders],
             weights,
             rates,
         )
 
     run_in_chunks(make_task, n, threads=threads)
-    return Laplacian(rows.indptr, rows.indices, weights, rates, float(rates.max(initial=0.0)))
+    if cut is not None:
+        rates[cut] = 0.0
+    return Laplacian(rows.indptr, rows.indices, weights, rates)
 
 
 @lean_njit()
@@ -127,6 +150,7 @@ def _write_rows(
     stop: int,
     unit: float,
     power: float,
+    fastest: float,
     borders: int,
     weights: SingleArray,
     rates: SingleArray,
@@ -157,7 +181,7 @@ def _write_rows(
             weights[q] = weights[q] / total if total > 0.0 else 0.0
         rates[i] = 1.0
         if unit > 0.0 and not on_border:
-            rates[i] = min((total / (4.0 * max(area / (unit * unit), LEAST_AREA))) ** power, FASTEST)
+            rates[i] = min((total / (4.0 * max(area / (unit * unit), LEAST_AREA))) ** power, fastest)
         if total == 0.0 or (on_border and borders == 0):
             rates[i] = 0.0
 

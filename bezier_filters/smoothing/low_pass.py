@@ -1,22 +1,22 @@
 """The low-pass filter that suits a mesh, vertex by vertex: its Laplacian, its order and its strength.
 
-Which Laplacian and order, and which strength on the whole, is tried out on parts of the mesh (`sampled_parts`).
+Which Laplacian and order, and which strengths there are, is learned from parts of the mesh (`sampled_parts`); which of
+these strengths suit a vertex depends on what is around it.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bezier_filters.arrays import FloatArray, SingleArray
+from bezier_filters.arrays import BoolArray, FloatArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.smoothing.chebyshev import ORDER, WIDTH, Signals, add_heights, low_pass, low_pass_series
-from bezier_filters.smoothing.clusters import Clusters
 from bezier_filters.smoothing.laplacian import Borders, Laplacian, cotangent_laplacian, umbrella_laplacian
+from bezier_filters.smoothing.noise import NoisyMesh
 from bezier_filters.smoothing.probes import random_signs
-from bezier_filters.smoothing.risk import Estimates, local_risks, local_shares
-from bezier_filters.smoothing.sampled_parts import SampledParts
+from bezier_filters.smoothing.risk import Estimates, local_risks, local_shares, overall_risks
 
 STRENGTHS: FloatArray = np.concatenate([[0.0], 10.0 ** np.arange(-1.0, 6.1, 0.5)])
 """Of the filters; 0 leaves everything as it is."""
@@ -57,7 +57,7 @@ class Shape:
 
 
 @dataclass(frozen=True)
-class Choice:
+class LowPassPlan:
     """What holds for a mesh as a whole.
 
     Attributes
@@ -70,21 +70,27 @@ class Choice:
         Number of the best strength with the umbrella Laplacian.
     power : float or None
         Of the best Laplacian, see `cotangent_laplacian`; None for that of umbrellas.
+    fastest : float
+        The largest rate of that.
     order : int
         The best order of its filters.
-    best : int
-        Number of its best strength.
     strengths : (s,) float64
-        Those that there are.
+        Those that are tried around every vertex.
+    used : int
+        How many of them are mixed.
+    overall : (s,) float64
+        Their risks, see `overall_risks`.
     """
 
     borders: Borders
     unit: float
     first: int
     power: float | None
+    fastest: float | None
     order: int
-    best: int
     strengths: FloatArray
+    used: int
+    overall: FloatArray
 
 
 @dataclass(frozen=True)
@@ -147,124 +153,119 @@ class FittedLowPass:
     leverages: SingleArray
 
 
-def choose_low_pass(
-    parts: SampledParts, sigma: FloatArray, borders: Borders, unit: float, *, threads: int = 1
-) -> Choice:
-    """Find the Laplacian, the order and the strength with the least risk on some parts of a mesh.
+def learn_low_pass(
+    noisy: NoisyMesh, core: BoolArray, borders: Borders, unit: float, *, threads: int = 1
+) -> tuple[LowPassPlan, FittedLowPass]:
+    """Find the Laplacian, the order and the strengths with the least risk on parts of a mesh, or on all of it.
 
     Parameters
     ----------
-    parts : SampledParts
-    sigma : (k,) float64
-        Standard deviation of the noise around every vertex of the parts, positive lengths.
+    noisy : NoisyMesh
+        The parts.
+    core : (n,) bool
+        Vertices by which the mesh as a whole is judged.
     borders : {"curve", "fixed"}
         What border vertices do.
     unit : float
         The mean edge, a length.
     threads : int
         Number of threads.
+
+    Returns
+    -------
+    plan : LowPassPlan
+        What holds for the mesh as a whole,
+    fitted : FittedLowPass
+        and what `fit_low_pass` makes of it on these parts.
     """
-    mesh, adjacency = parts.mesh, parts.adjacency
+    mesh, adjacency, cut = noisy.part.mesh, noisy.part.adjacency, noisy.part.cut
 
     def risks(laplacian: Laplacian, order: int, normals: FloatArray, strengths: FloatArray) -> FloatArray:
-        found = estimates_by(laplacian, order, strengths, mesh.vertices, normals, sigma, threads=threads)
-        return found.mean_risks(parts.core)
+        return _estimates(noisy, laplacian, order, strengths, normals, threads).mean_risks(core)
 
-    umbrella = umbrella_laplacian(mesh, adjacency, borders, threads=threads)
+    umbrella = umbrella_laplacian(mesh, adjacency, borders, cut=cut, threads=threads)
     rough = tangent_planes(mesh, adjacency, threads=threads).normals
     first = int(risks(umbrella, ORDER, rough, STRENGTHS).argmin())
     shape = _smooth_shape(mesh, adjacency, umbrella, first, threads)
     strengths = STRENGTHS[: first + STRONGER + 1]
-    powers = (None, *POWERS)
-    laplacians = [_laplacian(mesh, adjacency, borders, power, unit, shape, threads) for power in powers]
+    smooth = TriangleMesh(shape.vertices, mesh.faces)
+    cotangents = [
+        cotangent_laplacian(smooth, adjacency, borders, power, unit, cut=cut, threads=threads) for power in POWERS
+    ]
+    laplacians = [umbrella, *cotangents]
     chosen = int(np.argmin([risks(one, ORDER, shape.normals, strengths).min() for one in laplacians]))
-    by_order = np.array([risks(laplacians[chosen], order, shape.normals, strengths) for order in ORDERS])
+    laplacian, power = laplacians[chosen], (None, *POWERS)[chosen]
+    del umbrella, cotangents, laplacians
+    by_order = np.array([risks(laplacian, order, shape.normals, strengths) for order in ORDERS])
     steepness, best = np.unravel_index(by_order.argmin(), by_order.shape)
-    return Choice(borders, unit, first, powers[chosen], ORDERS[steepness], int(best), strengths)
-
-
-def fit_low_pass(
-    mesh: TriangleMesh, adjacency: Adjacency, clusters: Clusters, sigma: FloatArray, choice: Choice, *, threads: int = 1
-) -> FittedLowPass:
-    """Find the strengths around every vertex.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-    adjacency : Adjacency
-        Of the same mesh.
-    clusters : Clusters
-        Of the same mesh.
-    sigma : (n,) float64
-        Standard deviation of the noise around every vertex, positive lengths.
-    choice : Choice
-        What holds for the mesh as a whole.
-    threads : int
-        Number of threads.
-    """
-    n = mesh.vertex_count
-    umbrella = umbrella_laplacian(mesh, adjacency, choice.borders, threads=threads)
-    shape = _smooth_shape(mesh, adjacency, umbrella, choice.first, threads)
-    del umbrella
-    laplacian = _laplacian(mesh, adjacency, choice.borders, choice.power, choice.unit, shape, threads)
-    lowest, seldom = choice.best + AROUND, 1.0
+    order = ORDERS[steepness]
+    lowest, seldom = int(best) + AROUND, 1.0
     while lowest > 0 and seldom > SELDOM:  # there, even weaker filters may be better
         lowest = max(lowest - 2 * AROUND, 0)
-        strengths = choice.strengths[lowest : choice.best + AROUND + 1]
-        estimates = estimates_by(
-            laplacian, choice.order, strengths, mesh.vertices, shape.normals, sigma, threads=threads
-        )
-        shares = local_shares(clusters, local_risks(clusters, estimates, threads=threads), n, threads=threads)
+        tried = strengths[lowest : best + AROUND + 1]
+        estimates = _estimates(noisy, laplacian, order, tried, shape.normals, threads)
+        overall = overall_risks(estimates, core)
+        shares = _shares(noisy, estimates, overall, threads)
         seldom = float((shares[:, 0] > 0.5).mean())
     used = int(np.flatnonzero(shares.mean(axis=0, dtype=np.float64) > RARE)[-1]) + 1
-    shares = shares[:, :used] / shares[:, :used].sum(axis=1, keepdims=True)
+    plan = LowPassPlan(borders, unit, first, power, 0.5 * laplacian.bound, order, tried, used, overall)
+    return plan, _mixture(plan, laplacian, shape, estimates, shares)
+
+
+def fit_low_pass(noisy: NoisyMesh, plan: LowPassPlan, *, threads: int = 1) -> FittedLowPass:
+    """Find the strengths around every vertex of a mesh, or of a tile of one."""
+    mesh, adjacency, cut = noisy.part.mesh, noisy.part.adjacency, noisy.part.cut
+    laplacian = umbrella_laplacian(mesh, adjacency, plan.borders, cut=cut, threads=threads)
+    shape = _smooth_shape(mesh, adjacency, laplacian, plan.first, threads)
+    if plan.power is not None:
+        laplacian = cotangent_laplacian(
+            TriangleMesh(shape.vertices, mesh.faces),
+            adjacency,
+            plan.borders,
+            plan.power,
+            plan.unit,
+            fastest=plan.fastest,
+            cut=cut,
+            threads=threads,
+        )
+    estimates = _estimates(noisy, laplacian, plan.order, plan.strengths, shape.normals, threads)
+    return _mixture(plan, laplacian, shape, estimates, _shares(noisy, estimates, plan.overall, threads))
+
+
+def _shares(noisy: NoisyMesh, estimates: Estimates, overall: FloatArray, threads: int) -> SingleArray:
+    """Of the filters at every vertex, (n, s)."""
+    risks = local_risks(noisy.clusters, estimates, overall, threads=threads)
+    return local_shares(noisy.clusters, risks, noisy.part.vertex_count, threads=threads)
+
+
+def _mixture(
+    plan: LowPassPlan, laplacian: Laplacian, shape: Shape, estimates: Estimates, shares: SingleArray
+) -> FittedLowPass:
+    """The filters that are used at all."""
+    shares = shares[:, : plan.used] / shares[:, : plan.used].sum(axis=1, keepdims=True)
     residuals, leverages = (
-        np.einsum("ns,ns->n", shares, values[:, :used]) for values in (estimates.residuals, estimates.leverages)
+        np.einsum("ns,ns->n", shares, values[:, : plan.used]) for values in (estimates.residuals, estimates.leverages)
     )
-    return FittedLowPass(
-        LowPass(choice.borders, laplacian, choice.order, strengths[:used], shares), shape, residuals, leverages
-    )
+    filters = LowPass(plan.borders, laplacian, plan.order, plan.strengths[: plan.used], shares)
+    return FittedLowPass(filters, shape, residuals, leverages)
 
 
-def estimates_by(
-    laplacian: Laplacian,
-    order: int,
-    strengths: FloatArray,
-    vertices: FloatArray,
-    normals: FloatArray,
-    sigma: FloatArray,
-    *,
-    threads: int = 1,
+def _estimates(
+    noisy: NoisyMesh, laplacian: Laplacian, order: int, strengths: FloatArray, normals: FloatArray, threads: int
 ) -> Estimates:
     """Residuals and leverages of filters; a leverage is the mean of sign times filtered sign."""
-    n, series = len(vertices), low_pass_series(strengths, laplacian.bound, order)
-    signs = random_signs(n, 1)
-    directions = np.hstack([normals / sigma[:, np.newaxis], signs]).astype(np.float32)
-    residuals, taken = np.zeros((2, n, len(strengths)), dtype=np.float32)
-    signals = np.hstack([vertices, signs])
-    add_heights(laplacian, signals, series, directions, residuals, taken, threads=threads)
+    vertices, ids = noisy.part.mesh.vertices, noisy.part.ids
+    series = low_pass_series(strengths, laplacian.bound, order)
+    signs = random_signs(ids, 1)
+    directions = np.hstack([normals / noisy.sigma[:, np.newaxis], signs]).astype(np.float32)
+    residuals, taken = np.zeros((2, len(vertices), len(strengths)), dtype=np.float32)
+    add_heights(laplacian, np.hstack([vertices, signs]), series, directions, residuals, taken, threads=threads)
     probes = 1
-    if n <= FEW:
-        signs = random_signs(n, WIDTH, skipped=1)
+    if noisy.part.vertex_count <= FEW:
+        signs = random_signs(ids, WIDTH, first=1)
         add_heights(laplacian, signs, series, signs, taken, taken, threads=threads)  # all four go into the same sum
         probes += WIDTH
     return Estimates(residuals, np.float32(1.0) - taken / np.float32(probes))
-
-
-def _laplacian(
-    mesh: TriangleMesh,
-    adjacency: Adjacency,
-    borders: Borders,
-    power: float | None,
-    unit: float,
-    shape: Shape,
-    threads: int,
-) -> Laplacian:
-    """Of umbrellas, or of cotangents of a smooth shape."""
-    if power is None:
-        return umbrella_laplacian(mesh, adjacency, borders, threads=threads)
-    smooth = TriangleMesh(shape.vertices, mesh.faces)
-    return cotangent_laplacian(smooth, adjacency, borders, power, unit, threads=threads)
 
 
 def _smooth_shape(mesh: TriangleMesh, adjacency: Adjacency, umbrella: Laplacian, best: int, threads: int) -> Shape:

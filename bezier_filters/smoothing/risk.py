@@ -43,27 +43,46 @@ class Estimates:
     residuals: SingleArray
     leverages: SingleArray
 
-    def mean_risks(self, rows: BoolArray | slice = slice(None)) -> FloatArray:
-        """Mean squared error of each estimate, (s,), over all vertices or some."""
+    def means(self, rows: BoolArray | slice = slice(None)) -> tuple[FloatArray, FloatArray]:
+        """Mean squared residual and mean leverage of each estimate, (s,), over all vertices or some."""
         residuals, leverages = self.residuals[rows], self.leverages[rows]
         squares = np.einsum("ns,ns->s", residuals, residuals, dtype=np.float64) / max(len(residuals), 1)
-        result: FloatArray = squares + 2.0 * leverages.mean(axis=0, dtype=np.float64) - 1.0
-        return result
+        return squares, leverages.mean(axis=0, dtype=np.float64)
+
+    def mean_risks(self, rows: BoolArray | slice = slice(None)) -> FloatArray:
+        """Mean squared error of each estimate, (s,), over all vertices or some."""
+        squares, leverages = self.means(rows)
+        return squares + 2.0 * leverages - 1.0
 
 
-def local_risks(clusters: Clusters, estimates: Estimates, *, threads: int = 1) -> FloatArray:
+def overall_risks(estimates: Estimates, rows: BoolArray | slice) -> FloatArray:
+    """Risk of every estimate, (s,), less that of the best one: means over some of the vertices."""
+    risks = estimates.mean_risks(rows)
+    result: FloatArray = risks - risks.min()
+    return result
+
+
+def local_risks(clusters: Clusters, estimates: Estimates, overall: FloatArray, *, threads: int = 1) -> FloatArray:
     """Risk of every estimate around every cluster, (k, s), less that of the one that is best for the mesh as a whole.
 
     Where the local difference deviates from the overall one by no more than noise may make it do, the latter is taken
     (after James and Stein).
+
+    Parameters
+    ----------
+    clusters : Clusters
+    estimates : Estimates
+        At the vertices of the same mesh.
+    overall : (s,) float64
+        From `overall_risks`, for the mesh as a whole.
+    threads : int
+        Number of threads.
     """
-    terms = mean_terms(clusters, estimates)
-    best = int((_mean(clusters, terms)).argmin())
+    best, terms = int(overall.argmin()), _mean_terms(clusters, estimates)
     distances = np.zeros(terms.shape)
     _add_distances(clusters.of_vertex, estimates.residuals, best, distances)
     distances /= clusters.sizes[:, np.newaxis]
     differences = terms - terms[:, [best]]
-    overall = _mean(clusters, differences)
     around = clusters.diffuse(np.hstack([differences, distances]), WIDTH, threads=threads)
     count = len(overall)
     local = around[:, :count] - overall
@@ -77,7 +96,7 @@ def local_risks(clusters: Clusters, estimates: Estimates, *, threads: int = 1) -
     return result
 
 
-def mean_terms(clusters: Clusters, estimates: Estimates) -> FloatArray:
+def _mean_terms(clusters: Clusters, estimates: Estimates) -> FloatArray:
     """What the risks, plus 1, are the means of, averaged over each cluster, (k, s)."""
     terms = np.zeros((len(clusters.sizes), estimates.residuals.shape[1]))
     _add_terms(clusters.of_vertex, estimates.residuals, estimates.leverages, terms)
@@ -97,12 +116,6 @@ def local_shares(clusters: Clusters, risks: FloatArray, vertex_count: int, *, th
     shares: FloatArray = np.exp(-(risks - risks.min(axis=1, keepdims=True)) / temperature)
     shares /= shares.sum(axis=1, keepdims=True)
     return clusters.at_vertices(shares, threads=threads)
-
-
-def _mean(clusters: Clusters, values: FloatArray) -> FloatArray:
-    """Mean over all vertices of values on clusters (k, s)."""
-    result: FloatArray = clusters.sizes @ values / max(len(clusters.of_vertex), 1)
-    return result
 
 
 def noise_factor(squares: FloatArray, leverages: FloatArray) -> float:

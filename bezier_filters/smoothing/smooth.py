@@ -17,7 +17,7 @@ from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.array_arguments import takes_arrays
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
 from bezier_filters.runtime.parallel import Progress, thread_count
-from bezier_filters.smoothing.denoise import denoise
+from bezier_filters.smoothing.denoise import remove_noise
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.smoothing_result import SmoothingResult
 from bezier_filters.smoothing.volume import closed_components, component_volumes, movement_around, restore_volumes
@@ -120,7 +120,7 @@ def smooth(
             current, part = TriangleMesh(points, mesh.faces), part_of(progress, k, iterations)
             if method == "auto":
                 sigma = noise_before if k == 0 else learn_noise(current, adjacency, threads=threads)
-                found = denoise(current, adjacency, sigma or 0.0, borders, threads=threads, progress=part)
+                found = remove_noise(current, adjacency, sigma or 0.0, borders, threads=threads, progress=part)
                 points, sharpness = found.points, np.maximum(sharpness, found.sharpness)
             else:
                 points = _onto_patches(current, rings, alpha, threads, part)

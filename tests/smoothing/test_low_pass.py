@@ -10,9 +10,10 @@ from bezier_filters.smoothing.chebyshev import ORDER, diffuse, low_pass
 from bezier_filters.smoothing.clusters import clusters_of
 from bezier_filters.smoothing.denoise import mesh_scale
 from bezier_filters.smoothing.laplacian import cotangent_laplacian, umbrella_laplacian
-from bezier_filters.smoothing.low_pass import ORDERS, choose_low_pass
-from bezier_filters.smoothing.risk import Estimates, local_risks, local_shares
-from bezier_filters.smoothing.sampled_parts import sampled_parts
+from bezier_filters.smoothing.low_pass import ORDERS, learn_low_pass
+from bezier_filters.smoothing.mesh_parts import whole_mesh
+from bezier_filters.smoothing.noise import NoisyMesh
+from bezier_filters.smoothing.risk import Estimates, local_risks, local_shares, overall_risks
 from bezier_filters.surfaces import bumpy_star, sphere, torus, waves
 
 
@@ -138,8 +139,9 @@ def chosen_order(vertices, normals, faces):
     unit = mesh_scale(clean, adjacency).mean_edge
     heights = 0.2 * unit * np.random.default_rng(0).standard_normal(len(vertices))
     noisy = triangle_mesh(vertices + heights[:, np.newaxis] * normals, faces)
-    sigma = np.full(len(vertices), 0.2 * unit)
-    return choose_low_pass(sampled_parts(noisy, adjacency), sigma, "curve", unit).order
+    part, everything = whole_mesh(noisy, adjacency), np.ones(len(vertices), dtype=np.bool_)
+    noisy = NoisyMesh(part, clusters_of(part), np.full(len(vertices), 0.2 * unit))
+    return learn_low_pass(noisy, everything, "curve", unit)[0].order
 
 
 def test_what_is_constant_stays(ball):
@@ -153,7 +155,7 @@ def test_clusters_spread_values_as_far_as_the_mesh_does():
     surface = bumpy_star(resolution=30, jitter=0.25)
     mesh = triangle_mesh(surface.vertices, surface.faces)
     adjacency = vertex_adjacency(mesh)
-    clusters = clusters_of(mesh, adjacency)
+    clusters = clusters_of(whole_mesh(mesh, adjacency))
     values = np.random.default_rng(0).standard_normal((mesh.vertex_count, 3))
     on_mesh = diffuse(umbrella_laplacian(mesh, adjacency, "free"), values, 100.0)
     means = clusters.diffuse(clusters.means(values), 100.0)
@@ -164,7 +166,7 @@ def test_clusters_spread_values_as_far_as_the_mesh_does():
 
 def test_clusters_cover_what_is_not_connected():
     square = triangle_mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [5, 5, 5]], [[0, 1, 2], [0, 2, 3]])
-    clusters = clusters_of(square, vertex_adjacency(square))
+    clusters = clusters_of(whole_mesh(square, vertex_adjacency(square)))
     assert sorted(clusters.sizes) == [1.0, 4.0]
     assert np.allclose(clusters.means(np.arange(5.0)[:, np.newaxis])[:, 0], [1.5, 4.0])
     assert np.isfinite(clusters.diffuse(np.ones((2, 1)), 100.0)).all()
@@ -184,13 +186,15 @@ def test_risks_are_those_of_known_estimates():
 def test_the_better_estimate_is_taken_where_it_is_better():
     surface = sphere(resolution=30)
     mesh = triangle_mesh(surface.vertices, surface.faces)
-    clusters = clusters_of(mesh, vertex_adjacency(mesh))
+    clusters = clusters_of(whole_mesh(mesh, vertex_adjacency(mesh)))
     rng = np.random.default_rng(0)
     noise = rng.standard_normal(mesh.vertex_count)
     north = mesh.vertices[:, 2] > 0.0
     wrong = np.where(north[:, np.newaxis], [0.0, 0.5], [0.5, 0.0])
     estimates = Estimates(noise[:, np.newaxis] - wrong, np.zeros((mesh.vertex_count, 2)))
-    shares = local_shares(clusters, local_risks(clusters, estimates), mesh.vertex_count)
+    shares = local_shares(
+        clusters, local_risks(clusters, estimates, overall_risks(estimates, slice(None))), mesh.vertex_count
+    )
     far = np.abs(mesh.vertices[:, 2]) > 0.6
     assert shares[far & north, 0].mean() > 0.9
     assert shares[far & ~north, 1].mean() > 0.9
