@@ -68,6 +68,12 @@ class ArrayFile:
         return np.memmap(self.path, self.dtype, mode, self.offset, shape)
 
 
+def saved_array(path: Path, values: Values) -> ArrayFile:
+    """Write a table (k, columns) or (k,) to a file."""
+    values.tofile(path)
+    return ArrayFile(path, values.dtype, 1 if values.ndim == 1 else values.shape[1], len(values))
+
+
 def new_array_file(path: Path, dtype: DTypeLike, columns: int, rows: int) -> ArrayFile:
     """A file for a table, filled with zeros that take no room on the disk yet."""
     table = ArrayFile(path, np.dtype(dtype), columns, rows)

@@ -4,7 +4,6 @@ import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
@@ -15,12 +14,12 @@ from bezier_filters.estimation.fitted_mesh import fitted_mesh
 from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, empty_geometry
 from bezier_filters.learning.model_tree import leaves
 from bezier_filters.scale.columns import chosen_columns, columns_of, table_of
-from bezier_filters.scale.halo import part_around
+from bezier_filters.scale.halo import tile_part
 from bezier_filters.scale.learn import FitOptions, learn_fit, rings_needed
 from bezier_filters.scale.run import Output, Report, Round, RunOptions, StageProgress, file_run
 from bezier_filters.scale.scheduling import Scheduler, dashboard
 from bezier_filters.scale.source import SourcePath, open_source
-from bezier_filters.scale.store import Store, open_store
+from bezier_filters.scale.store import Store
 from bezier_filters.status import FitStatus
 
 
@@ -130,7 +129,7 @@ def estimate_file(
         with run.stages.stage("start"):
             link = dashboard(run.cluster.ready())
         job = EstimateJob(
-            TileFit(run.store.folder.resolve(), fit, creases, options.robust),
+            TileFit(run.store, fit, creases, options.robust),
             chosen_quality,
             tuple(chosen),
             run.store.layout.dtype,
@@ -154,25 +153,17 @@ class TileFit:
 
     Attributes
     ----------
-    store : Path
-        Folder of the store.
+    store : Store
+        The mesh.
     fit : SurfaceFit
     creases, robust : bool
         Whether neighbourhoods end at creases, and whether points far off a fit lose their weight.
-    vertices : Path or None
-        File with other coordinates than those of the source.
     """
 
-    store: Path
+    store: Store
     fit: SurfaceFit
     creases: bool
     robust: bool
-    vertices: Path | None = None
-
-    def opened(self) -> Store:
-        """The mesh that is fitted."""
-        store = open_store(self.store)
-        return store if self.vertices is None else store.with_vertices(self.vertices)
 
 
 @dataclass(frozen=True)
@@ -221,18 +212,14 @@ class FittedTile:
 
 def fit_tile(job: TileFit, tile: int) -> FittedTile:
     """Estimate the vertices of a tile: the same values as for the whole mesh."""
-    store = job.opened()
-    start, stop = store.layout.tile(tile)
-    part = part_around(store, np.arange(start, stop, dtype=np.int32), rings_needed(job.fit))
+    part = tile_part(job.store, tile, rings_needed(job.fit))
     arrays, _ = fitted_mesh(part.mesh, creases=job.creases)
-    first = int(np.searchsorted(part.ids, start))
-    own = np.arange(first, first + stop - start, dtype=np.int32)
-    vertices = part.mesh.vertices[own]
-    arrays = arrays._replace(origin=np.arange(len(part.ids), dtype=np.int32) - np.int32(first))
+    own = np.arange(part.own.start, part.own.stop, dtype=np.int32)
+    arrays = arrays._replace(origin=np.arange(len(part.ids), dtype=np.int32) - own[0])
     geometry = empty_geometry(len(own))
     fit_with_fallbacks(arrays, own, job.fit.attempts, geometry, robust=job.robust)
     choice = fit_parts(arrays, own, job.fit, geometry, robust=job.robust)
-    return FittedTile(geometry, choice, vertices, len(part.ids))
+    return FittedTile(geometry, choice, part.mesh.vertices[own], len(part.ids))
 
 
 def _status(done: Round) -> dict[str, int]:

@@ -30,15 +30,53 @@ class Part:
         The part.
     keys : (m,) int64
         What the faces are sorted by: the cell of the first corner, then the number in the source.
+    cut : (k,) bool
+        Vertices in the last ring, of which faces may be missing.
     """
 
     ids: IntArray
     mesh: TriangleMesh
     keys: NDArray[np.int64]
+    cut: BoolArray
 
     def local(self, ids: IntArray) -> IntArray:
         """Numbers in the part of vertices of the store that it has."""
         return np.searchsorted(self.ids, ids).astype(np.int32)
+
+
+@dataclass(frozen=True)
+class TilePart:
+    """A tile with some rings around it, in the order of the whole mesh.
+
+    Attributes
+    ----------
+    ids : (k,) int32
+        Which vertices of the store they are, ascending.
+    mesh : TriangleMesh
+    cut : (k,) bool
+        Vertices in the last ring, of which faces may be missing.
+    own : slice
+        Where the vertices of the tile are.
+    """
+
+    ids: IntArray
+    mesh: TriangleMesh
+    cut: BoolArray
+    own: slice
+
+    def faces_of_tile(self) -> BoolArray:
+        """Faces whose first corner belongs to the tile, (m,): every face of a mesh belongs to one tile."""
+        first = self.mesh.faces[:, 0]
+        result: BoolArray = (first >= self.own.start) & (first < self.own.stop)
+        return result
+
+
+def tile_part(store: Store, tile: int, rings: int) -> TilePart:
+    """See `part_around`."""
+    start, stop = store.layout.tile(tile)
+    part = part_around(store, np.arange(start, stop, dtype=np.int32), rings)
+    first = int(np.searchsorted(part.ids, start))
+    return TilePart(part.ids, part.mesh, part.cut, slice(first, first + stop - start))
 
 
 def part_around(store: Store, seeds: IntArray, rings: int) -> Part:
@@ -67,7 +105,7 @@ def part_around_samples(store: Store, samples: IntArray, rings: int, *, threads:
     """The same for vertices from all over the mesh, which are read some at a time."""
     if not len(samples):
         nothing = TriangleMesh(np.empty((0, 3)), np.empty((0, 3), dtype=np.int32))
-        return Part(np.empty(0, dtype=np.int32), nothing, np.empty(0, dtype=np.int64))
+        return Part(np.empty(0, dtype=np.int32), nothing, np.empty(0, dtype=np.int64), np.empty(0, dtype=np.bool_))
     samples = np.sort(samples)
     groups = [samples[k : k + GROUP] for k in range(0, len(samples), GROUP)]
     with ThreadPoolExecutor(threads) as pool:
@@ -76,7 +114,7 @@ def part_around_samples(store: Store, samples: IntArray, rings: int, *, threads:
 
 def in_source_order(store: Store, part: Part) -> tuple[IntArray, TriangleMesh]:
     """A part with its vertices and faces in the order of the source, and which vertices of the store they are."""
-    order = np.argsort(store.order.mapped()[part.ids]).astype(np.int32)
+    order = np.argsort(store.sources(part.ids)).astype(np.int32)
     number = np.empty_like(order)
     number[order] = np.arange(len(order), dtype=np.int32)
     of_faces = np.argsort(part.keys & 0xFFFFFFFF)
@@ -89,7 +127,10 @@ def _together(parts: Sequence[Part]) -> Part:
     keys, first_face = np.unique(np.concatenate([part.keys for part in parts]), return_index=True)
     vertices = np.concatenate([part.mesh.vertices for part in parts])[first]
     faces = np.concatenate([part.ids[part.mesh.faces] for part in parts])[first_face]
-    return Part(ids, TriangleMesh(vertices, np.searchsorted(ids, faces).astype(np.int32)), keys)
+    cut = np.ones(len(ids), dtype=np.bool_)
+    for part in parts:
+        cut[np.searchsorted(ids, part.ids[~part.cut])] = False
+    return Part(ids, TriangleMesh(vertices, np.searchsorted(ids, faces).astype(np.int32)), keys, cut)
 
 
 class _Loaded:
@@ -140,9 +181,10 @@ class _Loaded:
         size = 1 << self.bits
         blocks = np.flatnonzero(self.slots >= 0)
         places = ((self.slots[blocks] << self.bits)[:, np.newaxis] + np.arange(size, dtype=np.int32)).ravel()
+        cut = self.layers[places] == rings
         ids = ((blocks << self.bits)[:, np.newaxis] + np.arange(size)).ravel()
         reached = self.layers[places] != FAR
-        places, ids = places[reached], ids[reached].astype(np.int32)
+        places, ids, cut = places[reached], ids[reached].astype(np.int32), cut[reached]
         numbers = np.full(len(self.layers), -1, dtype=np.int32)
         numbers[places] = np.arange(len(places), dtype=np.int32)
         vertices = self.vertices[places]
@@ -155,7 +197,7 @@ class _Loaded:
         is_first = np.ones(count, dtype=np.bool_)  # faces of several blocks come several times
         is_first[1:] = np.diff(keys[order]) > 0
         order = order[is_first]
-        return Part(ids, TriangleMesh(vertices, faces[order]), keys[order])
+        return Part(ids, TriangleMesh(vertices, faces[order]), keys[order], cut)
 
 
 @lean_njit()

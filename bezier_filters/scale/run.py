@@ -42,7 +42,7 @@ StageProgress: TypeAlias = Callable[[str, int, int], bool | None]
 
 @dataclass(frozen=True)
 class RunOptions:
-    """How a run goes, see `estimate_file`."""
+    """How a run goes, see `estimate_file`; and how many vertices tiles have if there is memory for them."""
 
     scheduler: Scheduler = None
     workers: int | None = None
@@ -52,6 +52,7 @@ class RunOptions:
     resume: bool = False
     keep_store: bool = False
     progress: StageProgress | None = None
+    largest_tile: int = TILE_VERTICES
 
 
 @dataclass
@@ -72,7 +73,7 @@ class Stages:
 
 @dataclass(frozen=True)
 class Output:
-    """What a task finds out about a tile: see `TileReport`, and a row for each of its vertices."""
+    """What a task finds out about a tile: rows, and what belongs into the `TileReport`."""
 
     rows: Values
     read: int
@@ -92,7 +93,7 @@ def run_tile(work: Work, tile: int) -> int:
     start, cpu_start = time.perf_counter(), time.process_time()
     found = work.compute(tile)
     seconds, cpu_seconds = time.perf_counter() - start, time.process_time() - cpu_start
-    report = TileReport(tile, len(found.rows), found.read, found.sums, seconds, cpu_seconds, peak_bytes(), os.getpid())
+    report = TileReport(tile, found.read, found.sums, seconds, cpu_seconds, peak_bytes(), os.getpid())
     write_tile(work.folder, report, found.rows)
     return tile
 
@@ -153,7 +154,7 @@ class Run:
     def results(self, parameters: Report) -> Path:
         """Folder for results with some parameters: others do not get mixed up with them."""
         text = json.dumps({"version": __version__} | parameters, sort_keys=True)
-        folder = self.store.folder.resolve() / f"results-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+        folder = self.store.folder / f"results-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
         folder.mkdir(exist_ok=True)
         (folder / "parameters.json").write_text(text, encoding="utf-8")
         return folder
@@ -241,9 +242,9 @@ def file_run(
     """
     if options.workers is not None and options.workers < 1:
         raise InvalidParameterError(f"workers: got {options.workers}, expected 1 or more, or None for all cores")
-    tile_size(options.tile_vertices, options.memory_limit)  # refused at once if there cannot be any
+    tile_size(options)  # refused at once if there cannot be any
     workers, stages = options.workers or core_count(), Stages(options.progress)
-    folder = Path(options.store) if options.store is not None else Path(f"{os.fspath(target)}.tiles")
+    folder = Path(options.store if options.store is not None else f"{os.fspath(target)}.tiles").absolute()
     if not options.resume:
         check_room(source, folder, Path(target), row_size, in_store)
     with running(options.scheduler, workers=workers, memory_limit=options.memory_limit) as cluster:
@@ -262,7 +263,7 @@ def _opened_store(
     if folder.exists() and not (ours and options.resume) and (not folder.is_dir() or any(folder.iterdir())):
         hint = "resume to go on with it, or remove it" if ours else "choose another folder"
         raise InvalidParameterError(f"store: {folder} is there already; {hint}")
-    wanted = tile_size(options.tile_vertices, options.memory_limit)
+    wanted = tile_size(options)
     if ours and is_store(folder):
         store = open_store(folder, source.fingerprint())
         there = store.layout.tile_vertices
@@ -279,7 +280,7 @@ def _opened_store(
     return build_store(source, folder, wanted, threads=threads, progress=progress)
 
 
-def tile_size(tile_vertices: int | None, memory_limit: int | None) -> int:
+def tile_size(options: RunOptions) -> int:
     """Vertices per tile, as given or as the memory of a worker allows.
 
     Raises
@@ -287,18 +288,19 @@ def tile_size(tile_vertices: int | None, memory_limit: int | None) -> int:
     InvalidParameterError
         If they are too few, or the memory too small.
     """
+    tile_vertices, memory_limit = options.tile_vertices, options.memory_limit
     if tile_vertices is not None:
         if tile_vertices < SMALLEST_TILE:
             raise InvalidParameterError(f"tile_vertices: got {tile_vertices}, expected {SMALLEST_TILE} or more")
         return tile_vertices
     if memory_limit is None:
-        return TILE_VERTICES
+        return options.largest_tile
     room = (memory_limit - BYTES_PER_WORKER) // BYTES_PER_VERTEX
     if room < 1 << 12:
         raise InvalidParameterError(
             f"memory_limit: got {memory_limit / 1e9:.2g} GB, expected {(BYTES_PER_WORKER + 1e8) / 1e9:.1f} GB or more"
         )
-    return min(int(room), TILE_VERTICES)
+    return min(int(room), options.largest_tile)
 
 
 def check_room(source: MeshSource, folder: Path, target: Path, row_size: int, in_store: int) -> None:

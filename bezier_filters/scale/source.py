@@ -199,13 +199,10 @@ def _rows_of(path: Path, header: PlyHeader, element: PlyElement, offset: int) ->
 def _open_npy(path: Path, kinds: str) -> ArrayFile:
     """The table (n, 3) of an NPY file."""
     try:
-        with open(path, "rb") as stream:
-            version = np.lib.format.read_magic(stream)
-            read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-            shape, fortran, dtype = read(stream)
-            offset = stream.tell()
+        table: Values = np.load(path, mmap_mode="r")
     except (ValueError, EOFError) as error:
-        raise FieldFileError(f"{path} is no NPY file: {error}") from error
+        raise FieldFileError(f"{path} is no NPY file, or cut short: {error}") from error
+    dtype, shape, fortran = table.dtype, table.shape, not table.flags.c_contiguous
     expected = dtype.kind in kinds and dtype.kind != "c" and dtype.itemsize in (4, 8)
     if len(shape) != 2 or shape[1] != 3 or fortran or not expected:
         wanted = "float32 or float64" if "f" in kinds else "integers of 4 or 8 bytes"
@@ -213,9 +210,7 @@ def _open_npy(path: Path, kinds: str) -> ArrayFile:
             f"{path}: got {dtype} of shape {shape}{' in Fortran order' * fortran}, expected {wanted} of shape (n, 3), "
             "row after row (numpy.ascontiguousarray)"
         )
-    if path.stat().st_size < offset + shape[0] * 3 * dtype.itemsize:
-        raise FieldFileError(f"{path} is cut short: its header announces shape {shape}")
-    return ArrayFile(path, dtype, 3, shape[0], offset)
+    return ArrayFile(path, dtype, 3, shape[0], path.stat().st_size - table.nbytes)
 
 
 def _columns(rows: Values, names: Sequence[str]) -> Values:

@@ -115,6 +115,15 @@ class Store:
         """Coordinates of vertices start .. stop-1, (k, 3)."""
         return self.vertices.read(start, stop).astype(np.float64, copy=False)
 
+    def coordinates_of(self, ids: IntArray) -> FloatArray:
+        """Coordinates of some vertices, (k, 3)."""
+        return self.vertices.mapped()[ids].astype(np.float64)
+
+    def sources(self, ids: IntArray) -> IntArray:
+        """Which vertices of the source some are."""
+        result: IntArray = np.array(self.order.mapped()[ids], dtype=np.int32)
+        return result
+
     def with_vertices(self, path: Path) -> "Store":
         """The same mesh with other coordinates, float64, in spatial order of the old ones."""
         vertices = ArrayFile(path, np.dtype(np.float64), 3, self.layout.vertex_count)

@@ -28,8 +28,8 @@ class TileReport:
     ----------
     tile : int
         Its number.
-    vertices, read : int
-        How many it has, and how many were read for them.
+    read : int
+        How many vertices were read for it.
     sums : dict
         Numbers that are added up over all tiles.
     seconds, cpu_seconds : float
@@ -39,7 +39,6 @@ class TileReport:
     """
 
     tile: int
-    vertices: int
     read: int
     sums: dict[str, list[float]]
     seconds: float = 0.0
@@ -50,7 +49,7 @@ class TileReport:
 
 @dataclass(frozen=True)
 class Tile:
-    """The results of a tile: a file of rows, one for each of its vertices, and the report."""
+    """The results of a tile: a file of rows, and the report."""
 
     path: Path
     report: TileReport

@@ -150,7 +150,7 @@ def test_a_folder_with_something_else_is_left_alone(resume, files, tmp_path):
 
 
 def test_a_tile_is_written_whole_or_not_at_all(tmp_path):
-    report = TileReport(7, 6, 8, {"edges": [3.0]})
+    report = TileReport(7, 8, {"edges": [3.0]})
     write_tile(tmp_path, report, np.arange(6.0))
     found = open_tile(tmp_path, 7)
     assert found.rows()[2:5].tolist() == [2.0, 3.0, 4.0]
