@@ -16,7 +16,8 @@ THINNEST = 1e-7
 ROUNDS = 60
 """After which everything is taken back; far more than there have ever been."""
 REACH = 4
-"""Edges from a face that is wrong to vertices that may be the cause."""
+"""Edges from a face that is wrong to vertices that may be the cause; what happens to a vertex depends on a few times as
+many rings around it."""
 
 
 @dataclass(frozen=True)
@@ -115,11 +116,13 @@ def repair_flipped_faces(
             return result
         chosen = np.zeros(mesh.vertex_count, dtype=np.bool_)
         chosen[mesh.faces[new]] = True
-        # A face whose corners are back where they were is turned by those around it: on to them.
+        # A face whose corners are back where they were is turned by those around it: on through vertices that are
+        # back to the first that are not.
+        spent = np.zeros(mesh.vertex_count, dtype=np.bool_)
+        spent[mesh.faces[new & ~share[mesh.faces].any(axis=1)]] = True
         for _ in range(REACH):
-            if share[chosen].any():
-                break
-            chosen[rows.indices[np.repeat(chosen, rows.lengths)]] = True
+            spent[rows.indices[np.repeat(spent & (share == 0.0), rows.lengths)]] = True
+        chosen |= spent
         share[chosen] = np.where(share[chosen] < 0.1, 0.0, 0.5 * share[chosen])
         result = mesh.vertices + share[:, np.newaxis] * (points - mesh.vertices)
     return mesh.vertices.copy()
