@@ -10,8 +10,8 @@ import numpy as np
 from bezier_filters.arrays import FloatArray
 from bezier_filters.estimation.adaptive_fit import SurfaceFit, fit_parts
 from bezier_filters.estimation.fallbacks import fit_with_fallbacks
-from bezier_filters.estimation.fitted_mesh import fitted_mesh
 from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, empty_geometry
+from bezier_filters.kernels.kernel_input import fitted_mesh
 from bezier_filters.learning.model_tree import leaves
 from bezier_filters.scale.columns import chosen_columns, columns_of, table_of
 from bezier_filters.scale.halo import tile_part

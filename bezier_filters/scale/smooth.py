@@ -10,7 +10,7 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
+from bezier_filters.meshes.adjacency import Adjacency, incoherent_vertices, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.scale.array_file import ArrayFile, saved_array
@@ -35,7 +35,6 @@ from bezier_filters.smoothing.volume import (
     component_volumes,
     movement_around,
     offset_along_normals,
-    wrongly_joined,
 )
 
 PAPER = FitOptions(rings=2, alpha=0.8, smoothness="paper")
@@ -217,7 +216,7 @@ def measure_tile(store: Store, sigma: float, tile: int) -> Output:
         values = roughness(piece, sigma)[part.own]
         place = int(values.argmax())
         found = [float(values[place]), float(piece.ids[part.own][place])]
-    incoherent = wrongly_joined(part.mesh.faces, adjacency)[part.own].any()
+    incoherent = incoherent_vertices(part.mesh.faces, adjacency)[part.own].any()
     sums = {"roughest": found, "incoherent": [float(incoherent)]}
     return Output(labelled_vertices(part, adjacency), len(part.ids), sums)
 

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from bezier_filters import InvalidParameterError, read_fields, smooth
 from bezier_filters.cli.commands import app
 from bezier_filters.errors import CancelledError
-from bezier_filters.meshes.adjacency import vertex_adjacency
+from bezier_filters.meshes.adjacency import incoherent_vertices, vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.scale import FitOptions, learn, smooth_file
 from bezier_filters.scale.components import labelled_vertices, unite_components
@@ -27,7 +27,7 @@ from bezier_filters.scale.source import open_source
 from bezier_filters.scale.tiles import TileReport, open_tile, tile_path, write_tile
 from bezier_filters.smoothing import mesh_parts
 from bezier_filters.smoothing.mesh_parts import CORE, LARGEST_WHOLE, PART
-from bezier_filters.smoothing.volume import closed_components, wrongly_joined
+from bezier_filters.smoothing.volume import closed_components
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, sphere, torus, waves
 
 compiled = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
@@ -210,7 +210,7 @@ def test_closed_components_are_those_in_memory(seed, tile, tmp_path_factory):
     for k in range(store.layout.tile_count):
         part = tile_part(store, k, 1)
         adjacency = vertex_adjacency(part.mesh)
-        assert not wrongly_joined(part.mesh.faces, adjacency)[part.own].any()
+        assert not incoherent_vertices(part.mesh.faces, adjacency)[part.own].any()
         write_tile(folder, TileReport(k, len(part.ids), {}), labelled_vertices(part, adjacency))
         tiles.append(open_tile(folder, k))
     found, expected = unite_components(store, tiles), closed_components(mesh, vertex_adjacency(mesh))
