@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -18,10 +19,10 @@ import numpy as np
 from bezier_filters._version import __version__
 from bezier_filters.arrays import FloatArray
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.runtime.parallel import Progress
+from bezier_filters.runtime.parallel import Progress, thread_count
 from bezier_filters.scale.array_file import Values
 from bezier_filters.scale.partition import build_store
-from bezier_filters.scale.scheduling import Scheduler, Workers, core_count, run_tasks, running
+from bezier_filters.scale.scheduling import Scheduler, Workers, run_tasks, running
 from bezier_filters.scale.source import MeshSource
 from bezier_filters.scale.store import Store, is_store, open_store
 from bezier_filters.scale.target import write_joined
@@ -183,8 +184,8 @@ class Run:
                 remove_tile(folder, tile)
         ready = self.cluster.ready()
         with self.stages.stage(stage, remark) as progress:
-            work = Work(folder, compute)
-            for _ in run_tasks(ready, run_tile, work, todo, workers=self.workers, progress=progress):
+            work = partial(run_tile, Work(folder, compute))
+            for _ in run_tasks(ready, work, todo, workers=self.workers, progress=progress):
                 pass
             with ThreadPoolExecutor(self.workers) as pool:
                 tiles = tuple(pool.map(lambda tile: open_tile(folder, tile), range(count)))
@@ -243,7 +244,7 @@ def file_run(
     if options.workers is not None and options.workers < 1:
         raise InvalidParameterError(f"workers: got {options.workers}, expected 1 or more, or None for all cores")
     tile_size(options)  # refused at once if there cannot be any
-    workers, stages = options.workers or core_count(), Stages(options.progress)
+    workers, stages = options.workers or thread_count(None), Stages(options.progress)
     folder = Path(options.store if options.store is not None else f"{os.fspath(target)}.tiles").absolute()
     if not options.resume:
         check_room(source, folder, Path(target), row_size, in_store)

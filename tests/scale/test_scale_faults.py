@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -205,7 +206,7 @@ def test_a_task_that_ends_its_workers_is_named(where):
         return task
 
     with running(where, workers=2, memory_limit=None) as cluster, pytest.raises(LostTaskError, match=r"task 5|5, 6"):
-        list(run_tasks(cluster.ready(), end, 1, range(8), workers=2))
+        list(run_tasks(cluster.ready(), partial(end, 1), range(8), workers=2))
 
 
 def test_a_killed_worker_changes_nothing(files, tmp_path):
