@@ -1,30 +1,19 @@
 """Columns of the files that are written: which there are, which are wanted, and tables of them."""
 
 from collections.abc import Mapping, Sequence
-from functools import cache
 
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.estimation.vertex_geometry import VertexGeometry, empty_geometry
-from bezier_filters.files.fields import (
-    CURVATURE_FIELDS,
-    PREFIX,
-    TORSION_FIELD,
-    curvature_columns,
-    normal_columns,
-    torsion_columns,
-)
+from bezier_filters.estimation.vertex_geometry import VertexGeometry
+from bezier_filters.fields import CURVATURE, ESTIMATES, PREFIX, TORSION, Field, fields_of
 from bezier_filters.scale.array_file import Values
 
-QUANTITIES = {"curvature": curvature_columns, "normals": normal_columns, "torsion": torsion_columns}
-"""What is estimated, and the columns that it is written to by default."""
-QUALITIES = {name: field.mesh_attribute for name, field in CURVATURE_FIELDS.items()} | {
-    TORSION_FIELD.name: TORSION_FIELD.mesh_attribute
-}
-"""What the quality may be, and the columns that it is a copy of."""
-DEFAULT_QUALITIES = {"curvature": "mean", "normals": None, "torsion": TORSION_FIELD.name, "all": "mean"}
+ALL = "all"
+"""Every estimate."""
+QUALITIES = {CURVATURE: "mean", TORSION: "torsion", ALL: "mean"}
+"""What is the quality, if nothing is said."""
 DISPLACEMENT, SHARPNESS = PREFIX + "displacement", PREFIX + "sharpness"
 """How far smoothing moved each vertex, and how sharp it kept edges."""
 QUALITY = "quality"
@@ -32,11 +21,10 @@ CACHED = 1 << 11
 """Rows that fit into the cache."""
 
 
-@cache
-def names_of_columns() -> dict[str, list[str]]:
-    """The columns of every quantity, and "all" of them."""
-    found = {quantity: list(find(empty_geometry(0))) for quantity, find in QUANTITIES.items()}
-    return found | {"all": list(dict.fromkeys(name for names in found.values() for name in names))}
+def estimated(quantity: str = ALL) -> dict[str, Field]:
+    """Fields that are estimated, by their columns."""
+    filters = ESTIMATES if quantity == ALL else (quantity,)
+    return {field.column: field for field in fields_of(*filters) if field.attribute is not None}
 
 
 def chosen_columns(quantity: str, quality: str | None, columns: Sequence[str] | None) -> tuple[str, list[str]]:
@@ -47,24 +35,26 @@ def chosen_columns(quantity: str, quality: str | None, columns: Sequence[str] | 
     InvalidParameterError
         If there is no such quantity, quality or column.
     """
-    there = names_of_columns()
-    if quantity not in there:
-        raise InvalidParameterError(f"quantity: got {quantity!r}, expected one of {', '.join(there)}")
-    wanted = there[quantity] if columns is None else [PREFIX + name.removeprefix(PREFIX) for name in columns]
-    if not set(wanted) <= set(there["all"]) or len(set(wanted)) < len(wanted):
-        raise InvalidParameterError(f"columns: got {wanted}, expected some of {there['all']}, each once")
-    quality = quality or DEFAULT_QUALITIES[quantity]
-    if quality is not None and quality not in QUALITIES:
-        raise InvalidParameterError(f"quality: got {quality!r}, expected one of {', '.join(QUALITIES)}")
-    return "" if quality is None else QUALITIES[quality], wanted
+    every = estimated()
+    if quantity not in (*ESTIMATES, ALL):
+        raise InvalidParameterError(f"quantity: got {quantity!r}, expected one of {', '.join((*ESTIMATES, ALL))}")
+    wanted = list(estimated(quantity)) if columns is None else [PREFIX + name.removeprefix(PREFIX) for name in columns]
+    if not set(wanted) <= every.keys() or len(set(wanted)) < len(wanted):
+        raise InvalidParameterError(f"columns: got {wanted}, expected some of {list(every)}, each once")
+    qualities = {field.quality: column for column, field in every.items() if field.quality}
+    quality = quality or QUALITIES.get(quantity)
+    if quality is not None and quality not in qualities:
+        raise InvalidParameterError(f"quality: got {quality!r}, expected one of {', '.join(qualities)}")
+    return "" if quality is None else qualities[quality], wanted
 
 
 def columns_of(geometry: VertexGeometry, names: Sequence[str]) -> dict[str, FloatArray]:
-    """Some of the columns that there are, and others of the same quantities."""
-    for quantity, find in QUANTITIES.items():
-        if set(names) <= set(names_of_columns()[quantity]):
-            return find(geometry)
-    return {name: values for find in QUANTITIES.values() for name, values in find(geometry).items()}
+    """Values of some columns, each (n,)."""
+    fields = {name: field for name, field in estimated().items() if name in names}
+    arrays = {
+        source: np.asarray(getattr(geometry, source), np.float64) for source in {f.source for f in fields.values()}
+    }
+    return {name: field.of(arrays[field.source]) for name, field in fields.items()}
 
 
 def table_of(

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from bezier_filters.arrays import FloatArray
+from bezier_filters.arrays import FloatArray, Report
 from bezier_filters.estimation.adaptive_fit import SurfaceFit, fit_parts
 from bezier_filters.estimation.fallbacks import fit_with_fallbacks
 from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, empty_geometry
@@ -16,7 +16,7 @@ from bezier_filters.learning.model_tree import leaves
 from bezier_filters.scale.columns import chosen_columns, columns_of, table_of
 from bezier_filters.scale.halo import tile_part
 from bezier_filters.scale.learn import FitOptions, learn_fit, rings_needed
-from bezier_filters.scale.run import Output, Report, Round, RunOptions, StageProgress, file_run
+from bezier_filters.scale.run import Output, Round, RunOptions, StageProgress, file_run
 from bezier_filters.scale.scheduling import Scheduler, dashboard
 from bezier_filters.scale.source import SourcePath, open_source
 from bezier_filters.scale.store import Store

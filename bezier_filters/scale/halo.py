@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.runtime.lean import lean_njit
+from bezier_filters.runtime.jit import jit
 from bezier_filters.scale.store import Store
 
 FAR = 2**31 - 1
@@ -200,14 +200,14 @@ class _Loaded:
         return Part(ids, TriangleMesh(vertices, faces[order]), keys[order], cut)
 
 
-@lean_njit()
+@jit()
 def _layer(bits: int, slots: IntArray, layers: IntArray, i: int) -> int:
     """Layer of a vertex, `FAR` if it is unknown."""
     slot = slots[i >> bits]
     return int(layers[(slot << bits) + (i & (1 << bits) - 1)]) if slot >= 0 else FAR
 
 
-@lean_njit()
+@jit()
 def _reach(
     faces: IntArray, active: IntArray, bits: int, slots: IntArray, layers: IntArray, k: int, needed: BoolArray
 ) -> int:
@@ -239,7 +239,7 @@ def _reach(
     return count
 
 
-@lean_njit()
+@jit()
 def _local_faces(
     faces: IntArray,
     bits: int,

@@ -15,7 +15,7 @@ from bezier_filters.arrays import IntArray
 from bezier_filters.errors import InvalidMeshError
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.spatial_order import Grid, grid_around, widen_bounds
-from bezier_filters.runtime.lean import lean_njit
+from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import Progress, report, run_in_chunks
 from bezier_filters.scale.array_file import ArrayFile, Values, new_array_file
 from bezier_filters.scale.source import MeshSource
@@ -155,21 +155,21 @@ def _renumber(rank: Values, faces: IntArray, threads: int) -> None:
     run_in_chunks(lambda: lambda a, b: _look_up(rank, faces, a, b), len(faces), threads=threads, chunk=ROWS >> 5)
 
 
-@lean_njit()
+@jit()
 def _look_up(rank: IntArray, faces: IntArray, start: int, stop: int) -> None:
     for f in range(start, stop):
         for k in range(3):
             faces[f, k] = rank[faces[f, k]]
 
 
-@lean_njit()
+@jit()
 def _count_cells(cells: IntArray, ends: IntArray) -> None:
     """Count the vertices of each cell, one place later."""
     for i in range(cells.shape[0]):
         ends[cells[i] + 1] += 1
 
 
-@lean_njit()
+@jit()
 def _place(cells: IntArray, ends: IntArray, first: int, places: IntArray, order: IntArray) -> None:
     """Append each vertex to those of its cell."""
     for i in range(cells.shape[0]):
@@ -179,7 +179,7 @@ def _place(cells: IntArray, ends: IntArray, first: int, places: IntArray, order:
         order[place] = first + i
 
 
-@lean_njit()
+@jit()
 def _count_faces(faces: IntArray, bits: int, ptr: NDArray[np.int64]) -> None:
     """Count the faces of each block, one place later."""
     for f in range(faces.shape[0]):
@@ -191,7 +191,7 @@ def _count_faces(faces: IntArray, bits: int, ptr: NDArray[np.int64]) -> None:
             ptr[c + 1] += 1
 
 
-@lean_njit()
+@jit()
 def _fill_in_faces(faces: IntArray, first: int, bits: int, ptr: NDArray[np.int64], rows: IntArray) -> None:
     """Append each face to those of its blocks."""
     for f in range(faces.shape[0]):

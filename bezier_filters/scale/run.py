@@ -12,12 +12,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from bezier_filters._version import __version__
-from bezier_filters.arrays import FloatArray
+from bezier_filters.arrays import FloatArray, Report
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.runtime.parallel import Progress, thread_count
 from bezier_filters.scale.array_file import Values
@@ -35,8 +35,6 @@ BYTES_PER_VERTEX, BYTES_PER_WORKER = 1200, 500_000_000
 """What a tile takes at most with what surrounds it, and a worker before it has one."""
 MARK = "bezier_filters_store"
 
-Report: TypeAlias = dict[str, Any]
-"""What is told of a run, ready for JSON."""
 StageProgress: TypeAlias = Callable[[str, int, int], bool | None]
 """``progress(stage, done, total)``; returning False cancels."""
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bezier_filters.arrays import BoolArray, FloatArray
+from bezier_filters.arrays import BoolArray, FloatArray, Report
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.meshes.adjacency import Adjacency, incoherent_vertices, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
@@ -19,7 +19,7 @@ from bezier_filters.scale.components import StoredComponents, labelled_vertices,
 from bezier_filters.scale.estimate import TileFit, fit_tile
 from bezier_filters.scale.halo import TilePart, tile_part
 from bezier_filters.scale.learn import FitOptions, learn_fit, learn_noise, rings_needed, sampled_parts_of
-from bezier_filters.scale.run import Output, Report, Run, RunOptions, StageProgress, file_run
+from bezier_filters.scale.run import Output, Run, RunOptions, StageProgress, file_run
 from bezier_filters.scale.scheduling import Scheduler
 from bezier_filters.scale.source import SourcePath, open_source
 from bezier_filters.scale.store import Store
