@@ -5,72 +5,81 @@ OUT ?= out
 ARGS ?=
 PYTHONS ?= python3.10 python3.13
 SOURCES := pyproject.toml
+BIN := $(if $(filter Windows_NT,$(OS)),Scripts,bin)
 
-.PHONY: help demo test test-slow test-oldest test-pythons frozen check coverage docs bench bench-kernels bench-scale fuzz clean
+.PHONY: help demo test test-slow test-oldest test-pythons frozen style check coverage docs wheel bench bench-kernels bench-scale \
+    fuzz clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 16
 
 demo: .venv/ready  ## curvature, torsion and normals of the bunny (or MESH=file) into out/
-	.venv/bin/bezier-filters demo $(MESH) --out $(OUT)
+	.venv/$(BIN)/bezier-filters demo $(MESH) --out $(OUT)
 
 test: .venv-dev/ready  ## run the test suite, in two processes
-	.venv-dev/bin/python -m pytest -n 2 --dist worksteal $(ARGS)
+	.venv-dev/$(BIN)/python -m pytest -n 2 --dist worksteal $(ARGS)
 
 test-slow: .venv-dev/ready  ## run the tests that take long
-	.venv-dev/bin/python -m pytest -m slow $(ARGS)
+	.venv-dev/$(BIN)/python -m pytest -m slow $(ARGS)
 
 test-oldest: $(SOURCES)  ## run the test suite with the oldest versions of the dependencies that are allowed
 	$(PYTHON) -m venv --clear .venv-oldest
 	$(PYTHON) tests/oldest_versions.py > .venv-oldest/constraints.txt
-	.venv-oldest/bin/python -m pip install --quiet -e '.[viz,convert,scale,test]' -c .venv-oldest/constraints.txt
-	.venv-oldest/bin/python -m pytest -W ignore::DeprecationWarning $(ARGS)
+	.venv-oldest/$(BIN)/python -m pip install --quiet -e '.[viz,convert,scale,test]' -c .venv-oldest/constraints.txt
+	.venv-oldest/$(BIN)/python -m pytest -W ignore::DeprecationWarning $(ARGS)
 
 test-pythons: $(SOURCES)  ## run the test suite on other Pythons: PYTHONS="python3.10 python3.13"
 	set -e; for python in $(PYTHONS); do \
 	    env=.venv-python$$($$python -c 'import sys; print("%d.%d" % sys.version_info[:2])'); \
 	    $$python -m venv --clear $$env; \
-	    $$env/bin/python -m pip install --quiet -e '.[viz,convert,scale,test]'; \
-	    $$env/bin/python -m pytest $(ARGS); \
+	    $$env/$(BIN)/python -m pip install --quiet -e '.[viz,convert,scale,test]'; \
+	    $$env/$(BIN)/python -m pytest $(ARGS); \
 	done
 
 frozen: .venv-dev/ready  ## compare every array of the public functions with the hashes in tests/frozen.json
-	.venv-dev/bin/python tests/frozen.py $(ARGS)
+	.venv-dev/$(BIN)/python tests/frozen.py $(ARGS)
 
-check: .venv-dev/ready  ## style (ruff) and types (mypy)
-	.venv-dev/bin/ruff check .
-	.venv-dev/bin/ruff format --check .
-	.venv-dev/bin/mypy
+style: .venv-dev/ready  ## style (ruff)
+	.venv-dev/$(BIN)/ruff check .
+	.venv-dev/$(BIN)/ruff format --check .
+
+check: style  ## style and types (mypy)
+	.venv-dev/$(BIN)/mypy
 
 coverage: .venv-dev/ready  ## lines and branches that the tests run, kernels in plain Python (takes some minutes)
-	.venv-dev/bin/coverage erase
-	.venv-dev/bin/coverage run -m pytest -q
-	NUMBA_DISABLE_JIT=1 .venv-dev/bin/coverage run -m pytest -q tests/whole/test_plain_python.py
-	.venv-dev/bin/coverage combine
-	.venv-dev/bin/coverage report
+	.venv-dev/$(BIN)/coverage erase
+	.venv-dev/$(BIN)/coverage run -m pytest -q
+	NUMBA_DISABLE_JIT=1 .venv-dev/$(BIN)/coverage run -m pytest -q tests/whole/test_plain_python.py
+	.venv-dev/$(BIN)/coverage combine
+	.venv-dev/$(BIN)/coverage report
 
 docs: .venv-dev/docs-ready  ## the documentation site in build/site; warnings are errors
-	NO_MKDOCS_2_WARNING=1 .venv-dev/bin/mkdocs build --strict
+	NO_MKDOCS_2_WARNING=1 .venv-dev/$(BIN)/mkdocs build --strict
+
+wheel: .venv-dev/ready  ## wheel and sdist in dist/, installed and tried outside of the tree
+	.venv-dev/$(BIN)/python -m pip install --quiet build
+	.venv-dev/$(BIN)/python -m build
+	.venv-dev/$(BIN)/python -m pytest -m "slow or not slow" tests/project/test_packaging.py
 
 bench: .venv-dev/bench-ready  ## accuracy, stability and speed next to MeshLab and libigl
-	.venv-dev/bin/python benchmarks/accuracy.py
-	.venv-dev/bin/python benchmarks/reduction.py --slow
-	.venv-dev/bin/python benchmarks/red_blood_cell.py
-	.venv-dev/bin/python benchmarks/uneven_shape.py
-	.venv-dev/bin/python benchmarks/holes.py
-	.venv-dev/bin/python benchmarks/speed.py
+	.venv-dev/$(BIN)/python benchmarks/accuracy.py
+	.venv-dev/$(BIN)/python benchmarks/reduction.py --slow
+	.venv-dev/$(BIN)/python benchmarks/red_blood_cell.py
+	.venv-dev/$(BIN)/python benchmarks/uneven_shape.py
+	.venv-dev/$(BIN)/python benchmarks/holes.py
+	.venv-dev/$(BIN)/python benchmarks/speed.py
 
 bench-scale: .venv-dev/ready  ## 50 million vertices in tiles, next to smaller meshes in memory (30 GB of disk)
-	.venv-dev/bin/python benchmarks/scale.py --vertices 1000000 7000000 50000000 --save benchmarks/results/scale.json
-	.venv-dev/bin/python benchmarks/scale.py --smooth --save benchmarks/results/scale_smoothing.json
+	.venv-dev/$(BIN)/python benchmarks/scale.py --vertices 1000000 7000000 50000000 --save benchmarks/results/scale.json
+	.venv-dev/$(BIN)/python benchmarks/scale.py --smooth --save benchmarks/results/scale_smoothing.json
 
 bench-kernels: .venv-dev/bench-ready  ## times of the stages, next to the last run of this target
-	.venv-dev/bin/python -m pytest -q -W default benchmarks/bench_kernels.py --benchmark-autosave --benchmark-compare \
+	.venv-dev/$(BIN)/python -m pytest -q -W default benchmarks/bench_kernels.py --benchmark-autosave --benchmark-compare \
 	    --benchmark-columns=min,median --benchmark-sort=name
 
 fuzz: .venv-dev/ready  ## damage 100,000 meshes and 10,000 files at random and run everything on them
-	.venv-dev/bin/python benchmarks/fuzz.py
-	.venv-dev/bin/python benchmarks/fuzz_files.py
+	.venv-dev/$(BIN)/python benchmarks/fuzz.py
+	.venv-dev/$(BIN)/python benchmarks/fuzz_files.py
 
 clean:  ## remove environments, caches and outputs
 	rm -rf .venv .venv-dev .venv-oldest .venv-python* out build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
@@ -78,20 +87,20 @@ clean:  ## remove environments, caches and outputs
 
 .venv/ready: $(SOURCES)
 	$(PYTHON) -m venv .venv
-	.venv/bin/python -m pip install --quiet --upgrade pip
-	.venv/bin/python -m pip install --quiet -e '.[viz]'
+	.venv/$(BIN)/python -m pip install --quiet --upgrade pip
+	.venv/$(BIN)/python -m pip install --quiet -e '.[viz]'
 	@touch $@
 
 .venv-dev/ready: $(SOURCES)
 	$(PYTHON) -m venv .venv-dev
-	.venv-dev/bin/python -m pip install --quiet --upgrade pip
-	.venv-dev/bin/python -m pip install --quiet -e '.[dev]'
+	.venv-dev/$(BIN)/python -m pip install --quiet --upgrade pip
+	.venv-dev/$(BIN)/python -m pip install --quiet -e '.[dev]'
 	@touch $@
 
 .venv-dev/docs-ready: .venv-dev/ready
-	.venv-dev/bin/python -m pip install --quiet -e '.[docs]'
+	.venv-dev/$(BIN)/python -m pip install --quiet -e '.[docs]'
 	@touch $@
 
 .venv-dev/bench-ready: .venv-dev/ready
-	.venv-dev/bin/python -m pip install --quiet -e '.[bench]'
+	.venv-dev/$(BIN)/python -m pip install --quiet -e '.[bench]'
 	@touch $@

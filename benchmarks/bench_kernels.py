@@ -8,7 +8,7 @@ import pytest
 
 import bezier_filters as bf
 from bezier_filters.meshes.adjacency import vertex_adjacency
-from bezier_filters.meshes.creases import crease_vertices
+from bezier_filters.meshes.dihedral_angles import sharp_edge_vertices
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.spatial_order import in_spatial_order
@@ -26,7 +26,7 @@ STAGES = {
     ),
     "adjacency": lambda: vertex_adjacency(MESH),
     "tangent planes": lambda: tangent_planes(MESH, ADJACENCY),
-    "creases": lambda: crease_vertices(MESH, ADJACENCY, PLANES),
+    "creases": lambda: sharp_edge_vertices(MESH, ADJACENCY, PLANES),
     "2 rings, degree 3": lambda: bf.estimate_vertex_geometry(VERTICES, FACES, rings=2, alpha=0.8, threads=1),
     "5 rings, degree 4": lambda: bf.estimate_vertex_geometry(VERTICES, FACES, rings=5, degree=4, alpha=0.8, threads=1),
     "paper": lambda: bf.estimate_vertex_geometry(VERTICES, FACES, smoothness="paper", threads=1),

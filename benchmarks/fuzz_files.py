@@ -62,11 +62,24 @@ def command_line(arguments: list[str], said: Path) -> int:
     """Exit status of the command line in a process of its own, whose messages go to a file."""
     import resource
 
-    child = os.fork()
+    from bezier_filters.cli.commands import serve_command_line
+    from bezier_filters.runtime.supervision import end_of
+
+    reading, writing = os.pipe()
+    child = os.fork()  # of a process that has loaded everything: faster than another interpreter
     if child:
-        return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-    code = 99
+        os.close(writing)
+        with open(reading, "rb") as notes:
+            sent = notes.read()
+        status, reason = end_of(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), sent)
+        if reason:
+            with said.open("a", encoding="utf-8") as file:
+                file.write(f"bezier-filters: {reason}\n")
+        return status
     try:
+        os.close(reading)
+        os.dup2(writing, 0)
+        os.close(writing)
         sink = os.open(os.devnull, os.O_WRONLY)
         os.dup2(sink, 1)
         os.dup2(os.open(said, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 2)
@@ -74,17 +87,10 @@ def command_line(arguments: list[str], said: Path) -> int:
         resource.setrlimit(resource.RLIMIT_CPU, (PATIENCE, PATIENCE))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         sys.argv = ["bezier-filters", *arguments]
-        from bezier_filters.cli.commands import main
-
-        main()
-    except SystemExit as end:
-        code = end.code if isinstance(end.code, int) else 98
-    except BaseException:
-        traceback.print_exc()
+        serve_command_line()
     finally:
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(code)
+        traceback.print_exc()
+        os._exit(99)
 
 
 def check(arguments: list[str], status: int, said: str, target: Path, old: bytes | None) -> None:

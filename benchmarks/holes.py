@@ -21,7 +21,7 @@ from scipy.spatial import cKDTree
 
 import bezier_filters as bf
 from bezier_filters import surfaces
-from bezier_filters.holes.loop_geometry import diameter
+from bezier_filters.holes.loops import diameter
 from bezier_filters.meshes.self_intersections import cut_faces
 from bezier_filters.meshlab.meshset import shipped_bunny
 from hole_peers import Filler, fillers

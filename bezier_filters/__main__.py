@@ -1,6 +1,6 @@
 """``python -m bezier_filters`` is the command line."""
 
-from bezier_filters.cli.commands import main
+from bezier_filters.cli import main
 
 if __name__ == "__main__":
     main()

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pymeshlab
 
-from bezier_filters.pictures.render import Panel
+from bezier_filters.pictures.scene import Panel
 
 SAMPLES = Path(__file__).parent.parent / "sample_meshes"
 

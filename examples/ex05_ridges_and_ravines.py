@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import bezier_filters as bf
-from bezier_filters.pictures.crease_pictures import crease_panel
+from bezier_filters.pictures.field_panels import crease_panel
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star
 from common import run
 

@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 
 import bezier_filters as bf
-from bezier_filters.display.color_range import color_range
+from bezier_filters.display.colors import color_range, round_limits
 from bezier_filters.meshlab.meshset import shipped_bunny
-from bezier_filters.pictures.sheets import round_limits
 from common import run
 
 SETTINGS: dict[str, dict[str, Any]] = {

@@ -1,13 +1,18 @@
-"""Fits over a plane that is not the tangent plane: the fitted function itself is known."""
+"""Geometry of known functions: of their derivatives, and fitted over a plane that is not the tangent plane."""
+
+from types import SimpleNamespace
 
 import numpy as np
+from compiled import from_python
 from scipy.spatial import Delaunay
 
 from bezier_filters import FitStatus, triangle_mesh, vertex_adjacency
 from bezier_filters.estimation.fallbacks import Attempt, fit_with_fallbacks
 from bezier_filters.estimation.vertex_geometry import empty_geometry
+from bezier_filters.kernels import graph_geometry as kernel
 from bezier_filters.kernels.kernel_input import FITTED, kernel_mesh
 from bezier_filters.meshes.frames import TangentPlanes
+from bezier_filters.runtime.lanes import LANES, aligned
 
 
 def fit_over_plane_z(x, y, z, fit, rings, ids=None):
@@ -21,3 +26,24 @@ def fit_over_plane_z(x, y, z, fit, rings, ids=None):
     ids = np.arange(len(x), dtype=np.int32) if ids is None else ids
     fit_with_fallbacks(arrays, ids, [attempt], geometry)
     return geometry
+
+
+def geometry_of_graph(jet):
+    """What the kernel makes of the derivatives jet[r, q], r times by x and q times by y, at one point of a graph."""
+    jets, frame, outputs = (np.zeros((count, LANES)) for count in (16, 9, 20))
+    jets[:] = np.reshape(jet, (16, 1))
+    frame[[0, 4, 8]] = 1.0
+    flat = [aligned(len(table)) for table in (jets, frame, outputs)]
+    for target, table in zip(flat, (jets, frame, outputs), strict=True):
+        target[:] = table.ravel()
+    from_python(kernel.graph_geometry)(*flat[:2], True, flat[2])
+    found = flat[2][::LANES]
+    return SimpleNamespace(
+        normal=found[kernel.NORMAL : kernel.NORMAL + 3],
+        k_min=found[kernel.K_MIN],
+        k_max=found[kernel.K_MAX],
+        direction_min=found[kernel.ALONG_MIN : kernel.ALONG_MIN + 3],
+        direction_max=found[kernel.ALONG_MAX : kernel.ALONG_MAX + 3],
+        extremality_min=found[kernel.EXTREMALITY_MIN],
+        extremality_max=found[kernel.EXTREMALITY_MAX],
+    )

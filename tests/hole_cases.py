@@ -4,7 +4,7 @@ import numpy as np
 from surface_cases import border_edges, directed_edges
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.holes.hole_result import HoleFillingResult
+from bezier_filters.holes.hole_filling import HoleFillingResult
 
 
 def without_faces_near(vertices: FloatArray, faces: IntArray, center: FloatArray, radius: float) -> IntArray:

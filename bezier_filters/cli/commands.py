@@ -1,5 +1,6 @@
 """The command line ``bezier-filters``."""
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -10,13 +11,14 @@ from bezier_filters.cli import batch, console, creases, filters, pictures, scale
 from bezier_filters.cli.app import app
 from bezier_filters.cli.options import Json, Quiet, Source
 
-__all__ = ["app", "batch", "creases", "filters", "main", "pictures", "scale", "script"]
+__all__ = ["app", "batch", "creases", "filters", "pictures", "scale", "script", "serve_command_line"]
 
 
 @app.command(epilog="Example: bezier-filters info scan.ply")
 def info(source: Source, json: Json = False) -> None:
     """Say what is in a mesh or point cloud, and whether it is fit for fitting."""
-    from bezier_filters.meshes.mesh import inspect_mesh, triangle_mesh
+    from bezier_filters.meshes.diagnosis import inspect_mesh
+    from bezier_filters.meshes.mesh import triangle_mesh
     from bezier_filters.meshlab.mesh_files import load_mesh
     from bezier_filters.meshlab.meshset import current_mesh, topological_measures
 
@@ -58,14 +60,12 @@ def demo(
         console.out.print(f"wrote [bold]{escape(str(picture_path(out, source)))}[/]; open the PLY files in MeshLab")
 
 
-def main() -> None:
-    """Run the command line; bad input ends it with one line and exit status 2, also where a library crashes on it."""
-    from bezier_filters.runtime.supervision import run_supervised
+def serve_command_line() -> None:
+    """Run the command line in a child process, and end that."""
+    from bezier_filters.runtime.supervision import serve
 
-    status, reason = run_supervised(_run)
-    if reason:
-        console.err.print(f"bezier-filters: {reason}", markup=False)
-    raise SystemExit(status)
+    sys.argv[0] = "bezier-filters"  # as which it is named in the help
+    serve(_run)
 
 
 def _run() -> str:

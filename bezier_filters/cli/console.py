@@ -13,8 +13,8 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from rich.table import Table
 
 from bezier_filters.files.fields import CURVATURE_FIELDS
-from bezier_filters.meshes.diagnosis import diagnose, is_fit
-from bezier_filters.meshes.mesh import MeshReport, TriangleMesh
+from bezier_filters.meshes.diagnosis import MeshReport, diagnose, is_fit
+from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.parallel import Progress as ProgressCallback
 from bezier_filters.status import FitStatus
 

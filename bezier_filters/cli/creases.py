@@ -60,7 +60,7 @@ def creases(
     colors = np.array([COLORS[line.kind] for line in found.lines]).reshape(-1, 3)[line_of_point]
     save_lines(target, points, edges, strengths, colors)
     if picture is not None:
-        from bezier_filters.pictures.crease_pictures import crease_panel
+        from bezier_filters.pictures.field_panels import crease_panel
 
         panel = crease_panel(mesh.vertices, mesh.faces, found, title=source.name)
         render_panels(picture, [panel], views=view or ["front", "back"])

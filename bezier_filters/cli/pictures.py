@@ -52,7 +52,7 @@ def render(
     One mesh has a column for every field. Several have a column each and a row for every field, with the same colours
     in the row; a mesh that lacks the field is grey.
     """
-    from bezier_filters.pictures.pictures import default_field, field_panels, read_mesh_file
+    from bezier_filters.pictures.field_panels import default_field, field_panels, read_mesh_file
     from bezier_filters.pictures.render import check_picture, render_panels
 
     check_picture(picture)
@@ -83,8 +83,8 @@ def view(
     up: Up = "auto",
 ) -> None:
     """Show meshes with their fields in a window, to turn with the mouse; q closes it. Needs a display."""
-    from bezier_filters.pictures.pictures import default_field, field_panels, read_mesh_file
-    from bezier_filters.pictures.viewing import check_display, show_panels
+    from bezier_filters.pictures.field_panels import default_field, field_panels, read_mesh_file
+    from bezier_filters.pictures.scene import check_display, show_panels
     from bezier_filters.runtime.interrupts import interrupts_end_the_process
 
     check_display()
@@ -110,9 +110,9 @@ def qmap(
     json: Json = False,
 ) -> None:
     """Write a colour map with its range for MeshLab's Quality Mapper, whose Load button opens it."""
-    from bezier_filters.display.palettes import AUTO, default_colormap
+    from bezier_filters.display.colors import AUTO, default_colormap
     from bezier_filters.meshlab.mesh_colors import save_quality_map
-    from bezier_filters.pictures.pictures import check_field, field_limits, read_mesh_file
+    from bezier_filters.pictures.field_panels import check_field, field_limits, read_mesh_file
 
     files = [read_mesh_file(source)]
     check_field(files, field)

@@ -1,6 +1,7 @@
 """Chooses how to fit a surface, and fits every part of it with the plan that suits it.
 
 What is chosen follows from samples; vertices are then fitted by it one by one, all together or some at a time.
+The neighbourhoods are rings of edges, or balls of one radius: a scale that does not depend on the sampling.
 """
 
 from collections.abc import Callable, Sequence
@@ -10,14 +11,30 @@ from typing import Literal
 import numpy as np
 
 from bezier_filters.arrays import ByteArray, FloatArray, IntArray
-from bezier_filters.estimation.fallbacks import Attempt, fallback_chain, fit_with_fallbacks, planned_chain
-from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry
+from bezier_filters.estimation.fallbacks import MORE_RINGS, Attempt, fallback_chain, fit_with_fallbacks, planned_chain
+from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, empty_geometry
 from bezier_filters.kernels.kernel_input import KernelMesh
-from bezier_filters.learning.model_tree import Features, Leaf, Tree, at_leaves, grow, leaf_numbers, leaves
+from bezier_filters.learning.learn import CANDIDATE_RINGS, MOST_TURNED, learn_surface
+from bezier_filters.learning.model_tree import Features, Leaf, Tree, at_leaves, grow, leaf_numbers, leaf_of, leaves
+from bezier_filters.learning.neighbourhood_samples import draw_from_mesh, sample_neighbourhoods
 from bezier_filters.learning.plans import THRIFT, Choices, plan_for
-from bezier_filters.learning.ring_analysis import RingAnalysis
+from bezier_filters.learning.ring_analysis import FEWEST_SAMPLES, RingAnalysis
+from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.runtime.parallel import Progress, run_in_chunks
+
+RADIUS_SAMPLES = 150
+"""Neighbourhoods whose radius is measured."""
+OUTLIER_RINGS = 3
+"""Of the robust fit that tells what is far off: narrow, and without a model to be misled."""
+FAR = 5.0
+"""Standard deviations of the noise around a vertex."""
+SPREADS = 2
+"""How many edges around a vertex its noise is told from."""
+OUTLIER_REACH = OUTLIER_RINGS + MORE_RINGS + SPREADS
+"""How many edges around a vertex decide whether it is far off."""
+GEOMETRIC_MEAN = np.exp(-0.5 * (np.euler_gamma + np.log(2.0)))
+"""Of the absolute value of a standard normal variable."""
 
 Learn = Callable[[Choices], tuple[list[RingAnalysis], Leaf | None]]
 """Learns a surface, as `learning.learn_surface` does."""
@@ -228,3 +245,112 @@ def _rescale_errors(geometry: VertexGeometry, rows: IntArray, of_normal: float, 
 def _at_the_end(progress: Progress | None, total: int) -> Progress | None:
     """Progress of what comes after the last vertex."""
     return None if progress is None else lambda *_: progress(total, total)
+
+
+def fit_in_balls(
+    mesh: KernelMesh,
+    adjacency: Adjacency,
+    ids: IntArray,
+    radius: float,
+    fit: PatchFit | None,
+    degrees: tuple[int, ...],
+    geometry: VertexGeometry,
+    *,
+    robust: bool = False,
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> FitChoice:
+    """Fit the vertices `ids` to what lies within a distance of each.
+
+    Parameters
+    ----------
+    mesh : KernelMesh
+    adjacency : Adjacency
+        Of the same mesh.
+    ids : (k,) int32
+        Vertices to fit.
+    radius : float
+        The distance, a length.
+    fit : PatchFit or None
+        The patch; None for what suits the rings of about this radius, the same everywhere.
+    degrees : tuple of int
+        Degrees that may be chosen.
+    geometry : VertexGeometry
+        Receives the results.
+    robust : bool
+        Whether points far off a fit lose their weight.
+    threads : int
+        Number of threads.
+    progress : callable, optional
+        Called with the number of vertices done.
+    """
+    leaf = None if fit else _learn_balls(mesh, adjacency, radius, degrees, threads)
+    if leaf is None:
+        fit = fit or PatchFit()
+        attempts = fallback_chain(1, fit, radius)
+        choice = FitChoice(0, fit.degree, fit.alpha, None, radius=radius)
+    else:
+        attempts = planned_chain(leaf.plans, leaf.chosen, radius)
+        choice = FitChoice(0, leaf.chosen.degree, None, leaf.surface.sigma, radius=radius)
+    fit_with_fallbacks(mesh, ids, list(attempts), geometry, robust=robust, threads=threads, progress=progress)
+    return choice
+
+
+def _learn_balls(
+    mesh: KernelMesh, adjacency: Adjacency, radius: float, degrees: tuple[int, ...], threads: int
+) -> Leaf | None:
+    """Learn the surface; the chosen plan is that of the rings whose radius is nearest to the one given."""
+    wanted = nearest_rings(mesh, adjacency, radius, threads=threads)
+    analyses, _ = learn_surface(mesh, adjacency, Choices(wanted, degrees), threads=threads)
+    if not analyses:
+        return None
+    nearest = min(analyses, key=lambda analysis: abs(analysis.radius - radius))
+    return leaf_of(analyses, Choices(nearest.rings, degrees))
+
+
+def nearest_rings(mesh: KernelMesh, adjacency: Adjacency, radius: float, *, seed: int = 0, threads: int = 1) -> int:
+    """Number of rings, as many as can be analysed at most, whose median radius is nearest to a length."""
+    ids = draw_from_mesh(mesh, RADIUS_SAMPLES, seed)
+    sample = sample_neighbourhoods(
+        mesh, adjacency, ids, rings=max(CANDIDATE_RINGS), most_turned=MOST_TURNED, threads=threads
+    )
+    distances = np.sqrt(np.square(sample.points[..., :2]).sum(axis=2))
+    best, smallest = 1, np.inf
+    for rings in range(1, sample.sizes.shape[1]):
+        usable = sample.usable[:, rings]
+        if usable.sum() < FEWEST_SAMPLES:
+            break
+        within = np.arange(distances.shape[1]) < sample.sizes[usable, rings, np.newaxis]
+        difference = abs(float(np.median((distances[usable] * within).max(axis=1))) - radius)
+        if difference < smallest:
+            best, smallest = rings, difference
+    return best
+
+
+def without_outliers(mesh: KernelMesh, *, threads: int = 1) -> KernelMesh:
+    """The mesh with every vertex that is far off its own robust patch moved onto it.
+
+    A surface is learned from that, as outliers would pass for noise and for shape.
+    """
+    n = len(mesh.vertices)
+    every = np.arange(n, dtype=np.int32)
+    own = mesh._replace(origin=every)
+    geometry = empty_geometry(n)
+    attempts = list(fallback_chain(OUTLIER_RINGS, PatchFit()))
+    fit_with_fallbacks(own, every, attempts, geometry, robust=True, threads=threads)
+    distances = np.linalg.norm(geometry.displacements, axis=1)
+    is_far = distances > FAR / GEOMETRIC_MEAN * _geometric_means(mesh, distances)
+    vertices = np.where(is_far[:, np.newaxis], mesh.vertices + geometry.displacements, mesh.vertices)
+    return mesh._replace(vertices=vertices)
+
+
+def _geometric_means(mesh: KernelMesh, values: FloatArray) -> FloatArray:
+    """Of values (n,) around every vertex: few large ones among them do not matter much."""
+    valences = np.diff(mesh.ring_ptr)
+    rows = np.repeat(np.arange(len(values)), valences)
+    logarithms = np.log(np.maximum(values, np.finfo(np.float64).tiny))
+    for _ in range(SPREADS):
+        sums = logarithms + np.bincount(rows, weights=logarithms[mesh.ring_indices], minlength=len(values))
+        logarithms = sums / (1 + valences)
+    result: FloatArray = np.exp(logarithms)
+    return result

@@ -7,23 +7,26 @@ from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.estimation.adaptive_fit import choose_fit, first_features, fit_parts, with_parts
-from bezier_filters.estimation.ball_fit import fit_in_balls
+from bezier_filters.estimation.adaptive_fit import (
+    choose_fit,
+    first_features,
+    fit_in_balls,
+    fit_parts,
+    with_parts,
+    without_outliers,
+)
 from bezier_filters.estimation.fallbacks import fit_with_fallbacks
 from bezier_filters.estimation.first_call import first_call
 from bezier_filters.estimation.fit_options import Automatic, check_radius, fit_options
-from bezier_filters.estimation.fitted_mesh import fitted_mesh
-from bezier_filters.estimation.outliers import without_outliers
 from bezier_filters.estimation.point_cloud import point_cloud
 from bezier_filters.estimation.vertex_geometry import FitChoice, VertexGeometry, empty_geometry
-from bezier_filters.kernels.kernel_input import KernelMesh, kernel_mesh
+from bezier_filters.kernels.kernel_input import KernelMesh, fitted_mesh, kernel_mesh
 from bezier_filters.learning.learn import learn_surface
 from bezier_filters.learning.model_tree import Leaf
 from bezier_filters.learning.plans import Choices
 from bezier_filters.learning.ring_analysis import RingAnalysis
 from bezier_filters.meshes.adjacency import Adjacency
-from bezier_filters.meshes.array_arguments import takes_arrays
-from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
+from bezier_filters.meshes.mesh import TriangleMesh, takes_arrays, triangle_mesh
 from bezier_filters.meshes.spatial_order import in_spatial_order
 from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.patches.smoothness import Smoothness
@@ -98,8 +101,7 @@ def estimate_vertex_geometry(
     selected : (n,) bool, optional
         Vertices to estimate; the others get zeros and `FitStatus.SKIPPED`.
     conditions : bool
-        Whether the result has the condition number of every fit. Vertices are then fitted one at a time, which takes
-        some three times as long and gives the same up to rounding.
+        Whether the result has the condition number of every fit, which changes nothing else.
     threads : int, optional
         Number of threads; by default BEZIER_FILTERS_THREADS or all usable cores. The result
         does not depend on it.

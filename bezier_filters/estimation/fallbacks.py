@@ -4,20 +4,24 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import config
 
 from bezier_filters.arrays import BoolArray, ByteArray, IntArray
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
-from bezier_filters.kernels.kernel_input import FITTED, FOLDED, ILL_POSED, OUTCOMES, KernelFit, KernelMesh
-from bezier_filters.kernels.lane_kernel import lane_task
-from bezier_filters.kernels.scalar_kernel import scalar_task
-from bezier_filters.kernels.uncertainty import StandardErrors
+from bezier_filters.kernels.fit_kernel import fit_task
+from bezier_filters.kernels.kernel_input import (
+    FITTED,
+    FOLDED,
+    ILL_POSED,
+    OUTCOMES,
+    KernelFit,
+    KernelMesh,
+    VertexResults,
+)
 from bezier_filters.learning.learn import MOST_TURNED
 from bezier_filters.learning.plans import FitPlan
 from bezier_filters.patches.fitting import PatchFit
-from bezier_filters.patches.jets import GraphGeometry
 from bezier_filters.patches.polynomials import elimination_order, lexicographic_places, row_starts
-from bezier_filters.runtime.parallel import Progress, RangeTask, run_in_chunks
+from bezier_filters.runtime.parallel import Progress, run_in_chunks
 from bezier_filters.status import FitStatus
 
 SMALLEST_PIVOT = 1e-6
@@ -208,28 +212,13 @@ def _run(
         mesh = mesh._replace(stops=np.zeros(n, dtype=np.bool_))
     outcomes = np.empty(len(ids), dtype=np.int8)
     fit = kernel_fit(attempt, robust=robust)
-    result = GraphGeometry(
-        geometry.normals,
-        geometry.k_min,
-        geometry.k_max,
-        geometry.direction_min,
-        geometry.direction_max,
-        geometry.extremality_min,
-        geometry.extremality_max,
-        geometry.displacements,
+    results = VertexResults(*(getattr(geometry, name) for name in VertexResults._fields))
+    run_in_chunks(
+        lambda: fit_task(mesh, fit, ids, results, outcomes, geometry.condition_number),
+        len(ids),
+        threads=threads,
+        progress=progress,
     )
-    errors = StandardErrors(geometry.normal_std, geometry.mean_curvature_std, geometry.gaussian_curvature_std)
-
-    # Lanes are compiled code only; reweighting by residuals takes each vertex its own number of rounds;
-    # condition numbers are asked for rarely, and everybody would wait for their compilation.
-    compiled = not config.DISABLE_JIT  # type: ignore[attr-defined]
-    in_lanes = compiled and not fit.rounds and geometry.condition_number is None
-
-    def make_task() -> RangeTask:
-        arguments = mesh, fit, ids, result, errors, geometry.residual, geometry.rings_used, outcomes
-        return lane_task(*arguments) if in_lanes else scalar_task(*arguments, geometry.condition_number)
-
-    run_in_chunks(make_task, len(ids), threads=threads, progress=progress)
     return outcomes
 
 
@@ -244,10 +233,10 @@ def kernel_fit(attempt: Attempt, *, robust: bool = False) -> KernelFit:
     weight_scale, weight_power = 0.0, 0
     moment_exponents, moment_place = space.moments
     if isinstance(fit, PatchFit):
-        fewest, square, penalty = fit.free_coefficients, fit.square, fit.monomial_penalty[np.ix_(order, order)][lower]
+        free, square, penalty = fit.free_coefficients, fit.square, fit.monomial_penalty[np.ix_(order, order)][lower]
         prior, smallest_pivot = np.zeros(len(lower[0])), SMALLEST_PIVOT
     else:
-        fewest, square, penalty = max(6, attempt.fewest_points), True, np.zeros(len(lower[0]))
+        free, square, penalty = QUADRATIC.free_coefficients, True, np.zeros(len(lower[0]))
         if np.isfinite(fit.weight_radius):
             weight_scale, weight_power = 1.0 / fit.weight_radius**2, fit.degree + 1
         prior, smallest_pivot = fit.prior[np.ix_(order, order)][lower], SMALLEST_PRIOR_PIVOT
@@ -257,7 +246,8 @@ def kernel_fit(attempt: Attempt, *, robust: bool = False) -> KernelFit:
     return KernelFit(
         rings=attempt.rings,
         radius=attempt.radius or 0.0,
-        fewest_points=fewest,
+        fewest_points=max(free, attempt.fewest_points),
+        free=free,
         square=square,
         mean_plane=attempt.mean_plane,
         most_turned=attempt.most_turned,

@@ -1,27 +1,83 @@
-"""The kernels of an estimate in two parts that take about equally long to compile."""
+"""The first call on a machine, which compiles the numerical kernels, once per installation.
 
-from contextlib import AbstractContextManager
+They are compiled in two parts that take about equally long, on two cores if there are two.
+"""
+
+import gc
+import logging
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from bezier_filters.estimation.fallbacks import QUADRATIC, Attempt, fit_with_fallbacks
-from bezier_filters.estimation.fitted_mesh import fitted_mesh
 from bezier_filters.estimation.vertex_geometry import empty_geometry
-from bezier_filters.kernels.kernel_input import FITTED, KernelMesh
-from bezier_filters.kernels.lane_kernel import fit_in_lanes
+from bezier_filters.kernels.fit_kernel import fit_in_lanes
+from bezier_filters.kernels.kernel_input import FITTED, KernelMesh, fitted_mesh
 from bezier_filters.learning.learn import learn_surface
 from bezier_filters.learning.plans import Choices
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.spatial_order import in_spatial_order
-from bezier_filters.runtime.compilation import first_compilation
+from bezier_filters.runtime.parallel import thread_count
+from bezier_filters.runtime.supervision import python_command
 from bezier_filters.status import FitStatus
 from bezier_filters.surfaces import sphere
 
+logger = logging.getLogger("bezier_filters")
 
-def first_call() -> AbstractContextManager[None]:
+
+@contextmanager
+def first_call() -> Iterator[None]:
     """Around everything that estimates: the first time on a machine, the kernels are compiled."""
     code = f"from {__name__} import {compile_the_rest.__name__} as compile; compile()"
-    return first_compilation(fit_in_lanes, compile_fit, code)
+    with first_compilation(fit_in_lanes, compile_fit, code):
+        yield
+
+
+@contextmanager
+def first_compilation(kernel: Any, compile_kernel: Callable[[], object], compile_others: str) -> Iterator[None]:
+    """Around the first call of a kernel: if it will be compiled, say so, and compile on two cores if there are two.
+
+    A kernel that was compiled before is loaded from numba's cache on disk in a fraction of a second; then nothing
+    of this happens. Otherwise this process compiles the largest kernel, and another one runs the code `compile_others`
+    for the rest, which this one finds in the cache. What goes wrong there is compiled here when it is called.
+    """
+    if not _will_be_compiled(kernel):
+        yield
+        return
+    logger.warning("compiling the numerical kernels; this takes about ten seconds, once per installation")
+    # The compiler makes millions of objects that live on; looking through the oldest of them again and again would
+    # take a fifteenth of its time.
+    thresholds = gc.get_threshold()
+    gc.set_threshold(*thresholds[:2], 100_000)
+    try:
+        if _is_python(sys.executable) and thread_count(None) > 1:
+            nothing = subprocess.DEVNULL
+            command = python_command(compile_others)
+            with subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing) as process:
+                try:
+                    compile_kernel()
+                    process.wait()
+                finally:
+                    process.kill()
+        yield
+    finally:
+        gc.set_threshold(*thresholds)
+
+
+def _will_be_compiled(kernel: Any) -> bool:
+    if getattr(kernel, "signatures", True):  # compiled or loaded in this process, or the JIT is off
+        return False
+    return not any(Path(kernel.stats.cache_path).glob(f"*{kernel.py_func.__name__}*.nbi"))
+
+
+def _is_python(executable: str | None) -> bool:
+    """Whether a program may be asked to run Python code, rather than being one that Python is built into."""
+    return bool(executable) and Path(str(executable)).name.lower().startswith("python")
 
 
 def compile_fit() -> None:

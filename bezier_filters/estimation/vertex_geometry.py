@@ -112,7 +112,7 @@ class VertexGeometry:
     fit : FitChoice
         Neighbourhood, degree and weight that were used.
     condition_number : (n,) float64 or None
-        Condition number of each fit, see `condition`: relative errors of the coefficients are a small multiple
+        Condition number of each fit, see `condition_numbers`: relative errors of the coefficients are a small multiple
         of its square times 1.1e-16. 0 where nothing was fitted; None where it was not asked for.
     """
 

@@ -16,11 +16,9 @@ from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
 from bezier_filters.feature_lines.crest_segments import CurvatureAlongLines, crest_segments, points_on_edges
 from bezier_filters.feature_lines.polylines import chains
-from bezier_filters.feature_lines.sharp_edges import find_sharp_edges
 from bezier_filters.meshes.adjacency import vertex_adjacency
-from bezier_filters.meshes.array_arguments import takes_arrays
-from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
-from bezier_filters.meshes.mesh_edges import MeshEdges, mesh_edges
+from bezier_filters.meshes.dihedral_angles import MeshEdges, find_sharp_edges, mesh_edges
+from bezier_filters.meshes.mesh import TriangleMesh, takes_arrays, triangle_mesh
 from bezier_filters.runtime.parallel import Progress, thread_count
 from bezier_filters.status import FitStatus
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.meshes.dihedral_angles import MeshEdges
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.mesh_edges import MeshEdges
 
 
 @dataclass(frozen=True)

@@ -1,53 +1,49 @@
-"""Fill a hole that creases run into: they are continued through it, and each part is filled from its own side."""
+"""Fill a hole that creases run into: they are continued through it, and each part is filled from its own side.
 
-from collections.abc import Iterator, Sequence
+Ends of creases are grouped by how little the curves between them would bend; these curves are taken to where the
+surfaces of their two sides meet, which in turn go through the curves.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
+from itertools import combinations
 
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
-from bezier_filters.holes.crease_curves import (
-    bending_energy,
-    corner_of,
-    evenly_spaced,
-    groupings,
-    hermite_curve,
-    onto_intersection,
+from bezier_filters.holes.crease_ends import (
+    CreaseEnd,
+    CutHole,
+    border,
+    crease_ends,
+    creases_around,
+    cut_hole,
+    may_have_creases,
+    sub_hole,
 )
-from bezier_filters.holes.fill_topology import Fill
-from bezier_filters.holes.flat_fill import lifted_fill
 from bezier_filters.holes.implicit_surface import ImplicitSurface
-from bezier_filters.holes.rim_creases import crease_ends, may_have_creases, sharp_edges
-from bezier_filters.holes.smooth_fill import first_fill, meeting_rim, on_surface, surface_around
-from bezier_filters.holes.sub_holes import CutHole, border, cut_hole, sub_hole
-from bezier_filters.holes.surroundings import Surroundings
+from bezier_filters.holes.influence_region import InfluenceRegion, vertex_pairs
+from bezier_filters.holes.planar_fill import lifted_fill
+from bezier_filters.holes.refinement import Fill
+from bezier_filters.holes.smooth_fill import Attempt, first_fill, meet_rim, project_to_surface, surface_around
 
 STRAIGHT = 0.3
 """Bending energy of a curve that is taken as it is: it turns by some 30 degrees."""
-FEWEST_POINTS = 16
-"""With known normals, for the surface of one side."""
 FARTHEST = 0.5
 """Times the diameter of the rim: how far a curve or corner may move to the intersection of surfaces."""
-
-
-@dataclass(frozen=True)
-class CreaseFill:
-    """A fill with creases.
-
-    Attributes
-    ----------
-    fill : Fill
-        Rim vertices, then those on the creases, then the others.
-    creases : (e, 2) int32
-        Edges of the creases.
-    parts : int
-        Sub-holes.
-    """
-
-    fill: Fill
-    creases: IntArray
-    parts: int
+NEWTON_STEPS, STEPS_TO_CORNER = 12, 60
+WEAKEST = 0.15
+"""Least share of the strongest direction in which surfaces determine their intersection."""
+LARGEST_BEND = 12.0
+"""Bending energy of a curve over a unit chord, from which on its ends do not belong together: half a circle has 10."""
+LARGEST_LEG_BEND = 0.5
+"""The same of a curve to a corner: it turns by some 20 degrees."""
+ENERGY_OF_GROUP = 0.5
+"""What another group must save: ends of which all meet in a point do not meet there in twos and threes."""
+MOST_ENDS = 8
+"""Up to which every group of ends may meet in a corner."""
 
 
 @dataclass(frozen=True)
@@ -76,64 +72,55 @@ class _Curve:
     is_straight: bool
 
 
-def crease_fills(around: Surroundings, *, noisy: bool) -> Iterator[CreaseFill | str]:
-    """Fills with the creases that end at the rim continued, the most likely first, or what went wrong; maybe none.
-
-    Parameters
-    ----------
-    around : Surroundings
-        Some rings around a hole without islands.
-    noisy : bool
-        Whether points are fitted rather than interpolated.
-    """
-    if len(around.loops) > 1 or len(around.loops[0]) > around.rim_count:
+def crease_attempts(region: InfluenceRegion, *, noisy: bool) -> Iterator[Attempt]:
+    """Fills with the creases that end at the rim continued, the most likely first, or what went wrong; maybe none."""
+    if not region.has_simple_rim or not may_have_creases(region):
         return
-    if not may_have_creases(around):
-        return
-    sharp = sharp_edges(around)
-    ends = crease_ends(around, sharp)
-    rim = around.loops[0]
-    for groups in groupings(ends, around.vertices[rim[[end.position for end in ends]]]):
+    creases = creases_around(region)
+    ends = crease_ends(region, creases)
+    rim = region.loops[0]
+    for groups in groupings(ends, region.vertices[rim[[end.position for end in ends]]]):
         joined = sorted(k for group in groups for k in group)
         chosen = [ends[k] for k in joined]
         renumbered = [tuple(joined.index(k) for k in group) for group in groups]
-        yield _filled(cut_hole(around, sharp, chosen, renumbered), noisy=noisy)
+        fill = _fill(cut_hole(region, creases, chosen, renumbered), noisy=noisy)
+        yield Attempt("creases", None, fill) if isinstance(fill, str) else fill
 
 
-def _filled(cut: CutHole, *, noisy: bool) -> CreaseFill | str:
-    """Fill a hole whose creases are joined in groups of ends."""
-    around = cut.around
-    normals = [_side(around, cut.part_of_face == part) for part in range(cut.part_count)]
-    surfaces = _surfaces(around, normals, [], noisy=noisy)
+def _fill(cut: CutHole, *, noisy: bool) -> Attempt | str:
+    """Fill a hole whose creases are joined in groups of ends, or say why that is not possible."""
+    region = cut.region
+    normals = [_side(region, cut.part_of_face == part) for part in range(cut.part_count)]
+    surfaces = _surfaces(region, normals, [], noisy=noisy)
     if surfaces is None:
         return "too few faces on one side of a crease"
     corners, curves = _first_curves(cut, surfaces)
     # What bends little is taken as it is; it tells the surfaces, and these tell where the other curves run.
-    limit = FARTHEST * float(np.linalg.norm(np.ptp(around.vertices[: around.rim_count], axis=0)))
-    edge = float(around.sizes.mean())
-    surfaces = _surfaces(around, normals, [curve for curve in curves if curve.is_straight], noisy=noisy) or surfaces
+    limit = FARTHEST * float(np.linalg.norm(np.ptp(region.vertices[: region.rim_count], axis=0)))
+    edge = float(region.sizes.mean())
+    surfaces = _surfaces(region, normals, [curve for curve in curves if curve.is_straight], noisy=noisy) or surfaces
     curves = [curve if curve.is_straight else _on_surfaces(curve, surfaces, limit, edge) for curve in curves]
-    surfaces = _surfaces(around, normals, curves, noisy=noisy) or surfaces
+    surfaces = _surfaces(region, normals, curves, noisy=noisy) or surfaces
     return _with_parts(cut, corners, curves, surfaces)
 
 
 def _with_parts(
     cut: CutHole, corners: FloatArray, curves: Sequence[_Curve], surfaces: Sequence[ImplicitSurface]
-) -> CreaseFill | str:
+) -> Attempt | str:
     """Fill the parts between the curves, each on the surface of its side."""
-    around = cut.around
+    region = cut.region
     # The vertices but those inside the parts: rim, corners, points of the curves.
-    points = np.vstack([around.vertices[: around.rim_count], corners, *(curve.points for curve in curves)])
-    sizes = np.concatenate([around.sizes, np.full(len(points) - around.rim_count, around.sizes.mean())])
+    points = np.vstack([region.vertices[: region.rim_count], corners, *(curve.points for curve in curves)])
+    sizes = np.concatenate([region.sizes, np.full(len(points) - region.rim_count, region.sizes.mean())])
     paths = []
-    first = around.rim_count + len(corners)
+    first = region.rim_count + len(corners)
     for curve in curves:
         inner = range(first, first + len(curve.points))
         paths.append(np.array([curve.ends[0], *inner, curve.ends[1]], dtype=np.int32))
         first = inner.stop
     shared = len(points)
     faces: list[IntArray] = []
-    taken = set(around.rim_edges)
+    taken = set(region.rim_edges)
     for part, surface in enumerate(surfaces):
         loop = border(cut, paths, part)
         if len(np.unique(loop)) < len(loop) or len(loop) < 3:
@@ -142,40 +129,37 @@ def _with_parts(
         fill = lifted_fill(side) or first_fill(side, order=1)
         if fill is None:
             return "a part of the hole cannot be triangulated"
-        moved = on_surface(fill, side, surface) if len(fill.points) > fill.rim_count else fill
-        fill = fill if moved is None else meeting_rim(moved, side, surface)
+        moved = project_to_surface(fill, side, surface) if len(fill.points) > fill.rim_count else fill
+        fill = fill if moved is None else meet_rim(moved, side, surface)
         new = np.arange(len(points), len(points) + len(fill.points) - fill.rim_count)
         faces.append(np.concatenate([side.ids[: fill.rim_count], new])[fill.faces].astype(np.int32))
         points = np.vstack([points, fill.points[fill.rim_count :]])
         sizes = np.concatenate([sizes, fill.sizes[fill.rim_count :]])
-        edges = np.sort(faces[-1][:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-        taken |= {(a, b) for a, b in edges[edges[:, 1] < shared].tolist()}
+        taken |= vertex_pairs(faces[-1], shared)
     creases = np.vstack([np.stack([path[:-1], path[1:]], axis=1) for path in paths])
-    return CreaseFill(Fill(points, sizes, np.vstack(faces), around.rim_count), creases, cut.part_count)
+    fill = Fill(points, sizes, np.vstack(faces), region.rim_count)
+    return Attempt("creases", fill, parts=cut.part_count, creases=creases)
 
 
-def _side(around: Surroundings, faces: BoolArray) -> FloatArray:
+def _side(region: InfluenceRegion, faces: BoolArray) -> FloatArray:
     """Normals (b, 3) of the surroundings as if there were only some of its faces; zero elsewhere."""
-    ids, local = np.unique(around.faces[faces], return_inverse=True)
-    normals = np.zeros_like(around.vertices)
+    ids, local = np.unique(region.faces[faces], return_inverse=True)
+    normals = np.zeros_like(region.vertices)
     if len(ids):
-        geometry = estimate_vertex_geometry(around.vertices[ids], local.reshape(-1, 3), threads=1)
+        geometry = estimate_vertex_geometry(region.vertices[ids], local.reshape(-1, 3), threads=1)
         normals[ids] = geometry.normals
     return normals
 
 
 def _surfaces(
-    around: Surroundings, sides: Sequence[FloatArray], curves: Sequence[_Curve], *, noisy: bool
+    region: InfluenceRegion, sides: Sequence[FloatArray], curves: Sequence[_Curve], *, noisy: bool
 ) -> list[ImplicitSurface] | None:
     """The surface of each side, through the curves at it, too; None if one cannot be found."""
     result = []
     for part, normals in enumerate(sides):
-        known = np.einsum("ij,ij->i", normals, normals) > 0.25
         others = np.vstack([np.empty((0, 3)), *(curve.points for curve in curves if part in curve.sides)])
-        surface = None
-        if np.count_nonzero(known) >= FEWEST_POINTS:
-            surface = surface_around(around, normals, known, noisy=noisy, others=others)
-        if surface is None:
+        surface = surface_around(region, normals, noisy=noisy, others=others)
+        if isinstance(surface, str):
             return None
         result.append(surface)
     return result
@@ -183,24 +167,24 @@ def _surfaces(
 
 def _first_curves(cut: CutHole, surfaces: Sequence[ImplicitSurface]) -> tuple[FloatArray, list[_Curve]]:
     """Corners (c, 3), and cubic curves between ends, or from ends to corners."""
-    around, ends, part_of_sector = cut.around, cut.ends, cut.part_of_sector
-    rim = around.loops[0]
+    region, ends, part_of_sector = cut.region, cut.ends, cut.part_of_sector
+    rim = region.loops[0]
     names = [int(rim[end.position]) for end in ends]
-    edge = float(around.sizes.mean())
+    edge = float(region.sizes.mean())
     corners: list[FloatArray] = []
     curves: list[_Curve] = []
     for group in cut.groups:
-        places = [around.vertices[names[k]] for k in group]
+        places = [region.vertices[names[k]] for k in group]
         if len(group) == 2:
             targets = [(group[0], names[group[1]], places[1], -ends[group[1]].tangent)]
         else:
             own = [surfaces[part] for part in sorted({part_of_sector[k] for k in group})]
-            corner = corner_of(np.array(places), np.array([ends[k].tangent for k in group]), own, 0.01 * edge)
-            name = around.rim_count + len(corners)
+            corner = nearest_corner(np.array(places), np.array([ends[k].tangent for k in group]), own, 0.01 * edge)
+            name = region.rim_count + len(corners)
             corners.append(corner)
             targets = [(k, name, corner, _unit(corner - place)) for k, place in zip(group, places, strict=True)]
         for k, name, target, tangent in targets:
-            start = around.vertices[names[k]], ends[k].tangent
+            start = region.vertices[names[k]], ends[k].tangent
             inner = hermite_curve(*start, target, tangent, edge)
             straight = bending_energy(*start, target, tangent) < STRAIGHT
             sides = part_of_sector[k - 1], part_of_sector[k]
@@ -218,3 +202,175 @@ def _on_surfaces(curve: _Curve, surfaces: Sequence[ImplicitSurface], limit: floa
 
 def _unit(vector: FloatArray) -> FloatArray:
     return np.asarray(vector / max(float(np.linalg.norm(vector)), 1e-300), dtype=np.float64)
+
+
+def groupings(ends: Sequence[CreaseEnd], points: FloatArray) -> list[list[tuple[int, ...]]]:
+    """Ways to join the ends of creases, the best first: pairs that one curve joins, and more that meet in a corner.
+
+    As few ends as possible are left over, and then the curves bend as little as possible. They do not cross. Corners of
+    more than three are those where the creases go; three that are all there are always meet in one.
+
+    Parameters
+    ----------
+    ends : sequence of CreaseEnd
+        In the order of the rim.
+    points : (k, 3) float64
+        Where they are.
+
+    Returns
+    -------
+    list of list of tuple
+        Numbers of the ends that belong together; ends that are missing end in the hole.
+    """
+    count = len(ends)
+    pairs: dict[tuple[int, ...], float] = {
+        (i, j): _energy(ends, points, i, j) for i, j in combinations(range(count), 2)
+    }
+    tangents = np.array([end.tangent for end in ends]).reshape(-1, 3)
+    corners = {group: _corner_energy(points, tangents, list(group)) for group in _possible_corners(count)}
+    if count == 3:
+        corners[0, 1, 2] = min(corners[0, 1, 2], LARGEST_BEND)
+    result: list[list[tuple[int, ...]]] = []
+    for found in (_partition(count, pairs | corners), _partition(count, pairs)):
+        if found and found not in result:
+            result.append(found)
+    return result
+
+
+def _possible_corners(count: int) -> Iterator[tuple[int, ...]]:
+    """Groups of three or more of some ends; where there are many ends, only all of them."""
+    sizes = range(3, count + 1) if count <= MOST_ENDS else range(count, count + 1)
+    for size in sizes:
+        yield from combinations(range(count), size)
+
+
+def _energy(ends: Sequence[CreaseEnd], points: FloatArray, i: int, j: int) -> float:
+    """Bending energy of the curve between two ends; infinite between ridge and valley, or if it bends too far."""
+    if ends[i].is_convex != ends[j].is_convex:
+        return float("inf")
+    energy = bending_energy(points[i], ends[i].tangent, points[j], -ends[j].tangent)
+    return energy if energy < LARGEST_BEND else float("inf")
+
+
+def _corner_energy(points: FloatArray, tangents: FloatArray, group: list[int]) -> float:
+    """Bending energies of the curves from some ends to the point nearest to their lines; infinite if one bends far."""
+    starts, along = points[group], tangents[group]
+    across = np.eye(3) - along[:, :, np.newaxis] * along[:, np.newaxis, :]
+    corner = np.linalg.lstsq(across.sum(axis=0), np.einsum("kij,kj->i", across, starts), rcond=1e-6)[0]
+    chords = corner - starts
+    lengths = np.linalg.norm(chords, axis=1, keepdims=True)
+    if not (lengths > 0.0).all():
+        return float("inf")
+    energies = [bending_energy(s, t, corner, c) for s, t, c in zip(starts, along, chords / lengths, strict=True)]
+    return sum(energies) if max(energies) < LARGEST_LEG_BEND else float("inf")
+
+
+def bending_energy(start: FloatArray, start_tangent: FloatArray, stop: FloatArray, stop_tangent: FloatArray) -> float:
+    """Integral of the squared second derivative of the cubic curve over a unit chord; about the squared angle it turns.
+
+    Examples
+    --------
+    >>> right = np.array([1.0, 0.0, 0.0])
+    >>> bending_energy(0 * right, right, 5 * right, right)
+    0.0
+    """
+    length = float(np.linalg.norm(stop - start))
+    if not length > 0.0:
+        return float("inf")
+    chord = (stop - start) / length
+    a = 6.0 * chord - 4.0 * start_tangent - 2.0 * stop_tangent
+    b = -6.0 * chord + 2.0 * start_tangent + 4.0 * stop_tangent
+    return float(a @ a + a @ b + b @ b) / 3.0
+
+
+def _partition(count: int, energies: Mapping[tuple[int, ...], float]) -> list[tuple[int, ...]]:
+    """Groups that do not cross, with as few ends left over as possible, and then with the least energy."""
+
+    @cache
+    def best(first: int, stop: int) -> tuple[int, float, tuple[tuple[int, ...], ...]]:
+        if stop - first < 2:
+            return max(stop - first, 0), 0.0, ()
+        rest = best(first + 1, stop)
+        options = [(rest[0] + 1, rest[1], rest[2])]
+        for group, energy in energies.items():
+            if group[0] == first and group[-1] < stop and energy < float("inf"):
+                between = [best(a + 1, b) for a, b in zip(group, (*group[1:], stop), strict=True)]
+                found = (group, *(part for option in between for part in option[2]))
+                options.append(
+                    (sum(o[0] for o in between), ENERGY_OF_GROUP + energy + sum(o[1] for o in between), found)
+                )
+        return min(options, key=lambda option: option[:2])
+
+    return list(best(0, count)[2])
+
+
+def nearest_corner(
+    points: FloatArray, tangents: FloatArray, surfaces: Sequence[ImplicitSurface], tolerance: float
+) -> FloatArray:
+    """The point with the least sum of distances to lines through points (k, 3) along tangents, and to surfaces.
+
+    Sums of distances, not of squares: a crease that bends on its way, or a surface that is continued badly, does not
+    pull the corner away from where the others meet. Found by least squares with weights from the distances.
+    """
+    across = np.eye(3) - tangents[:, :, np.newaxis] * tangents[:, np.newaxis, :]
+    corner = points.mean(axis=0)
+    line_weights, surface_weights = np.ones(len(points)), np.zeros(len(surfaces))
+    for _ in range(STEPS_TO_CORNER):
+        values, gradients = _values(surfaces, corner[np.newaxis])
+        values, gradients = values[0], gradients[0]
+        system = 1e-6 * np.eye(3) + np.einsum("k,kij->ij", line_weights, across)
+        system += np.einsum("k,ki,kj->ij", surface_weights, gradients, gradients)
+        target = np.einsum("k,kij,kj->i", line_weights, across, points - corner)
+        target -= np.einsum("k,k,ki->i", surface_weights, values, gradients)
+        corner = corner + np.linalg.solve(system, target)
+        distances = np.linalg.norm(np.einsum("kij,kj->ki", across, points - corner), axis=1)
+        line_weights = 1.0 / np.maximum(distances, tolerance)
+        surface_weights = 1.0 / np.maximum(np.abs(_values(surfaces, corner[np.newaxis])[0][0]), tolerance)
+    return np.asarray(corner, dtype=np.float64)
+
+
+def _values(surfaces: Sequence[ImplicitSurface], points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Values (n, k) and gradients (n, k, 3) of k surfaces."""
+    found = [surface.values_and_gradients(points) for surface in surfaces]
+    values = np.array([value for value, _ in found]).reshape(len(surfaces), len(points))
+    gradients = np.array([gradient for _, gradient in found]).reshape(len(surfaces), len(points), 3)
+    return values.T, gradients.swapaxes(0, 1)
+
+
+def hermite_curve(
+    start: FloatArray, start_tangent: FloatArray, stop: FloatArray, stop_tangent: FloatArray, edge: float
+) -> FloatArray:
+    """Points inside a cubic curve about one edge apart, (k, 3); tangents are unit vectors along the curve."""
+    length = float(np.linalg.norm(stop - start))
+    t = np.linspace(0.0, 1.0, 200)[:, np.newaxis]
+    curve = (
+        (1 + 2 * t) * (1 - t) ** 2 * start
+        + t * (1 - t) ** 2 * length * start_tangent
+        + t**2 * (3 - 2 * t) * stop
+        - t**2 * (1 - t) * length * stop_tangent
+    )
+    return evenly_spaced(curve, edge)
+
+
+def evenly_spaced(curve: FloatArray, edge: float) -> FloatArray:
+    """Points inside a polyline (n, 3) about one edge apart, without its ends."""
+    lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
+    count = max(round(float(lengths[-1]) / edge), 1)
+    at = np.linspace(0.0, lengths[-1], count + 1)[1:-1]
+    return np.stack([np.interp(at, lengths, curve[:, k]) for k in range(3)], axis=1)
+
+
+def onto_intersection(points: FloatArray, surfaces: Sequence[ImplicitSurface], limit: float) -> FloatArray:
+    """Move points (n, 3) to where all surfaces are zero, by Newton's method with the shortest steps.
+
+    Points that would go farther than a limit stay where they are; so they do in directions that surfaces
+    nearly tangent to each other do not determine.
+    """
+    result = points.copy()
+    for _ in range(NEWTON_STEPS):
+        values, gradients = _values(surfaces, result)
+        steps = np.einsum("nij,nj->ni", np.linalg.pinv(gradients, rcond=WEAKEST), values)
+        lengths = np.linalg.norm(steps, axis=1, keepdims=True)
+        result = result - steps * np.minimum(1.0, 0.2 * limit / np.maximum(lengths, 1e-300))
+    moved = np.linalg.norm(result - points, axis=1) <= limit
+    return np.where((moved & np.isfinite(result).all(axis=1))[:, np.newaxis], result, points)

@@ -1,15 +1,21 @@
-"""Fills in their mesh: where their vertices and faces go, and what they cut."""
+"""Fills in their mesh: which attempt is taken, what it cuts, and in which order holes that may meet are filled."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from math import degrees
 
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.holes.fill_topology import Fill
+from bezier_filters.holes.fill_methods import FILL_METHODS, FillingMethod, FillTask
 from bezier_filters.holes.hole_detection import Hole
-from bezier_filters.holes.surroundings import Surroundings
+from bezier_filters.holes.influence_region import InfluenceRegion, vertex_pairs
+from bezier_filters.holes.refinement import Fill
+from bezier_filters.holes.smooth_fill import Attempt
+from bezier_filters.meshes.adjacency import Rows
+from bezier_filters.meshes.dihedral_angles import dihedral_angles
 from bezier_filters.meshes.frames import unit_face_normals
 from bezier_filters.meshes.half_edges import faces_at_edges
 from bezier_filters.meshes.mesh import TriangleMesh
@@ -20,7 +26,42 @@ BULGE = 0.5
 
 
 @dataclass(frozen=True)
-class Piece:
+class OpenMesh:
+    """A mesh with the holes that are to be filled, and what is known for that.
+
+    Attributes
+    ----------
+    mesh : TriangleMesh
+    regions : sequence of InfluenceRegion
+        Of each hole, in the order in which fills give way to earlier ones.
+    boxes : (h, 2, 3) float64
+        Lowest and highest corner of the box that each fill must not leave.
+    near : Rows
+        Faces of the mesh in each box.
+    normals : (n, 3) float64
+        Unit normals where surfaces are fitted, zero where they are not known.
+    noise : float or None
+        Of the mesh, a length.
+    method : {"auto", "paper"}
+    creases : bool
+        Whether creases are continued.
+    alpha : float
+        Weight of the points for ``"paper"``.
+    """
+
+    mesh: TriangleMesh
+    regions: Sequence[InfluenceRegion]
+    boxes: FloatArray
+    near: Rows
+    normals: FloatArray
+    noise: float | None
+    method: FillingMethod
+    creases: bool
+    alpha: float
+
+
+@dataclass(frozen=True)
+class FaceSet:
     """Some faces of a mesh with their vertices.
 
     Attributes
@@ -37,27 +78,26 @@ class Piece:
     points: FloatArray
     faces: IntArray
 
-    def chords(self, limit: int) -> set[tuple[int, int]]:
-        """Edges between vertices whose ids are below a limit, the smaller one first."""
-        ends = self.ids[self.faces[:, [0, 1, 1, 2, 2, 0]]].reshape(-1, 2)
-        ends = ends[(ends < limit).all(axis=1)]
-        return {(min(a, b), max(a, b)) for a, b in ends.tolist()}
-
-    def renumbered(self, first: int, new_first: int) -> "Piece":
+    def renumbered(self, first: int, new_first: int) -> "FaceSet":
         """The same with vertices from `first` on numbered from `new_first` on."""
         return replace(self, ids=np.where(self.ids >= first, self.ids + (new_first - first), self.ids))
 
 
-def piece_of_mesh(mesh: TriangleMesh, face_ids: IntArray) -> Piece:
-    """Some faces of a mesh."""
-    ids = mesh.faces[face_ids].ravel()
-    return Piece(ids, mesh.vertices[ids], np.arange(len(ids), dtype=np.int32).reshape(-1, 3))
+@dataclass(frozen=True)
+class FilledHole:
+    """The attempt that was taken, as a part of the mesh; no attempt and no faces if none was.
 
+    New vertices are numbered on from those of the mesh and of earlier holes of the group, the first of them as
+    `first_vertex`. `cuts` new faces cut others; `reason` says why better attempts were not taken.
+    """
 
-def placed(fill: Fill, around: Surroundings, next_vertex: int) -> Piece:
-    """A fill as a part of the mesh, its new vertices numbered on from a row."""
-    new = np.arange(next_vertex, next_vertex + len(fill.points) - fill.rim_count)
-    return Piece(np.concatenate([around.ids[: fill.rim_count], new]), fill.points, fill.faces)
+    attempt: Attempt | None = None
+    placed: FaceSet | None = None
+    first_vertex: int = 0
+    cuts: int = 0
+    reason: str = ""
+    rim_error: float = 0.0
+    rim_dihedral: float = 0.0
 
 
 def hole_box(mesh: TriangleMesh, hole: Hole) -> tuple[FloatArray, FloatArray]:
@@ -66,34 +106,125 @@ def hole_box(mesh: TriangleMesh, hole: Hole) -> tuple[FloatArray, FloatArray]:
     return rim.min(axis=0) - BULGE * hole.diameter, rim.max(axis=0) + BULGE * hole.diameter
 
 
-def problem_with(piece: Piece, low: FloatArray, high: FloatArray) -> str:
+def groups_of_boxes(boxes: FloatArray) -> list[IntArray]:
+    """Numbers, ascending, of boxes (h, 2, 3) that meet, directly or by way of others.
+
+    Fills of holes whose boxes do not meet do not depend on each other.
+
+    Examples
+    --------
+    >>> [group.tolist() for group in groups_of_boxes(np.array([[[0.0], [1.0]], [[5.0], [6.0]], [[1.0], [2.0]]]))]
+    [[0, 2], [1]]
+    """
+    low, high = boxes[:, 0], boxes[:, 1]
+    # Sweep along x: a box can only meet those that begin before it ends.
+    order = np.argsort(low[:, 0], kind="stable")
+    stops = np.searchsorted(low[order, 0], high[order, 0], side="right")
+    pairs = [np.empty((2, 0), dtype=np.int64)]
+    for k, stop in enumerate(stops.tolist()):
+        others = order[k + 1 : stop]
+        met = others[((low[others] <= high[order[k]]) & (high[others] >= low[order[k]])).all(axis=1)]
+        pairs.append(np.stack([np.full(len(met), order[k]), met]))
+    first, second = np.hstack(pairs)
+    graph = coo_matrix((np.ones(len(first)), (first, second)), shape=(len(boxes), len(boxes)))
+    count, group = connected_components(graph, directed=False)
+    by_group = np.argsort(group, kind="stable")
+    return np.split(by_group, np.searchsorted(group[by_group], np.arange(1, count)))
+
+
+def fill_group(task: OpenMesh, group: Iterable[int], *, threads: int = 1) -> list[FilledHole]:
+    """Fill some holes of a mesh, given by ascending numbers, each given that the earlier ones are filled."""
+    placed: dict[int, FaceSet] = {}
+    joined: dict[int, set[int]] = {}
+    result = []
+    next_vertex = task.mesh.vertex_count
+    for number in group:
+        region = task.regions[number].with_joined(joined)
+        normals, noisy = task.normals[region.ids], region.is_noisy(task.noise)
+        hole = FillTask(region, normals, noisy, task.creases, task.alpha, threads)
+        filled = _first_without_cuts(FILL_METHODS[task.method](hole), task, number, region, placed, next_vertex)
+        result.append(filled)
+        if filled.placed is not None:
+            placed[number] = filled.placed
+            next_vertex += len(filled.placed.ids) - region.rim_count
+            for a, b in vertex_pairs(filled.placed.ids[filled.placed.faces], task.mesh.vertex_count):
+                joined.setdefault(a, set()).add(b)
+                joined.setdefault(b, set()).add(a)
+    return result
+
+
+def _first_without_cuts(
+    attempts: Iterable[Attempt],
+    task: OpenMesh,
+    number: int,
+    region: InfluenceRegion,
+    earlier: dict[int, FaceSet],
+    next_vertex: int,
+) -> FilledHole:
+    """The first attempt that cuts nothing, or else the one that cuts least, of these the first."""
+    low, high = task.boxes[number]
+    meeting = [
+        faces for k, faces in earlier.items() if (task.boxes[k, 0] <= high).all() and (task.boxes[k, 1] >= low).all()
+    ]
+    obstacles = [_faces_of_mesh(task.mesh, task.near.row(number)), *meeting]
+    best = FilledHole()
+    reasons: list[str] = []
+    for attempt in attempts:
+        problem = attempt.reason
+        if attempt.fill is not None:
+            placed = _placed(attempt.fill, region, next_vertex)
+            problem = _problem_with(placed, low, high)
+            if not problem:
+                cuts = _count_cuts(placed, obstacles)
+                if best.attempt is None or cuts < best.cuts:
+                    error = float(np.abs(placed.points[: region.rim_count] - region.rim_vertices).max())
+                    best = FilledHole(attempt, placed, next_vertex, cuts, rim_error=error)
+                if cuts == 0:
+                    break
+                problem = f"{cuts} new faces cut others"
+        reasons.append(f"{attempt.method}: {problem}")
+    angle = _rim_dihedral(best.attempt.fill, region) if best.attempt and best.attempt.fill else 0.0
+    return replace(best, reason="; ".join(dict.fromkeys(reasons)), rim_dihedral=angle)
+
+
+def _faces_of_mesh(mesh: TriangleMesh, face_ids: IntArray) -> FaceSet:
+    ids = mesh.faces[face_ids].ravel()
+    return FaceSet(ids, mesh.vertices[ids], np.arange(len(ids), dtype=np.int32).reshape(-1, 3))
+
+
+def _placed(fill: Fill, region: InfluenceRegion, next_vertex: int) -> FaceSet:
+    """A fill as a part of the mesh, its new vertices numbered on from a row."""
+    new = np.arange(next_vertex, next_vertex + len(fill.points) - fill.rim_count)
+    return FaceSet(np.concatenate([region.ids[: fill.rim_count], new]), fill.points, fill.faces)
+
+
+def _problem_with(placed: FaceSet, low: FloatArray, high: FloatArray) -> str:
     """What is wrong with a fill by itself, given the box that it must not leave; empty if nothing is."""
-    if not np.isfinite(piece.points).all():
+    if not np.isfinite(placed.points).all():
         return "coordinates are not finite"
-    if not ((piece.points >= low) & (piece.points <= high)).all():
+    if not ((placed.points >= low) & (placed.points <= high)).all():
         return "bulges too far from the rim"
     return ""
 
 
-def count_cuts(piece: Piece, others: Sequence[Piece]) -> int:
-    """Number of faces of a piece that cut one of the others or each other."""
-    low, high = piece.points.min(axis=0), piece.points.max(axis=0)
+def _count_cuts(placed: FaceSet, others: Sequence[FaceSet]) -> int:
+    """Number of faces of a fill that cut one of the others or each other."""
+    low, high = placed.points.min(axis=0), placed.points.max(axis=0)
     near = [other.faces[meeting_box(other.points, other.faces, low, high)] for other in others]
     corners = [
-        (p.ids[f].ravel(), p.points[f.ravel()]) for p, f in zip((*others, piece), (*near, piece.faces), strict=True)
+        (p.ids[f].ravel(), p.points[f.ravel()]) for p, f in zip((*others, placed), (*near, placed.faces), strict=True)
     ]
     ids, points = (np.concatenate(parts) for parts in zip(*corners, strict=True))
     _, first, faces = np.unique(ids, return_index=True, return_inverse=True)
-    return int(np.count_nonzero(cut_faces(points[first], faces.reshape(-1, 3).astype(np.int32), len(piece.faces))))
+    return int(np.count_nonzero(cut_faces(points[first], faces.reshape(-1, 3).astype(np.int32), len(placed.faces))))
 
 
-def rim_dihedral(fill: Fill, around: Surroundings) -> float:
+def _rim_dihedral(fill: Fill, region: InfluenceRegion) -> float:
     """Mean angle between the faces on both sides of the rim, in degrees."""
     at_rim = fill.faces[np.count_nonzero(fill.faces < fill.rim_count, axis=1) > 1]
     normals = unit_face_normals(fill.points, at_rim)
     angles: list[float] = []
-    for loop in around.loops:
+    for loop in region.loops:
         own = normals[faces_at_edges(at_rim, loop, np.roll(loop, -1))]
-        half_chord = 0.5 * np.linalg.norm(own - around.normals_beyond(loop), axis=1)
-        angles += (2.0 * np.arcsin(np.minimum(half_chord, 1.0))).tolist()
+        angles += dihedral_angles(own, region.normals_beyond(loop)).tolist()
     return degrees(float(np.mean(angles)))

@@ -1,15 +1,18 @@
-"""Holes of a mesh: which border loops there are, which of them are holes, and which islands lie in them."""
+"""Holes of a mesh: which border loops are holes, which islands lie in them, and which of them are to be filled."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import pi
+from numbers import Integral, Real
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.holes.loop_geometry import area_vector, diameter, edge_lengths, enclosed, plane_axes
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.errors import InvalidParameterError
+from bezier_filters.holes.loops import corner_angles, diameter, edge_lengths, enclosed, plane_axes, vector_area
 from bezier_filters.meshes.adjacency import Adjacency
-from bezier_filters.meshes.boundary import border_half_edges
+from bezier_filters.meshes.half_edges import border_half_edges, cycles
 from bezier_filters.meshes.mesh import TriangleMesh
 
 RIM_TURNING = pi
@@ -128,18 +131,7 @@ def _loops_around_gaps(mesh: TriangleMesh, adjacency: Adjacency) -> list[tuple[I
         arriving, leaving = np.flatnonzero(end == vertex), np.flatnonzero(start == vertex)
         following, angles = _across_gaps(mesh, adjacency, vertex, start[arriving], end[leaving])
         successor[arriving], gaps[arriving] = leaving[following], angles
-    result = []
-    seen = np.zeros(len(start), dtype=np.bool_)
-    for k in range(len(start)):
-        path: list[int] = []
-        half_edge = k
-        while not seen[half_edge]:
-            seen[half_edge] = True
-            path.append(half_edge)
-            half_edge = int(successor[half_edge])
-        if path:
-            result.append((end[path], gaps[path]))
-    return result
+    return [(end[loop], gaps[loop]) for loop in cycles(successor, np.arange(len(start), dtype=np.int32))]
 
 
 def _across_gaps(
@@ -164,13 +156,10 @@ def _across_gaps(
 
 def angle_sums(mesh: TriangleMesh, adjacency: Adjacency, ids: IntArray) -> FloatArray:
     """Sum of the angles of all faces at some vertices, in radians."""
-    rows = [adjacency.faces.row(i) for i in ids]
-    faces = mesh.faces[np.concatenate(rows)]
-    owner = np.repeat(np.arange(len(ids)), [len(row) for row in rows])
+    faces = mesh.faces[adjacency.faces.of(ids)]
+    owner = np.repeat(np.arange(len(ids)), adjacency.faces.lengths_of(ids))
     corner = np.argmax(faces == ids[owner, np.newaxis], axis=1)
-    tip, left, right = (mesh.vertices[faces[np.arange(len(faces)), (corner + k) % 3]] for k in range(3))
-    sine = np.linalg.norm(np.cross(left - tip, right - tip), axis=1)
-    angles = np.arctan2(sine, np.einsum("ij,ij->i", left - tip, right - tip))
+    angles = corner_angles(*(mesh.vertices[faces[np.arange(len(faces)), (corner + k) % 3]] for k in range(3)))
     return np.bincount(owner, weights=angles, minlength=len(ids)).astype(np.float64)
 
 
@@ -196,10 +185,83 @@ def _lies_in(mesh: TriangleMesh, sheet: Hole, hole: Hole) -> bool:
     margin = ISLAND_HEIGHT * hole.diameter
     if sheet.diameter >= hole.diameter or not ((points > low - margin) & (points < high + margin)).all():
         return False
-    normal = area_vector(rim)
-    if not normal.any() or normal @ area_vector(points) >= 0.0:
+    normal = vector_area(rim)
+    if not normal.any() or normal @ vector_area(points) >= 0.0:
         return False
     axes = plane_axes(normal)
     local = (points - rim.mean(axis=0)) @ axes.T
     near = np.abs(local[:, 2]) <= margin
     return bool((near & enclosed(local[:, :2], (rim - rim.mean(axis=0)) @ axes[:2].T)).all())
+
+
+@dataclass(frozen=True)
+class HoleChoice:
+    """Conditions on holes, all of which must hold.
+
+    Attributes
+    ----------
+    max_edges : int, optional
+        Most edges of a hole.
+    max_perimeter, max_diameter : float, optional
+        Largest perimeter and diameter, lengths.
+    holes : sequence of int, optional
+        Numbers of the holes, as they are listed in the result.
+    selected : (n,) bool, optional
+        Vertices of the mesh, one of which a hole must have on its rim.
+    outer_rims : bool
+        Whether outer rims of open sheets count as holes. Those listed in `holes` always do.
+
+    Raises
+    ------
+    InvalidParameterError
+        If a value is out of range.
+    """
+
+    max_edges: int | None = None
+    max_perimeter: float | None = None
+    max_diameter: float | None = None
+    holes: Sequence[int] | None = None
+    selected: BoolArray | None = None
+    outer_rims: bool = False
+
+    def __post_init__(self) -> None:
+        edges = self.max_edges
+        if edges is not None and (isinstance(edges, bool) or not isinstance(edges, Integral) or edges < 3):
+            raise InvalidParameterError(f"max_edges: got {edges!r}, expected an integer of 3 or more, or None")
+        for name in ("max_perimeter", "max_diameter"):
+            length = getattr(self, name)
+            if length is not None and (
+                isinstance(length, bool) or not isinstance(length, Real) or not float(length) > 0.0
+            ):
+                raise InvalidParameterError(f"{name}: got {length!r}, expected a positive length, or None")
+
+    def check(self, vertex_count: int, hole_count: int) -> None:
+        """Raise an InvalidParameterError if `selected` or `holes` do not fit the mesh."""
+        if self.selected is not None:
+            mask = np.asarray(self.selected)
+            if mask.shape != (vertex_count,) or mask.dtype != np.bool_:
+                raise InvalidParameterError(
+                    f"selected: got {mask.dtype} of shape {mask.shape}, expected bool of shape ({vertex_count},)"
+                )
+        for k in self.holes or ():
+            if isinstance(k, bool) or not isinstance(k, Integral) or not 0 <= k < hole_count:
+                raise InvalidParameterError(
+                    f"holes: got {k!r}, expected numbers from 0 to {hole_count - 1}, for {hole_count} holes and rims; "
+                    "the report of a call with holes=[] lists them"
+                )
+
+    def refusal(self, number: int, hole: Hole) -> str:
+        """Why a hole is not filled; empty if it is."""
+        if self.holes is not None and number not in self.holes:
+            return "not among the holes that were asked for"
+        if hole.is_outer_rim and not self.outer_rims and self.holes is None:
+            return "the outer rim of an open sheet; outer_rims=True fills it, too"
+        if self.max_edges is not None and hole.edge_count > self.max_edges:
+            return f"{hole.edge_count} edges, more than max_edges={self.max_edges}"
+        if self.max_perimeter is not None and hole.perimeter > self.max_perimeter:
+            return f"perimeter {hole.perimeter:.6g}, more than max_perimeter={self.max_perimeter:.6g}"
+        if self.max_diameter is not None and hole.diameter > self.max_diameter:
+            return f"diameter {hole.diameter:.6g}, more than max_diameter={self.max_diameter:.6g}"
+        if self.selected is not None and not self.selected[hole.rim].any():
+            return "no vertex of its rim is selected"
+        return ""

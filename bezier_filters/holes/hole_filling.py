@@ -1,30 +1,135 @@
-"""Hole filling: the function that users call."""
+"""Hole filling: the function that users call, and what it gives."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from numbers import Real
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bezier_filters.arrays import BoolArray
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.display.html_tables import html_table
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.holes.contrasts import WorkSpace
-from bezier_filters.holes.fill_placement import Piece, hole_box
-from bezier_filters.holes.hole_choice import HoleChoice
-from bezier_filters.holes.hole_detection import Hole, find_holes
-from bezier_filters.holes.hole_groups import FilledHole, OpenMesh, fill_group, groups_of_boxes
-from bezier_filters.holes.hole_result import HoleFillingResult, HoleReport
-from bezier_filters.holes.hole_surroundings import all_surroundings, normals_and_noise
+from bezier_filters.holes.fill_methods import FillingMethod
+from bezier_filters.holes.fill_placement import FaceSet, FilledHole, OpenMesh, fill_group, groups_of_boxes, hole_box
+from bezier_filters.holes.hole_detection import Hole, HoleChoice, find_holes
+from bezier_filters.holes.influence_region import influence_region, normals_and_noise
 from bezier_filters.meshes.adjacency import vertex_adjacency
-from bezier_filters.meshes.array_arguments import takes_arrays
-from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.meshes.mesh import takes_arrays, triangle_mesh
 from bezier_filters.meshes.self_intersections import faces_in_boxes
 from bezier_filters.patches.fitting import PatchFit
-from bezier_filters.runtime.parallel import Progress, RangeTask, report, run_in_chunks, thread_count
+from bezier_filters.runtime.parallel import Progress, report, run_in_chunks, thread_count
 
-FillingMethod = Literal["auto", "paper"]
+
+@dataclass(frozen=True)
+class HoleReport:
+    """A hole and its fill.
+
+    Attributes
+    ----------
+    rim : (k,) int32
+        Vertices of the rim, in the direction of the faces that fill the hole.
+    islands : int
+        Separate sheets within the hole, which the fill is joined to.
+    edge_count : int
+        Edges of the rim, and of those of the islands.
+    perimeter : float
+        Their length.
+    diameter : float
+        Largest distance between two vertices of the rim, a length.
+    is_outer_rim : bool
+        Whether this is where an open sheet ends, rather than a hole in it.
+    filled : bool
+        Whether the hole was filled; otherwise `reason` says why not, and nothing of it was changed.
+    method : str
+        ``"surface"``: triangles on the surface that continues the points and normals around the hole.
+        ``"creases"``: sharp edges were continued through the hole, and its parts filled like that.
+        ``"variational"``: no such surface; a fill without tension. ``"flat"``: triangles between the
+        vertices of the rim, and some more in between, of little area. ``"paper"``: the paper's patch. Empty if open.
+    reason : str
+        Why the hole was left open, or why better methods were not used; empty if there is nothing to say.
+    parts : int
+        Sub-holes that creases cut the hole into, 1 without creases, 0 if it was left open.
+    creases : (e, 2) int32
+        Edges of the new mesh, within the hole, that are creases.
+    new_vertices, new_faces : range
+        Rows of the result that belong to the fill. Outer rims are filled last: theirs are the last rows.
+    rim_error : float
+        Largest distance between a rim vertex before and after: 0.
+    rim_dihedral : float
+        Mean angle between the faces on both sides of the rim, in degrees.
+    self_intersections : int
+        New faces that cut another face.
+    """
+
+    rim: IntArray
+    islands: int
+    edge_count: int
+    perimeter: float
+    diameter: float
+    is_outer_rim: bool
+    filled: bool
+    method: str
+    reason: str
+    parts: int
+    creases: IntArray
+    new_vertices: range
+    new_faces: range
+    rim_error: float
+    rim_dihedral: float
+    self_intersections: int
+
+
+@dataclass(frozen=True, repr=False)
+class HoleFillingResult:
+    """A mesh with filled holes.
+
+    Attributes
+    ----------
+    vertices : (n + added, 3) float64
+        The old vertices, unchanged, and the new ones after them.
+    faces : (m + added, 3) int32
+        The old faces, unchanged, and the new ones after them, oriented as those around them.
+    holes : tuple of HoleReport
+        One for every hole and every outer rim, ordered by the smallest vertex of the rim.
+    noise : float or None
+        Standard deviation of the noise along the normal that fills were fitted with, a length; None if the mesh is
+        too small to learn it.
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+    holes: tuple[HoleReport, ...]
+    noise: float | None
+
+    @property
+    def filled(self) -> int:
+        """Number of holes that were filled."""
+        return sum(hole.filled for hole in self.holes)
+
+    def __repr__(self) -> str:
+        """One line: how many holes there were, and how many were filled."""
+        return (
+            f"HoleFillingResult({len(self.vertices)} vertices, {len(self.faces)} faces, "
+            f"{self.filled} of {len(self.holes)} holes filled)"
+        )
+
+    def _repr_html_(self) -> str:
+        """Table of the holes for notebooks."""
+        header = ["edges", "diameter [length]", "fill", "new faces", "rim angle [degrees]", "remarks"]
+        rows = [
+            [
+                hole.edge_count,
+                hole.diameter,
+                hole.method or "left open",
+                len(hole.new_faces),
+                hole.rim_dihedral if hole.filled else None,
+                hole.reason,
+            ]
+            for hole in self.holes
+        ]
+        return html_table(f"{self.filled:,} of {len(self.holes):,} holes filled", header, rows)
 
 
 @takes_arrays
@@ -131,26 +236,26 @@ def fill_holes(
     # The lid of a sheet that is not flat may go through the holes in it: it must give way to their fills.
     numbers = sorted(np.flatnonzero([not refusal for refusal in refusals]), key=lambda k: found[k].is_outer_rim)
     chosen = [found[k] for k in numbers]
-    surroundings = all_surroundings(mesh, adjacency, chosen, threads=threads)
-    normals, noise = normals_and_noise(mesh, surroundings, noise, threads=threads)
+    regions = [influence_region(mesh, adjacency, hole.loops) for hole in chosen]
+    normals, noise = normals_and_noise(mesh, regions, noise, threads=threads)
     boxes = np.array([hole_box(mesh, hole) for hole in chosen]).reshape(-1, 2, 3)
     near = faces_in_boxes(mesh.vertices, mesh.faces, boxes[:, 0], boxes[:, 1])
-    task = OpenMesh(mesh, surroundings, boxes, near, normals, noise, method, creases, float(alpha))
+    task = OpenMesh(mesh, regions, boxes, near, normals, noise, method, creases, float(alpha))
     reports = [_left_open(hole, refusal) for hole, refusal in zip(found, refusals, strict=True)]
-    pieces: list[Piece] = []
+    fills: list[FaceSet] = []
     vertex_count, face_count = mesh.vertex_count, mesh.face_count
-    for number, hole, filled in zip(numbers, chosen, _filled(task, threads, progress), strict=True):
-        if filled.piece is None:
-            reports[number] = _left_open(hole, filled.reason)
+    for number, filled in zip(numbers, _filled(task, threads, progress), strict=True):
+        if filled.placed is None:
+            reports[number] = replace(reports[number], reason=filled.reason)
             continue
-        piece = filled.piece.renumbered(filled.first_vertex, vertex_count)
-        reports[number] = _report(hole, filled, piece, vertex_count, face_count)
-        pieces.append(piece)
+        fill = filled.placed.renumbered(filled.first_vertex, vertex_count)
+        reports[number] = _report_of_fill(reports[number], filled, fill, vertex_count, face_count)
+        fills.append(fill)
         vertex_count += len(reports[number].new_vertices)
         face_count += len(reports[number].new_faces)
     return HoleFillingResult(
-        np.vstack([mesh.vertices, *(piece.points[piece.ids >= mesh.vertex_count] for piece in pieces)]),
-        np.vstack([mesh.faces, *(piece.ids[piece.faces].astype(np.int32) for piece in pieces)]),
+        np.vstack([mesh.vertices, *(fill.points[fill.ids >= mesh.vertex_count] for fill in fills)]),
+        np.vstack([mesh.faces, *(fill.ids[fill.faces].astype(np.int32) for fill in fills)]),
         tuple(reports),
         noise,
     )
@@ -159,24 +264,19 @@ def fill_holes(
 def _filled(task: OpenMesh, threads: int, progress: Progress | None) -> list[FilledHole]:
     """Fill all holes, on several threads if there are several groups of them."""
     groups = groups_of_boxes(task.boxes)
-    results = [FilledHole()] * len(task.surroundings)
-    report(progress, 0, len(task.surroundings))
+    results = [FilledHole()] * len(task.regions)
+    report(progress, 0, len(task.regions))
     done: list[int] = []
 
-    def make_task() -> RangeTask:
-        work = WorkSpace()
+    def fill_groups(start: int, stop: int) -> None:
+        for group in (part.tolist() for part in groups[start:stop]):
+            fills = fill_group(task, group, threads=1 if len(groups) > 1 else threads)
+            for number, filled in zip(group, fills, strict=True):
+                results[number] = filled
+            done.extend(group)
 
-        def fill_groups(start: int, stop: int) -> None:
-            for group in (part.tolist() for part in groups[start:stop]):
-                fills = fill_group(task, group, work, threads=1 if len(groups) > 1 else threads)
-                for number, filled in zip(group, fills, strict=True):
-                    results[number] = filled
-                done.extend(group)
-
-        return fill_groups
-
-    of_holes = None if progress is None else lambda _, __: progress(len(done), len(task.surroundings))
-    run_in_chunks(make_task, len(groups), threads=threads, progress=of_holes, chunk=1)
+    of_holes = None if progress is None else lambda _, __: progress(len(done), len(task.regions))
+    run_in_chunks(lambda: fill_groups, len(groups), threads=threads, progress=of_holes, chunk=1)
     return results
 
 
@@ -201,20 +301,23 @@ def _left_open(hole: Hole, reason: str) -> HoleReport:
     )
 
 
-def _report(hole: Hole, filled: FilledHole, piece: Piece, vertex_count: int, face_count: int) -> HoleReport:
-    """The report of a filled hole, `piece` being its fill with final numbers."""
+def _report_of_fill(
+    left_open: HoleReport, filled: FilledHole, fill: FaceSet, vertex_count: int, face_count: int
+) -> HoleReport:
+    """The report of a hole now filled, `fill` having final numbers."""
     attempt = filled.attempt
     assert attempt is not None
-    added = int(np.count_nonzero(piece.ids >= vertex_count))
-    creases = np.empty((0, 2), dtype=np.int32) if attempt.creases is None else attempt.creases
+    added = int(np.count_nonzero(fill.ids >= vertex_count))
+    creases = left_open.creases if attempt.creases is None else fill.ids[attempt.creases].astype(np.int32)
     return replace(
-        _left_open(hole, filled.reason),
+        left_open,
         filled=True,
         method=attempt.method,
+        reason=filled.reason,
         parts=attempt.parts,
-        creases=piece.ids[creases].astype(np.int32),
+        creases=creases,
         new_vertices=range(vertex_count, vertex_count + added),
-        new_faces=range(face_count, face_count + len(piece.faces)),
+        new_faces=range(face_count, face_count + len(fill.faces)),
         rim_error=filled.rim_error,
         rim_dihedral=filled.rim_dihedral,
         self_intersections=filled.cuts,

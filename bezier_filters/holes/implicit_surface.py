@@ -13,7 +13,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from bezier_filters.arrays import BoolArray, FloatArray
-from bezier_filters.holes.contrasts import FAST, TERMS, WorkSpace, reflections_of, restricted_likelihood, turn
+from bezier_filters.holes.reml import FAST, TERMS, reflections_of, restricted_likelihood, turn
 from bezier_filters.runtime.lean import inner_njit, lean_njit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
@@ -95,7 +95,6 @@ def fit_implicit_surface(
     *,
     noisy: bool,
     others: FloatArray | None = None,
-    work: WorkSpace | None = None,
 ) -> ImplicitSurface | None:
     """Fit a surface to points (n, 3) and unit normals (n, 3).
 
@@ -109,8 +108,6 @@ def fit_implicit_surface(
         Whether the points have errors; otherwise they are interpolated.
     others : (k, 3) float64, optional
         Further points of the surface, with unknown normals.
-    work : WorkSpace, optional
-        Memory of earlier fits, to be used again.
 
     Returns
     -------
@@ -128,10 +125,10 @@ def fit_implicit_surface(
     """
     powers: tuple[int, ...] = POWERS
     if not noisy:
-        pilot = _fits(points[::PILOT], normals[::PILOT], offset, POWERS, noisy=False, others=None, work=work)
+        pilot = _fits(points[::PILOT], normals[::PILOT], offset, POWERS, noisy=False, others=None)
         if len(pilot) == len(POWERS) and abs(pilot[0][0] - pilot[1][0]) > 3 * len(points[::PILOT]):
             powers = (min(pilot, key=_deviance)[1].power,)
-    fits = _fits(points, normals, offset, powers, noisy=noisy, others=others, work=work)
+    fits = _fits(points, normals, offset, powers, noisy=noisy, others=others)
     return min(fits, key=_deviance)[1] if fits else None
 
 
@@ -147,7 +144,6 @@ def _fits(
     *,
     noisy: bool,
     others: FloatArray | None,
-    work: WorkSpace | None,
 ) -> list[tuple[float, ImplicitSurface]]:
     """Surfaces with each of some powers, as far as possible, and -2 log of their likelihoods."""
     if 3 * len(points) < 20:
@@ -165,7 +161,7 @@ def _fits(
     reflections = reflections_of(_quadratics(points))
     if np.abs(np.diag(reflections.triangle)).min() < 1e-12:
         return []
-    turned, factor = (WorkSpace() if work is None else work).matrices(len(points))
+    turned, factor = np.empty((2, len(points), len(points)))
     errors = _error_covariance(len(surface), len(further)) if noisy else np.empty((0, 0))
     if noisy:
         turn(errors, reflections)
@@ -180,7 +176,8 @@ def _fits(
             if solved is None or (best is not None and solved[0] >= best[0]):
                 continue
             across = turned[TERMS:, :TERMS] + (ratio * size * errors[TERMS:, :TERMS] if noisy else 0.0)
-            quadratic = np.linalg.solve(reflections.triangle, target[:TERMS] - solved[1] @ across)
+            right = target[:TERMS] - solved[1] @ across
+            quadratic = np.asarray(np.linalg.solve(reflections.triangle, right), dtype=np.float64)
             weights = reflections.undone(np.concatenate([np.zeros(TERMS), solved[1]]))
             best = solved[0], ImplicitSurface(origin, scale, centers, weights, quadratic, power, float(ratio))
         if best is not None:

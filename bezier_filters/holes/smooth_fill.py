@@ -1,66 +1,114 @@
 """Fill a hole where the surface is smooth: triangles as large as those around it, on a surface that goes on."""
 
+from collections.abc import Iterator
 from collections.abc import Set as AbstractSet
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.holes.contrasts import WorkSpace
-from bezier_filters.holes.evening import evened
-from bezier_filters.holes.fill_topology import Fill, flipped, refined
+from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.holes.implicit_surface import ImplicitSurface, fit_implicit_surface
-from bezier_filters.holes.loop_triangulation import triangulate_loop
-from bezier_filters.holes.surroundings import Surroundings
-from bezier_filters.holes.variational_fill import shifted, without_tension
-from bezier_filters.runtime.lean import lean_njit
+from bezier_filters.holes.influence_region import InfluenceRegion, fitted_points
+from bezier_filters.holes.loops import triangulate_loop
+from bezier_filters.holes.polyharmonic_fairing import harmonic_displacement, polyharmonic_fairing
+from bezier_filters.holes.refinement import Fill, flip_edges, refine, relax_tangentially
 
-POINTS_PER_EDGE, FEWEST_POINTS, MOST_POINTS = 3, 60, 300
-"""Points that the surface is fitted to, by the number of edges of the rim."""
-NEAR = 0.75
-"""Share of these that the rim and the first ring may take."""
-NOISY_POINTS = 350
-"""The same for any rim on noisy meshes, where more points tell more."""
+FEWEST_POINTS = 16
+"""With known normals, for a surface."""
 MOST_AT_ONCE = 200
 """Edges of a rim up to which the fill is faired at its final resolution."""
 SMALLEST_GAP = 1e-4
 """Of an edge, between rim and surface, that is worth a shift: less turns no face by more than that angle."""
 ROUNDS = 3
-"""Of evening out the triangles on the surface."""
+"""Of flips and relaxation on the surface."""
 
 
-def first_fill(around: Surroundings, order: int = 2) -> Fill | None:
+@dataclass(frozen=True)
+class Attempt:
+    """A fill, or why there is none.
+
+    Attributes
+    ----------
+    method : str
+        Its name; see `HoleReport.method`.
+    fill : Fill or None
+        Triangles on the rim and new vertices.
+    reason : str
+        What went wrong, if there is no fill.
+    parts : int
+        Sub-holes.
+    creases : (e, 2) int32
+        Edges of the fill that are creases.
+    """
+
+    method: str
+    fill: Fill | None
+    reason: str = ""
+    parts: int = 1
+    creases: IntArray | None = None
+
+
+def smooth_attempts(
+    region: InfluenceRegion, normals: FloatArray, *, noisy: bool, threads: int = 1
+) -> Iterator[Attempt]:
+    """Fill a hole in a smooth surface, in ever simpler ways.
+
+    `normals` (b, 3) are zero where they are not known; where it is noisy, the points are fitted, not interpolated.
+    """
+    fill = first_fill(region)
+    if fill is None:
+        yield Attempt("flat", None, "every triangulation of the rim would join vertices that are joined already")
+        return
+    if len(fill.points) > fill.rim_count:
+        yield _continued(fill, region, normals, noisy=noisy, threads=threads)
+        yield Attempt("variational", _faired(fill, region, 2 if noisy else 3))
+        yield Attempt("variational", fill)
+        yield Attempt("flat", _faired(fill, region, 1))
+    yield Attempt("flat", _triangulated(region))
+
+
+def _continued(fill: Fill, region: InfluenceRegion, normals: FloatArray, *, noisy: bool, threads: int) -> Attempt:
+    surface = surface_around(region, normals, noisy=noisy)
+    if isinstance(surface, str):
+        return Attempt("surface", None, surface)
+    moved = project_to_surface(fill, region, surface, threads=threads)
+    if moved is None:
+        return Attempt("surface", None, "the surface around the hole does not continue into it")
+    return Attempt("surface", meet_rim(moved, region, surface))
+
+
+def first_fill(region: InfluenceRegion, order: int = 2) -> Fill | None:
     """Triangulate, refine and fair a hole; None if no triangulation of its rim makes a manifold.
 
     `order` is the power of the Laplacian that vanishes: 2, or 1 where there are no faces beyond a part of the rim,
     whose tangent planes could be continued. Fills of large holes are faired coarsely and then refined.
     """
-    fill = triangulated(around)
+    fill = _triangulated(region)
     if fill is None:
         return None
-    coarse = max(1.0, around.rim_count / MOST_AT_ONCE)
+    coarse = max(1.0, region.rim_count / MOST_AT_ONCE)
     fill = replace(fill, sizes=coarse * fill.sizes)
-    fill = faired(refined(fill, around.rim_edges), around, order)
-    fill = refined(replace(fill, sizes=fill.sizes / coarse), around.rim_edges)
-    return fill if coarse > 1.0 else faired(fill, around, order)
+    fill = _faired(refine(fill, region.rim_edges), region, order)
+    fill = refine(replace(fill, sizes=fill.sizes / coarse), region.rim_edges)
+    return fill if coarse > 1.0 else _faired(fill, region, order)
 
 
-def triangulated(around: Surroundings) -> Fill | None:
+def _triangulated(region: InfluenceRegion) -> Fill | None:
     """Join the vertices of the rim, or join them to one more vertex if they are joined elsewhere already."""
-    polygon, normals, gaps = _polygon(around)
-    points = around.vertices[: around.rim_count]
-    faces = triangulate_loop(points[polygon], polygon, normals, gaps, _forbidden(around, polygon))
-    sizes = around.sizes
+    polygon, normals, gaps = _polygon(region)
+    points = region.rim_vertices
+    faces = triangulate_loop(points[polygon], polygon, normals, gaps, _forbidden(region, polygon))
+    sizes = region.sizes
     if faces is not None and not _is_manifold(faces):  # where islands touch, two triangles may want one edge
         faces = None
-    if faces is None and len(polygon) > around.rim_count:
+    if faces is None and len(polygon) > region.rim_count:
         return None
     if faces is None:
-        hub = np.full(len(polygon), around.rim_count)
+        hub = np.full(len(polygon), region.rim_count)
         faces = np.stack([polygon, np.roll(polygon, -1), hub], axis=1).astype(np.int32)
         points = np.vstack([points, points[polygon].mean(axis=0)])
         sizes = np.append(sizes, sizes.mean())
-    return Fill(points, sizes, faces, around.rim_count)
+    return Fill(points, sizes, faces, region.rim_count)
 
 
 def _is_manifold(faces: IntArray) -> bool:
@@ -70,15 +118,15 @@ def _is_manifold(faces: IntArray) -> bool:
     return bool((np.diff(edges) > 0).all() and (starts != ends).all())
 
 
-def _polygon(around: Surroundings) -> tuple[IntArray, FloatArray, FloatArray]:
+def _polygon(region: InfluenceRegion) -> tuple[IntArray, FloatArray, FloatArray]:
     """All loops as one, joined by the shortest bridges, with the normals beyond its edges and the gaps."""
-    polygon = around.loops[0]
-    normals = around.normals_beyond(polygon)
-    for loop in around.loops[1:]:
-        points = around.vertices
+    polygon = region.loops[0]
+    normals = region.normals_beyond(polygon)
+    for loop in region.loops[1:]:
+        points = region.vertices
         distances = np.linalg.norm(points[polygon][:, np.newaxis] - points[loop], axis=2)
         i, j = np.unravel_index(np.argmin(distances), distances.shape)
-        beyond = around.normals_beyond(loop)
+        beyond = region.normals_beyond(loop)
         zero = np.zeros((1, 3))
         turned, turned_normals = np.roll(loop, -j), np.roll(beyond, -j, axis=0)
         if polygon[i] == loop[j]:  # the island touches: ..., loop[j], ..., polygon[i], ...
@@ -88,99 +136,43 @@ def _polygon(around: Surroundings) -> tuple[IntArray, FloatArray, FloatArray]:
         # ... polygon[i], loop[j], ..., loop[j], polygon[i], ...; the normal at a corner is that of the edge after it.
         polygon = np.concatenate([polygon[: i + 1], turned, turned[:1], polygon[i:]])
         normals = np.vstack([normals[:i], zero, turned_normals, zero, normals[i:]])
-    count = np.bincount(polygon, minlength=around.rim_count)
-    return polygon, normals, (around.gaps / np.maximum(count, 1))[polygon]
+    count = np.bincount(polygon, minlength=region.rim_count)
+    return polygon, normals, (region.gaps / np.maximum(count, 1))[polygon]
 
 
-def _forbidden(around: Surroundings, polygon: IntArray) -> AbstractSet[tuple[int, int]]:
+def _forbidden(region: InfluenceRegion, polygon: IntArray) -> AbstractSet[tuple[int, int]]:
     """Pairs that must not be joined by a chord: those that are joined already, and the bridges."""
     corners = polygon.tolist()
-    return around.rim_edges | {(min(a, b), max(a, b)) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)}
+    return region.rim_edges | {(min(a, b), max(a, b)) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)}
 
 
-def faired(fill: Fill, around: Surroundings, order: int) -> Fill:
-    """Move the new vertices to where the Laplacian to a power vanishes; see `without_tension`."""
-    points, faces, rings = together(fill, around, max(order - 1, 1))
-    moved = without_tension(points, faces, rings, order)
-    return replace(fill, points=np.vstack([fill.points[: fill.rim_count], moved[rings:]]))
-
-
-def together(fill: Fill, around: Surroundings, rings: int) -> tuple[FloatArray, IntArray, int]:
-    """Some rings with the new vertices and the faces of the fill after them, and how many vertices the rings have."""
-    count = int(np.searchsorted(around.rings, rings, side="right"))
-    shift = count - fill.rim_count
-    faces = np.where(fill.faces < fill.rim_count, fill.faces, fill.faces + shift)
-    own = around.faces[(around.faces < count).all(axis=1)]
-    return np.vstack([around.vertices[:count], fill.points[fill.rim_count :]]), np.vstack([own, faces]), count
+def _faired(fill: Fill, region: InfluenceRegion, order: int) -> Fill:
+    """Move the new vertices to where the Laplacian to a power vanishes, given as many rings less one around them."""
+    count = int(np.searchsorted(region.rings, max(order - 1, 1), side="right"))
+    faces = np.where(fill.faces < fill.rim_count, fill.faces, fill.faces + (count - fill.rim_count))
+    around = region.faces[(region.faces < count).all(axis=1)]
+    points = np.vstack([region.vertices[:count], fill.points[fill.rim_count :]])
+    moved = polyharmonic_fairing(points, np.vstack([around, faces]), count, order)
+    return replace(fill, points=np.vstack([fill.points[: fill.rim_count], moved[count:]]))
 
 
 def surface_around(
-    around: Surroundings,
-    normals: FloatArray,
-    known: BoolArray,
-    *,
-    noisy: bool,
-    others: FloatArray | None = None,
-    work: WorkSpace | None = None,
-) -> ImplicitSurface | None:
-    """Fit a surface to the points of the surroundings whose normals (b, 3) are known, and to others (k, 3)."""
-    ids = fitted_points(around, known, noisy=noisy)
-    step = float(around.sizes.mean())
-    return fit_implicit_surface(around.vertices[ids], normals[ids], step, noisy=noisy, others=others, work=work)
+    region: InfluenceRegion, normals: FloatArray, *, noisy: bool, others: FloatArray | None = None
+) -> ImplicitSurface | str:
+    """Surface of points of the region whose normals (b, 3) are known, and of others (k, 3), or why there is none."""
+    known = np.einsum("ij,ij->i", normals, normals) > 0.25
+    if np.count_nonzero(known) < FEWEST_POINTS:
+        return "too few vertices around the hole to fit a surface"
+    ids = fitted_points(region, known, noisy=noisy)
+    step = float(region.sizes.mean())
+    surface = fit_implicit_surface(region.vertices[ids], normals[ids], step, noisy=noisy, others=others)
+    return "the surface around the hole does not continue into it" if surface is None else surface
 
 
-def fitted_points(around: Surroundings, known: BoolArray | None = None, *, noisy: bool) -> IntArray:
-    """Places of the points that a surface is fitted to, among those that are known."""
-    ids = np.arange(len(around.ids)) if known is None else np.flatnonzero(known)
-    most = NOISY_POINTS if noisy else int(np.clip(POINTS_PER_EDGE * around.rim_count, FEWEST_POINTS, MOST_POINTS))
-    if len(ids) > most:
-        near = np.flatnonzero(around.rings[ids] <= (-1 if noisy else 1)).astype(np.int32)
-        ids = ids[thinned(around.vertices[ids], near, most)]
-    return ids.astype(np.int32)
-
-
-def thinned(points: FloatArray, near: IntArray, most: int) -> IntArray:
-    """Places of `most` of some points, far from each other: first those that are near, up to a share, then all others.
-
-    The nearest points settle how the fill joins, the others how the surface curves. Each further point is the one that
-    is farthest from those taken before, so that the choice follows from where the points are, not from their order.
-
-    Examples
-    --------
-    >>> line = np.arange(6.0)[:, np.newaxis] * [1.0, 0.0, 0.0]
-    >>> thinned(line, np.array([0, 1], dtype=np.int32), 3)
-    array([0, 1, 5], dtype=int32)
-    """
-    distances = np.square(points - points.mean(axis=0)).sum(axis=1)
-    taken = np.zeros(len(points), dtype=np.bool_)
-    _take_farthest(points, near, min(int(NEAR * most), len(near)), distances, taken)
-    everywhere = np.arange(len(points), dtype=np.int32)
-    _take_farthest(points, everywhere, most - int(np.count_nonzero(taken)), distances, taken)
-    return np.flatnonzero(taken).astype(np.int32)
-
-
-@lean_njit()
-def _take_farthest(
-    points: FloatArray, candidates: IntArray, count: int, distances: FloatArray, taken: BoolArray
-) -> None:
-    """Take some of the candidates; `distances` are those to the points taken before, squared."""
-    for _ in range(count):
-        farthest = -1
-        for i in candidates:
-            if not taken[i] and (farthest < 0 or distances[i] > distances[farthest]):
-                farthest = i
-        taken[farthest] = True
-        for i in range(points.shape[0]):
-            x, y, z = (
-                points[i, 0] - points[farthest, 0],
-                points[i, 1] - points[farthest, 1],
-                points[i, 2] - points[farthest, 2],
-            )
-            distances[i] = min(distances[i], x * x + y * y + z * z)
-
-
-def on_surface(fill: Fill, around: Surroundings, surface: ImplicitSurface, *, threads: int = 1) -> Fill | None:
-    """Move the new vertices of a fill onto a surface and even out its triangles; None if that does not work."""
+def project_to_surface(
+    fill: Fill, region: InfluenceRegion, surface: ImplicitSurface, *, threads: int = 1
+) -> Fill | None:
+    """Move the new vertices of a fill onto a surface and make its triangles more even; None if that does not work."""
     new = slice(fill.rim_count, None)
     for round_ in range(ROUNDS + 1):
         points = fill.points.copy()
@@ -189,17 +181,17 @@ def on_surface(fill: Fill, around: Surroundings, surface: ImplicitSurface, *, th
             return None
         fill = replace(fill, points=points)
         if round_ < ROUNDS:
-            fill = evened(flipped(fill, around.rim_edges))
+            fill = relax_tangentially(flip_edges(fill, region.rim_edges))
     return fill
 
 
-def meeting_rim(fill: Fill, around: Surroundings, surface: ImplicitSurface) -> Fill:
+def meet_rim(fill: Fill, region: InfluenceRegion, surface: ImplicitSurface) -> Fill:
     """Shift a fill on a surface so that it ends at its rim, which noise may have moved off the surface."""
     rim = fill.points[: fill.rim_count]
     on_it, found = surface.project(rim)
     shift = np.where(found[:, np.newaxis], rim - on_it, 0.0)
-    if np.abs(shift).max(initial=0.0) < SMALLEST_GAP * around.sizes.mean():
+    if np.abs(shift).max(initial=0.0) < SMALLEST_GAP * region.sizes.mean():
         return fill
-    points = fill.points + shifted(fill.points, fill.faces, shift)
+    points = fill.points + harmonic_displacement(fill.points, fill.faces, shift)
     points[: fill.rim_count] = rim
     return replace(fill, points=points)

@@ -1,12 +1,13 @@
-"""What the kernels read: the arrays of a mesh, and how to fit."""
+"""What the kernels read and write: the arrays of a mesh, how to fit, and the results."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
-from bezier_filters.meshes.adjacency import Adjacency
-from bezier_filters.meshes.frames import TangentPlanes
+from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
+from bezier_filters.meshes.dihedral_angles import sharp_edge_vertices
+from bezier_filters.meshes.frames import TangentPlanes, tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.spatial_order import SpatialOrder
 
@@ -61,6 +62,21 @@ def kernel_mesh(
     )
 
 
+def fitted_mesh(
+    mesh: TriangleMesh,
+    ordered: SpatialOrder | None = None,
+    adjacency: Adjacency | None = None,
+    *,
+    creases: bool,
+    threads: int = 1,
+) -> tuple[KernelMesh, Adjacency]:
+    """Neighbours, unless they are known, planes and creases of a mesh, ready for the kernels."""
+    adjacency = adjacency or vertex_adjacency(mesh, threads=threads)
+    planes = tangent_planes(mesh, adjacency, threads=threads)
+    stops = sharp_edge_vertices(mesh, adjacency, planes, threads=threads) if creases else None
+    return kernel_mesh(mesh, adjacency, planes, stops, ordered), adjacency
+
+
 class KernelFit(NamedTuple):
     """How to fit: `fallbacks.Attempt` in arrays.
 
@@ -71,6 +87,7 @@ class KernelFit(NamedTuple):
     rings: int
     radius: float  # of a ball that takes the place of the rings; 0 for none
     fewest_points: int
+    free: int  # coefficients that only the points can determine
     square: bool
     any_axis: bool  # whether the result is the same for any direction of the x axis
     mean_plane: bool
@@ -92,3 +109,21 @@ class KernelFit(NamedTuple):
     weight_scale: float  # points weigh 1 / (1 + (scale distance^2)^power); 0 for equal weights
     weight_power: int
     rounds: int  # of reweighting by residuals; 0 for none
+
+
+class VertexResults(NamedTuple):
+    """Arrays of a `VertexGeometry` that the kernels write, by their names there."""
+
+    normals: FloatArray
+    k_min: FloatArray
+    k_max: FloatArray
+    direction_min: FloatArray
+    direction_max: FloatArray
+    extremality_min: FloatArray
+    extremality_max: FloatArray
+    displacements: FloatArray
+    residual: FloatArray
+    normal_std: FloatArray
+    mean_curvature_std: FloatArray
+    gaussian_curvature_std: FloatArray
+    rings_used: IntArray

@@ -4,12 +4,10 @@ Arrays are flat arrays of lanes (see `lanes`); a table with rows of `stride` lan
 at k stride + p. Four sums go side by side wherever possible: one alone waits for its own last result.
 """
 
-from typing import Any
-
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.runtime.lanes import load, multiply_add, spread, square_root, store, where_greater
+from bezier_filters.runtime.lanes import Lanes, load, multiply_add, spread, square_root, store, where_greater
 from bezier_filters.runtime.lean import inner_njit
 
 GROUP = 4
@@ -77,7 +75,7 @@ def add_moments(
 
 
 @inner_njit()
-def _store_group(sums: FloatArray, k: int, stop: int, s0: Any, s1: Any, s2: Any, s3: Any) -> None:
+def _store_group(sums: FloatArray, k: int, stop: int, s0: Lanes, s1: Lanes, s2: Lanes, s3: Lanes) -> None:
     """Write up to four sums to entries k .. stop-1."""
     if k < stop:
         store(sums, k, s0)
@@ -158,7 +156,9 @@ def factorise(matrix: FloatArray, rows: int, columns: int, smallest_pivot: float
 
 
 @inner_njit()
-def _eliminate(matrix: FloatArray, place: int, s: Any, t: Any, scale_j: Any, across: Any, scale_l: Any) -> None:
+def _eliminate(
+    matrix: FloatArray, place: int, s: Lanes, t: Lanes, scale_j: Lanes, across: Lanes, scale_l: Lanes
+) -> None:
     """Entries at `place` and after it become those of the factor, whose products with columns before are s and t."""
     x = (load(matrix, place) - s) * scale_j
     store(matrix, place, x)
@@ -202,7 +202,13 @@ def solve_lanes(matrix: FloatArray, order: int, smallest_pivot: float, solution:
 
 @inner_njit()
 def add_squared_residuals(
-    coefficients: FloatArray, starts: IntArray, points: FloatArray, stride: int, count: int, total: FloatArray
+    coefficients: FloatArray,
+    starts: IntArray,
+    points: FloatArray,
+    stride: int,
+    count: int,
+    total: FloatArray,
+    residuals: FloatArray | None,
 ) -> None:
     """Add the squared differences between a polynomial and heights, by Horner's scheme.
 
@@ -217,6 +223,8 @@ def add_squared_residuals(
         Lanes per row, and how many points there are; up to `GROUP` - 1 more are looked at.
     total : lanes
         One entry.
+    residuals : lanes, optional
+        Receives the differences, and zeros for what is no point, `GROUP` - 1 more than there are points.
     """
     zero = spread(0.0)
     total0, total1, total2, total3 = load(total, 0), zero, zero, zero
@@ -246,6 +254,11 @@ def add_squared_residuals(
         total1 = multiply_add(v1, v1, total1)
         total2 = multiply_add(v2, v2, total2)
         total3 = multiply_add(v3, v3, total3)
+        if residuals is not None:
+            store(residuals, p, v0)
+            store(residuals, p + 1, v1)
+            store(residuals, p + 2, v2)
+            store(residuals, p + 3, v3)
     store(total, 0, (total0 + total1) + (total2 + total3))
 
 
@@ -271,3 +284,73 @@ def differentiate(
                 store(jets, 4 * r + q, multiply_add(along_s, term, load(jets, 4 * r + q)))
                 factor *= np.float64(b - q)
             factor_s *= np.float64(a - r)
+
+
+@inner_njit()
+def sort_lanes(values: FloatArray, count: int) -> None:
+    """Put the first `count` entries of lanes in ascending order, each of the eight sequences on its own.
+
+    The exchanges do not depend on the values (Batcher's merge exchange: Knuth, "The art of computer programming",
+    vol. 3, 5.2.2, algorithm M).
+    """
+    largest = 1
+    while 2 * largest < count:
+        largest *= 2
+    p = largest
+    while p > 0:
+        q, r, d = largest, 0, p
+        while True:
+            for i in range(count - d):
+                if i & p == r:
+                    a, b = load(values, i), load(values, i + d)
+                    store(values, i, where_greater(a, b, b, a))
+                    store(values, i + d, where_greater(a, b, a, b))
+            if q == p:
+                break
+            q, r, d = q // 2, p, q - p
+        p //= 2
+
+
+@inner_njit()
+def condition_numbers(factors: FloatArray, order: int, column: FloatArray, result: FloatArray) -> None:
+    """How well eight systems determine their solutions: condition numbers from the factors of `factorise`.
+
+    The normal equations of a fit have the matrix G = L L^T. With the columns of the stacked system scaled to unit
+    length, as if D = diag(G) were the identity, its condition number in the Frobenius norm is
+
+        kappa = |D^(-1/2) L|_F |L^(-1) D^(1/2)|_F = sqrt(m sum_ij (L^-1)_ij^2 D_j),
+
+    which is at least the one in the spectral norm and at most m times it (Demmel, "Applied Numerical Linear
+    Algebra", 1997, section 3.5: scaling the columns is optimal up to a factor of sqrt(m)). The relative error of
+    the coefficients is a small multiple of kappa^2 times the unit roundoff.
+
+    Parameters
+    ----------
+    factors : lanes
+        Lower triangles L row by row, with reciprocal diagonals.
+    order : int
+        Number of coefficients m.
+    column : lanes
+        Work space, `order` entries.
+    result : lanes
+        One entry, which is written: m or more, as is reached where the columns are orthogonal.
+    """
+    total = spread(0.0)
+    for j in range(order):
+        row = j * (j + 1) // 2
+        reciprocal = load(factors, row + j)
+        diagonal = spread(1.0) / (reciprocal * reciprocal)
+        for k in range(j):
+            diagonal = multiply_add(load(factors, row + k), load(factors, row + k), diagonal)
+        store(column, j, reciprocal)
+        length = reciprocal * reciprocal
+        for i in range(j + 1, order):
+            below = i * (i + 1) // 2
+            entry = spread(0.0)
+            for k in range(j, i):
+                entry = entry - load(factors, below + k) * load(column, k)
+            entry = entry * load(factors, below + i)
+            store(column, i, entry)
+            length = multiply_add(entry, entry, length)
+        total = multiply_add(length, diagonal, total)
+    store(result, 0, square_root(spread(np.float64(order)) * total))

@@ -189,10 +189,10 @@ def _candidates(root: Leaf, analyses: Sequence[RingAnalysis], features: Features
 def _log_likelihood(analysis: RingAnalysis, rows: BoolArray) -> float:
     """Of Gaussian terms of degree 3 and more and a Gaussian rest, each with its own variance."""
     free = harmonic_basis().up_to(FREE_DEGREE)
-    groups = harmonic_basis().groups[free : analysis.parts.shape[1]]
+    groups = harmonic_basis().groups[free : analysis.sums.parts.shape[1]]
     groups = groups - harmonic_basis().groups[free]
-    sums = np.bincount(groups, weights=np.square(analysis.parts[rows, free:]).sum(axis=0))
+    sums = np.bincount(groups, weights=np.square(analysis.sums.parts[rows, free:]).sum(axis=0))
     counts = np.bincount(groups) * rows.sum()
-    sums = np.append(sums, analysis.residuals[rows, -1].sum())
-    counts = np.append(counts, analysis.freedom[rows, -1].sum())
+    sums = np.append(sums, analysis.sums.residuals[rows, -1].sum())
+    counts = np.append(counts, analysis.sums.freedom[rows, -1].sum())
     return float(-0.5 * (counts * np.log(np.maximum(sums, 1e-300) / np.maximum(counts, 1.0))).sum())

@@ -100,7 +100,7 @@ def learn_model(analyses: Sequence[RingAnalysis], whole: SurfaceModel | None = N
             )
             for odds in (PRIOR_RANGE, CAUTIOUS_RANGE)
         )
-        modelled = float((analysis.unexplained @ believed).sum() / analysis.freedom[:, -1].sum())
+        modelled = float((analysis.sums.unexplained @ believed).sum() / analysis.sums.freedom[:, -1].sum())
         unmodelled = max(float(analysis.mean_squares[-1]) - noise - modelled, 0.0)
         models.append(RingModel(analysis, believed, cautious, unmodelled))
         wider_errors = errors
@@ -161,7 +161,7 @@ def _term_variances(analysis: RingAnalysis, noise: float) -> tuple[FloatArray, F
     the estimates of its variance, the one is taken that is surely the largest.
     """
     squares, weights, counts = (
-        part.sum(axis=0) for part in (analysis.term_squares, analysis.term_weights, analysis.term_counts)
+        part.sum(axis=0) for part in (analysis.sums.term_squares, analysis.sums.term_weights, analysis.sums.term_counts)
     )
     with np.errstate(divide="ignore", invalid="ignore"):
         values = (squares - noise * counts) / weights
@@ -169,7 +169,7 @@ def _term_variances(analysis: RingAnalysis, noise: float) -> tuple[FloatArray, F
     surely = np.where(counts > 0.0, values - SURELY * errors, -np.inf)
     best = surely.argmax(axis=0), np.arange(counts.shape[1])
     found = counts[best] > 0.0
-    basis, m = harmonic_basis(), analysis.parts.shape[1]
+    basis, m = harmonic_basis(), analysis.sums.parts.shape[1]
     result, uncertainty = np.zeros(len(basis.groups)), np.full(len(basis.groups), np.inf)
     result[:m] = np.where(found, values[best], 0.0)[basis.groups[:m]]
     uncertainty[:m] = np.where(found, errors[best], np.inf)[basis.groups[:m]]

@@ -1,11 +1,14 @@
-"""Which faces and vertices touch a vertex, as compressed rows (CSR)."""
+"""Which faces and vertices touch a vertex, as compressed rows (CSR), and which components of a mesh are closed."""
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from bezier_filters.arrays import BoolArray, IntArray
 from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.triangles import next_corner
 from bezier_filters.runtime.lean import inner_njit, lean_njit, variable
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
@@ -33,6 +36,13 @@ class Rows:
     def lengths_of(self, rows: IntArray) -> IntArray:
         """Number of entries of some rows, (k,)."""
         return self.indptr[rows + 1] - self.indptr[rows]
+
+    def of(self, rows: IntArray) -> IntArray:
+        """Entries of some rows, one row after the other."""
+        lengths = self.lengths_of(rows)
+        shifts = self.indptr[rows] - np.concatenate([[0], np.cumsum(lengths)[:-1]])[: len(rows)]
+        result: IntArray = self.indices[np.repeat(shifts, lengths) + np.arange(lengths.sum())]
+        return result
 
     @property
     def lengths(self) -> IntArray:
@@ -98,6 +108,52 @@ def vertex_adjacency(mesh: TriangleMesh, *, threads: int = 1) -> Adjacency:
 
     run_in_chunks(lambda: move, n, threads=threads)
     return Adjacency(faces, Rows(indptr, indices), on_boundary)
+
+
+def closed_components(mesh: TriangleMesh, adjacency: Adjacency) -> tuple[IntArray, IntArray]:
+    """Number of the closed component that each vertex belongs to, -1 for none, (n,), and their first vertices, (c,).
+
+    There are none if the mesh is not an oriented manifold along its edges.
+
+    Examples
+    --------
+    >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> corners, faces = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+    >>> mesh = triangle_mesh([[9, 9, 9], *corners], np.add(faces, 1))
+    >>> closed_components(mesh, vertex_adjacency(mesh))
+    (array([-1,  0,  0,  0,  0], dtype=int32), array([1], dtype=int32))
+    """
+    n, rows = mesh.vertex_count, adjacency.vertices
+    if not mesh.face_count or incoherent_vertices(mesh.faces, adjacency).any():
+        return np.full(n, -1, dtype=np.int32), np.empty(0, dtype=np.int32)
+    graph = csr_array((np.ones(len(rows.indices), np.int8), rows.indices, rows.indptr), shape=(n, n))
+    count, label = connected_components(graph, directed=False)
+    first = np.full(count, n, dtype=np.int32)
+    first[label[::-1]] = np.arange(n - 1, -1, -1, dtype=np.int32)
+    closed = np.ones(count, dtype=np.bool_)
+    closed[label[adjacency.on_boundary | (rows.lengths == 0)]] = False
+    number = np.where(closed, np.cumsum(closed) - 1, -1).astype(np.int32)
+    return number[label], first[closed]
+
+
+def incoherent_vertices(faces: IntArray, adjacency: Adjacency) -> BoolArray:
+    """Vertices at a face without three corners, or with two faces that run through an edge the same way, (n,)."""
+    result = np.zeros(len(adjacency.faces), dtype=np.bool_)
+    _mark_incoherent(faces, adjacency.faces.indptr, adjacency.faces.indices, result)
+    return result
+
+
+@lean_njit()
+def _mark_incoherent(faces: IntArray, face_ptr: IntArray, face_indices: IntArray, result: BoolArray) -> None:
+    for f in range(len(faces)):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        if a == b or b == c or c == a:
+            result[a] = result[b] = result[c] = True
+    for i in range(len(face_ptr) - 1):
+        for q in range(face_ptr[i], face_ptr[i + 1]):
+            for p in range(face_ptr[i], q):
+                if next_corner(faces, face_indices[p], i) == next_corner(faces, face_indices[q], i):
+                    result[i] = True
 
 
 @lean_njit()

@@ -1,16 +1,22 @@
 """The triangle mesh that every array function works on, checked once."""
 
+import os
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from typing import NoReturn
+from functools import wraps
+from typing import NoReturn, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import InvalidMeshError
-from bezier_filters.meshes.array_arguments import takes_arrays
 
+Parameters = ParamSpec("Parameters")
+Result = TypeVar("Result")
+
+_OF_MESHES = ("current_mesh", "vertex_matrix", "points", "vertices")
+"""What meshes of pymeshlab, pyvista and trimesh have, and arrays do not."""
 SMALLEST, LARGEST = 1e-40, 1e40
 """Sizes of the largest coordinate between which fourth powers of lengths and curvatures are floating point numbers."""
 
@@ -39,6 +45,36 @@ class TriangleMesh:
     def face_count(self) -> int:
         """Number of triangles, degenerate ones included."""
         return len(self.faces)
+
+
+def takes_arrays(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """Refuse a mesh, or the path of one, as the first argument of a function of vertices and faces.
+
+    Without this, Python would say that the faces are missing, which does not help.
+
+    >>> @takes_arrays
+    ... def count(vertices, faces):
+    ...     return len(vertices)
+    >>> count([[0, 0, 0]], [])
+    1
+    >>> count("scan.ply")
+    Traceback (most recent call last):
+        ...
+    bezier_filters.errors.InvalidMeshError: vertices: got a str, expected an array of shape (n, 3); \
+`vertices, faces = bezier_filters.mesh_arrays(...)` reads meshes and files
+    """
+
+    @wraps(function)
+    def checked(*args: Parameters.args, **options: Parameters.kwargs) -> Result:
+        first = args[0] if args else options.get("vertices")
+        if isinstance(first, str | os.PathLike) or any(hasattr(first, name) for name in _OF_MESHES):
+            raise InvalidMeshError(
+                f"vertices: got a {type(first).__name__}, expected an array of shape (n, 3); "
+                "`vertices, faces = bezier_filters.mesh_arrays(...)` reads meshes and files"
+            )
+        return function(*args, **options)
+
+    return checked
 
 
 @takes_arrays
@@ -80,70 +116,6 @@ def triangle_mesh(vertices: ArrayLike, faces: ArrayLike) -> TriangleMesh:
             f"expected 0 to {len(points) - 1} for {len(points)} vertices"
         )
     return TriangleMesh(points, np.ascontiguousarray(triangles, dtype=np.int32))
-
-
-@dataclass(frozen=True)
-class MeshReport:
-    """What `inspect_mesh` found; counts of vertices, faces or edges.
-
-    Attributes
-    ----------
-    unreferenced_vertices : int
-        Vertices of no face.
-    degenerate_faces : int
-        Faces that name a vertex twice or have zero area.
-    duplicate_faces : int
-        Faces on the same three vertices as an earlier one.
-    boundary_edges : int
-        Edges of one face only.
-    non_manifold_edges : int
-        Edges of three or more faces.
-    incoherent_edges : int
-        Edges that their two faces run through in the same direction.
-    mean_edge_length : float
-        Mean over the distinct edges, in units of length; 0 without edges.
-    """
-
-    unreferenced_vertices: int
-    degenerate_faces: int
-    duplicate_faces: int
-    boundary_edges: int
-    non_manifold_edges: int
-    incoherent_edges: int
-    mean_edge_length: float
-
-    @cached_property
-    def is_coherently_oriented(self) -> bool:
-        """Whether all neighbouring faces agree on which side is outside."""
-        return self.incoherent_edges == 0
-
-
-def inspect_mesh(mesh: TriangleMesh) -> MeshReport:
-    """Count what makes a mesh hard to fit: see `MeshReport`."""
-    a, b, c = mesh.faces.T
-    twice = (a == b) | (b == c) | (c == a)
-    proper = mesh.faces[~twice]
-    corners = mesh.vertices[proper]
-    flat = ~np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).any(axis=1)
-    triples = np.sort(mesh.faces, axis=1)
-    triples = triples[np.lexsort(triples.T)]
-    duplicates = (triples[1:] == triples[:-1]).all(axis=1)
-
-    directed = proper[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
-    low, high = directed.min(axis=1), directed.max(axis=1)
-    edges, edge_of, count = np.unique(low * mesh.vertex_count + high, return_inverse=True, return_counts=True)
-    forward = np.bincount(edge_of, weights=directed[:, 0] < directed[:, 1], minlength=len(edges))
-    low, high = np.divmod(edges, max(mesh.vertex_count, 1))
-    lengths = np.linalg.norm(mesh.vertices[low] - mesh.vertices[high], axis=1)
-    return MeshReport(
-        unreferenced_vertices=mesh.vertex_count - len(np.unique(mesh.faces)),
-        degenerate_faces=int(twice.sum() + flat.sum()),
-        duplicate_faces=int(duplicates.sum()),
-        boundary_edges=int((count == 1).sum()),
-        non_manifold_edges=int((count > 2).sum()),
-        incoherent_edges=int(((count == 2) & (forward != 1)).sum()),
-        mean_edge_length=float(lengths.mean()) if len(lengths) else 0.0,
-    )
 
 
 def _explain(points: FloatArray) -> NoReturn:

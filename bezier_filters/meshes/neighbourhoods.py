@@ -40,6 +40,24 @@ def k_rings(adjacency: Adjacency, rings: int) -> Rows:
     return Rows(indptr, indices)
 
 
+def rings_around(neighbours: Rows, seeds: IntArray, rings: int) -> list[IntArray]:
+    """Some vertices, those one edge away, and so on: each ring in the order in which it is met from the one before.
+
+    Examples
+    --------
+    >>> path = Rows(np.array([0, 1, 3, 4], np.int32), np.array([1, 0, 2, 1], np.int32))
+    >>> [ring.tolist() for ring in rings_around(path, np.array([0], np.int32), 2)]
+    [[0], [1], [2]]
+    """
+    result = [np.empty(0, dtype=np.int32), np.asarray(seeds, dtype=np.int32)]
+    for _ in range(rings):
+        met = neighbours.of(result[-1])
+        # A neighbour of a ring is in it, in the one before or in the one after.
+        met = met[~np.isin(met, np.concatenate(result[-2:]))]
+        result.append(met[np.sort(np.unique(met, return_index=True)[1])])
+    return result[1:]
+
+
 @lean_njit()
 def collect_ring(
     indptr: IntArray,

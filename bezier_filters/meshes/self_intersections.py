@@ -1,10 +1,12 @@
 """Triangles that cut each other."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.adjacency import Rows
-from bezier_filters.meshes.triangles import area_vector, has_corner
+from bezier_filters.meshes.triangles import area_vector, cosine_between, has_corner
 from bezier_filters.runtime.lean import inner_njit, lean_njit
 
 FEWEST_CELLS, MOST_CELLS = 4, 128
@@ -30,27 +32,109 @@ def faces_in_boxes(vertices: FloatArray, faces: IntArray, low: FloatArray, high:
     >>> faces_in_boxes(corners, np.array([[0, 1, 2]], dtype=np.int32), np.full((1, 3), 0.4), np.ones((1, 3))).lengths
     array([0], dtype=int32)
     """
-    count = len(low)
+    count, found = len(low), np.empty(0, dtype=np.int32)
     if count == 0 or len(faces) == 0:
-        return Rows(np.zeros(count + 1, dtype=np.int32), np.empty(0, dtype=np.int32))
-    origin, extent = low.min(axis=0), np.maximum(np.ptp(np.vstack([low, high]), axis=0), 1e-300)
-    cells = int(np.clip(round(count**0.5), FEWEST_CELLS, MOST_CELLS))
-    pointer = np.zeros(cells**3 + 1, dtype=np.int32)
-    _count_cells(low, high, origin, extent, cells, pointer[1:])
-    np.cumsum(pointer, out=pointer)
-    boxes = np.empty(pointer[-1], dtype=np.int32)
-    _fill_cells(low, high, origin, extent, cells, pointer[:-1].copy(), boxes)
-    counts, met = np.zeros(count, dtype=np.int32), np.full(count, -1, dtype=np.int32)
-    is_met, nowhere = np.zeros(len(faces), dtype=np.bool_), np.empty(0, dtype=np.int32)
-    _collect(vertices, faces, low, high, origin, extent, cells, pointer, boxes, met, is_met, counts, nowhere, nowhere)
+        return Rows(np.zeros(count + 1, dtype=np.int32), found)
+    grid = _grid_of(low, high)
+    # Twice: first the faces of each box are counted, then those that were met, few of many, are written.
+    counts, is_met = np.zeros(count, dtype=np.int32), np.zeros(len(faces), dtype=np.bool_)
+    _collect(vertices, faces, grid, np.full(count, -1, dtype=np.int32), is_met, counts, found, found)
     indptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
     indices = np.empty(indptr[-1], dtype=np.int32)
-    found = np.flatnonzero(is_met).astype(np.int32)  # few, where there are many faces
-    met[:], counts[:] = -1, 0
-    faces = faces[found]
-    _collect(vertices, faces, low, high, origin, extent, cells, pointer, boxes, met, is_met, counts, indptr, indices)
-    indices = found[indices]
-    return Rows(indptr, indices)
+    found = np.flatnonzero(is_met).astype(np.int32)
+    counts[:] = 0
+    _collect(vertices, faces[found], grid, np.full(count, -1, dtype=np.int32), is_met, counts, indptr, indices)
+    return Rows(indptr, found[indices])
+
+
+class _Grid(NamedTuple):
+    """Cells along each axis between the boxes' outermost corners, and the boxes that reach each cell as rows."""
+
+    low: FloatArray
+    high: FloatArray
+    origin: FloatArray
+    extent: FloatArray
+    cells: int
+    starts: IntArray
+    boxes: IntArray
+
+
+def _grid_of(low: FloatArray, high: FloatArray) -> _Grid:
+    origin, extent = low.min(axis=0), np.maximum(np.ptp(np.vstack([low, high]), axis=0), 1e-300)
+    cells = int(np.clip(round(len(low) ** 0.5), FEWEST_CELLS, MOST_CELLS))
+    starts = np.zeros(cells**3 + 1, dtype=np.int32)
+    grid = _Grid(low, high, origin, extent, cells, starts, np.empty(0, dtype=np.int32))
+    _list_boxes(grid, starts[1:])
+    np.cumsum(starts, out=starts)
+    grid = grid._replace(boxes=np.empty(starts[-1], dtype=np.int32))
+    _list_boxes(grid, starts[:-1].copy())
+    return grid
+
+
+@lean_njit()
+def _list_boxes(grid: _Grid, fill: IntArray) -> None:
+    """List the boxes that reach each cell, from where `fill` says; without room for them, count them only."""
+    for box in range(grid.low.shape[0]):
+        x, end_x = _cells(grid, 0, grid.low[box, 0], grid.high[box, 0])
+        y, end_y = _cells(grid, 1, grid.low[box, 1], grid.high[box, 1])
+        z, end_z = _cells(grid, 2, grid.low[box, 2], grid.high[box, 2])
+        for i in range(x, end_x):
+            for j in range(y, end_y):
+                for k in range(z, end_z):
+                    cell = (i * grid.cells + j) * grid.cells + k
+                    if grid.boxes.shape[0] > 0:
+                        grid.boxes[fill[cell]] = box
+                    fill[cell] += 1
+
+
+@lean_njit()
+def _collect(
+    vertices: FloatArray,
+    faces: IntArray,
+    grid: _Grid,
+    met: IntArray,
+    is_met: BoolArray,
+    counts: IntArray,
+    indptr: IntArray,
+    indices: IntArray,
+) -> None:
+    """Count the faces in every box, mark them, and list them if there is room; `met` is -1 at first."""
+    for f in range(faces.shape[0]):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        x, end_x = _cells_of_face(grid, 0, vertices, a, b, c)
+        y, end_y = _cells_of_face(grid, 1, vertices, a, b, c)
+        z, end_z = _cells_of_face(grid, 2, vertices, a, b, c)
+        for i in range(x, end_x):
+            for j in range(y, end_y):
+                for k in range(z, end_z):
+                    cell = (i * grid.cells + j) * grid.cells + k
+                    for q in range(grid.starts[cell], grid.starts[cell + 1]):
+                        box = grid.boxes[q]
+                        if met[box] == f or not _in_box(vertices, a, b, c, grid.low[box], grid.high[box]):
+                            continue
+                        met[box] = f
+                        is_met[f] = True
+                        if indices.shape[0] > 0:
+                            indices[indptr[box] + counts[box]] = f
+                        counts[box] += 1
+
+
+@inner_njit()
+def _cells_of_face(grid: _Grid, axis: int, vertices: FloatArray, a: int, b: int, c: int) -> tuple[int, int]:
+    """Range of cells along an axis that a triangle reaches."""
+    x, y, z = vertices[a, axis], vertices[b, axis], vertices[c, axis]
+    return _cells(grid, axis, min(x, y, z), max(x, y, z))
+
+
+@inner_njit()
+def _cells(grid: _Grid, axis: int, least: float, most: float) -> tuple[int, int]:
+    """Range of cells along an axis that an interval reaches, empty if it is outside."""
+    origin, extent = grid.origin[axis], grid.extent[axis]
+    if most < origin or least > origin + extent:
+        return 0, 0
+    first = (least - origin) / extent * grid.cells
+    last = (most - origin) / extent * grid.cells
+    return int(min(max(first, 0.0), grid.cells - 1.0)), int(min(max(last, 0.0), grid.cells - 1.0)) + 1
 
 
 def meeting_box(vertices: FloatArray, faces: IntArray, low: FloatArray, high: FloatArray) -> BoolArray:
@@ -66,108 +150,11 @@ def _mark_meeting(vertices: FloatArray, faces: IntArray, low: FloatArray, high: 
         result[f] = _in_box(vertices, faces[f, 0], faces[f, 1], faces[f, 2], low, high)
 
 
-@lean_njit()
-def _count_cells(
-    low: FloatArray, high: FloatArray, origin: FloatArray, extent: FloatArray, cells: int, counts: IntArray
-) -> None:
-    """Count the boxes that reach each cell."""
-    for box in range(low.shape[0]):
-        x, end_x = _cells(low[box, 0], high[box, 0], origin[0], extent[0], cells)
-        y, end_y = _cells(low[box, 1], high[box, 1], origin[1], extent[1], cells)
-        z, end_z = _cells(low[box, 2], high[box, 2], origin[2], extent[2], cells)
-        for i in range(x, end_x):
-            for j in range(y, end_y):
-                for k in range(z, end_z):
-                    counts[(i * cells + j) * cells + k] += 1
-
-
-@lean_njit()
-def _fill_cells(
-    low: FloatArray,
-    high: FloatArray,
-    origin: FloatArray,
-    extent: FloatArray,
-    cells: int,
-    fill: IntArray,
-    boxes: IntArray,
-) -> None:
-    """List the boxes that reach each cell, from where `fill` says."""
-    for box in range(low.shape[0]):
-        x, end_x = _cells(low[box, 0], high[box, 0], origin[0], extent[0], cells)
-        y, end_y = _cells(low[box, 1], high[box, 1], origin[1], extent[1], cells)
-        z, end_z = _cells(low[box, 2], high[box, 2], origin[2], extent[2], cells)
-        for i in range(x, end_x):
-            for j in range(y, end_y):
-                for k in range(z, end_z):
-                    cell = (i * cells + j) * cells + k
-                    boxes[fill[cell]] = box
-                    fill[cell] += 1
-
-
-@lean_njit()
-def _collect(
-    vertices: FloatArray,
-    faces: IntArray,
-    low: FloatArray,
-    high: FloatArray,
-    origin: FloatArray,
-    extent: FloatArray,
-    cells: int,
-    pointer: IntArray,
-    boxes: IntArray,
-    met: IntArray,
-    is_met: BoolArray,
-    counts: IntArray,
-    indptr: IntArray,
-    indices: IntArray,
-) -> None:
-    """Count the faces in every box, mark them, and list them if there is room; `met` is -1 at first."""
-    for f in range(faces.shape[0]):
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        begin_x, end_x = _cells_of_face(vertices, a, b, c, 0, origin, extent, cells)
-        begin_y, end_y = _cells_of_face(vertices, a, b, c, 1, origin, extent, cells)
-        begin_z, end_z = _cells_of_face(vertices, a, b, c, 2, origin, extent, cells)
-        for i in range(begin_x, end_x):
-            for j in range(begin_y, end_y):
-                for k in range(begin_z, end_z):
-                    cell = (i * cells + j) * cells + k
-                    for q in range(pointer[cell], pointer[cell + 1]):
-                        box = boxes[q]
-                        if met[box] == f or not _in_box(vertices, a, b, c, low[box], high[box]):
-                            continue
-                        met[box] = f
-                        is_met[f] = True
-                        if indices.shape[0] > 0:
-                            indices[indptr[box] + counts[box]] = f
-                        counts[box] += 1
-
-
-@inner_njit()
-def _cells_of_face(
-    vertices: FloatArray, a: int, b: int, c: int, axis: int, origin: FloatArray, extent: FloatArray, cells: int
-) -> tuple[int, int]:
-    """Range of cells along an axis that a triangle reaches."""
-    least = min(vertices[a, axis], vertices[b, axis], vertices[c, axis])
-    most = max(vertices[a, axis], vertices[b, axis], vertices[c, axis])
-    return _cells(least, most, origin[axis], extent[axis], cells)
-
-
-@inner_njit()
-def _cells(least: float, most: float, origin: float, extent: float, cells: int) -> tuple[int, int]:
-    """Range of cells along an axis that an interval reaches, empty if it is outside."""
-    if most < origin or least > origin + extent:
-        return 0, 0
-    first = (least - origin) / extent * cells
-    last = (most - origin) / extent * cells
-    return int(min(max(first, 0.0), cells - 1.0)), int(min(max(last, 0.0), cells - 1.0)) + 1
-
-
 @inner_njit()
 def _in_box(vertices: FloatArray, a: int, b: int, c: int, low: FloatArray, high: FloatArray) -> bool:
     for axis in range(3):
-        if min(vertices[a, axis], vertices[b, axis], vertices[c, axis]) > high[axis]:
-            return False
-        if max(vertices[a, axis], vertices[b, axis], vertices[c, axis]) < low[axis]:
+        x, y, z = vertices[a, axis], vertices[b, axis], vertices[c, axis]
+        if min(x, y, z) > high[axis] or max(x, y, z) < low[axis]:
             return False
     return True
 
@@ -217,18 +204,17 @@ def _find_cuts_of_few(vertices: FloatArray, faces: IntArray, boxes: FloatArray, 
     for q in range(result.shape[0]):
         f = first + q
         for g in range(faces.shape[0]):
-            if (
-                g != f
-                and boxes[g, 0, 0] <= boxes[f, 1, 0]
-                and boxes[g, 1, 0] >= boxes[f, 0, 0]
-                and boxes[g, 0, 1] <= boxes[f, 1, 1]
-                and boxes[g, 1, 1] >= boxes[f, 0, 1]
-                and boxes[g, 0, 2] <= boxes[f, 1, 2]
-                and boxes[g, 1, 2] >= boxes[f, 0, 2]
-                and _cut(vertices, faces, f, g)
-            ):
+            if g != f and _boxes_meet(boxes[f], boxes[g]) and _cut(vertices, faces, f, g):
                 result[q] = True
                 break
+
+
+@inner_njit()
+def _boxes_meet(box: FloatArray, other: FloatArray) -> bool:
+    result = True
+    for axis in range(3):
+        result = result and other[0, axis] <= box[1, axis] and other[1, axis] >= box[0, axis]
+    return bool(result)
 
 
 @inner_njit()
@@ -242,17 +228,17 @@ def _cut(vertices: FloatArray, faces: IntArray, f: int, g: int) -> bool:
         return True
     if shared == 2:
         return _lie_on_each_other(vertices, faces, f, g)
+    return _edge_pierces(vertices, faces, f, g) or _edge_pierces(vertices, faces, g, f)
+
+
+@inner_njit()
+def _edge_pierces(vertices: FloatArray, faces: IntArray, f: int, g: int) -> bool:
+    """Whether an edge of face f that does not touch face g goes through it."""
     for k in range(3):
         a, b = faces[f, k], faces[f, (k + 1) % 3]
         if has_corner(faces, g, a) or has_corner(faces, g, b):
             continue
         if _pierces(vertices, a, b, faces[g, 0], faces[g, 1], faces[g, 2]):
-            return True
-    for k in range(3):
-        a, b = faces[g, k], faces[g, (k + 1) % 3]
-        if has_corner(faces, f, a) or has_corner(faces, f, b):
-            continue
-        if _pierces(vertices, a, b, faces[f, 0], faces[f, 1], faces[f, 2]):
             return True
     return False
 
@@ -260,19 +246,13 @@ def _cut(vertices: FloatArray, faces: IntArray, f: int, g: int) -> bool:
 @inner_njit()
 def _lie_on_each_other(vertices: FloatArray, faces: IntArray, f: int, g: int) -> bool:
     """Whether two faces on one edge are folded on each other."""
-    a, b, c = 0, 0, 0
+    a, b, c, d = 0, 0, 0, 0
     for k in range(3):
         if not has_corner(faces, g, faces[f, k]):
-            c = faces[f, k]
-            a, b = faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
-    d = 0
-    for k in range(3):
+            a, b, c = faces[f, (k + 1) % 3], faces[f, (k + 2) % 3], faces[f, k]
         if not has_corner(faces, f, faces[g, k]):
             d = faces[g, k]
-    x, y, z = area_vector(vertices, a, b, c)
-    u, v, w = area_vector(vertices, b, a, d)
-    lengths = np.sqrt((x * x + y * y + z * z) * (u * u + v * v + w * w))
-    return bool(lengths > 0.0 and (x * u + y * v + z * w) < FOLDED * lengths)
+    return bool(cosine_between(vertices, a, b, c, b, a, d, 1.0) < FOLDED)
 
 
 @inner_njit()

@@ -16,7 +16,7 @@ def area_vector(points: FloatArray, a: int, b: int, c: int) -> tuple[float, floa
 
 @inner_njit()
 def angle_parts(points: FloatArray, tip: int, left: int, right: int) -> tuple[float, float]:
-    """Cosine and sine of the angle at a corner, times the lengths of its sides."""
+    """Cosine and sine of the angle at a corner, times the lengths of its sides; the sine is twice the area."""
     x, y, z = area_vector(points, tip, left, right)
     cosine = 0.0
     for axis in range(3):
@@ -25,9 +25,31 @@ def angle_parts(points: FloatArray, tip: int, left: int, right: int) -> tuple[fl
 
 
 @inner_njit()
+def cotangent_and_area(points: FloatArray, tip: int, left: int, right: int) -> tuple[float, float]:
+    """Cotangent of the angle at a corner, huge where the triangle has no area, and the area."""
+    cosine, twice = angle_parts(points, tip, left, right)
+    return cosine / max(twice, 1e-300), 0.5 * twice
+
+
+@inner_njit()
+def cosine_between(points: FloatArray, a: int, b: int, c: int, d: int, e: int, f: int, without_area: float) -> float:
+    """Cosine of the angle between the normals of the triangles (a, b, c) and (d, e, f), if both have an area."""
+    x, y, z = area_vector(points, a, b, c)
+    u, v, w = area_vector(points, d, e, f)
+    lengths = np.sqrt(x * x + y * y + z * z) * np.sqrt(u * u + v * v + w * w)
+    return float((x * u + y * v + z * w) / lengths) if lengths > 0.0 else without_area
+
+
+@inner_njit()
 def has_corner(faces: IntArray, f: int, i: int) -> bool:
     """Whether vertex i is a corner of face f."""
     return bool(faces[f, 0] == i or faces[f, 1] == i or faces[f, 2] == i)
+
+
+@inner_njit()
+def next_corner(faces: IntArray, f: int, i: int) -> int:
+    """The vertex after vertex i in face f."""
+    return int(faces[f, 1] if faces[f, 0] == i else faces[f, 2] if faces[f, 1] == i else faces[f, 0])
 
 
 @inner_njit()

@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
-from bezier_filters.meshes.array_arguments import takes_arrays
-from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
+from bezier_filters.meshes.mesh import TriangleMesh, takes_arrays, triangle_mesh
 from bezier_filters.smoothing.smoothing_result import SmoothingResult
 
 if TYPE_CHECKING:

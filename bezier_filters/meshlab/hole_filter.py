@@ -10,8 +10,8 @@ from scipy.spatial import cKDTree
 
 from bezier_filters.arrays import IntArray
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
-from bezier_filters.holes.hole_filling import FillingMethod, fill_holes
-from bezier_filters.holes.hole_result import HoleFillingResult, HoleReport
+from bezier_filters.holes.fill_methods import FillingMethod
+from bezier_filters.holes.hole_filling import HoleFillingResult, HoleReport, fill_holes
 from bezier_filters.meshlab.mesh_growth import Grown, Growth, grow_mesh
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,

@@ -14,8 +14,7 @@ from bezier_filters.files.fields import PREFIX
 from bezier_filters.files.mesh_headers import check_header
 from bezier_filters.meshlab.meshset import BezierFilterError, MeshSet, PyMeshLabException, current_mesh, one_at_a_time
 from bezier_filters.runtime.atomic import TEMPORARY, atomic_write
-from bezier_filters.runtime.memory_limit import memory_limited
-from bezier_filters.runtime.supervision import doing, processor_time_limited
+from bezier_filters.runtime.supervision import doing, memory_limited, processor_time_limited
 
 LEAST_PATIENCE, SLOWEST_READER = 60.0, 50_000.0
 """Seconds of processor time after which a reader is taken to run in circles, and bytes for each second more."""

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray
-from bezier_filters.display.color_range import color_range
+from bezier_filters.display.colors import color_range
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.files.fields import ScalarField
 from bezier_filters.meshlab.mesh_attributes import (

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from bezier_filters.display.colors import round_limits
 from bezier_filters.files.fields import CURVATURE_FIELDS, TORSION_FIELD, ScalarField
 from bezier_filters.meshlab.curvature_filter import (
     compute_curvature_by_bezier_patch_per_vertex,
@@ -15,8 +16,8 @@ from bezier_filters.meshlab.curvature_filter import (
 from bezier_filters.meshlab.mesh_files import load_mesh, save_mesh
 from bezier_filters.meshlab.meshset import MeshSet, read_current_mesh, shipped_bunny
 from bezier_filters.meshlab.vertex_normal_filter import NORMAL_FIELDS, compute_normal_by_bezier_patch_per_vertex
-from bezier_filters.pictures.render import Panel, render_panels
-from bezier_filters.pictures.sheets import round_limits
+from bezier_filters.pictures.render import render_panels
+from bezier_filters.pictures.scene import Panel
 
 VIEWS = ("front", "back")
 

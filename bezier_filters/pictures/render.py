@@ -1,39 +1,58 @@
 """Pictures of fields on meshes: PNG sheets with one column per field and one row per view."""
 
 import difflib
+import io
+import math
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import accumulate, zip_longest
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bezier_filters.display.color_range import color_range
-from bezier_filters.display.palettes import AUTO, PALETTES, matplotlib_colormap
+from bezier_filters.display.colors import AUTO, PALETTES, matplotlib_colormap
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.pictures import rendering, sheets
-from bezier_filters.pictures.rendering import UP_AXES, VIEW_NAMES, Panel, RenderingUnavailableError, View
-from bezier_filters.pictures.sheets import ColorBar, Row
+from bezier_filters.pictures.scene import (
+    MARGIN,
+    UP_AXES,
+    VIEW_NAMES,
+    Image,
+    Panel,
+    View,
+    draw,
+    require_libraries,
+    up_axis,
+    view_axes,
+    view_of,
+)
 from bezier_filters.runtime.atomic import atomic_write
 
-__all__ = [
-    "UP_AXES",
-    "VIEW_NAMES",
-    "Panel",
-    "RenderingUnavailableError",
-    "check_picture",
-    "panel_limits",
-    "render_panels",
-    "require_libraries",
-]
-
-_Image: TypeAlias = NDArray[np.uint8]
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _OWN_MAPS = (AUTO, *(palette.name for palette in PALETTES))
 _SIZES = (50, 4000)  # pixels; graphics drivers end at 16384, twice supersampled
-_BINS = 60  # of histograms
+_DPI = 72  # matplotlib measures text in points of 1/72 inch: at this resolution a point is a pixel
 _FONT = 0.04  # size of the text in units of the larger side of a panel
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_EMPTY: Image = np.zeros((0, 0, 3), np.uint8)
+
+# In units of the font size.
+_TITLE_SIZE = 1.2
+_NAME_SIZE = 0.9
+_TICK_SIZE = 0.85
+_COLUMN_GAP = 1.5
+_ROW_GAP = 0.7
+_BAR_WIDTH = 14.0  # at least
+_BAR_HEIGHT = 0.9
+_HISTOGRAM = 2.7  # height of the columns above the bar
+
+_BAR_SHARE = 0.85  # of the width of the images above a bar: the outer ticks stick out
+_COMMON_BAR_SHARE = 0.4  # of the width of all images, where they have one bar
+_ARROW = 0.04  # length of the ends of a bar beyond its range, in units of its length
+_BINS = 60  # of histograms
 
 
 def render_panels(
@@ -93,23 +112,17 @@ def render_panels(
     check_picture(path)
     require_libraries()
     background = _checked(panels, views, columns, size, background, up)
-    up = rendering.up_axis(panels) if up == "auto" else up
-    axes = [rendering.view_axes(view, up) for view in views]
-    seen = [[rendering.view_of(panel, one) for one in axes] for panel in panels]
+    style = _Style(max(10.0, _FONT * max(size)), background)
+    up = up_axis(panels) if up == "auto" else up
+    seen = [[view_of(panel, view_axes(view, up)) for view in views] for panel in panels]
     scale = _common_scale([view for own in seen for view in own], size)
-    options: dict[str, Any] = {"font": max(10.0, _FONT * max(size)), "background": background}
     with atomic_write(path) as temporary:
-        images, bars = [], []
-        for panel, own in zip(panels, seen, strict=True):
-            limits = panel_limits(panel)
-            images.append(rendering.draw(panel, own, limits=limits, scale=scale, background=background))
-            bars.append(_color_bar(panel, limits))
+        images = [draw(panel, own, scale=scale, background=background) for panel, own in zip(panels, seen, strict=True)]
         if len(panels) == 1 and len(views) > 1:
-            heading = ": ".join(filter(None, (title, panels[0].title)))
-            sheets.write_sheet(temporary, _rows_of_views(images[0], views, columns), heading, bars[0], **options)
+            sheet = _sheet_of_views(panels[0], images[0], views, columns, title or "", style)
         else:
-            rows = _rows_of_panels(panels, images, bars, views, columns)
-            sheets.write_sheet(temporary, rows, title or "", **options)
+            sheet = _sheet_of_panels(panels, images, views, columns, title or "", style)
+        _save(temporary, sheet, style)
 
 
 def _checked(
@@ -152,17 +165,6 @@ def check_picture(path: str | os.PathLike[str]) -> None:
         raise InvalidParameterError(f"picture: got {str(path)!r}, expected a file name that ends in .png")
 
 
-def require_libraries() -> None:
-    """Refuse to draw without the libraries of the extra."""
-    try:
-        import matplotlib  # noqa: F401
-        import pyvista  # noqa: F401
-    except ImportError as error:
-        raise RenderingUnavailableError(
-            f'pictures need pyvista and matplotlib: pip install "bezier-filters[viz]" ({error})'
-        ) from error
-
-
 def _check_choice(parameter: str, got: str, allowed: Sequence[str], examples: Sequence[str] | None = None) -> None:
     if got not in allowed:
         close = difflib.get_close_matches(got, allowed, n=3)
@@ -172,54 +174,192 @@ def _check_choice(parameter: str, got: str, allowed: Sequence[str], examples: Se
 
 def _common_scale(views: Sequence[View], size: tuple[int, int]) -> float:
     """Pixels per unit of length with which every view fits into the size."""
-    room = np.array(size) - 2.0 * rendering.MARGIN
+    room = np.array(size) - 2.0 * MARGIN
     extent = np.max([view.extent[:2] for view in views], axis=0)
     return float(np.min(room[extent > 0] / extent[extent > 0], initial=np.inf)) if extent.any() else 1.0
 
 
-def panel_limits(panel: Panel) -> tuple[float, float]:
-    """Values of the first and the last colour."""
-    if panel.limits is not None or panel.values is None:
-        return panel.limits or (0.0, 1.0)
-    return sheets.round_limits(*color_range(panel.values, signed=panel.signed, mask=panel.drawn()))
+@dataclass(frozen=True)
+class _Style:
+    """Size of the text in pixels, which every distance follows, and the colour of the sheet."""
+
+    font: float
+    background: str
+
+    @property
+    def ink(self) -> str:
+        from matplotlib.colors import to_rgb
+
+        return "black" if np.dot(to_rgb(self.background), (0.299, 0.587, 0.114)) > 0.5 else "white"
+
+    def color(self) -> Image:
+        """Of the background, as a pixel."""
+        from matplotlib.colors import to_rgb
+
+        return np.round(255 * np.array(to_rgb(self.background))).astype(np.uint8)
 
 
-def _color_bar(panel: Panel, limits: tuple[float, float]) -> ColorBar | None:
-    if panel.values is None:
-        return None
-    seen = panel.values[panel.drawn()]
-    low, high = limits
-    colormap = matplotlib_colormap(panel.colormap, signed=panel.signed)
-    below, above = bool((seen < low).any()), bool((seen > high).any())
-    counts = np.histogram(seen, bins=_BINS, range=limits)[0].tolist() if panel.histogram else []
-    return ColorBar(panel.label, panel.unit, limits, colormap, below=below, above=above, counts=counts)
-
-
-def _rows_of_views(images: list[_Image], views: Sequence[str], columns: int | None) -> list[Row]:
-    """Rows of the views of a single panel."""
+def _sheet_of_views(
+    panel: Panel, images: Sequence[Image], views: Sequence[str], columns: int | None, title: str, style: _Style
+) -> Image:
+    """Views of one panel side by side, with one colour bar."""
     step = columns or len(views)
-    return [Row(images[k : k + step], titles=views[k : k + step]) for k in range(0, len(views), step)]
+    cells: list[list[Image]] = []
+    for start in range(0, len(views), step):
+        cells.append([_text(view, style) for view in views[start : start + step]])
+        cells.append(list(images[start : start + step]))
+    content = _grid(cells, style)
+    bar = _color_bar(panel, _COMMON_BAR_SHARE * content.shape[1], style)
+    heading = _text(": ".join(filter(None, (title, panel.title))), style, _TITLE_SIZE)
+    return _grid([[heading], [content], [bar]], style)
 
 
-def _rows_of_panels(
+def _sheet_of_panels(
     panels: Sequence[Panel],
-    images: list[list[_Image]],
-    bars: list[ColorBar | None],
+    images: Sequence[Sequence[Image]],
     views: Sequence[str],
     columns: int | None,
-) -> list[Row]:
+    title: str,
+    style: _Style,
+) -> Image:
     """One row per view, and again for the panels that do not fit side by side."""
     step = columns or len(panels)
-    rows = []
+    names = [_text(view, style, _NAME_SIZE, rotation=90) if len(views) > 1 else _EMPTY for view in views]
+    widths = [max(image.shape[1] for own in images[k::step] for image in own) for k in range(min(step, len(panels)))]
+    cells: list[list[Image]] = []
     for start in range(0, len(panels), step):
         part = slice(start, start + step)
-        for k, view in enumerate(views):
-            rows.append(
-                Row(
-                    [own[k] for own in images[part]],
-                    name=view if len(views) > 1 else "",
-                    titles=[panel.title for panel in panels[part]] if k == 0 else (),
-                    bars=bars[part] if k == len(views) - 1 else (),
-                )
-            )
-    return rows
+        cells.append([_EMPTY, *(_text(panel.title, style) for panel in panels[part])])
+        cells += [[name, *(own[k] for own in images[part])] for k, name in enumerate(names)]
+        bars = (
+            _color_bar(panel, _BAR_SHARE * width, style) for panel, width in zip(panels[part], widths, strict=False)
+        )
+        cells.append([_EMPTY, *bars])
+    return _grid([[_text(title, style, _TITLE_SIZE)], [_grid(cells, style)]], style)
+
+
+def _grid(rows: Sequence[Sequence[Image]], style: _Style) -> Image:
+    """Images in the middle of the cells of a table; rows and columns of empty ones take no room."""
+    heights = [max(len(cell) for cell in row) for row in rows]
+    widths = [max(cell.shape[1] for cell in column) for column in zip_longest(*rows, fillvalue=_EMPTY)]
+    tops, height = _places(heights, round(_ROW_GAP * style.font))
+    lefts, width = _places(widths, round(_COLUMN_GAP * style.font))
+    result = np.tile(style.color(), (height, width, 1))
+    for row, top, tall in zip(rows, tops, heights, strict=True):
+        for cell, left, wide in zip(row, lefts, widths, strict=False):
+            y, x = top + (tall - len(cell)) // 2, left + (wide - cell.shape[1]) // 2
+            result[y : y + len(cell), x : x + cell.shape[1]] = cell
+    return result
+
+
+def _places(sizes: Sequence[int], gap: int) -> tuple[list[int], int]:
+    """Where things of these sizes begin, with gaps in between, and where the last one ends."""
+    ends = list(accumulate(size + gap if size else 0 for size in sizes))
+    return [end - size - gap if size else end for size, end in zip(sizes, ends, strict=True)], max(ends[-1] - gap, 0)
+
+
+def _save(path: Path, sheet: Image, style: _Style) -> None:
+    """Write a sheet with a margin as PNG."""
+    from matplotlib.image import imsave
+
+    margin = round(style.font)
+    height, width = sheet.shape[:2]
+    page = np.tile(style.color(), (height + 2 * margin, width + 2 * margin, 1))
+    page[margin : margin + height, margin : margin + width] = sheet
+    imsave(path, page, format="png")
+
+
+def _text(text: str, style: _Style, size: float = 1.0, *, rotation: float = 0.0) -> Image:
+    """A line of text, as large as it is."""
+    from matplotlib.figure import Figure
+
+    if not text.strip():
+        return _EMPTY
+    figure = Figure()
+    drawn = figure.text(0, 0, text, size=size * style.font, color=style.ink, rotation=rotation)
+    drawn.set_parse_math(False)  # file names may have dollar signs
+    return _pixels(figure, style)
+
+
+def _pixels(figure: "Figure", style: _Style) -> Image:
+    """What is drawn on a figure, and beyond its edges."""
+    from matplotlib.image import imread
+
+    buffer = io.BytesIO()
+    figure.savefig(buffer, dpi=_DPI, facecolor=style.background, bbox_inches="tight", pad_inches=0)
+    buffer.seek(0)
+    result: Image = np.round(255 * imread(buffer)[..., :3]).astype(np.uint8)
+    return result
+
+
+def _color_bar(panel: Panel, width: float, style: _Style) -> Image:
+    """Colours of a panel's values with ticks, label and unit, and an arrow where values lie beyond an end."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+    from matplotlib.figure import Figure
+
+    if panel.values is None:
+        return _EMPTY
+    low, high = panel.color_limits()
+    below, above = clipped(panel)
+    colormap = matplotlib_colormap(panel.colormap, signed=panel.signed)
+    font, wide = style.font, max(width, _BAR_WIDTH * style.font)
+    tall = _BAR_HEIGHT * font
+    figure = Figure(figsize=(wide / _DPI, tall / _DPI), dpi=_DPI)
+    if panel.histogram:
+        axes = figure.add_axes((0.0, 1.0 + 0.3 * font / tall, 1.0, _HISTOGRAM * font / tall))
+        counts, _ = np.histogram(panel.values[panel.drawn()], bins=_BINS, range=(low, high))
+        middles = (np.arange(_BINS) + 0.5) / _BINS
+        axes.bar(middles, counts, width=1.0 / _BINS, color=colormap(middles))
+        axes.set(xlim=(-_ARROW * below, 1.0 + _ARROW * above), ylim=(0.0, max(*counts, 1)))
+        axes.set_axis_off()
+    extend = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[below, above]
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    colors = ScalarMappable(Normalize(low, high), colormap)
+    bar = figure.colorbar(colors, cax=axes, orientation="horizontal", extend=extend, extendfrac=_ARROW)
+    places, texts, exponent = ticks(low, high)
+    if sum(0.64 * _TICK_SIZE * font * len(text) + font for text in texts) > 1.2 * wide:  # a digit is 0.64 wide
+        places, texts, exponent = ticks(low, high, count=3)
+    bar.set_ticks(places, labels=texts)
+    bar.outline.set(edgecolor=style.ink, linewidth=0.04 * font)
+    axes.tick_params(
+        labelsize=_TICK_SIZE * font, length=0.25 * font, width=0.06 * font, colors=style.ink, pad=0.15 * font
+    )
+    axes.set_xlabel(legend(panel, exponent), size=font, color=style.ink, labelpad=0.3 * font, parse_math=False)
+    return _pixels(figure, style)
+
+
+def clipped(panel: Panel) -> tuple[bool, bool]:
+    """Whether values that are seen lie below and above the range of the colours."""
+    if panel.values is None:
+        return False, False
+    low, high = panel.color_limits()
+    seen = panel.values[panel.drawn()]
+    return bool((seen < low).any()), bool((seen > high).any())
+
+
+def legend(panel: Panel, exponent: int = 0) -> str:
+    """Label with unit, and with the power of ten that the ticks leave out."""
+    power = f"10{str(exponent).translate(_SUPERSCRIPT)}" if exponent else ""
+    unit = " ".join(filter(None, (power, panel.unit)))
+    return " ".join(filter(None, (panel.label, f"[{unit}]" if unit else "")))
+
+
+def ticks(low: float, high: float, count: int = 5) -> tuple[list[float], list[str], int]:
+    """Evenly spaced ticks with both limits among them, their texts, and a power of ten taken out of those.
+
+    >>> ticks(-57.5, 57.5)
+    ([-57.5, -28.75, 0.0, 28.75, 57.5], ['−57.5', '−28.8', '0', '28.8', '57.5'], 0)
+    >>> ticks(0.0, 3e-7, count=3)[1:]
+    (['0', '1.5', '3.0'], -7)
+    """
+    places = np.linspace(low, high, count)
+    exponent = math.floor(math.log10(max(abs(low), abs(high), 1e-300)))
+    exponent = 0 if -2 <= exponent <= 4 else exponent
+    scaled = places / 10.0**exponent
+    close = 0.005 * (scaled[1] - scaled[0])
+    decimals = next((d for d in range(15) if np.all(np.abs(np.round(scaled, d) - scaled) <= close)), 15)
+    texts = [
+        f"{value:.{decimals}f}".replace("-", "\N{MINUS SIGN}") if round(value, decimals) else "0" for value in scaled
+    ]
+    return places.tolist(), texts, exponent

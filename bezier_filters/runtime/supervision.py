@@ -1,25 +1,39 @@
-"""A process of its own for code that may end it: the command line outlives the crashes of the libraries it calls.
+"""The command line in a child process, which code that ends it, or never ends, costs nothing but itself.
 
 Readers of mesh files follow what a damaged file says and may end the process with it. The process that the user
-started therefore only forks before anything is loaded, waits, and says in plain words how the other one ended.
-Where there is no fork (Windows) the work is done in the same process.
+started therefore only starts another interpreter, waits for it, and says in plain words how it ended.
 """
 
-import mmap
 import os
 import signal
+import subprocess
 import sys
 import threading
+import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from types import FrameType
+
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None  # type: ignore[assignment]
 
 FAILED = 2
 """Exit status of work that failed, or whose process was ended by a signal that nobody sent."""
-_FORWARDED = ("SIGINT", "SIGTERM", "SIGHUP")
-_NOTE_SIZE = 4096
-_note: mmap.mmap | None = None  # shared with the process that waits
+ALLOWANCE = 1 << 30
+"""Bytes that reading a file of any size may take,"""
+PER_BYTE = 500
+"""and for each byte of the file: a vertex of ten characters takes some five hundred as part of a mesh with
+everything, and compressed files unfold ten times."""
+_PARENT = "BEZIER_FILTERS_PARENT"
+"""Variable with the id of the process that waits, which a child takes out of its environment at once."""
+_FORWARDED = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+_WINDOWS_ERRORS = 0xC0000000  # and above: what Windows ends processes with
+
+_notes: int | None = None  # file descriptor that tells the process that waits what is being done
 _expendable = False  # whether another process waits for this one, and says how it ended
 
 
@@ -49,22 +63,58 @@ def processor_time_limited(seconds: float) -> Iterator[None]:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
 
 
+@contextmanager
+def memory_limited(file_size: int) -> Iterator[None]:
+    """Let allocations fail, with MemoryError, that no file of this size can need; only on Linux, else no limit.
+
+    The limit is that of the whole process, so nothing else should be going on in it.
+    """
+    used = _data_size()
+    if resource is None or used is None:
+        yield
+        return
+    before = resource.getrlimit(resource.RLIMIT_DATA)
+    limit = used + ALLOWANCE + PER_BYTE * file_size
+    ceilings = [value for value in before if value != resource.RLIM_INFINITY]
+    resource.setrlimit(resource.RLIMIT_DATA, (min([limit, *ceilings]), before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_DATA, before)
+
+
+def _data_size() -> int | None:
+    """Bytes of writable memory of this process that RLIMIT_DATA counts, or None if the system does not tell."""
+    try:
+        lines = Path("/proc/self/status").read_text(encoding="ascii", errors="replace").splitlines()
+    except OSError:
+        return None
+    return next((1024 * int(line.split()[1]) for line in lines if line.startswith("VmData:")), None)
+
+
 def this_process_is_expendable() -> None:
     """Note that another process waits for this one, and says how it ended."""
     global _expendable
     _expendable = True
 
 
-def run_supervised(work: Callable[[], str]) -> tuple[int, str]:
-    """Call a function in a process of its own, where there is fork; return its exit status and why it failed.
+def python_command(code: str) -> list[str]:
+    """Command of another interpreter that runs code, with the modules of this one and not those of the folder."""
+    return [sys.executable, "-c", f"import sys; sys.path[:] = {sys.path!r}; {code}"]
+
+
+def run_supervised(code: str, *arguments: str) -> tuple[int, str]:
+    """Run code, which calls `serve`, in a child process; return its exit status and why it failed.
 
     Interrupts and requests to end are passed on. The first one ends the work in order, so that temporary files go
-    away; later ones do not disturb that. If this process is killed, the other one ends, too.
+    away; later ones do not disturb that. If this process is killed, the child ends, too.
 
     Parameters
     ----------
-    work : callable
-        Returns why it failed, or "". It may end with SystemExit, too.
+    code : str
+        Python code.
+    *arguments : str
+        What it finds in ``sys.argv``.
 
     Returns
     -------
@@ -73,49 +123,59 @@ def run_supervised(work: Callable[[], str]) -> tuple[int, str]:
     reason : str
         In one line; the caller prints it, because a process that a bad file was read in may not be able to.
     """
-    global _note
-    if not hasattr(os, "fork"):
-        reason = work()
-        return (FAILED if reason else 0), reason
-    _note = mmap.mmap(-1, _NOTE_SIZE)
-    lifeline, held = os.pipe()
-    _flush()
-    # Signals wait until both processes are ready for them: none must end the one that waits, and leave the other.
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, _forwarded_signals())
-    child = os.fork()
-    if child == 0:
-        os.close(held)
-        this_process_is_expendable()
-        _end_in_order_on_signals()
-        threading.Thread(target=_end_with_the_parent, args=(lifeline,), daemon=True).start()
-        os._exit(_exit_status_of(work, mask))  # whatever called this function goes on in the other process alone
-    os.close(lifeline)
-    status = _wait(child, mask)
-    os.close(held)
-    code = os.waitstatus_to_exitcode(status)
-    note = _read_note()
-    if code >= 0:
-        return code, note if code == FAILED else ""
-    name = signal.Signals(-code).name
-    if name in _FORWARDED:
-        return 128 - code, ""
-    return FAILED, crash_message(name, note)
+    reading, writing = os.pipe()
+    # Signals wait until both processes are ready for them; the child begins with this mask.
+    masks = hasattr(signal, "pthread_sigmask")
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, _FORWARDED) if masks else set()
+    variables = {**os.environ, _PARENT: str(os.getpid())}
+    with open(reading, "rb") as notes:
+        try:
+            # Nothing is read from the standard input, so that it can carry the notes on every system.
+            child = subprocess.Popen([*python_command(code), *arguments], stdin=writing, env=variables)
+        finally:
+            os.close(writing)
+
+        def forward(number: int, _frame: FrameType | None) -> None:
+            if os.name == "posix":  # elsewhere the console tells all its processes
+                child.send_signal(number)
+
+        before = {number: signal.signal(number, forward) for number in _FORWARDED}
+        try:
+            if masks:
+                signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+            said = notes.read()  # until the child ends
+            return end_of(child.wait(), said)
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
 
 
-def crash_message(signal_name: str, activity: str = "") -> str:
-    """Say in plain words that a process was ended by a signal, and what may help.
+def end_of(status: int, notes: bytes) -> tuple[int, str]:
+    """Exit status for the user, and why it failed, of a child that ended with a status and has sent notes."""
+    *_, note, _ = [b"", *notes.split(b"\0")]  # the last whole one
+    text = note.decode("utf-8", "replace")
+    if 0 <= status < _WINDOWS_ERRORS:
+        return status, text if status == FAILED else ""
+    if -status in _FORWARDED:
+        return 128 - status, ""
+    return FAILED, crash_message(status, text)
+
+
+def crash_message(status: int, activity: str = "") -> str:
+    """Say in plain words that a process was ended, with this exit status, and what may help.
 
     Examples
     --------
-    >>> crash_message("SIGSEGV", "reading scan.obj")  # doctest: +ELLIPSIS
+    >>> crash_message(-signal.SIGSEGV, "reading scan.obj")  # doctest: +ELLIPSIS
     'crashed (SIGSEGV) while reading scan.obj: the file is damaged in a way that its reader does not notice; ...'
     """
+    name = signal.Signals(-status).name if status < 0 else f"exit status {status:#x}"
     where = f" while {activity}" if activity else ""
-    if signal_name == "SIGKILL":
+    if name == "SIGKILL":
         return f"was killed (SIGKILL){where}, perhaps for want of memory; nothing was written"
-    if signal_name == "SIGPROF":
+    if name == "SIGPROF":
         return f"took too long{where}: the file is damaged, and its reader runs in circles; nothing was written"
-    place = f"crashed ({signal_name}){where}"
+    place = f"crashed ({name}){where}"
     if activity.startswith("reading"):
         return (
             f"{place}: the file is damaged in a way that its reader does not notice; nothing was written. Write the "
@@ -126,14 +186,30 @@ def crash_message(signal_name: str, activity: str = "") -> str:
     return f"{place}; nothing was written. Please report it with the file"
 
 
-def _forwarded_signals() -> list[signal.Signals]:
-    return [signal.Signals[name] for name in _FORWARDED]
+def serve(work: Callable[[], str]) -> None:
+    """Do the work of a child process, and end it.
+
+    Parameters
+    ----------
+    work : callable
+        Returns why it failed, or "". It may end with SystemExit, too.
+    """
+    global _notes
+    _notes = os.dup(0)  # which processes that this one starts do not get
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    this_process_is_expendable()
+    _end_in_order_on_signals()
+    if os.name == "posix":
+        parent = int(os.environ.pop(_PARENT, os.getppid()))
+        threading.Thread(target=_end_with_the_parent, args=(parent,), daemon=True).start()
+    os._exit(_exit_status_of(work))  # without the ends of libraries, which may crash after a damaged file
 
 
-def _exit_status_of(work: Callable[[], str], mask: set[int | signal.Signals]) -> int:
+def _exit_status_of(work: Callable[[], str]) -> int:
     """Let signals in again, do the work and leave its reason; return the status to exit with."""
     try:
-        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        if hasattr(signal, "pthread_sigmask"):
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, _FORWARDED)
         reason = work()
         _write_note(reason)
         return FAILED if reason else 0
@@ -145,31 +221,10 @@ def _exit_status_of(work: Callable[[], str], mask: set[int | signal.Signals]) ->
         traceback.print_exc()
         return 1
     finally:
-        _flush()
-
-
-def _flush() -> None:
-    for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError, ValueError):  # closed, or the reader of a pipe has gone away
-            if stream is not None:
-                stream.flush()
-
-
-def _wait(child: int, mask: set[int | signal.Signals]) -> int:
-    """Status of a process after its end; signals, which are let in again, are passed on to it."""
-
-    def forward(number: int, _frame: FrameType | None) -> None:
-        os.kill(child, number)
-
-    before = {number: signal.getsignal(number) for number in _forwarded_signals()}
-    try:
-        for number in before:
-            signal.signal(number, forward)
-        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        return os.waitpid(child, 0)[1]
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(OSError, ValueError):  # closed, or the reader of a pipe has gone away
+                if stream is not None:
+                    stream.flush()
 
 
 def _end_in_order_on_signals() -> None:
@@ -179,32 +234,27 @@ def _end_in_order_on_signals() -> None:
     """
 
     def end(number: int, _frame: FrameType | None) -> None:
-        for name in _FORWARDED:
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
+        for other in _FORWARDED:
+            signal.signal(other, signal.SIG_IGN)
         if number == signal.SIGINT:
             raise KeyboardInterrupt
         raise SystemExit(128 + number)
 
-    for name in _FORWARDED:
-        if signal.getsignal(getattr(signal, name)) != signal.SIG_IGN:  # as nohup sets it
-            signal.signal(getattr(signal, name), end)
+    for number in _FORWARDED:
+        if signal.getsignal(number) != signal.SIG_IGN:  # as nohup sets it
+            signal.signal(number, end)
 
 
-def _end_with_the_parent(lifeline: int) -> None:
-    """Ask this process to end in order when the other end of the pipe closes, as it does when the parent is killed."""
-    os.read(lifeline, 1)
+def _end_with_the_parent(parent: int) -> None:
+    """Ask this process to end in order when its parent is gone."""
+    while os.getppid() == parent:
+        time.sleep(0.5)
     main = threading.main_thread().ident
     if main is not None:
         signal.pthread_kill(main, signal.SIGTERM)  # only a signal to this thread ends what it waits for
 
 
 def _write_note(text: str) -> None:
-    if _note is not None:
-        _note.seek(0)
-        _note.write(text.encode("utf-8", "replace")[: _NOTE_SIZE - 1] + b"\0")
-
-
-def _read_note() -> str:
-    if _note is None:
-        return ""
-    return _note[:_NOTE_SIZE].split(b"\0", 1)[0].decode("utf-8", "replace")
+    if _notes is not None:
+        with suppress(OSError):  # nobody waits any more
+            os.write(_notes, text.encode("utf-8", "replace") + b"\0")

@@ -9,10 +9,12 @@ from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
-from typing import Any
+from typing import Any, TypeVar
 
 from bezier_filters.runtime.parallel import THREADS_VARIABLE
 from bezier_filters.runtime.supervision import crash_message, this_process_is_expendable
+
+Job = TypeVar("Job")
 
 _SPAWN = multiprocessing.get_context("spawn")  # a forked copy of threads and compiled kernels may hang
 _PATIENCE = 10.0
@@ -39,7 +41,7 @@ class Outcome:
 
 
 def run_in_processes(
-    function: Callable[[Any], Any], jobs: Sequence[Any], *, processes: int, threads: int = 1
+    function: Callable[[Job], object], jobs: Sequence[Job], *, processes: int, threads: int = 1
 ) -> Generator[tuple[int, Outcome], None, None]:
     """Call a function for every job, each in one of a few processes.
 
@@ -70,7 +72,7 @@ def run_in_processes(
     """
     waiting = list(enumerate(jobs))[::-1]
     idle: list[_Worker] = []
-    busy: dict[Any, tuple[_Worker, int, float]] = {}  # by the connection
+    busy: dict[object, tuple[_Worker, int, float]] = {}  # by the connection
     try:
         while waiting or busy:
             idle = [worker for worker in idle if worker.process.is_alive()]
@@ -79,13 +81,14 @@ def run_in_processes(
                 index, job = waiting.pop()
                 worker.connection.send(job)
                 busy[worker.connection] = (worker, index, time.perf_counter())
-            for connection in wait(list(busy)):
+            for connection in wait([worker.connection for worker, _, _ in busy.values()]):
                 worker, index, start = busy.pop(connection)
                 try:
                     result, error = worker.connection.recv()
                     idle.append(worker)
                 except (EOFError, OSError):
-                    result, error = None, worker.last_words()
+                    worker.process.join()
+                    result, error = None, last_words(worker.process.exitcode or 0)
                 yield index, Outcome(result, error, time.perf_counter() - start)
     finally:
         workers = [*idle, *(worker for worker, _, _ in busy.values())]
@@ -100,22 +103,17 @@ def run_in_processes(
 @dataclass(frozen=True)
 class _Worker:
     process: SpawnProcess
-    connection: Connection
-
-    def last_words(self) -> str:
-        """How the process ended."""
-        self.process.join()
-        return last_words(self.process.exitcode or 0)
+    connection: Connection  # of its own: pools with one pipe for all are lost with an idle worker that is killed
 
 
-def last_words(code: int) -> str:
-    """How a process ended that had this exit code."""
-    if code < 0:
-        return f"the process that worked on it {crash_message(signal.Signals(-code).name, 'reading it')}"
-    return f"the process that worked on it was ended with exit status {code}"
+def last_words(status: int) -> str:
+    """How a process ended that had this exit status."""
+    if status < 0:
+        return f"the process that worked on it {crash_message(status, 'reading it')}"
+    return f"the process that worked on it was ended with exit status {status}"
 
 
-def _start(function: Callable[[Any], Any], threads: int) -> _Worker:
+def _start(function: Callable[[Job], object], threads: int) -> _Worker:
     ours, theirs = _SPAWN.Pipe()
     process = _SPAWN.Process(target=_serve, args=(function, theirs, threads), daemon=True)
     process.start()
@@ -123,7 +121,7 @@ def _start(function: Callable[[Any], Any], threads: int) -> _Worker:
     return _Worker(process, ours)
 
 
-def _serve(function: Callable[[Any], Any], connection: Connection, threads: int) -> None:
+def _serve(function: Callable[[Job], object], connection: Connection, threads: int) -> None:
     """What a worker does: answer every job with a result and an error."""
     this_process_is_expendable()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends its workers itself,

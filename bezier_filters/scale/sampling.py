@@ -7,13 +7,12 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.estimation.adaptive_fit import SurfaceFit, choose_fit, first_features, with_parts
+from bezier_filters.estimation.adaptive_fit import OUTLIER_REACH as OUTLIER_RINGS
+from bezier_filters.estimation.adaptive_fit import SurfaceFit, choose_fit, first_features, with_parts, without_outliers
 from bezier_filters.estimation.fallbacks import Attempt, fit_with_fallbacks
 from bezier_filters.estimation.fit_options import fit_options
-from bezier_filters.estimation.fitted_mesh import fitted_mesh
-from bezier_filters.estimation.outliers import REACH as OUTLIER_RINGS
-from bezier_filters.estimation.outliers import without_outliers
 from bezier_filters.estimation.vertex_geometry import empty_geometry
+from bezier_filters.kernels.kernel_input import fitted_mesh
 from bezier_filters.learning.learn import MOST_TURNED, learn_from_samples
 from bezier_filters.learning.model_tree import Leaf, leaves
 from bezier_filters.learning.neighbourhood_samples import (

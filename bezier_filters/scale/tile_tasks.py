@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from bezier_filters.arrays import FloatArray
 from bezier_filters.estimation.adaptive_fit import SurfaceFit, fit_parts
 from bezier_filters.estimation.fallbacks import fit_with_fallbacks
-from bezier_filters.estimation.fitted_mesh import fitted_mesh
 from bezier_filters.estimation.vertex_geometry import FitChoice, VertexGeometry, empty_geometry
 from bezier_filters.files.fields import PREFIX, curvature_columns, normal_columns, torsion_columns
+from bezier_filters.kernels.kernel_input import fitted_mesh
 from bezier_filters.scale.halo import part_around
 from bezier_filters.scale.sampling import rings_needed
 from bezier_filters.scale.store import open_store

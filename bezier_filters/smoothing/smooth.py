@@ -10,17 +10,16 @@ from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.first_call import first_call
-from bezier_filters.estimation.fitted_mesh import fitted_mesh
+from bezier_filters.kernels.kernel_input import fitted_mesh
 from bezier_filters.learning.learn import learn_surface
 from bezier_filters.learning.plans import Choices
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
-from bezier_filters.meshes.array_arguments import takes_arrays
-from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
+from bezier_filters.meshes.mesh import TriangleMesh, takes_arrays, triangle_mesh
 from bezier_filters.runtime.parallel import Progress, thread_count
 from bezier_filters.smoothing.denoise import remove_noise
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.smoothing_result import SmoothingResult
-from bezier_filters.smoothing.volume import closed_components, component_volumes, movement_around, restore_volumes
+from bezier_filters.smoothing.volume import ClosedComponents, component_volumes, movement_around, restore_volumes
 
 SmoothingMethod = Literal["auto", "paper"]
 SmoothedBorders = Literal["curve", "fixed"]
@@ -125,7 +124,7 @@ def smooth(
             else:
                 points = _onto_patches(current, rings, alpha, threads, part)
             points = np.where(movable[:, np.newaxis], points, mesh.vertices)
-        components = closed_components(mesh, adjacency)
+        components = ClosedComponents.of(mesh, adjacency)
         volumes_before = component_volumes(components, mesh)
         if components.count and (keep_volume or (keep_volume is None and method == "auto")):
             amounts = movement_around(mesh, adjacency, points) * movable

@@ -10,7 +10,8 @@ import numpy as np
 import pymeshlab
 
 import bezier_filters as bf
-from bezier_filters.pictures.render import Panel, render_panels
+from bezier_filters.pictures.render import render_panels
+from bezier_filters.pictures.scene import Panel
 
 FOLDER = Path(__file__).parent
 OLD, NEW = (0.75, 0.75, 0.75), (0.95, 0.6, 0.1)

@@ -11,7 +11,8 @@ import numpy as np
 import pymeshlab
 
 import bezier_filters as bf
-from bezier_filters.pictures.render import Panel, render_panels
+from bezier_filters.pictures.render import render_panels
+from bezier_filters.pictures.scene import Panel
 
 FOLDER = Path(__file__).parent
 BUNNY = Path(pymeshlab.__file__).parent / "tests" / "sample_meshes" / "bunny.obj"

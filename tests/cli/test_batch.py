@@ -14,9 +14,9 @@ import pymeshlab
 import pytest
 
 from bezier_filters import read_fields
+from bezier_filters.cli import main
 from bezier_filters.cli.app import app
 from bezier_filters.cli.batch import COMMANDS, Item, run_command, summarize
-from bezier_filters.cli.commands import main
 from bezier_filters.cli.console import print_batch
 from bezier_filters.meshlab.mesh_files import save_mesh
 from bezier_filters.runtime.worker_processes import run_in_processes

@@ -3,7 +3,7 @@
 import numpy as np
 
 from bezier_filters import triangle_mesh
-from bezier_filters.estimation.outliers import without_outliers
+from bezier_filters.estimation.adaptive_fit import without_outliers
 from bezier_filters.kernels.kernel_input import kernel_mesh
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.frames import tangent_planes

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from high_precision import neighbourhood
 
-from bezier_filters import estimate_vertex_geometry
+from bezier_filters import FitStatus, PatchFit, estimate_vertex_geometry, vertex_patch
 from bezier_filters.surfaces import ellipsoid, height_field, torus
 
 SURFACES = {
@@ -80,3 +81,35 @@ def test_exact_data_are_fitted_exactly():
     geometry = estimate_vertex_geometry(plane.vertices, plane.faces, robust=True)
     assert np.abs(geometry.k_max).max() < 1e-9
     np.testing.assert_allclose(geometry.normals, plane.normals, atol=1e-12)
+
+
+def reweighted(vertices, faces, vertex):
+    """Displacement and residual by dense reweighted least squares over the 3-ring, up to five rounds."""
+    patch, fit = vertex_patch(vertices, faces, vertex, rings=3), PatchFit()
+    points = vertices[neighbourhood(faces, vertex, 3)]
+    design, heights = patch.design_matrix(*patch.parameters(points)), patch.to_local(points)[:, 2]
+    weights, before, left = np.ones(len(points)), np.inf, None
+    for rounds in range(6):
+        rows = fit.alpha * np.sqrt(weights)[:, None] * design
+        stacked = np.vstack([rows, (1.0 - fit.alpha) * fit.smoothness_rows])
+        side = np.append(fit.alpha * np.sqrt(weights) * heights, np.zeros(len(fit.smoothness_rows)))
+        left = design @ np.linalg.lstsq(stacked, side, rcond=None)[0] - heights
+        median = np.median(np.abs(left))
+        if rounds == 5 or median >= 0.95 * before:
+            break
+        before = median
+        weights = np.maximum(0.0, 1.0 - (left / (4.685 * 1.4826 * median)) ** 2) ** 2
+    return left[0] * patch.axes[2], np.sqrt(np.mean(left**2))
+
+
+def test_weights_are_those_of_a_dense_reference():
+    surface = SURFACES["torus"]()
+    vertices = measured(surface, 0.05)
+    geometry = estimate_vertex_geometry(vertices, surface.faces, rings=3, alpha=0.8, robust=True)
+    plain = estimate_vertex_geometry(vertices, surface.faces, rings=3, alpha=0.8)
+    size = np.linalg.norm(plain.displacements, axis=1).max()
+    assert np.abs(geometry.displacements - plain.displacements).max() > 0.1 * size
+    for vertex in np.flatnonzero(geometry.status == FitStatus.OK)[::40]:
+        displacement, residual = reweighted(vertices, surface.faces, vertex)
+        np.testing.assert_allclose(geometry.displacements[vertex], displacement, atol=1e-7 * size)
+        assert geometry.residual[vertex] == pytest.approx(residual, rel=1e-7)

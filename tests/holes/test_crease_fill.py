@@ -3,8 +3,8 @@ import pytest
 from hole_cases import assert_filled, sheet, without_faces_near
 
 from bezier_filters import fill_holes
-from bezier_filters.holes.crease_curves import bending_energy, corner_of, evenly_spaced, groupings, hermite_curve
-from bezier_filters.holes.rim_creases import CreaseEnd
+from bezier_filters.holes.crease_ends import CreaseEnd
+from bezier_filters.holes.crease_fill import bending_energy, evenly_spaced, groupings, hermite_curve, nearest_corner
 from bezier_filters.surfaces import block_with_sharp_edges
 
 
@@ -263,9 +263,9 @@ def assert_roof(vertices, faces, height, sides):
 def test_a_corner_is_where_most_lines_meet():
     corner, tangents = np.array([1.0, 2.0, 3.0]), np.eye(3)
     points = corner - 2.0 * tangents
-    np.testing.assert_allclose(corner_of(points, tangents, [], 1e-6), corner, atol=1e-5)
+    np.testing.assert_allclose(nearest_corner(points, tangents, [], 1e-6), corner, atol=1e-5)
     bent = points + np.array([[0.0, 0, 0], [0, 0, 0], [0.5, 0.3, 0]])
-    np.testing.assert_allclose(corner_of(bent, tangents, [], 1e-6), corner, atol=1e-3)
+    np.testing.assert_allclose(nearest_corner(bent, tangents, [], 1e-6), corner, atol=1e-3)
 
 
 def test_hermite_curves_leave_along_their_tangents():

@@ -4,7 +4,7 @@ from hole_cases import sheet, without_faces_near, without_squares
 
 from bezier_filters import InvalidMeshError, boundary_loops, triangle_mesh, vertex_adjacency
 from bezier_filters.holes.hole_detection import find_holes, simple_loops
-from bezier_filters.meshes.boundary import border_half_edges
+from bezier_filters.meshes.half_edges import border_half_edges
 from bezier_filters.surfaces import cylinder, punched_patch, sphere
 
 

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from compiled import from_python
-from numba import config
 
 from bezier_filters.kernels.lane_algebra import (
     GROUP,
@@ -12,11 +11,10 @@ from bezier_filters.kernels.lane_algebra import (
     differentiate,
     raise_powers,
     solve_lanes,
+    sort_lanes,
 )
 from bezier_filters.patches.polynomials import lexicographic_places, row_starts, tensor_space, total_degree_space
 from bezier_filters.runtime.lanes import LANES, aligned
-
-pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="lanes are compiled code only")
 
 RANDOM = np.random.default_rng(0)
 SPACES = [total_degree_space(2), tensor_space(3), total_degree_space(6)]
@@ -113,15 +111,16 @@ def test_residuals_of_points_that_are_there(space, count):
     points[3] = RANDOM.integers(0, 2, (stride, LANES))
     points[:, count : count + GROUP] = 0.0
     coefficients = RANDOM.standard_normal((space.dimension, LANES))
-    total = lanes_of(np.full((1, LANES), 0.5))
+    total, residuals = lanes_of(np.full((1, LANES), 0.5)), aligned(count + GROUP)
     from_python(add_squared_residuals)(
-        lanes_of(coefficients), row_starts(space.exponents), lanes_of(points), stride, count, total
+        lanes_of(coefficients), row_starts(space.exponents), lanes_of(points), stride, count, total, residuals
     )
     a, b = space.exponents.T
     terms = points[0, :count, None] ** a[:, None] * points[1, :count, None] ** b[:, None]
     values = (terms * coefficients[lexicographic_places(space.exponents)]).sum(axis=1)
-    expected = 0.5 + (points[3, :count] * (values - points[2, :count]) ** 2).sum(axis=0)
-    np.testing.assert_allclose(total, expected, rtol=1e-12)
+    differences = points[3, :count] * (values - points[2, :count])
+    np.testing.assert_allclose(residuals.reshape(-1, LANES)[:count], differences, atol=1e-12 * np.abs(values).max())
+    np.testing.assert_allclose(total, 0.5 + np.square(differences).sum(axis=0), rtol=1e-12)
 
 
 @pytest.mark.parametrize("space", SPACES, ids=lambda space: str(space.dimension))
@@ -140,3 +139,12 @@ def test_derivatives(space):
                 derivative = np.polynomial.polynomial.polyder(np.polynomial.polynomial.polyder(grid, r), q, axis=1)
                 expected = np.polynomial.polynomial.polyval2d(s[lane], t[lane], derivative)
                 np.testing.assert_allclose(jets[LANES * (4 * r + q) + lane], expected, rtol=1e-10, atol=1e-10)
+
+
+@pytest.mark.parametrize("count", [*range(10), 16, 17, 37, 91])
+def test_every_lane_is_sorted(count):
+    values = np.concatenate([RANDOM.standard_normal((count, 4)), RANDOM.integers(0, 3, (count, 4))], axis=1)
+    flat = lanes_of(np.vstack([values, np.full((2, LANES), -9.0)]))
+    from_python(sort_lanes)(flat, count)
+    np.testing.assert_array_equal(flat.reshape(-1, LANES)[:count], np.sort(values, axis=0))
+    np.testing.assert_array_equal(flat.reshape(-1, LANES)[count:], -9.0)

@@ -1,15 +1,10 @@
 """The orthogonalised neighbourhoods, against the dense algebra of numpy."""
 
-from dataclasses import fields
-
 import numpy as np
 import pytest
-from numba import config
 from random_neighbourhoods import analyse_ring, as_sample, draw, terms_at, variances_by_degree
 
 from bezier_filters.learning.ring_analysis import FEWEST_SAMPLES, FIRST
-from bezier_filters.learning.ring_lanes import RingSums
-from bezier_filters.learning.ring_reference import analyse_one_by_one
 from bezier_filters.patches.harmonics import harmonic_basis
 
 BASIS = harmonic_basis()
@@ -33,13 +28,13 @@ def assert_fits_of_every_degree(analysis, row, points, seen):
     values, heights = terms_at(points[:, :2] / analysis.radius), points[:, 2]
     for degree in range(analysis.degree + 1):
         terms, coefficients, variances, residual = free_values(values, heights, degree, seen)
-        assert analysis.residuals[row, degree] == pytest.approx(residual, rel=1e-6, abs=1e-12)
-        assert analysis.freedom[row, degree] == len(points) - len(terms)
+        assert analysis.sums.residuals[row, degree] == pytest.approx(residual, rel=1e-6, abs=1e-12)
+        assert analysis.sums.freedom[row, degree] == len(points) - len(terms)
         groups = BASIS.groups[terms]
         for got, summands in (
-            (analysis.term_squares, coefficients**2 / variances),
-            (analysis.term_weights, 1.0 / variances),
-            (analysis.term_counts, np.ones(len(terms))),
+            (analysis.sums.term_squares, coefficients**2 / variances),
+            (analysis.sums.term_weights, 1.0 / variances),
+            (analysis.sums.term_counts, np.ones(len(terms))),
         ):
             expected = np.bincount(groups, summands, minlength=got.shape[2])
             np.testing.assert_allclose(got[row, degree], expected, rtol=1e-6, atol=1e-9)
@@ -57,7 +52,11 @@ def test_factors_and_parts_are_those_of_a_qr_factorisation(size, degree):
         q, _ = np.linalg.qr(design[:, :m])
         q *= np.sign(np.einsum("pk,pk->k", q, design[:, :m]))  # the diagonal of the factor is positive
         np.testing.assert_allclose(analysis.factors[row], q.T @ design, atol=1e-10)
-        np.testing.assert_allclose(analysis.parts[row], q.T @ points[row, :, 2], atol=1e-10)
+        np.testing.assert_allclose(analysis.sums.parts[row], q.T @ points[row, :, 2], atol=1e-10)
+        beyond = np.square(design - q @ (q.T @ design)).sum(axis=0)
+        np.testing.assert_allclose(
+            analysis.sums.unexplained[row], np.where(BASIS.degrees > degree, beyond, 0.0), atol=1e-10
+        )
 
 
 @pytest.mark.parametrize("size", [9, 25, 60])
@@ -66,6 +65,15 @@ def test_residuals_and_coefficients_are_those_of_least_squares_fits_of_every_deg
     analysis = analysed(points)
     for row in range(FEWEST_SAMPLES):
         assert_fits_of_every_degree(analysis, row, points[row], np.ones(len(BASIS.degrees), dtype=bool))
+
+
+@pytest.mark.parametrize("sizes", [(30, 19), (60, 45)])
+def test_neighbourhoods_of_a_block_may_have_different_sizes(sizes):
+    sample = as_sample(draw(FEWEST_SAMPLES + 1, sizes[0], ROUGH, 0.1, radius=2.0).points)
+    sample.sizes[::2] = sizes[1]
+    analysis = analyse_ring(sample, 3, len(sample.points))
+    for row, size in enumerate(analysis.sizes):
+        assert_fits_of_every_degree(analysis, row, sample.points[row, :size], np.ones(len(BASIS.degrees), dtype=bool))
 
 
 def test_terms_that_the_points_do_not_see_count_for_nothing():
@@ -82,7 +90,7 @@ def test_terms_that_the_points_do_not_see_count_for_nothing():
         seen[:m] = diagonal > 0.0
         assert np.bincount(BASIS.degrees[seen]).tolist() == [1] + [2] * analysis.degree
         assert not analysis.factors[row][~seen[:m]].any()
-        assert not analysis.parts[row][~seen[:m]].any()
+        assert not analysis.sums.parts[row][~seen[:m]].any()
         assert_fits_of_every_degree(analysis, row, points[row], seen)
 
 
@@ -119,8 +127,9 @@ def test_designs_and_energies_are_those_of_the_points():
 def test_threads_change_nothing():
     points = draw(100, 40, ROUGH, 0.1).points
     one, two = analysed(points), analysed(points, threads=2)
-    for field in fields(one):
-        np.testing.assert_array_equal(getattr(one, field.name), getattr(two, field.name))
+    np.testing.assert_array_equal(one.factors, two.factors)
+    for sums, others in zip(one.sums, two.sums, strict=True):
+        np.testing.assert_array_equal(sums, others)
 
 
 def test_a_part_keeps_the_rows_that_are_marked_unless_they_are_too_few():
@@ -128,7 +137,7 @@ def test_a_part_keeps_the_rows_that_are_marked_unless_they_are_too_few():
     kept = np.arange(40) % 2 == 0
     part = analysis.where(kept)
     np.testing.assert_array_equal(part.centers, np.arange(0, 40, 2))
-    np.testing.assert_array_equal(part.parts, analysis.parts[kept])
+    np.testing.assert_array_equal(part.sums.parts, analysis.sums.parts[kept])
     assert part.typical_square != analysis.typical_square
     assert analysis.where(np.arange(40) < FEWEST_SAMPLES - 1) is None
 
@@ -137,16 +146,3 @@ def test_too_few_neighbourhoods_or_points_give_none():
     assert analysed(draw(FEWEST_SAMPLES - 1, 25, ROUGH, 0.1).points) is None
     assert analysed(draw(FEWEST_SAMPLES, 6, ROUGH, 0.1).points) is None
     assert analysed(np.zeros((FEWEST_SAMPLES, 25, 3))) is None
-
-
-@pytest.mark.skipif(config.DISABLE_JIT, reason="lanes are compiled code only")
-@pytest.mark.parametrize("sizes", [(9, 9), (30, 19), (60, 45)])
-def test_lanes_find_what_the_reference_finds(sizes):
-    points = draw(FEWEST_SAMPLES + 1, sizes[0], ROUGH, 0.1, radius=2.0).points
-    sample = as_sample(points)
-    sample.sizes[::2] = sizes[1]
-    analysis = analyse_ring(sample, 3, len(points))
-    sums = RingSums(*(np.full_like(getattr(analysis, name), np.nan) for name in RingSums._fields))
-    analyse_one_by_one(analysis.points, analysis.sizes, 1.0 / analysis.radius, 0, len(points), sums)
-    for name in RingSums._fields:
-        np.testing.assert_allclose(getattr(analysis, name), getattr(sums, name), rtol=1e-7, atol=1e-9, err_msg=name)

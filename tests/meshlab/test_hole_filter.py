@@ -9,7 +9,7 @@ from meshset_state import attributes, changed, frozen, layer_state, mesh_state
 
 from bezier_filters.errors import CancelledError
 from bezier_filters.holes.hole_filling import fill_holes
-from bezier_filters.meshes.boundary import boundary_loops
+from bezier_filters.meshes.half_edges import boundary_loops
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
 from bezier_filters.meshlab.meshset import BezierFilterError

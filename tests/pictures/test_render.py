@@ -12,11 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.image import imread
 
-from bezier_filters.display.color_range import color_range
-from bezier_filters.display.palettes import COOL_WARM
+from bezier_filters.display.colors import COOL_WARM, color_range, round_limits
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
-from bezier_filters.pictures import rendering, sheets
-from bezier_filters.pictures.render import UP_AXES, VIEW_NAMES, Panel, _color_bar, render_panels
+from bezier_filters.pictures import scene
+from bezier_filters.pictures.render import clipped, render_panels, ticks
+from bezier_filters.pictures.scene import UP_AXES, VIEW_NAMES, Panel
 
 NO_FACES = np.zeros((0, 3), np.int32)
 finite = st.floats(-1e100, 1e100)
@@ -51,9 +51,8 @@ def read(path: Path) -> np.ndarray:
 
 
 def draw(panel: Panel, view: str = "front", up: str = "y", scale: float = 50.0) -> np.ndarray:
-    seen = rendering.view_of(panel, rendering.view_axes(view, up))
-    limits = panel.limits or (0.0, 1.0)
-    return rendering.draw(panel, [seen], limits=limits, scale=scale, background="#ffffff")[0] / 255.0
+    seen = scene.view_of(panel, scene.view_axes(view, up))
+    return scene.draw(panel, [seen], scale=scale, background="#ffffff")[0] / 255.0
 
 
 # colour ranges
@@ -118,7 +117,7 @@ def test_no_usable_value() -> None:
 @given(finite, st.floats(1e-6, 1e6))
 def test_round_limits_enclose_the_range_and_do_not_waste_it(low: float, width: float) -> None:
     low = low % 1e5
-    start, end = sheets.round_limits(low, low + width)
+    start, end = round_limits(low, low + width)
     assert start <= low
     assert low + width <= end
     assert end - start <= 3 * width
@@ -126,7 +125,7 @@ def test_round_limits_enclose_the_range_and_do_not_waste_it(low: float, width: f
 
 @given(st.floats(1e-250, 1e250))
 def test_round_limits_keep_zero_in_the_middle(high: float) -> None:
-    start, end = sheets.round_limits(-high, high)
+    start, end = round_limits(-high, high)
     assert start == -end
     assert high <= end <= 1.5 * high
 
@@ -134,7 +133,7 @@ def test_round_limits_keep_zero_in_the_middle(high: float) -> None:
 @given(st.floats(1e-250, 1e250), st.booleans())
 def test_tick_texts_tell_their_values(high: float, signed: bool) -> None:
     low = -high if signed else 0.0
-    places, texts, exponent = sheets.ticks(low, high)
+    places, texts, exponent = ticks(low, high)
     assert (places[0], places[-1]) == (low, high)
     told = [float(text.replace("\N{MINUS SIGN}", "-")) * 10.0**exponent for text in texts]
     np.testing.assert_allclose(told, places, rtol=0, atol=0.005 * high)
@@ -159,7 +158,7 @@ def test_red_is_high_and_colours_facing_the_viewer_are_those_of_the_bar() -> Non
 def test_every_colour_is_faithful_whichever_way_the_faces_turn(colormap: str, flip: bool) -> None:
     vertices, faces = plane()
     image = draw(Panel(vertices, faces[:, ::-1] if flip else faces, vertices[:, 0], colormap=colormap, limits=(-1, 1)))
-    row = image[len(image) // 2, rendering.MARGIN : -rendering.MARGIN]
+    row = image[len(image) // 2, scene.MARGIN : -scene.MARGIN]
     places = (np.arange(len(row)) + 0.5) / len(row)
     np.testing.assert_allclose(row, matplotlib.colormaps[colormap](places)[:, :3], rtol=0, atol=0.02)
 
@@ -167,7 +166,7 @@ def test_every_colour_is_faithful_whichever_way_the_faces_turn(colormap: str, fl
 @pytest.mark.parametrize("up", UP_AXES)
 @pytest.mark.parametrize("view", VIEW_NAMES)
 def test_view_axes_are_rotations(view: str, up: str) -> None:
-    axes = rendering.view_axes(view, up)
+    axes = scene.view_axes(view, up)
     np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
     assert np.linalg.det(axes) == pytest.approx(1.0)
     upwards = {"x": 0, "y": 1, "z": 2}[up[-1]]
@@ -187,8 +186,8 @@ def test_a_view_shows_its_side_of_the_mesh(up: str, view: str, side: str) -> Non
     image = draw(box, view, up)
     expected = np.eye(3)["xyz".index(side[1])] * (1.0 if side[0] == "+" else 0.5)
     np.testing.assert_allclose(image[len(image) // 2, image.shape[1] // 2], expected, atol=0.02)
-    extent = 50 * np.abs(rendering.view_axes(view, up) @ np.array([2.0, 3.0, 2.5]))
-    assert image.shape[:2] == (round(extent[1]) + 2 * rendering.MARGIN, round(extent[0]) + 2 * rendering.MARGIN)
+    extent = 50 * np.abs(scene.view_axes(view, up) @ np.array([2.0, 3.0, 2.5]))
+    assert image.shape[:2] == (round(extent[1]) + 2 * scene.MARGIN, round(extent[0]) + 2 * scene.MARGIN)
 
 
 def test_the_up_axis_follows_the_shape() -> None:
@@ -196,10 +195,10 @@ def test_the_up_axis_follows_the_shape() -> None:
         vertices = np.array([[0, 0, 0], size], dtype=np.float64)
         return Panel(vertices, NO_FACES, np.zeros(2))
 
-    assert rendering.up_axis([panel(1.5, 1.5, 1.2)]) == "y"  # a bunny
-    assert rendering.up_axis([panel(1, 1, 0)]) == "y"  # a height field over x, y
-    assert rendering.up_axis([panel(0.5, 0.3, 1.8)]) == "z"  # a standing figure
-    assert rendering.up_axis([panel(2.0, 0.3, 1.1)]) == "-z"  # an aeroplane with y up
+    assert scene.up_axis([panel(1.5, 1.5, 1.2)]) == "y"  # a bunny
+    assert scene.up_axis([panel(1, 1, 0)]) == "y"  # a height field over x, y
+    assert scene.up_axis([panel(0.5, 0.3, 1.8)]) == "z"  # a standing figure
+    assert scene.up_axis([panel(2.0, 0.3, 1.1)]) == "-z"  # an aeroplane with y up
 
 
 @pytest.mark.parametrize(("scale", "shift"), [(1e-9, 0.0), (1.0, 1e6), (1e9, 0.0)])
@@ -272,11 +271,8 @@ def test_a_single_panel_has_its_views_side_by_side(tmp_path: Path) -> None:
 
 def test_arrows_show_that_values_are_clipped() -> None:
     vertices, faces = plane()
-    panel = Panel(vertices, faces, vertices[:, 0])
     for limits, expected in (((-1, 1), (False, False)), ((-0.5, 2), (True, False)), ((-0.5, 0.5), (True, True))):
-        bar = _color_bar(panel, limits)
-        assert bar is not None
-        assert (bar.below, bar.above) == expected
+        assert clipped(Panel(vertices, faces, vertices[:, 0], limits=limits)) == expected
 
 
 @pytest.mark.parametrize("background", ["white", "#202020"])
@@ -344,7 +340,7 @@ def test_panels_are_checked(change: dict[str, Any], error: type[Exception], mess
 
 
 def run(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    start = "import sys, numpy as np\nfrom bezier_filters.pictures.render import Panel, render_panels\n"
+    start = "import sys, numpy as np\nfrom bezier_filters import Panel, render_panels\n"
     start += "panel = Panel(np.eye(3), np.array([[0, 1, 2]]), np.zeros(3))\n"
     variables = {name: value for name, value in os.environ.items() if name != "DISPLAY"} | environment
     return subprocess.run([sys.executable, "-c", start + code], capture_output=True, text=True, env=variables)
@@ -358,6 +354,6 @@ def test_pictures_without_a_display_print_nothing(tmp_path: Path) -> None:
 def test_a_missing_library_is_named_with_the_remedy(tmp_path: Path) -> None:
     done = run(f"sys.modules['pyvista'] = None\nrender_panels({str(tmp_path / 'a.png')!r}, [panel])")
     assert done.stderr.splitlines()[-1].startswith(
-        "bezier_filters.pictures.rendering.RenderingUnavailableError: pictures need pyvista and matplotlib: "
+        "bezier_filters.pictures.scene.RenderingUnavailableError: pictures need pyvista and matplotlib: "
         'pip install "bezier-filters[viz]"'
     )

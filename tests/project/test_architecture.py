@@ -70,7 +70,7 @@ def test_there_are_no_import_cycles():
 
 def test_every_module_is_short():
     long = {path.stem: len(path.read_text(encoding="utf-8").splitlines()) for path in PACKAGE.rglob("*.py")}
-    assert {name: lines for name, lines in long.items() if lines > 300} == {}
+    assert {name: lines for name, lines in long.items() if lines > 500} == {}
 
 
 def test_one_module_imports_pymeshlab():

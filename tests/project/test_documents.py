@@ -16,7 +16,12 @@ from bezier_filters.cli.commands import app
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs" / "filters").glob("*.md"))]
-EVERY_PAGE = [*PAGES, *sorted((ROOT / "docs" / "decisions").glob("*.md")), *ROOT.glob("*/README.md")]
+EVERY_PAGE = [
+    *PAGES,
+    ROOT / "CONTRIBUTING.md",
+    *sorted((ROOT / "docs" / "decisions").glob("*.md")),
+    *ROOT.glob("*/README.md"),
+]
 PYTHON = re.compile(r"```python\n(.*?)```", re.DOTALL)
 COMMAND = re.compile(r"(?:^    |`)bezier-filters ([^`\n]* [^`\n]*|--[^`\n]*)", re.MULTILINE)
 SCRIPT = re.compile(r"(?:^    |`)python ([\w/]+\.py)([^`\n]*)", re.MULTILINE)
@@ -103,8 +108,27 @@ def test_script_is_there_and_has_the_options(command):
     assert all(f'"{option}"' in code for option in re.findall(r"--[a-z-]+", options)), options
 
 
+DECISIONS = sorted((ROOT / "docs" / "decisions").glob("*.md"))
+
+
+@pytest.mark.parametrize("page", DECISIONS, ids=lambda page: page.stem)
+def test_every_decision_has_a_date_and_a_status(page):
+    """Accepted, perhaps refined by another, or superseded by another."""
+    _, _, line, *_ = page.read_text(encoding="utf-8").splitlines()
+    found = re.fullmatch(r"\*(\S{10}), (?:accepted(?:; refined by (.*))?|superseded by (.*))\*", line)
+    assert found, line
+    assert page.name.startswith(found[1])
+    others = re.findall(r"\]\((.*?)\)", line)
+    assert bool(others) == bool(found[2] or found[3])
+    assert all((page.parent / other).is_file() for other in others)
+
+
 def test_targets_of_make_are_there():
     targets = re.findall(r"^([a-z-]+):.*##", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
     named = {text for page in EVERY_PAGE for text in TARGET.findall(page.read_text(encoding="utf-8"))}
-    assert named
+    configured = [ROOT / ".pre-commit-config.yaml", *(ROOT / ".github" / "workflows").glob("*.yml")]
+    for file in configured:
+        used = re.findall(r"(?:run|entry): make ([a-z-]+)", file.read_text(encoding="utf-8"))
+        assert used
+        named.update(used)
     assert named <= set(targets)

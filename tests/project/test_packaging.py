@@ -54,6 +54,20 @@ def test_the_citation_names_this_version():
     assert re.findall(r"^version: (.*)$", citation, re.MULTILINE) == [__version__]
 
 
+def test_the_newest_section_of_the_changelog_is_of_this_version_and_all_have_dates():
+    headings = re.findall(r"^## (.*)$", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert headings[0].split()[0] == __version__
+    assert all(re.fullmatch(r"\d+\.\d+\.\d+ \(\d{4}-\d{2}-\d{2}\)", heading) for heading in headings)
+
+
+def test_every_dependency_is_explained():
+    project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    names = set(re.findall(r'"([\w-]+)(?:\[\w+\])?>=', project)) - {"pymeshlab", "numpy", "scipy"}
+    assert len(names) > 20
+    page = (ROOT / "docs" / "dependencies.md").read_text(encoding="utf-8")
+    assert {name for name in names if not re.search(rf"\b{name}\b", page)} == set()
+
+
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
     """Folder with the wheel and the sdist; the wheel is built from the sdist."""

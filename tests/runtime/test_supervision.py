@@ -11,12 +11,18 @@ import numpy as np
 import pytest
 
 from bezier_filters.runtime.interrupts import interrupts_held
-from bezier_filters.runtime.memory_limit import ALLOWANCE, memory_limited
-from bezier_filters.runtime.supervision import FAILED, crash_message, doing, processor_time_limited, run_supervised
+from bezier_filters.runtime.supervision import (
+    ALLOWANCE,
+    crash_message,
+    doing,
+    end_of,
+    memory_limited,
+    processor_time_limited,
+)
 
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 MODULE = [sys.executable, "-m", "bezier_filters"]
-posix = pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
+posix = pytest.mark.skipif(os.name != "posix", reason="signals")
 linux = pytest.mark.skipif(sys.platform != "linux", reason="only Linux counts the memory of a process")
 
 
@@ -24,14 +30,20 @@ def in_python(code, **options):
     return subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", **options)
 
 
-SUPERVISED = """
+WORK = """
 import os, signal, sys
-from bezier_filters.runtime.supervision import doing, processor_time_limited, run_supervised
+from bezier_filters.runtime.supervision import doing, processor_time_limited, serve
 def work():
     {work}
     return ""
-print(run_supervised(work))
+serve(work)
 """
+
+
+def supervised(work, *arguments):
+    """Code that runs the lines of a function in a child process, and prints what became of it."""
+    given = (WORK.format(work=work), *arguments)
+    return f"from bezier_filters.runtime.supervision import run_supervised; print(run_supervised(*{given!r}))"
 
 
 @posix
@@ -48,19 +60,19 @@ print(run_supervised(work))
         ("os.kill(os.getppid(), signal.SIGINT); signal.pause()", "(130, '')"),
         (
             "with doing('reading a.obj'): signal.raise_signal(signal.SIGSEGV)",
-            f"(2, {crash_message('SIGSEGV', 'reading a.obj')!r})",
+            f"(2, {crash_message(-signal.SIGSEGV, 'reading a.obj')!r})",
         ),
-        ("os.kill(os.getpid(), signal.SIGKILL)", f"(2, {crash_message('SIGKILL')!r})"),
+        ("os.kill(os.getpid(), signal.SIGKILL)", f"(2, {crash_message(-signal.SIGKILL)!r})"),
         (
             "with doing('reading a.3ds'), processor_time_limited(0.05):\n        while True: pass",
-            f"(2, {crash_message('SIGPROF', 'reading a.3ds')!r})",
+            f"(2, {crash_message(-signal.SIGPROF, 'reading a.3ds')!r})",
         ),
         ("with processor_time_limited(0.05): pass\n    sum(range(10**7))", "(0, '')"),
-        ("os.abort()", f"(2, {crash_message('SIGABRT')!r})"),
+        ("os.abort()", f"(2, {crash_message(-signal.SIGABRT)!r})"),
     ],
 )
 def test_every_end_has_a_status_and_a_reason(work, printed):
-    result = in_python(SUPERVISED.format(work=work))
+    result = in_python(supervised(work))
     assert result.returncode == 0
     assert result.stdout.strip() == printed
     assert ("KeyError" in result.stderr) == ("KeyError" in work)
@@ -76,23 +88,22 @@ def test_a_second_interrupt_does_not_disturb_the_end():
         for number in (signal.SIGINT, signal.SIGTERM):
             os.kill(os.getpid(), number)
         print("cleaned up", flush=True)"""
-    assert in_python(SUPERVISED.format(work=work)).stdout.split("\n")[:2] == ["cleaned up", "(130, '')"]
+    assert in_python(supervised(work)).stdout.split("\n")[:2] == ["cleaned up", "(130, '')"]
 
 
 @posix
 def test_an_interrupt_between_two_processes_is_not_lost():
     """It comes when there is a second process already, and the first does not wait for it yet."""
     interrupting = """
-import os, signal, time
-fork = os.fork
-def fork_and_interrupt():
-    child = fork()
-    if child:
-        os.kill(os.getpid(), signal.SIGINT)
+import os, signal, subprocess
+start = subprocess.Popen
+def start_and_interrupt(*arguments, **options):
+    child = start(*arguments, **options)
+    os.kill(os.getpid(), signal.SIGINT)
     return child
-os.fork = fork_and_interrupt
+subprocess.Popen = start_and_interrupt
 """
-    result = in_python(interrupting + SUPERVISED.format(work="time.sleep(60)"))
+    result = in_python(interrupting + supervised("import time; time.sleep(60)"))
     assert result.stdout.strip() == "(130, '')", result.stderr
 
 
@@ -105,7 +116,7 @@ def test_the_work_ends_when_its_parent_is_killed(tmp_path):
         time.sleep(60)
     finally:
         open({str(tmp_path / "cleaned")!r}, "w").close()"""
-    process = subprocess.Popen([sys.executable, "-c", SUPERVISED.format(work=work)])
+    process = subprocess.Popen([sys.executable, "-c", supervised(work)])
     wait_for((tmp_path / "pid").exists)
     process.kill()
     process.wait()
@@ -119,18 +130,81 @@ def wait_for(happened, patience=60.0):
         time.sleep(0.01)
 
 
+@posix
+def test_an_interrupt_before_the_work_has_begun_ends_it_in_silence():
+    """A terminal sends it to the child as well, whose interpreter may just be starting."""
+    interrupting = """
+import os, signal, subprocess
+start = subprocess.Popen
+def start_and_interrupt(*arguments, **options):
+    child = start(*arguments, **options)
+    child.send_signal(signal.SIGINT)
+    return child
+subprocess.Popen = start_and_interrupt
+"""
+    result = in_python(interrupting + supervised("import time; time.sleep(60)"))
+    assert (result.stdout.strip(), result.stderr) == ("(130, '')", "")
+
+
+def test_the_child_has_the_modules_and_arguments_of_its_parent(tmp_path):
+    """And not those of the folder that the user is in."""
+    (tmp_path / "json.py").write_text("raise SystemExit('wrong module')")
+    (tmp_path / "here").mkdir()
+    (tmp_path / "here" / "only_here.py").touch()
+    work = "import json, only_here; return ' '.join(sys.argv[1:])"
+    code = f"import sys; sys.path[0] = {str(tmp_path / 'here')!r}; {supervised(work, 'a b', '-c')}"
+    result = in_python(code, cwd=tmp_path)
+    assert result.stdout.strip() == "(2, 'a b -c')", result.stderr
+
+
+@posix
+def test_notes_of_any_number_and_what_children_of_the_child_hold_do_not_matter():
+    """More than a pipe holds, and a process that lives on."""
+    work = """
+    import subprocess
+    for number in range(20000):
+        with doing(f"reading {number}.ply"):
+            pass
+    subprocess.Popen([sys.executable, "-c", "import time; time.sleep(30)"], stdout=subprocess.DEVNULL,
+                     stderr=subprocess.DEVNULL)
+    return "done\\nat last" """
+    begin = time.monotonic()
+    assert in_python(supervised(work)).stdout.strip() == "(2, 'done\\nat last')"
+    assert time.monotonic() - begin < 20
+
+
 def test_messages_name_what_was_done():
-    assert "while reading a.ply: the file is damaged" in crash_message("SIGABRT", "reading a.ply")
-    assert "see whether the disk is full" in crash_message("SIGABRT", "writing a.3mf")
-    assert "nothing was written" in crash_message("SIGSEGV")
-    assert "want of memory" in crash_message("SIGKILL", "reading a.ply")
+    assert "while reading a.ply: the file is damaged" in crash_message(-signal.SIGABRT, "reading a.ply")
+    assert "see whether the disk is full" in crash_message(-signal.SIGABRT, "writing a.3mf")
+    assert "nothing was written" in crash_message(-signal.SIGSEGV)
+    if os.name == "posix":
+        assert "want of memory" in crash_message(-signal.SIGKILL, "reading a.ply")
 
 
-def test_without_fork_the_work_is_done_here(monkeypatch):
-    monkeypatch.delattr(os, "fork", raising=False)
-    assert run_supervised(lambda: "") == (0, "")
+@pytest.mark.parametrize(
+    ("status", "notes", "end"),
+    [
+        (0, b"", (0, "")),
+        (2, b"reading a.ply\0\0cannot read\0", (2, "cannot read")),
+        (2, b"", (2, "")),  # the command line has said why
+        (1, b"\0", (1, "")),
+        (-signal.SIGTERM, b"reading a.ply\0", (128 + signal.SIGTERM, "")),
+        (0xC0000005, b"reading a.ply\0\0read", (2, crash_message(0xC0000005))),
+        (0xC0000005, b"reading a.ply\0", (2, crash_message(0xC0000005, "reading a.ply"))),
+    ],
+)
+def test_ends_on_every_system(status, notes, end):
+    assert end_of(status, notes) == end
+
+
+def test_the_process_that_waits_loads_nothing_else():
+    code = "import sys, bezier_filters.cli, bezier_filters.runtime.supervision; print(*sys.modules)"
+    assert not {"numpy", "typer", "rich", "numba"} & set(in_python(code).stdout.split())
+
+
+def test_what_nobody_waits_for_is_not_limited():
     with doing("reading"), processor_time_limited(1e-9):  # nobody would say how this process ended
-        assert run_supervised(lambda: "no") == (FAILED, "no")
+        sum(range(10**5))
 
 
 BROKEN = {
@@ -210,7 +284,7 @@ class TestInterruptsHeld:
 def test_memory_beyond_what_a_file_can_need_is_refused():
     code = f"""
 import numpy as np
-from bezier_filters.runtime.memory_limit import memory_limited
+from bezier_filters.runtime.supervision import memory_limited
 with memory_limited(1000):
     np.empty({ALLOWANCE // 16})
     try:
@@ -223,6 +297,6 @@ np.empty({ALLOWANCE // 4})
 
 
 def test_without_limits_of_the_system_nothing_is_refused(monkeypatch):
-    monkeypatch.setattr("bezier_filters.runtime.memory_limit.resource", None)
+    monkeypatch.setattr("bezier_filters.runtime.supervision.resource", None)
     with memory_limited(0):
         assert np.zeros(10).sum() == 0

@@ -178,7 +178,7 @@ def test_a_writer_that_ends_the_process_on_a_full_disk_is_reported(tmp_path):
         "import resource, signal, sys; signal.signal(signal.SIGXFSZ, signal.SIG_IGN);"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (4000, 4000));"
         f"sys.argv = ['bezier-filters', 'normals', {str(SAMPLES / 'torus.ply')!r}, 'out.3mf'];"
-        "from bezier_filters.cli.commands import main; main()"
+        "from bezier_filters.cli import main; main()"
     )
     result = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, encoding="utf-8")
     assert result.returncode == 2

@@ -1,0 +1,156 @@
+"""Colours of values: the range that a colour map spans, and the maps."""
+
+import math
+from dataclasses import dataclass
+from numbers import Real
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bezier_filters.arrays import BoolArray, FloatArray
+from bezier_filters.errors import InvalidParameterError
+
+if TYPE_CHECKING:
+    from matplotlib.colors import Colormap
+
+AUTO = "auto"
+"""Stands for `default_colormap`."""
+
+_RESOLUTION = 1e-6  # relative; pymeshlab keeps the ends of the range in single precision
+_TINY = 1e-290  # taken for 0, so that steps between the ends do not underflow
+
+
+def color_range(
+    values: FloatArray, *, signed: bool, percentile: float = 2.0, mask: BoolArray | None = None
+) -> tuple[float, float]:
+    """Values of the lowest and highest colour that a few extreme values do not spoil.
+
+    Parameters
+    ----------
+    values : (n,) float64
+        Field; values that are not finite are ignored.
+    signed : bool
+        Make the range symmetric about 0, so that the middle colour means zero.
+    percentile : float
+        Percentage of the values that may lie beyond each end, in [0, 50).
+    mask : (n,) bool, optional
+        Which values count, for example those that were estimated.
+
+    Returns
+    -------
+    low, high : float
+        ``low < high``, in the unit of the values. A small range around the value if all agree in six
+        digits; (-1, 1) if there is no value or all are 0.
+
+    Raises
+    ------
+    InvalidParameterError
+        If `percentile` is out of range.
+
+    Examples
+    --------
+    >>> color_range(np.array([0.0, 1.0, 2.0, 3.0, 1000.0]), signed=False, percentile=25)
+    (1.0, 3.0)
+    >>> color_range(np.array([-1.0, 0.0, 2.0]), signed=True, percentile=0)
+    (-2.0, 2.0)
+    """
+    if not isinstance(percentile, Real) or not 0 <= percentile < 50:
+        raise InvalidParameterError(f"percentile: got {percentile!r}, expected 0 <= percentile < 50")
+    usable = np.isfinite(values) if mask is None else np.isfinite(values) & mask
+    if not usable.any():
+        return -1.0, 1.0
+    low, high = (float(end) for end in np.percentile(values[usable], [percentile, 100.0 - percentile]))
+    if _agree(low, high):  # all but a few values are the same: show the few
+        low, high = float(values[usable].min()), float(values[usable].max())
+    if signed:
+        largest = max(abs(low), abs(high))
+        low, high = -largest, largest
+    if max(abs(low), abs(high)) < _TINY:
+        return -1.0, 1.0
+    if not _agree(low, high):
+        return low, high
+    margin = 0.05 * abs(low) or 1.0
+    return low - margin, high + margin
+
+
+def _agree(low: float, high: float) -> bool:
+    return high - low <= _RESOLUTION * max(abs(low), abs(high))
+
+
+def round_limits(low: float, high: float) -> tuple[float, float]:
+    """Widen a colour range a little, so that its five ticks are round numbers.
+
+    >>> round_limits(-48.3, 48.3), round_limits(4.1, 106.0)
+    ((-50.0, 50.0), (0.0, 120.0))
+    """
+    power = 10.0 ** math.floor(math.log10((high - low) / 4))
+    for digits in (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 12, 15, 20):
+        step = digits * power
+        start = -2 * step if low == -high else math.floor(low / step) * step
+        if start <= low and high <= start + 4 * step:
+            return start, start + 4 * step
+    return low, high
+
+
+@dataclass(frozen=True)
+class Palette:
+    """A colour map by the colours at its nodes, linear in between.
+
+    Attributes
+    ----------
+    name : str
+        What users type, in any case.
+    colors : tuple of (red, green, blue)
+        From the lowest value to the highest, evenly spaced, each channel in 0..1.
+    """
+
+    name: str
+    colors: tuple[tuple[float, float, float], ...]
+
+    def positions(self) -> tuple[float, ...]:
+        """Places of the nodes, from 0 to 1."""
+        return tuple(k / (len(self.colors) - 1) for k in range(len(self.colors)))
+
+
+COOL_WARM = Palette("Cool Warm", ((0.23, 0.30, 0.75), (0.90, 0.90, 0.90), (0.75, 0.02, 0.15)))
+"""Blue below zero, light grey at zero, red above: told apart with any kind of colour vision, and in every shadow."""
+
+PAPER = Palette("Paper", ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
+"""Of the torsion in Li, Barsky, Jin (2009): red is high, blue medium, green low. Not for red-green colour blindness."""
+
+PALETTES = (COOL_WARM, PAPER)
+
+
+def find_palette(name: str) -> Palette | None:
+    """Palette of a name in any case, or None."""
+    return next((palette for palette in PALETTES if palette.name.lower() == name.lower()), None)
+
+
+def default_colormap(*, signed: bool) -> str:
+    """Colour map for a field: Cool Warm if zero is the middle of its range, else Viridis.
+
+    Both are told apart with any kind of colour vision.
+
+    >>> default_colormap(signed=True)
+    'Cool Warm'
+    """
+    return COOL_WARM.name if signed else "Viridis"
+
+
+def matplotlib_colormap(name: str, *, signed: bool = False) -> "Colormap":
+    """Colour map for pictures: ``"auto"``, a palette or any of matplotlib's.
+
+    Raises
+    ------
+    KeyError
+        If there is none of this name.
+    """
+    import matplotlib
+    from matplotlib.colors import LinearSegmentedColormap
+
+    name = default_colormap(signed=signed) if name == AUTO else name
+    palette = find_palette(name)
+    if palette is not None:
+        return LinearSegmentedColormap.from_list(palette.name, list(palette.colors), N=1024)
+    known = {key.lower(): key for key in matplotlib.colormaps}
+    return matplotlib.colormaps[name if name in matplotlib.colormaps else known[name.lower()]]

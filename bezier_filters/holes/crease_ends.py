@@ -1,0 +1,307 @@
+"""Creases that end at the rim of a hole, and the parts that they cut the hole and its surroundings into."""
+
+from dataclasses import dataclass
+from math import cos, radians
+
+import numpy as np
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.holes.influence_region import InfluenceRegion
+from bezier_filters.meshes.dihedral_angles import AT_HOLES, mesh_edges, sharp_edges_at_hole
+from bezier_filters.meshes.half_edges import ends_of_half_edges, half_edge_twins
+from bezier_filters.meshes.mesh import TriangleMesh
+
+SHORTEST, LONGEST = 2, 6
+"""Edges of a crease that are followed from the rim: one alone is no crease."""
+ALONG = cos(radians(10.0))
+"""Least cosine of the angle between a crease and an edge of the rim that goes on as it does."""
+WEAK = 0.5
+"""Share of the angle of a sharp edge from which on an edge may continue one."""
+STRAIGHT_ON = cos(radians(30.0))
+"""Least cosine of the angle between a sharp edge and a less sharp one that continues it."""
+STRAIGHT = 0.5
+"""Least cosine of the angle between two edges of a crease that follow each other."""
+
+
+@dataclass(frozen=True)
+class CreaseEnd:
+    """Where a crease meets the rim.
+
+    Attributes
+    ----------
+    position : int
+        Place of the vertex in the rim loop.
+    tangent : (3,) float64
+        Unit vector along the crease into the hole.
+    is_convex : bool
+        Whether the crease is a ridge, not a valley, seen from outside.
+    rim_edges : frozenset of int
+        Edges of the rim that are part of the crease, by the places of their first vertices.
+    """
+
+    position: int
+    tangent: FloatArray
+    is_convex: bool
+    rim_edges: frozenset[int] = frozenset()
+
+
+def may_have_creases(region: InfluenceRegion) -> bool:
+    """Whether the faces differ enough for a crease, which is quickly told: no two if all are near their mean normal."""
+    normals = region.face_normals[region.face_normals.any(axis=1)]
+    mean = normals.sum(axis=0)
+    return bool((normals @ mean < cos(0.5 * AT_HOLES) * np.linalg.norm(mean)).any())
+
+
+@dataclass(frozen=True)
+class Creases:
+    """Half-edges around a hole, each (3 m,): which are sharp, which of these convex, and the opposite ones or -1."""
+
+    is_sharp: BoolArray
+    is_convex: BoolArray
+    twins: IntArray
+
+
+def creases_around(region: InfluenceRegion) -> Creases:
+    """Find the edges that are much sharper than most, and those that continue them."""
+    mesh = TriangleMesh(region.vertices, region.faces)
+    twins, edges = half_edge_twins(mesh), mesh_edges(mesh)
+    is_sharp, limit = sharp_edges_at_hole(edges)
+    of_half_edges = edges.of_faces.ravel()
+    creases = Creases(is_sharp[of_half_edges], edges.is_convex[of_half_edges], twins)
+    angles = edges.angles[of_half_edges]
+    _continue_creases(region, creases, np.where(angles > WEAK * limit, angles, 0.0))
+    return creases
+
+
+def _continue_creases(region: InfluenceRegion, creases: Creases, angles: FloatArray) -> None:
+    """Let creases that end go straight on along less sharp edges: those of a rounded crease differ by chance.
+
+    `angles` are those of edges that may be added, by half-edge, and 0 for the others.
+    """
+    start, end = ends_of_half_edges(region.faces)
+    is_sharp, twins = creases.is_sharp, creases.twins
+    sharp = np.flatnonzero(is_sharp)
+    count = np.bincount(start[sharp], minlength=len(region.ids))
+    leaving: dict[int, list[int]] = {}
+    for half_edge in np.flatnonzero(angles > 0.0).tolist():
+        leaving.setdefault(int(start[half_edge]), []).append(half_edge)
+    front = [(int(start[h]), int(end[h])) for h in sharp.tolist() if count[end[h]] == 1]
+    while front:
+        before, tip = front.pop()
+        if count[tip] != 1:
+            continue
+        ahead = region.vertices[tip] - region.vertices[before]
+        straight = [
+            h
+            for h in leaving.get(tip, [])
+            if _cosine(ahead, region.vertices[end[h]] - region.vertices[tip]) > STRAIGHT_ON and not is_sharp[h]
+        ]
+        if straight:
+            best = max(straight, key=lambda h: angles[h])
+            is_sharp[[best, twins[best]]] = True
+            count[[tip, end[best]]] += 1
+            front.append((tip, int(end[best])))
+
+
+def crease_ends(region: InfluenceRegion, creases: Creases) -> list[CreaseEnd]:
+    """Ends of creases at the rim, in its order."""
+    start, end = ends_of_half_edges(region.faces)
+    leaving: dict[int, list[int]] = {}
+    convex: dict[tuple[int, int], bool] = {}
+    for half_edge in np.flatnonzero(creases.is_sharp).tolist():
+        a, b = int(start[half_edge]), int(end[half_edge])
+        leaving.setdefault(a, []).append(b)
+        convex[a, b] = bool(creases.is_convex[half_edge])
+    result = []
+    for position, vertex in enumerate(region.loops[0].tolist()):
+        chains = [_chain(region.vertices, leaving, [vertex, other]) for other in leaving.get(vertex, [])]
+        chain = max(chains, key=len, default=[])
+        if len(chain) > SHORTEST:
+            result.append(_end(region, position, chain, convex[chain[0], chain[1]]))
+    return list({end.position: end for end in sorted(result, key=lambda end: end.position)}.values())
+
+
+def _end(region: InfluenceRegion, position: int, chain: list[int], is_convex: bool) -> CreaseEnd:
+    """The end of a crease, followed along the rim where edges of the rim go on as it does."""
+    rim = region.loops[0]
+    edges: set[int] = set()
+    while True:
+        tangent = _tangent(region.vertices[chain])
+        steps = {step: int(rim[(position + step) % len(rim)]) for step in (1, -1)}
+        cosines = {step: _cosine(tangent, region.vertices[v] - region.vertices[chain[0]]) for step, v in steps.items()}
+        step = max(cosines, key=lambda step: cosines[step])
+        if cosines[step] < ALONG or steps[step] in chain:
+            return CreaseEnd(position, tangent, is_convex, frozenset(edges))
+        edges.add((position if step == 1 else position - 1) % len(rim))
+        position = (position + step) % len(rim)
+        chain = [steps[step], *chain]
+
+
+def _cosine(a: FloatArray, b: FloatArray) -> float:
+    return float(a @ b / max(float(np.linalg.norm(a) * np.linalg.norm(b)), 1e-300))
+
+
+def _chain(points: FloatArray, leaving: dict[int, list[int]], chain: list[int]) -> list[int]:
+    """Follow a crease as long as it goes straight on."""
+    while len(chain) <= LONGEST:
+        before, tip = chain[-2:]
+        ahead = points[tip] - points[before]
+        best, straightest = -1, STRAIGHT
+        for other in leaving.get(tip, []):
+            step = points[other] - points[tip]
+            cosine = _cosine(ahead, step)
+            if other not in chain and cosine > straightest:
+                best, straightest = other, cosine
+        if best < 0:
+            break
+        chain.append(best)
+    return chain
+
+
+def _tangent(points: FloatArray) -> FloatArray:
+    """Unit tangent, backwards, at the first of some points of a curve: that of a parabola through it."""
+    lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])[1:]
+    terms = np.stack([lengths, lengths**2], axis=1)[:, : 1 + (len(lengths) > 2)]
+    slope = np.linalg.lstsq(terms, points[1:] - points[0], rcond=None)[0][0]
+    return np.asarray(-slope / max(float(np.linalg.norm(slope)), 1e-300), dtype=np.float64)
+
+
+def _sectors(region: InfluenceRegion, creases: Creases, ends: list[CreaseEnd]) -> IntArray:
+    """Number of the crease end, before it along the rim, whose side each face is on, (m,); -1 if none reaches it.
+
+    Faces are reached from the rim without crossing a sharp edge, but not from edges of the rim that are creases: their
+    faces are on the other side.
+    """
+    positions = [end.position for end in ends]
+    sharp_rim = frozenset[int]().union(*(end.rim_edges for end in ends))
+    faces = region.faces
+    rim = region.loops[0]
+    owner = np.searchsorted(positions, np.arange(len(rim)), side="right") - 1
+    start, end = ends_of_half_edges(faces)
+    sector_of_edge = {
+        (b, a): int(owner[k]) % len(positions)
+        for k, (a, b) in enumerate(zip(rim.tolist(), np.roll(rim, -1).tolist(), strict=True))
+        if k not in sharp_rim
+    }
+    result = np.full(len(faces), -1, dtype=np.int32)
+    front = []
+    for half_edge in np.flatnonzero(creases.twins < 0).tolist():
+        sector = sector_of_edge.get((int(start[half_edge]), int(end[half_edge])), -1)
+        if sector >= 0 and result[half_edge // 3] < 0:
+            result[half_edge // 3] = sector
+            front.append(half_edge // 3)
+    while front:
+        reached = []
+        for face in front:
+            for half_edge in range(3 * face, 3 * face + 3):
+                other = int(creases.twins[half_edge]) // 3
+                if creases.twins[half_edge] >= 0 and not creases.is_sharp[half_edge] and result[other] < 0:
+                    result[other] = result[face]
+                    reached.append(other)
+        front = reached
+    return result
+
+
+@dataclass(frozen=True)
+class CutHole:
+    """A hole whose crease ends are joined in groups.
+
+    Attributes
+    ----------
+    region : InfluenceRegion
+        Of the whole hole, which has one loop.
+    ends : list of CreaseEnd
+        In the order of the rim; sector k of the rim begins at end k.
+    groups : list of tuple of int
+        Ends that belong together.
+    part_of_sector : list of int
+        The part of the hole that each sector of the rim borders on.
+    part_of_face : (m,) int32
+        The part whose side each face around the hole is on, -1 for none.
+    """
+
+    region: InfluenceRegion
+    ends: list[CreaseEnd]
+    groups: list[tuple[int, ...]]
+    part_of_sector: list[int]
+    part_of_face: IntArray
+
+    @property
+    def part_count(self) -> int:
+        """Number of parts."""
+        return max(self.part_of_sector) + 1
+
+
+def cut_hole(
+    region: InfluenceRegion, creases: Creases, ends: list[CreaseEnd], groups: list[tuple[int, ...]]
+) -> CutHole:
+    """Find the parts of a hole, and the faces on their sides."""
+    sector_of_face = _sectors(region, creases, ends)
+    part_of_sector = _parts(groups, len(ends))
+    part_of_face = np.append(np.array(part_of_sector, dtype=np.int32), np.int32(-1))[sector_of_face]
+    return CutHole(region, ends, groups, part_of_sector, part_of_face)
+
+
+def _parts(groups: list[tuple[int, ...]], count: int) -> list[int]:
+    """Number of the sub-hole that each sector of the rim belongs to.
+
+    Sector k begins at end k. Where it reaches the next end, the border of its sub-hole goes back, along the
+    creases of that end's group, to the end of the group before, where another sector begins.
+    """
+    before = _ends_before(groups)
+    result = [-1] * count
+    parts = 0
+    for first in range(count):
+        sector = first
+        while result[sector] < 0:
+            result[sector] = parts
+            sector = before[(sector + 1) % count]
+        parts = max(result) + 1
+    return result
+
+
+def _ends_before(groups: list[tuple[int, ...]]) -> dict[int, int]:
+    """The end before each end in its group, the last one before the first."""
+    return {group[k]: group[k - 1] for group in groups for k in range(len(group))}
+
+
+def border(cut: CutHole, paths: list[IntArray], part: int) -> IntArray:
+    """Border of a part: sectors of the rim, and paths back from the end of each to the beginning of the next."""
+    rim, ends, groups = cut.region.loops[0], cut.ends, cut.groups
+    before = _ends_before(groups)
+    path_from = {int(path[0]): path for path in paths}
+    path_to = {int(path[-1]): path for path in paths}
+    first = cut.part_of_sector.index(part)
+    pieces: list[IntArray] = []
+    sector = first
+    while True:
+        arriving = (sector + 1) % len(ends)
+        start, stop = ends[sector].position, ends[arriving].position
+        stop = stop if stop > start else stop + len(rim)
+        pieces.append(rim[np.arange(start, stop) % len(rim)])
+        here, sector = int(rim[ends[arriving].position]), before[arriving]
+        there = int(rim[ends[sector].position])
+        path = path_from[here] if here in path_from else path_to[here][::-1]
+        if path[-1] != there:  # by way of a corner
+            path = np.concatenate([path, path_from[there][::-1][1:]])
+        pieces.append(path[:-1])
+        if sector == first:
+            return np.concatenate(pieces).astype(np.int32)
+
+
+def sub_hole(
+    cut: CutHole, part: int, points: FloatArray, sizes: FloatArray, loop: IntArray, taken: set[tuple[int, int]]
+) -> InfluenceRegion:
+    """InfluenceRegion of a part: the faces on its side. Its `ids` are rows of `points`, then places in the region."""
+    region, mine = cut.region, cut.part_of_face == part
+    others = np.setdiff1d(region.faces[mine], loop)
+    ids = np.concatenate([loop, others]).astype(np.int32)
+    rings = np.concatenate([np.zeros(len(loop)), np.maximum(region.rings[others], 1)]).astype(np.int32)
+    place = {vertex: k for k, vertex in enumerate(ids.tolist())}
+    faces = np.array([place[v] for v in region.faces[mine].ravel().tolist()], dtype=np.int32).reshape(-1, 3)
+    joined = frozenset(
+        (min(place[a], place[b]), max(place[a], place[b])) for a, b in taken if a in place and b in place
+    )
+    vertices = np.vstack([points[loop], region.vertices[others]])
+    rim = np.arange(len(loop), dtype=np.int32)
+    return InfluenceRegion(ids, rings, vertices, faces, (rim,), joined, wanted_sizes=sizes[loop])

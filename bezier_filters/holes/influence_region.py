@@ -1,0 +1,260 @@
+"""The influence region of a hole: rings of the mesh around it as a small mesh of its own, and what is known there."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import pi
+
+import numpy as np
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.estimation.estimate import estimate_vertex_geometry
+from bezier_filters.meshes.adjacency import Adjacency
+from bezier_filters.meshes.frames import unit_face_normals
+from bezier_filters.meshes.half_edges import faces_at_edges, half_edge, half_edge_lists
+from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.neighbourhoods import rings_around
+from bezier_filters.meshes.triangles import angle_parts, edge_length
+from bezier_filters.runtime.lean import lean_njit
+
+RINGS = 5
+"""Around a hole, from which its fill follows."""
+NOISE = 0.05
+"""Of an edge, from which on points are fitted rather than interpolated: face normals are some 4 degrees off then."""
+POINTS_PER_EDGE, FEWEST_POINTS, MOST_POINTS = 3, 60, 300
+"""Points that a surface is fitted to, by the number of edges of the rim."""
+NOISY_POINTS = 350
+"""The same for any rim on noisy meshes, where more points tell more."""
+NEAR = 0.75
+"""Share of these that the rim and the first ring may take."""
+
+
+@dataclass(frozen=True)
+class InfluenceRegion:
+    """Some rings of a mesh around a hole. All indices but `ids` are places in `ids`.
+
+    Attributes
+    ----------
+    ids : (b,) int32
+        Vertices of the mesh, ordered by ring, the rim first.
+    rings : (b,) int32
+        How many edges each vertex is away from the rim.
+    vertices : (b, 3) float64
+        Their coordinates.
+    faces : (m, 3) int32
+        Faces with a vertex less than the largest number of rings away.
+    loops : tuple of (k,) int32
+        The rims of the hole and of its islands, in the direction of the faces that fill it.
+    joined : frozenset of (int, int)
+        Pairs of rim vertices that are joined outside these faces, by the fill of another hole; the smaller first.
+    wanted_sizes : (r,) float64, optional
+        Edge lengths that are wanted at the rim vertices, if not those of the faces.
+    """
+
+    ids: IntArray
+    rings: IntArray
+    vertices: FloatArray
+    faces: IntArray
+    loops: tuple[IntArray, ...]
+    joined: frozenset[tuple[int, int]] = frozenset()
+    wanted_sizes: FloatArray | None = None
+
+    @property
+    def rim_count(self) -> int:
+        """Number of vertices of all rims."""
+        return int(np.count_nonzero(self.rings == 0))
+
+    @property
+    def rim_vertices(self) -> FloatArray:
+        """Coordinates of the vertices of all rims, (r, 3)."""
+        return self.vertices[: self.rim_count]
+
+    @property
+    def has_simple_rim(self) -> bool:
+        """Whether there is one loop, without islands, that passes no vertex twice."""
+        return len(self.loops) == 1 and len(self.loops[0]) == self.rim_count
+
+    @cached_property
+    def rim_edges(self) -> frozenset[tuple[int, int]]:
+        """Edges between rim vertices that are there already, the smaller vertex first: no fill may join them again."""
+        return self.joined | vertex_pairs(self.faces, self.rim_count)
+
+    @cached_property
+    def _faces_at_rim(self) -> IntArray:
+        """Numbers of the faces with a vertex on the rim."""
+        return np.flatnonzero(self.faces.min(axis=1, initial=self.rim_count) < self.rim_count).astype(np.int32)
+
+    @cached_property
+    def _rim_measures(self) -> tuple[FloatArray, FloatArray]:
+        """Sum of the angles of the faces at each rim vertex, and the mean length of its edges, each (r,)."""
+        faces, angles, lengths = self.faces[self._faces_at_rim], *np.zeros((2, self.rim_count))
+        _measure_rim(self.vertices, faces, *half_edge_lists(faces, len(self.ids)), angles, lengths)
+        return angles, lengths
+
+    @property
+    def gaps(self) -> FloatArray:
+        """Angle that is left for the hole at each rim vertex: 2 pi less those of the faces, in radians."""
+        return 2.0 * pi - self._rim_measures[0]
+
+    @property
+    def sizes(self) -> FloatArray:
+        """Edge length that is wanted at each rim vertex: the mean of its edges."""
+        return self._rim_measures[1] if self.wanted_sizes is None else self.wanted_sizes
+
+    @cached_property
+    def face_normals(self) -> FloatArray:
+        """Unit normals of the faces, zero where a face has no area, (m, 3)."""
+        return unit_face_normals(self.vertices, self.faces)
+
+    def normals_beyond(self, loop: IntArray) -> FloatArray:
+        """Unit normal of the face beyond the edge that begins at each vertex of a rim, zero without one, (k, 3)."""
+        at_rim = self._faces_at_rim
+        beyond = faces_at_edges(self.faces[at_rim], np.roll(loop, -1), loop)
+        normals = self.face_normals[at_rim[beyond]]
+        return np.asarray(np.where((beyond >= 0)[:, np.newaxis], normals, 0.0), dtype=np.float64)
+
+    def is_noisy(self, noise: float | None) -> bool:
+        """Whether noise of that size, a length, is so large that points around the hole are fitted."""
+        return noise is not None and noise > NOISE * float(self.sizes.mean())
+
+    def with_joined(self, joined: Mapping[int, Iterable[int]]) -> "InfluenceRegion":
+        """The same where some pairs of vertices of the mesh are joined outside; `joined` lists each both ways."""
+        place_of = {vertex: k for k, vertex in enumerate(self.ids[: self.rim_count].tolist())}
+        pairs = frozenset(
+            (k, place_of[other])
+            for vertex, k in place_of.items()
+            for other in joined.get(vertex, ())
+            if place_of.get(other, -1) > k
+        )
+        return replace(self, joined=pairs) if pairs else self
+
+
+def influence_region(
+    mesh: TriangleMesh, adjacency: Adjacency, loops: tuple[IntArray, ...], rings: int = RINGS
+) -> InfluenceRegion:
+    """Collect some rings, one or more, around loops of vertices.
+
+    Examples
+    --------
+    >>> from bezier_filters.meshes.adjacency import vertex_adjacency
+    >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> from bezier_filters.surfaces import cylinder
+    >>> tube = cylinder()
+    >>> mesh = triangle_mesh(tube.vertices, tube.faces)
+    >>> adjacency = vertex_adjacency(mesh)
+    >>> end = np.flatnonzero(adjacency.on_boundary & (mesh.vertices[:, 2] > 0.0))
+    >>> region = influence_region(mesh, adjacency, (end,), 2)
+    >>> region.rings.max(), region.rim_count == len(end)
+    (np.int32(2), True)
+    """
+    levels = rings_around(adjacency.vertices, np.unique(np.concatenate(loops)), rings)
+    ids = np.concatenate(levels)
+    ring = np.repeat(np.arange(len(levels), dtype=np.int32), [len(level) for level in levels])
+    faces = mesh.faces[np.unique(adjacency.faces.of(ids[ring < rings]))]
+    by_id = np.argsort(ids)
+
+    def places(vertices: IntArray) -> IntArray:
+        return by_id[np.searchsorted(ids, vertices, sorter=by_id)].astype(np.int32)
+
+    return InfluenceRegion(ids, ring, mesh.vertices[ids], places(faces), tuple(places(loop) for loop in loops))
+
+
+def vertex_pairs(faces: IntArray, limit: int) -> frozenset[tuple[int, int]]:
+    """Edges of faces (m, 3) between vertices below a limit, as pairs, the smaller first."""
+    ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    ends = np.sort(ends[(ends < limit).all(axis=1)], axis=1)
+    return frozenset((a, b) for a, b in ends.tolist())
+
+
+@lean_njit()
+def _measure_rim(
+    points: FloatArray, faces: IntArray, first: IntArray, following: IntArray, angles: FloatArray, lengths: FloatArray
+) -> None:
+    """Write sums of angles and mean lengths of edges at the first vertices, both zero at first."""
+    for i in range(angles.shape[0]):
+        count = 0
+        h = first[i]
+        while h >= 0:
+            f, k = h // 3, h % 3
+            after, before = faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
+            cosine, sine = angle_parts(points, i, after, before)
+            angles[i] += np.arctan2(sine, cosine)
+            lengths[i] += edge_length(points, i, after)
+            count += 1
+            if half_edge(faces, first, following, i, before) < 0:  # the edge has no other face
+                lengths[i] += edge_length(points, i, before)
+                count += 1
+            h = following[h]
+        lengths[i] /= max(count, 1)
+
+
+def normals_and_noise(
+    mesh: TriangleMesh, regions: Sequence[InfluenceRegion], noise: float | None, *, threads: int = 1
+) -> tuple[FloatArray, float | None]:
+    """Normals of the Bezier patches at the points that surfaces are fitted to, and the noise of the mesh.
+
+    Normals (n, 3) are zero elsewhere. The noise is learned if it is not given; it is None if the mesh is too small.
+    """
+    if not regions:
+        return np.zeros_like(mesh.vertices), noise
+    noisy = [region.is_noisy(noise) for region in regions]
+    while True:
+        selected = np.zeros(mesh.vertex_count, dtype=np.bool_)
+        for region, is_noisy in zip(regions, noisy, strict=True):
+            selected[region.ids[fitted_points(region, noisy=is_noisy)]] = True
+        geometry = estimate_vertex_geometry(mesh.vertices, mesh.faces, selected=selected, threads=threads)
+        noise = geometry.noise_sigma if noise is None else noise
+        expected, noisy = noisy, [region.is_noisy(noise) for region in regions]
+        if noisy == expected:
+            return geometry.normals, noise
+        # Otherwise more points are fitted than was thought: once more, now with what is known of the noise.
+
+
+def fitted_points(region: InfluenceRegion, known: BoolArray | None = None, *, noisy: bool) -> IntArray:
+    """Places of the points that a surface is fitted to, among those that are known."""
+    ids = np.arange(len(region.ids)) if known is None else np.flatnonzero(known)
+    most = NOISY_POINTS if noisy else int(np.clip(POINTS_PER_EDGE * region.rim_count, FEWEST_POINTS, MOST_POINTS))
+    if len(ids) > most:
+        near = np.flatnonzero(region.rings[ids] <= (-1 if noisy else 1)).astype(np.int32)
+        ids = ids[farthest_points(region.vertices[ids], near, most)]
+    return ids.astype(np.int32)
+
+
+def farthest_points(points: FloatArray, near: IntArray, most: int) -> IntArray:
+    """Places of `most` of some points, far from each other: first those that are near, up to a share, then all others.
+
+    The nearest points settle how the fill joins, the others how the surface curves. Each further point is the one that
+    is farthest from those taken before, so that the choice follows from where the points are, not from their order.
+
+    Examples
+    --------
+    >>> line = np.arange(6.0)[:, np.newaxis] * [1.0, 0.0, 0.0]
+    >>> farthest_points(line, np.array([0, 1], dtype=np.int32), 3)
+    array([0, 1, 5], dtype=int32)
+    """
+    distances = np.square(points - points.mean(axis=0)).sum(axis=1)
+    taken = np.zeros(len(points), dtype=np.bool_)
+    _take_farthest(points, near, min(int(NEAR * most), len(near)), distances, taken)
+    everywhere = np.arange(len(points), dtype=np.int32)
+    _take_farthest(points, everywhere, most - int(np.count_nonzero(taken)), distances, taken)
+    return np.flatnonzero(taken).astype(np.int32)
+
+
+@lean_njit()
+def _take_farthest(
+    points: FloatArray, candidates: IntArray, count: int, distances: FloatArray, taken: BoolArray
+) -> None:
+    """Take some of the candidates; `distances` are those to the points taken before, squared."""
+    for _ in range(count):
+        farthest = -1
+        for i in candidates:
+            if not taken[i] and (farthest < 0 or distances[i] > distances[farthest]):
+                farthest = i
+        taken[farthest] = True
+        for i in range(points.shape[0]):
+            x, y, z = (
+                points[i, 0] - points[farthest, 0],
+                points[i, 1] - points[farthest, 1],
+                points[i, 2] - points[farthest, 2],
+            )
+            distances[i] = min(distances[i], x * x + y * y + z * z)

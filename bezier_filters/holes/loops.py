@@ -1,0 +1,293 @@
+"""Closed polygons in space: their measures, and their triangulations without further vertices.
+
+Small loops take the triangulation with the flattest worst edge and, among those, the least area that dynamic
+programming finds (G. Barequet, M. Sharir, 1995; P. Liepa, "Filling holes in meshes", SGP 2003). Of larger ones,
+ears are cut off first, the shortest chords before the others, until they are small.
+"""
+
+import heapq
+from collections.abc import Set as AbstractSet
+from math import pi
+
+import numpy as np
+from scipy.spatial.distance import cdist
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.meshes.triangles import area_vector
+from bezier_filters.runtime.lean import inner_njit, lean_njit
+
+DISTANCES_AT_ONCE = 512
+"""Points whose distances to all others are computed together."""
+LARGEST_EXACT = 160
+"""Most vertices of a loop that is triangulated in cubic time."""
+WIDEST_EAR = 1.1 * pi
+"""Angle of the hole at a vertex from which on the vertex is no ear."""
+STEPS = 1e6
+"""In which 1 - cos of an angle is counted."""
+
+
+def vector_area(loop: FloatArray) -> FloatArray:
+    """Vector area of a closed polygon (k, 3): the normal by the right-hand rule, as long as the area, shape (3,)."""
+    centred = loop - loop.mean(axis=0)
+    result: FloatArray = 0.5 * np.cross(centred, np.roll(centred, -1, axis=0)).sum(axis=0)
+    return result
+
+
+def edge_lengths(loop: FloatArray) -> FloatArray:
+    """Lengths of the edges of a closed polygon (k, 3); edge i begins at point i, shape (k,)."""
+    result: FloatArray = np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1)
+    return result
+
+
+def diameter(points: FloatArray) -> float:
+    """Largest distance between two of the points (k, 3)."""
+    parts = (points[k : k + DISTANCES_AT_ONCE] for k in range(0, len(points), DISTANCES_AT_ONCE))
+    return max((float(cdist(part, points).max()) for part in parts), default=0.0)
+
+
+def plane_axes(normal: FloatArray) -> FloatArray:
+    """Right-handed orthonormal frame whose third row points along a vector that is not zero, shape (3, 3).
+
+    Examples
+    --------
+    >>> bool(np.allclose(plane_axes(np.array([0.0, 0.0, 2.0]))[2], [0, 0, 1]))
+    True
+    """
+    z = normal / np.linalg.norm(normal)
+    x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
+    x /= np.linalg.norm(x)
+    return np.array([x, np.cross(z, x), z])
+
+
+def corner_angles(tips: FloatArray, lefts: FloatArray, rights: FloatArray) -> FloatArray:
+    """Angles at the tips (n, 3) of triangles, in radians, (n,)."""
+    u, v = lefts - tips, rights - tips
+    angles = np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), np.einsum("ij,ij->i", u, v))
+    return np.asarray(angles, dtype=np.float64)
+
+
+def enclosed(points: FloatArray, polygon: FloatArray) -> BoolArray:
+    """Whether points (n, 2) lie inside a closed polygon (k, 2), by the parity of crossings.
+
+    Examples
+    --------
+    >>> square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    >>> enclosed(np.array([[0.5, 0.5], [1.5, 0.5]]), square).tolist()
+    [True, False]
+    """
+    x, y = points[:, :1], points[:, 1:]
+    following = np.roll(polygon, -1, axis=0)
+    rise = following[:, 1] - polygon[:, 1]
+    spans = (polygon[:, 1] <= y) != (following[:, 1] <= y)
+    along = np.divide(y - polygon[:, 1], rise, out=np.zeros(spans.shape), where=rise != 0.0)
+    crossing = polygon[:, 0] + along * (following[:, 0] - polygon[:, 0])
+    result: BoolArray = np.count_nonzero(spans & (x < crossing), axis=1) % 2 == 1
+    return result
+
+
+def is_simple(polygon: FloatArray) -> bool:
+    """Whether no two edges of a closed polygon (k, 2) cross or overlap, and none has length zero.
+
+    Examples
+    --------
+    >>> is_simple(np.array([[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]]))
+    False
+    """
+    count = len(polygon)
+    following = np.roll(polygon, -1, axis=0)
+    for i in range(count):
+        a, b = polygon[i], following[i]
+        if not (a != b).any():
+            return False
+        # The edges that do not share a vertex with this one.
+        stop = count if i > 0 else count - 1
+        c, d = polygon[i + 2 : stop], following[i + 2 : stop]
+        sides_of_others = _side(a, b, c) * _side(a, b, d)
+        sides_of_own = _side(c, d, a) * _side(c, d, b)
+        boxes_meet = (np.minimum(c, d) <= np.maximum(a, b)) & (np.maximum(c, d) >= np.minimum(a, b))
+        if ((sides_of_others <= 0.0) & (sides_of_own <= 0.0) & boxes_meet.all(axis=1)).any():
+            return False
+    return True
+
+
+def _side(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+    """Positive where c lies to the left of the line from a to b."""
+    ab, ac = b - a, c - a
+    result: FloatArray = np.sign(ab[..., 0] * ac[..., 1] - ab[..., 1] * ac[..., 0])
+    return result
+
+
+def triangulate_loop(
+    points: FloatArray, ids: IntArray, rim_normals: FloatArray, gaps: FloatArray, existing: AbstractSet[tuple[int, int]]
+) -> IntArray | None:
+    """Triangulate a closed loop.
+
+    Parameters
+    ----------
+    points : (k, 3) float64
+        Corners of the loop in the direction of its triangles.
+    ids : (k,) int
+        Names of the corners; a loop that reaches islands over bridges names the ends of the bridges twice.
+    rim_normals : (k, 3) float64
+        Unit normal of the face beyond the edge that begins at each corner; zero where there is none.
+    gaps : (k,) float64
+        Angle of the hole at each corner, in radians.
+    existing : set of (int, int)
+        Pairs of ids, the smaller first, that are joined by edges already and must not be joined again.
+
+    Returns
+    -------
+    (k - 2, 3) int32 or None
+        Triangles of ids; None if every triangulation would join a pair again.
+
+    Examples
+    --------
+    >>> square = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
+    >>> flat = np.tile([0.0, 0.0, 1.0], (4, 1))
+    >>> triangulate_loop(square, np.arange(4), flat, np.full(4, pi / 2), {(0, 2)}).tolist()
+    [[0, 1, 3], [1, 2, 3]]
+    """
+    rest, ears = _cut_ears(points, ids, gaps, existing)
+    normals = rim_normals[rest]
+    normals[np.roll(rest, -1) != (rest + 1) % len(points)] = 0.0  # chords of ears
+    split = np.full((len(rest), len(rest)), -1, dtype=np.int32)
+    worst, area = np.zeros((2, len(rest), len(rest)))
+    _search(points[rest], normals, _forbidden(ids[rest], existing), worst, area, split)
+    inner = _triangles(split)
+    if inner is None:
+        return None
+    positions = np.vstack([np.array(ears, dtype=np.int32).reshape(-1, 3), rest[inner]])
+    return ids[positions].astype(np.int32)
+
+
+def _cut_ears(
+    points: FloatArray, ids: IntArray, gaps: FloatArray, existing: AbstractSet[tuple[int, int]]
+) -> tuple[IntArray, list[tuple[int, int, int]]]:
+    """Positions that are left when enough ears have been cut, and the ears."""
+    count = len(points)
+    after, before = np.roll(np.arange(count), -1), np.roll(np.arange(count), 1)
+    gaps, alive, version = gaps.copy(), np.ones(count, dtype=np.bool_), np.zeros(count, dtype=np.int32)
+    ears: list[tuple[int, int, int]] = []
+    queue: list[tuple[float, int, int]] = []
+
+    def consider(k: int) -> None:
+        version[k] += 1
+        a, b = int(ids[before[k]]), int(ids[after[k]])
+        if gaps[k] < WIDEST_EAR and a != b and (min(a, b), max(a, b)) not in existing:
+            chord = float(np.linalg.norm(points[before[k]] - points[after[k]]))
+            heapq.heappush(queue, (chord, k, int(version[k])))
+
+    if count > LARGEST_EXACT:
+        for k in range(count):
+            consider(k)
+    while queue and count - len(ears) > LARGEST_EXACT:
+        _, k, stamp = heapq.heappop(queue)
+        if stamp != version[k] or not alive[k]:
+            continue
+        a, b = before[k], after[k]
+        ears.append((int(a), k, int(b)))
+        alive[k] = False
+        after[a], before[b] = b, a
+        gaps[[a, b]] -= corner_angles(points[[a, b]], points[[k, a]], points[[b, k]])
+        consider(int(a))
+        consider(int(b))
+    return np.flatnonzero(alive).astype(np.int32), ears
+
+
+def _forbidden(ids: IntArray, existing: AbstractSet[tuple[int, int]]) -> BoolArray:
+    """Which corners of a loop must not be joined by a chord, (k, k); its own edges may be."""
+    count = len(ids)
+    result: BoolArray = ids[:, np.newaxis] == ids
+    places: dict[int, list[int]] = {}
+    for k, name in enumerate(ids.tolist()):
+        places.setdefault(name, []).append(k)
+    pairs = [(i, j) for a, b in existing for i in places.get(a, ()) for j in places.get(b, ())]
+    if pairs:
+        i, j = np.array(pairs).T
+        result[i, j] = result[j, i] = True
+    corner = np.arange(count)
+    result[corner, (corner + 1) % count] = result[(corner + 1) % count, corner] = False
+    return result
+
+
+def _triangles(split: IntArray) -> IntArray | None:
+    """Triangles of the search: below the edge from i to k lies the one with the corner split[i, k]."""
+    last = len(split) - 1
+    if last > 1 and split[0, last] < 0:
+        return None
+    triangles, waiting = [], [(0, last)]
+    while waiting:
+        i, k = waiting.pop()
+        if k - i > 1:
+            m = int(split[i, k])
+            triangles.append((i, m, k))
+            waiting += [(m, k), (i, m)]
+    return np.array(triangles, dtype=np.int32).reshape(-1, 3)
+
+
+@lean_njit()
+def _search(
+    points: FloatArray,
+    rim_normals: FloatArray,
+    forbidden: BoolArray,
+    worst: FloatArray,
+    area: FloatArray,
+    split: IntArray,
+) -> None:
+    """Find the best triangulation below every chord (i, k), the shorter chords first.
+
+    `split` receives the third corner of the triangle at the chord, -1 where there is none; `worst` the sharpest
+    edge below the chord, as 1 - cos of its angle, and `area` the area. All are (k, k), of which the upper triangle
+    is used; `worst` and `area` are zero at first.
+    """
+    count = points.shape[0]
+    for span in range(2, count):
+        for i in range(count - span):
+            k = i + span
+            worst[i, k] = np.inf
+            if forbidden[i, k]:
+                continue
+            for m in range(i + 1, k):
+                sharpest = max(worst[i, m], worst[m, k])
+                if sharpest > worst[i, k]:
+                    continue
+                x, y, z, size = _normal(points, i, m, k)
+                for side in range(2):
+                    a, b = (i, m) if side == 0 else (m, k)
+                    sharpest = max(sharpest, _sharpness(points, rim_normals, split, a, b, x, y, z))
+                if span == count - 1:
+                    u, v, w = rim_normals[k, 0], rim_normals[k, 1], rim_normals[k, 2]
+                    sharpest = max(sharpest, _rounded(x * u + y * v + z * w, u * u + v * v + w * w))
+                total = area[i, m] + area[m, k] + size
+                if sharpest < worst[i, k] or (sharpest == worst[i, k] and total < area[i, k]):
+                    worst[i, k], area[i, k], split[i, k] = sharpest, total, m
+
+
+@inner_njit()
+def _sharpness(
+    points: FloatArray, rim_normals: FloatArray, split: IntArray, a: int, b: int, x: float, y: float, z: float
+) -> float:
+    """1 - cos of the angle between a face with a unit normal and the one beyond its edge (a, b)."""
+    if b == a + 1:
+        u, v, w = rim_normals[a, 0], rim_normals[a, 1], rim_normals[a, 2]
+        return _rounded(x * u + y * v + z * w, u * u + v * v + w * w)
+    u, v, w, _ = _normal(points, a, split[a, b], b)
+    return _rounded(x * u + y * v + z * w, u * u + v * v + w * w)
+
+
+@inner_njit()
+def _rounded(cosine: float, known: float) -> float:
+    """1 - cos in steps, so that rounding errors do not choose between flat triangulations; 0 at unknown faces."""
+    if known == 0.0:
+        return 0.0
+    return float(np.floor((1.0 - cosine) * STEPS + 0.5) / STEPS)
+
+
+@inner_njit()
+def _normal(points: FloatArray, i: int, m: int, k: int) -> tuple[float, float, float, float]:
+    """Unit normal of a triangle, zero if it has none, and its area."""
+    x, y, z = area_vector(points, i, m, k)
+    length = np.sqrt(x * x + y * y + z * z)
+    if length == 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    return x / length, y / length, z / length, 0.5 * length

@@ -1,0 +1,120 @@
+"""Fills of a hole whose rim projects injectively to a plane: its Delaunay triangulation there, lifted.
+
+The paper lifts it to one bicubic Bezier patch (Li, Barsky, Jin, IEEE SMI 2009): the influence area around the hole has
+a frame of its own, the patch is fitted to it, the polygon of the rim is triangulated in the parameter plane, and its
+vertices are lifted to the patch. The correction that makes it pass through the rim is harmonic: see
+docs/decisions/2026-11-21-border-correction.md.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.errors import InvalidParameterError
+from bezier_filters.holes.influence_region import InfluenceRegion
+from bezier_filters.holes.loops import is_simple, plane_axes, triangulate_loop, vector_area
+from bezier_filters.holes.polyharmonic_fairing import harmonic_displacement
+from bezier_filters.holes.refinement import Fill, flip_edges, refine
+from bezier_filters.patches.fitting import PatchFit, fit_patch
+
+FLATTEST = 1e-12
+"""Area of a triangle, over the square of an edge, that rounding may make of none."""
+INFLUENCE = 2
+"""Rings around the hole that the paper's patch is fitted to; with too few points, all that are at hand."""
+PLENTY = 32
+"""Points: twice as many as control points."""
+
+
+def paper_fill(region: InfluenceRegion, alpha: float) -> Fill | str:
+    """Fill a hole in the paper's way, or say why it is not possible; `alpha` weighs the points, as in `PatchFit`."""
+    if not region.has_simple_rim:
+        return "there is an island in the hole"
+    area = np.flatnonzero(region.rings <= INFLUENCE)
+    area = area if len(area) >= PLENTY else np.arange(len(region.ids))
+    frame = _frame(region)
+    if frame is None:
+        return "the surroundings have no mean normal"
+    origin, axes = frame
+    fill = _flat_fill(region, origin, axes)
+    if isinstance(fill, str):
+        return fill
+    try:
+        patch = fit_patch(region.vertices[area], origin, axes, PatchFit(3, alpha, "paper"))
+    except InvalidParameterError as error:
+        return str(error)
+    lifted = patch.evaluate(*patch.rectangle.parameters(fill.points[:, 0], fill.points[:, 1]))
+    return _through_rim(fill, lifted, region)
+
+
+def _frame(region: InfluenceRegion) -> tuple[FloatArray, FloatArray] | None:
+    """Origin and axes of the influence area: the mean normal of its faces, and x towards a vertex of the rim."""
+    origin = region.rim_vertices.mean(axis=0)
+    near = (region.rings[region.faces] <= INFLUENCE).all(axis=1)
+    normal = region.face_normals[near].sum(axis=0)
+    if not np.linalg.norm(normal) > 0.1 * np.count_nonzero(near):
+        return None
+    axes = plane_axes(normal)
+    x, y = axes[:2] @ (region.vertices[region.loops[0][0]] - origin)
+    length = np.hypot(x, y)
+    if not length > 0.0:
+        return None
+    turn = np.array([[x, y, 0.0], [-y, x, 0.0], [0.0, 0.0, length]]) / length
+    return origin, turn @ axes
+
+
+def lifted_fill(region: InfluenceRegion) -> Fill | None:
+    """The Delaunay triangulation in the plane across which the hole has the largest area, lifted to meet the rim.
+
+    Heights are harmonic. None if the rim does not project injectively.
+    """
+    rim = region.vertices[region.loops[0]]
+    normal = vector_area(rim)
+    if not normal.any():
+        return None
+    origin, axes = rim.mean(axis=0), plane_axes(normal)
+    fill = _flat_fill(region, origin, axes)
+    return None if isinstance(fill, str) else _through_rim(fill, fill.points @ axes + origin, region)
+
+
+def _through_rim(fill: Fill, points: FloatArray, region: InfluenceRegion) -> Fill:
+    """A flat fill with its points elsewhere, harmonically displaced to where those of the rim are."""
+    rim = region.rim_vertices
+    points = points + harmonic_displacement(fill.points, fill.faces, rim - points[: len(rim)])
+    points[: len(rim)] = rim
+    return replace(fill, points=points)
+
+
+def _flat_fill(region: InfluenceRegion, origin: FloatArray, axes: FloatArray) -> Fill | str:
+    """Triangulate and refine a hole in a plane through an origin (3,), or say why that is not possible.
+
+    Rows of `axes` are the x and y axes of the plane and its normal. Points have local coordinates (x, y, 0).
+    """
+    flat = (region.rim_vertices - origin) @ axes.T
+    flat[:, 2] = 0.0
+    rim = region.loops[0]
+    angles = _angles(flat[rim])
+    if not is_simple(flat[rim, :2]) or not angles.sum() < np.pi * (len(rim) - 1):
+        return "the rim does not project injectively to the plane of its surroundings"
+    faces = triangulate_loop(flat[rim], rim, np.zeros((len(rim), 3)), angles, region.rim_edges)
+    if faces is None or not _upright(flat, faces).all():
+        return "the rim cannot be triangulated in the plane of its surroundings"
+    # Where the rim is straight there may be triangles without area; split, they would put vertices onto it.
+    fill = flip_edges(Fill(flat, region.sizes, faces, region.rim_count), region.rim_edges)
+    return refine(fill, region.rim_edges)
+
+
+def _angles(polygon: FloatArray) -> FloatArray:
+    """Angles inside a flat polygon (k, 3) at its corners: in all pi (k - 2) if it runs counter-clockwise."""
+    ahead, behind = np.roll(polygon, -1, axis=0) - polygon, np.roll(polygon, 1, axis=0) - polygon
+    sine = ahead[:, 0] * behind[:, 1] - ahead[:, 1] * behind[:, 0]
+    cosine = np.einsum("ij,ij->i", ahead, behind)
+    return np.asarray(np.arctan2(sine, cosine) % (2.0 * np.pi), dtype=np.float64)
+
+
+def _upright(flat: FloatArray, faces: IntArray) -> BoolArray:
+    """Which triangles in the plane are not turned over."""
+    a, b, c = (flat[faces[:, k], :2] for k in range(3))
+    u, v = b - a, c - a
+    result: BoolArray = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] > -FLATTEST * np.square(u).sum(axis=1)
+    return result

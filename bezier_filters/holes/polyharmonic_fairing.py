@@ -1,0 +1,121 @@
+"""Polyharmonic fairing: interior vertices where the k-th power of the Laplacian vanishes.
+
+With k = 2 the fill continues the tangent planes around the hole, with k = 3 the curvature, too (M. Botsch, L.
+Kobbelt, "An intuitive framework for real-time freeform modeling", SIGGRAPH 2004).
+"""
+
+from typing import TypeAlias
+
+import numpy as np
+from scipy.sparse import csc_matrix, csr_matrix, diags, issparse
+from scipy.sparse.linalg import splu
+
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.meshes.triangles import cotangent_and_area
+from bezier_filters.runtime.lean import lean_njit
+
+Matrix: TypeAlias = FloatArray | csr_matrix
+
+MOST_DENSE = 300
+"""Vertices up to which matrices are dense."""
+LEAST_COTANGENT, LARGEST_COTANGENT = 0.02, 5.0
+"""Bounds of the weights: slivers do not rule, and there is always one solution, as all are positive."""
+
+
+def polyharmonic_fairing(points: FloatArray, faces: IntArray, first: int, order: int) -> FloatArray:
+    """Move the last vertices to where the Laplacian to a power vanishes, the others fixed.
+
+    Vertices (n, 3) of the fill and `order` rings around it, and the faces (m, 3) of both: all from `first` on move.
+    The power, 1, 2 or 3, is the order; with 1 the fill has the least area, as a soap film does.
+
+    Examples
+    --------
+    >>> hub = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 5.0]])
+    >>> wheel = np.array([[4, 0, 1], [4, 1, 2], [4, 2, 3], [4, 3, 0]], dtype=np.int32)
+    >>> bool(np.allclose(polyharmonic_fairing(hub, wheel, 4, 1)[4], 0.0))
+    True
+    """
+    if first == len(points):
+        return points.copy()
+    stiffness, areas = cotangent_matrix(points, faces)
+    areas = areas / areas.mean()  # any scale will do; the powers of this one are numbers
+    rows = stiffness[first:]
+    for _ in range(order - 1):
+        rows = (rows @ diags(1.0 / areas) if issparse(rows) else rows / areas) @ stiffness
+    return _solve(rows, points[:first])
+
+
+def harmonic_displacement(points: FloatArray, faces: IntArray, shift: FloatArray) -> FloatArray:
+    """Harmonic continuation of shifts (r, 3) of the first r points to all n of them, (n, 3).
+
+    It is nowhere larger than at these points, and what differs from one to the next dies away within an edge or two.
+    """
+    if len(points) == len(shift):
+        return shift.copy()
+    stiffness, _ = cotangent_matrix(points, faces)
+    return _solve(stiffness[len(shift) :], shift)
+
+
+def _solve(rows: Matrix, known: FloatArray) -> FloatArray:
+    """The known first values (r, c) and the others, where the last rows (n - r, n) of a symmetric matrix give zero."""
+    matrix, right = rows[:, len(known) :], -(rows[:, : len(known)] @ known)
+    if not issparse(matrix):
+        return np.vstack([known, np.linalg.solve(matrix, right)])
+    # Without pivoting, in an order for symmetric matrices: several times as fast as for any matrix.
+    options = {"SymmetricMode": True}
+    factor = splu(csc_matrix(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+    return np.vstack([known, factor.solve(np.ascontiguousarray(right))])
+
+
+def cotangent_matrix(points: FloatArray, faces: IntArray) -> tuple[Matrix, FloatArray]:
+    """Positive semidefinite cotangent matrix (n, n) and the areas of the vertices (n,), all positive.
+
+    The matrix is dense if it is small: that takes a tenth of the time then.
+    """
+    n = len(points)
+    areas, weights = np.zeros(n), np.zeros((len(faces), 3))
+    _measure(points, faces, areas, weights)
+    areas = np.maximum(areas, 1e-3 * max(float(areas.mean()), 1e-300))
+    if n <= MOST_DENSE:
+        stiffness = np.zeros((n, n))
+        _write_stiffness(faces, weights, stiffness)
+        return stiffness, areas
+    starts, ends = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    places = np.concatenate([starts, ends]), np.concatenate([ends, starts])
+    off: csr_matrix = csr_matrix((np.tile(weights.ravel(), 2), places), shape=(n, n))
+    off.data = np.maximum(off.data, LEAST_COTANGENT)
+    return (diags(np.asarray(off.sum(axis=1)).ravel()) - off).tocsr(), areas
+
+
+@lean_njit()
+def _measure(points: FloatArray, faces: IntArray, areas: FloatArray, weights: FloatArray) -> None:
+    """Add the areas of faces to their vertices, and write half the cotangents opposite their edges.
+
+    Edge k of a face runs from its corner k to the next.
+    """
+    for f in range(faces.shape[0]):
+        for k in range(3):
+            tip = faces[f, (k + 2) % 3]
+            cotangent, area = cotangent_and_area(points, tip, faces[f, k], faces[f, (k + 1) % 3])
+            weights[f, k] = 0.5 * min(max(cotangent, -LARGEST_COTANGENT), LARGEST_COTANGENT)
+            areas[tip] += area / 3.0
+
+
+@lean_njit()
+def _write_stiffness(faces: IntArray, weights: FloatArray, matrix: FloatArray) -> None:
+    """Write the cotangent matrix, zero at first, with the weights of edges, of which none is left too small."""
+    for f in range(faces.shape[0]):
+        for k in range(3):
+            i, j = faces[f, k], faces[f, (k + 1) % 3]
+            matrix[i, j] -= weights[f, k]
+            matrix[j, i] -= weights[f, k]
+    for f in range(faces.shape[0]):
+        for k in range(3):
+            i, j = faces[f, k], faces[f, (k + 1) % 3]
+            matrix[i, j] = min(matrix[i, j], -LEAST_COTANGENT)
+            matrix[j, i] = min(matrix[j, i], -LEAST_COTANGENT)
+    for i in range(matrix.shape[0]):
+        total = 0.0
+        for j in range(matrix.shape[0]):
+            total += matrix[i, j]
+        matrix[i, i] -= total

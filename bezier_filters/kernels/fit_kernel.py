@@ -1,0 +1,375 @@
+"""The hot loop: fits eight vertices at a time.
+
+What meanders through the mesh is done for one vertex after the other: collecting the neighbourhood
+and testing for folds. What is arithmetic is done for eight at once, see `lanes`. A neighbourhood with
+fewer points than the others of its block is filled up with points that weigh nothing.
+"""
+
+import numpy as np
+
+from bezier_filters.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from bezier_filters.kernels.fit_frames import point_to_farthest, write_any_axes, write_plane
+from bezier_filters.kernels.fit_workspace import (
+    CHUNK,
+    FitWorkspace,
+    RobustWorkspace,
+    fit_workspace,
+    robust_workspace,
+)
+from bezier_filters.kernels.graph_geometry import write_block
+from bezier_filters.kernels.kernel_input import FITTED, KernelFit, KernelMesh, VertexResults
+from bezier_filters.kernels.lane_algebra import (
+    GROUP,
+    add_moments,
+    add_squared_residuals,
+    differentiate,
+    raise_powers,
+    solve_lanes,
+    sort_lanes,
+)
+from bezier_filters.meshes.neighbourhoods import collect_ball, collect_ring
+from bezier_filters.runtime.lanes import LANES, Lanes, load, multiply_add, spread, square_root, store, where_greater
+from bezier_filters.runtime.lean import inner_njit, lean_njit, variable
+from bezier_filters.runtime.parallel import RangeTask
+
+ROOM = 2
+"""Times the points of a regular neighbourhood, of 1 + 3 k (k + 1), that there is room for at first,"""
+FEWEST = 128
+"""and how much room there is at least."""
+BIWEIGHT = 4.685
+"""Standard deviations beyond which a residual has no weight: 95 % efficient for normal residuals."""
+SETTLED = 0.95
+"""Reweighting goes on while the median residual falls below this share of the one before."""
+NORMAL_MEDIAN = 1.4826
+"""Standard deviation of normal residuals over their median size."""
+EXACT = 1e-12
+"""Median residual, in half widths of the neighbourhood, that is rounding: the points are interpolated."""
+
+
+def fit_task(
+    mesh: KernelMesh,
+    fit: KernelFit,
+    ids: IntArray,
+    results: VertexResults,
+    outcomes: ByteArray,
+    conditions: FloatArray | None = None,
+) -> RangeTask:
+    """Task for one thread: fit the vertices ids[start:stop]; write their geometry and outcomes[start:stop].
+
+    Condition numbers are written where there is an array for them.
+    """
+    n = len(mesh.vertices)
+    visited, members = np.zeros(n, dtype=np.bool_), np.empty(n + 1, dtype=np.int32)
+    capacity = max(FEWEST, ROOM * 3 * fit.rings * (fit.rings + 1))
+
+    def scratch() -> tuple[FitWorkspace, RobustWorkspace | None]:
+        return fit_workspace(fit, capacity), robust_workspace(capacity) if fit.rounds else None
+
+    work, robust = scratch()
+
+    @np.errstate(all="ignore")  # of lanes without a vertex; compiled code says nothing anyway
+    def run(start: int, stop: int) -> None:
+        nonlocal capacity, work, robust
+        while start < stop:
+            start, needed = fit_in_lanes(
+                mesh, fit, ids, start, stop, visited, members, work, results, outcomes, conditions, robust
+            )
+            if start < stop:  # there a block needs more room, and is collected once more
+                capacity = 2 * needed
+                work, robust = scratch()
+
+    return run
+
+
+@lean_njit()
+def fit_in_lanes(
+    mesh: KernelMesh,
+    fit: KernelFit,
+    ids: IntArray,
+    start: int,
+    stop: int,
+    visited: BoolArray,
+    members: IntArray,
+    work: FitWorkspace,
+    results: VertexResults,
+    outcomes: ByteArray,
+    conditions: FloatArray | None,
+    robust: RobustWorkspace | None,
+) -> tuple[int, int]:
+    """Fit the vertices ids[start:stop] as far as there is room; return how far, and the room that is needed next.
+
+    What is not asked for, condition numbers and reweighting by residuals, is not compiled either: the compiler
+    leaves out what an argument of None does not reach.
+    """
+    capacity = work.points.shape[0] // (4 * LANES)
+    for first in range(start, stop, LANES):
+        block = ids[first : min(first + LANES, stop)]
+        of_block = outcomes[first : min(first + LANES, stop)]
+        most, needed = _collect(mesh, fit, block, visited, members, capacity, work, of_block)
+        if needed > capacity:
+            return first, needed
+        if most == 0:
+            continue
+        _mark_presence(work.counts, most, capacity, work.points)
+        if not fit.any_axis:
+            point_to_farthest(work.points, capacity, work.counts, work.neighbours, work.total, work.frame)
+        _project(fit.square, capacity, most, work)
+        if robust is None:
+            _solve(fit, capacity, most, work, None)
+        else:
+            _solve_robustly(fit, capacity, most, work, robust)
+        _differentiate(fit, capacity, most, work)
+        write_block(fit, mesh.origin, block, work, of_block, results, conditions)
+    return stop, 0
+
+
+@inner_njit()
+def _collect(
+    mesh: KernelMesh,
+    fit: KernelFit,
+    block: IntArray,
+    visited: BoolArray,
+    members: IntArray,
+    capacity: int,
+    work: FitWorkspace,
+    outcomes: ByteArray,
+) -> tuple[int, int]:
+    """Collect the neighbourhoods of a block and choose their planes; return their most points and the capacity needed.
+
+    A lane whose vertex has no frame, or that has no vertex, is left without points.
+    """
+    most, rings = 0, work.rings
+    store(work.counts, 0, spread(0.0))
+    store(work.neighbours, 0, spread(0.0))
+    for lane in range(block.shape[0]):
+        i = block[lane]
+        if fit.radius > 0.0:
+            count, inner, neighbours, rings[lane] = collect_ball(
+                mesh.vertices, mesh.ring_ptr, mesh.ring_indices, mesh.stops, i, fit.radius, visited, members
+            )
+        else:
+            count, inner = collect_ring(mesh.ring_ptr, mesh.ring_indices, mesh.stops, i, fit.rings, visited, members)
+            neighbours, rings[lane] = mesh.ring_ptr[i + 1] - mesh.ring_ptr[i], fit.rings
+        if count + GROUP > capacity:
+            return most, count + GROUP
+        outcome = write_plane(mesh, fit, members, count, inner, work.one_frame)
+        if outcome == FITTED and fit.any_axis:
+            outcome = write_any_axes(mesh, members, count, neighbours, work.one_frame)
+        outcomes[lane] = outcome
+        if outcome == FITTED:
+            _gather(mesh.vertices, members, count, lane, capacity, work)
+            work.counts[lane], work.neighbours[lane] = count, neighbours
+            most = max(most, count)
+    return most, capacity
+
+
+@inner_njit()
+def _gather(vertices: FloatArray, members: IntArray, count: int, lane: int, stride: int, work: FitWorkspace) -> None:
+    """Write the edges from members[0] and the frame of one neighbourhood to its lane."""
+    points, i = work.points, members[0]
+    x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
+    row = LANES * stride
+    for p in range(count):
+        j, place = np.uint32(members[p]), LANES * p + lane
+        points[place] = vertices[j, 0] - x
+        points[place + row] = vertices[j, 1] - y
+        points[place + 2 * row] = vertices[j, 2] - z
+    for k in range(9):
+        work.frame[LANES * k + lane] = work.one_frame[k]
+
+
+@inner_njit()
+def _mark_presence(counts: FloatArray, most: int, stride: int, points: FloatArray) -> None:
+    """Tell points from what weighs nothing and lies on the vertex itself, up to a full group of points."""
+    zero, one = spread(0.0), spread(1.0)
+    for p in range(most + GROUP):
+        presence = where_greater(load(counts, 0), spread(np.float64(p)), one, zero)
+        store(points, 3 * stride + p, presence)
+        for row in range(3):
+            store(points, row * stride + p, where_greater(presence, zero, load(points, row * stride + p), zero))
+
+
+@inner_njit()
+def _project(square: bool, stride: int, count: int, work: FitWorkspace) -> None:
+    """Turn edges into parameters and heights; the parameters of a rectangle without area are not finite."""
+    points, frame, box = work.points, work.frame, work.box
+    low_x, high_x, low_y, high_y, radius = spread(0.0), spread(0.0), spread(0.0), spread(0.0), spread(0.0)
+    for p in range(count):
+        dx, dy, dz = load(points, p), load(points, stride + p), load(points, 2 * stride + p)
+        x = multiply_add(dx, load(frame, 0), multiply_add(dy, load(frame, 1), dz * load(frame, 2)))
+        y = multiply_add(dx, load(frame, 3), multiply_add(dy, load(frame, 4), dz * load(frame, 5)))
+        z = multiply_add(dx, load(frame, 6), multiply_add(dy, load(frame, 7), dz * load(frame, 8)))
+        store(points, p, x)
+        store(points, stride + p, y)
+        store(points, 2 * stride + p, z)
+        low_x, high_x = where_greater(low_x, x, x, low_x), where_greater(x, high_x, x, high_x)
+        low_y, high_y = where_greater(low_y, y, y, low_y), where_greater(y, high_y, y, high_y)
+        distance = multiply_add(x, x, y * y)
+        radius = where_greater(distance, radius, distance, radius)
+    if square:
+        high_x = square_root(radius)
+        low_x = spread(0.0) - high_x
+        low_y, high_y = low_x, high_x
+    half, two = spread(0.5), spread(2.0)
+    middle_x, scale_x = half * (low_x + high_x), two / (high_x - low_x)
+    middle_y, scale_y = half * (low_y + high_y), two / (high_y - low_y)
+    store(box, 0, middle_x)
+    store(box, 1, scale_x)
+    store(box, 2, middle_y)
+    store(box, 3, scale_y)
+    for p in range(count + GROUP):
+        store(points, p, (load(points, p) - middle_x) * scale_x)
+        store(points, stride + p, (load(points, stride + p) - middle_y) * scale_y)
+
+
+@inner_njit()
+def _solve(fit: KernelFit, stride: int, count: int, work: FitWorkspace, weights: FloatArray | None) -> None:
+    """Set up and solve the normal equations; `weights` are lanes for the points beyond their weights by distance."""
+    _sum_moments(fit, stride, count, work, weights)
+    order = fit.exponents.shape[0]
+    _set_up(fit, order, work)
+    solve_lanes(work.matrix, order, fit.smallest_pivot, work.solution, work.sound)
+    for k in range(order):
+        store(work.coefficients, fit.lexicographic[k], load(work.solution, k))
+
+
+@inner_njit()
+def _solve_robustly(fit: KernelFit, stride: int, count: int, work: FitWorkspace, robust: RobustWorkspace) -> None:
+    """The same by iteratively reweighted least squares, with Tukey's biweight of the residuals.
+
+    There are as many rounds as the slowest of the eight fits takes. The others keep their weights meanwhile, and
+    so their solutions, to the last bit.
+    """
+    zero, one = spread(0.0), spread(1.0)
+    for p in range(count):
+        store(robust.weights, p, one)
+    store(robust.medians, 0, spread(np.inf))
+    _solve(fit, stride, count, work, robust.weights)
+    for _ in range(fit.rounds):
+        add_squared_residuals(work.coefficients, fit.starts, work.points, stride, count, work.total, robust.residuals)
+        if not _find_reaches(fit.free, stride, count, work, robust):
+            break
+        reach = load(robust.reaches, 0)
+        for p in range(count):
+            ratio = load(robust.residuals, p) / reach
+            rest = one - ratio * ratio
+            rest = where_greater(rest, zero, rest, zero)
+            store(robust.weights, p, where_greater(reach, zero, rest * rest, load(robust.weights, p)))
+        _solve(fit, stride, count, work, robust.weights)
+    store(work.sound, 0, where_greater(zero, load(robust.medians, 0), zero, load(work.sound, 0)))
+
+
+@inner_njit()
+def _find_reaches(free: int, stride: int, count: int, work: FitWorkspace, robust: RobustWorkspace) -> bool:
+    """Find how far off a point of each neighbourhood may be; return whether reweighting of any goes on.
+
+    It ends where the median residual has settled, or is rounding, by which weights would be random. A
+    neighbourhood of which no more points than `free` coefficients would be left is ill posed.
+    """
+    zero = spread(0.0)
+    for p in range(count):
+        residual = load(robust.residuals, p)
+        size = where_greater(residual, zero, residual, zero - residual)
+        store(robust.sizes, p, where_greater(load(work.points, 3 * stride + p), zero, size, spread(np.inf)))
+    sort_lanes(robust.sizes, count)
+    any_goes_on = False
+    for lane in range(LANES):
+        points, median, reach = int(work.counts[lane]), 0.0, 0.0
+        if points > 0 and work.sound[lane] > 0.0:
+            # the mean of the two in the middle, which are one if the number is odd
+            median = 0.5 * (
+                robust.sizes[LANES * (points // 2) + lane] + robust.sizes[LANES * ((points - 1) // 2) + lane]
+            )
+        if EXACT / work.box[LANES + lane] < median < SETTLED * robust.medians[lane]:
+            reach = BIWEIGHT * NORMAL_MEDIAN * median
+            if points <= free or robust.sizes[LANES * free + lane] >= reach:
+                median, reach = -1.0, 0.0
+        else:
+            median = min(0.0, robust.medians[lane])
+        robust.medians[lane], robust.reaches[lane] = median, reach
+        any_goes_on = any_goes_on or reach > 0.0
+    return any_goes_on
+
+
+@inner_njit()
+def _differentiate(fit: KernelFit, stride: int, count: int, work: FitWorkspace) -> None:
+    """Find the sum of the squared residuals, and the derivatives by lengths at the vertex."""
+    zero, one = spread(0.0), spread(1.0)
+    store(work.total, 0, zero)
+    add_squared_residuals(work.coefficients, fit.starts, work.points, stride, count, work.total, None)
+    rows = fit.highest_power + 1
+    for axis in range(2):
+        at_vertex = (zero - load(work.box, 2 * axis)) * load(work.box, 2 * axis + 1)
+        power = one
+        for k in range(rows):
+            store(work.origin, axis * rows + k, power)
+            power = power * at_vertex
+    differentiate(work.solution, fit.exponents, work.origin, work.origin[LANES * rows :], work.jets)
+    scale_r = one
+    for r in range(4):
+        scale = scale_r
+        for q in range(4 - r):
+            store(work.jets, 4 * r + q, load(work.jets, 4 * r + q) * scale)
+            scale = scale * load(work.box, 3)
+        scale_r = scale_r * load(work.box, 1)
+
+
+@inner_njit()
+def _sum_moments(fit: KernelFit, stride: int, count: int, work: FitWorkspace, weights: FloatArray | None) -> None:
+    """Sum the products of powers over the points, without and with the height, chunk by chunk."""
+    zero, one = spread(0.0), spread(1.0)
+    for k in range(fit.moment_starts[-1]):
+        store(work.moments, k, zero)
+    for k in range(fit.starts[-1]):
+        store(work.heights, k, zero)
+    chunks = (count + CHUNK - 1) // CHUNK
+    size = (count + chunks - 1) // chunks
+    s, t, z, presence = 0, stride, 2 * stride, 3 * stride
+    for begin in range(0, count, size):
+        here = min(size, count - begin)
+        for p in range(here):
+            q = begin + p
+            a, b = load(work.points, s + q), load(work.points, t + q)
+            weight = load(work.points, presence + q)
+            if fit.weight_scale > 0.0:
+                weight = weight * _weight(fit, a, b, load(work.box, 1))
+            if weights is not None:
+                weight = weight * load(weights, q)
+            store(work.left, p, weight)
+            store(work.left, CHUNK + p, a)
+            store(work.right, p, one)
+            store(work.right, CHUNK + p, b)
+        raise_powers(work.left, CHUNK, here, fit.highest_power)
+        raise_powers(work.right, CHUNK, here, fit.highest_power)
+        for k in range(fit.highest_power // 2 + 1):
+            for p in range(here):
+                store(work.lifted, k * CHUNK + p, load(work.right, k * CHUNK + p) * load(work.points, z + begin + p))
+        add_moments(work.left, work.right, variable(CHUNK), here, fit.moment_starts, work.moments)
+        add_moments(work.left, work.lifted, variable(CHUNK), here, fit.starts, work.heights)
+
+
+@inner_njit()
+def _weight(fit: KernelFit, a: Lanes, b: Lanes, scale: Lanes) -> Lanes:
+    """Lanes of the distance weights of points with parameters a, b on squares of `scale` per length."""
+    ratio = spread(fit.weight_scale) * (a * a + b * b) / (scale * scale)
+    power = ratio
+    for _ in range(fit.weight_power - 1):
+        power = power * ratio
+    return spread(1.0) / (spread(1.0) + power)
+
+
+@inner_njit()
+def _set_up(fit: KernelFit, order: int, work: FitWorkspace) -> None:
+    """Set up the normal equations, with the moments of the heights as the last row."""
+    for k in range(fit.moment_place.shape[0]):
+        store(work.matrix, k, load(work.moments, fit.moment_place[k]) + spread(fit.penalty[k]))
+    degree, scale = 0, spread(1.0)
+    for k in range(fit.prior.shape[0]):
+        while degree < fit.prior_degree[k]:  # from units of length to those of this neighbourhood
+            degree += 1
+            scale = scale * load(work.box, 1) * load(work.box, 1)
+        place = fit.prior_place[k]
+        store(work.matrix, place, multiply_add(spread(fit.prior[k]), scale, load(work.matrix, place)))
+    last = order * (order + 1) // 2
+    for k in range(order):
+        store(work.matrix, last + k, load(work.heights, fit.lexicographic[k]))

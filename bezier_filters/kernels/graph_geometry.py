@@ -1,0 +1,262 @@
+"""The geometry of eight fitted graphs z(x, y) at a time, its standard errors, and where the values go."""
+
+from bezier_filters.arrays import ByteArray, FloatArray, IntArray
+from bezier_filters.kernels.fit_workspace import FitWorkspace
+from bezier_filters.kernels.kernel_input import FITTED, ILL_POSED, SMALLEST_WIDTH, KernelFit, VertexResults
+from bezier_filters.kernels.lane_algebra import condition_numbers
+from bezier_filters.runtime.lanes import LANES, Lanes, load, multiply_add, spread, square_root, store, where_greater
+from bezier_filters.runtime.lean import inner_njit
+
+# Places among the outputs; those of vectors are the first of three.
+NORMAL, ALONG_MIN, ALONG_MAX = 0, 3, 6
+K_MIN, K_MAX, EXTREMALITY_MIN, EXTREMALITY_MAX, RESIDUAL = 9, 10, 11, 12, 13
+STANDARD_ERRORS, DISPLACEMENT = 14, 17
+SEEN = 5
+"""Coefficients of which the geometry is a function: those of x, y, x^2, x y and y^2, eliminated last."""
+
+
+@inner_njit()
+def write_block(
+    fit: KernelFit,
+    origin: IntArray,
+    block: IntArray,
+    work: FitWorkspace,
+    outcomes: ByteArray,
+    results: VertexResults,
+    conditions: FloatArray | None,
+) -> None:
+    """Write the geometry of the vertices of a block, and which of them are ill posed."""
+    has_third = fit.highest_power >= 2 * 3  # a lower degree says nothing of third derivatives
+    graph_geometry(work.jets, work.frame, has_third, work.outputs)
+    store(work.outputs, RESIDUAL, square_root(load(work.total, 0) / load(work.counts, 0)))
+    has_errors = fit.normal_noise > 0.0
+    if has_errors:
+        standard_errors(
+            work.matrix,
+            fit.exponents.shape[0],
+            work.jets,
+            load(work.box, 1),
+            fit.normal_noise,
+            fit.curvature_noise,
+            work.outputs[LANES * STANDARD_ERRORS :],
+        )
+    if conditions is not None:
+        condition_numbers(work.matrix, fit.exponents.shape[0], work.solution, work.total)
+    for lane in range(block.shape[0]):
+        if outcomes[lane] != FITTED:
+            continue
+        per_half_width = max(work.box[LANES + lane], work.box[3 * LANES + lane])
+        if not (work.sound[lane] > 0.0 and per_half_width < 2.0 / SMALLEST_WIDTH):
+            outcomes[lane] = ILL_POSED
+            continue
+        i = origin[block[lane]]
+        _write(work.outputs, lane, has_third, i, results)
+        results.residual[i] = work.outputs[LANES * RESIDUAL + lane]
+        results.rings_used[i] = work.rings[lane]
+        if has_errors:
+            place = LANES * STANDARD_ERRORS + lane
+            results.normal_std[i] = work.outputs[place]
+            results.mean_curvature_std[i] = work.outputs[place + LANES]
+            results.gaussian_curvature_std[i] = work.outputs[place + 2 * LANES]
+        if conditions is not None:
+            conditions[i] = work.total[lane]
+
+
+@inner_njit()
+def graph_geometry(jets: FloatArray, frame: FloatArray, has_third: bool, outputs: FloatArray) -> None:
+    """Lanes of all outputs but the residual and the standard errors.
+
+    The curvatures are those of the symmetric shape operator in the orthonormal tangents e1 = (1, 0, p) / a and
+    e2 = normal x e1, with MeshLab's sign.
+
+    Parameters
+    ----------
+    jets : lanes
+        Derivatives of z by x and y at the vertices, as `differentiate` orders them.
+    frame : lanes
+        Nine entries: the x, y and z axes of the local frames in world coordinates.
+    has_third : bool
+        Whether there are third derivatives.
+    outputs : lanes
+        Entries as the constants of this module say, which are written.
+    """
+    zero, one, two, half = spread(0.0), spread(1.0), spread(2.0), spread(0.5)
+    p, q, r, s, t = load(jets, 4), load(jets, 1), load(jets, 8), load(jets, 5), load(jets, 2)
+    a2 = one + p * p
+    w2 = a2 + q * q
+    per_a, per_w = one / square_root(a2), one / square_root(w2)
+    per_c = square_root(a2) * per_w
+    shear = p * q * per_a * per_a
+    s11 = zero - r * per_w * per_a * per_a
+    s12 = (shear * r - s) * per_w * per_w
+    s22 = (two * shear * s - t - shear * shear * r) * per_w * per_c * per_c
+    mean, difference = half * (s11 + s22), half * (s11 - s22)
+    torsion = square_root(difference * difference + s12 * s12)
+    store(outputs, K_MIN, mean - torsion)
+    store(outputs, K_MAX, mean + torsion)
+    # Eigenvector of the larger curvature, by the formula that does not cancel.
+    d1 = where_greater(zero, difference, s12, difference + torsion)
+    d2 = where_greater(zero, difference, torsion - difference, s12)
+    length = square_root(d1 * d1 + d2 * d2)
+    d1, d2 = where_greater(length, zero, d1 / length, one), where_greater(length, zero, d2 / length, zero)
+    # Local x and y of the unit tangents; a tangent rises by p and q along them.
+    max_x, max_y = d1 * per_a - d2 * shear * per_c, d2 * per_c
+    min_x, min_y = zero - d1 * shear * per_c - d2 * per_a, d1 * per_c
+    max_z, min_z = p * max_x + q * max_y, p * min_x + q * min_y
+    for k in range(3):
+        x, y, z = load(frame, k), load(frame, 3 + k), load(frame, 6 + k)
+        store(outputs, DISPLACEMENT + k, load(jets, 0) * z)
+        store(outputs, NORMAL + k, (z - p * x - q * y) * per_w)
+        store(outputs, ALONG_MIN + k, multiply_add(min_x, x, multiply_add(min_y, y, min_z * z)))
+        store(outputs, ALONG_MAX + k, multiply_add(max_x, x, multiply_add(max_y, y, max_z * z)))
+    if has_third:
+        store(outputs, EXTREMALITY_MIN, _extremality(jets, min_x, min_y, per_w))
+        store(outputs, EXTREMALITY_MAX, _extremality(jets, max_x, max_y, per_w))
+
+
+@inner_njit()
+def _extremality(jets: FloatArray, x: Lanes, y: Lanes, per_w: Lanes) -> Lanes:
+    """Lanes of -(D_d II)(d, d) for the tangents d with local x and y, with MeshLab's sign of curvature.
+
+    The derivative of a principal curvature along its unit direction d is the covariant derivative
+    of the second fundamental form, (D_d II)(d, d), because turning d changes II(d, d) only to
+    second order. For a graph, whose Christoffel symbols are z_k z_ij / w^2 with
+    w^2 = 1 + z_x^2 + z_y^2 (do Carmo, "Differential geometry of curves and surfaces", 4-3),
+
+        (D_d II)(d, d) = (z_ddd - 3 z_dd (grad z . grad z_d) / w^2) / w.
+    """
+    three = spread(3.0)
+    slope_x = load(jets, 8) * x + load(jets, 5) * y
+    slope_y = load(jets, 5) * x + load(jets, 2) * y
+    second = slope_x * x + slope_y * y
+    third = x * x * (load(jets, 12) * x + three * load(jets, 9) * y)
+    third = third + y * y * (three * load(jets, 6) * x + load(jets, 3) * y)
+    turning = (load(jets, 4) * slope_x + load(jets, 1) * slope_y) * per_w * per_w
+    return (three * second * turning - third) * per_w
+
+
+@inner_njit()
+def _write(outputs: FloatArray, lane: int, has_third: bool, i: int, results: VertexResults) -> None:
+    """Write the outputs of one lane, but for the residual, to vertex i."""
+    for k in range(3):
+        results.normals[i, k] = outputs[LANES * (NORMAL + k) + lane]
+        results.displacements[i, k] = outputs[LANES * (DISPLACEMENT + k) + lane]
+        results.direction_min[i, k] = outputs[LANES * (ALONG_MIN + k) + lane]
+        results.direction_max[i, k] = outputs[LANES * (ALONG_MAX + k) + lane]
+    results.k_min[i] = outputs[LANES * K_MIN + lane]
+    results.k_max[i] = outputs[LANES * K_MAX + lane]
+    if has_third:
+        results.extremality_min[i] = outputs[LANES * EXTREMALITY_MIN + lane]
+        results.extremality_max[i] = outputs[LANES * EXTREMALITY_MAX + lane]
+
+
+@inner_njit()
+def standard_errors(
+    matrix: FloatArray,
+    order: int,
+    jets: FloatArray,
+    scale: Lanes,
+    normal_noise: float,
+    curvature_noise: float,
+    errors: FloatArray,
+) -> None:
+    """Standard errors of normal, mean and Gaussian curvature, from the factorisation that gave the fit.
+
+    Given the noise sigma, the coefficients have the posterior covariance sigma^2 G^-1, G being the
+    matrix of the normal equations with its prior. For a quantity whose derivatives by the
+    coefficients are g, the variance is sigma^2 |L^-1 g|^2 with the Cholesky factor L of G. Only the last
+    `SEEN` coefficients count: with them eliminated last, the last corner of L is the factor of their own
+    inverse covariance. Their derivatives are those of the formulas of `write_block`, at the vertex.
+
+    Parameters
+    ----------
+    matrix : lanes
+        Cholesky factor with reciprocal diagonal, packed.
+    order : int
+        Of the factor.
+    jets : lanes
+        Derivatives by lengths, as `differentiate` orders them.
+    scale : lanes
+        Parameters per length.
+    normal_noise, curvature_noise : float
+        Standard deviation of the heights, a length, as far as it concerns the normal, or the curvatures.
+    errors : lanes
+        Three entries, which are written.
+    """
+    zero, one, two, half = spread(0.0), spread(1.0), spread(2.0), spread(0.5)
+    p, q, r, s, t = load(jets, 4), load(jets, 1), load(jets, 8), load(jets, 5), load(jets, 2)
+    # Times the noise at once, which is small where the derivatives are large: squares must not overflow.
+    noise1 = spread(curvature_noise) * scale
+    noise2 = noise1 * scale
+    a2, b2 = one + p * p, one + q * q
+    per_w2 = one / (a2 + q * q)
+    per_w3 = per_w2 * square_root(per_w2)
+    per_w4 = per_w2 * per_w2
+    bend = spread(3.0) * half * (b2 * r - two * p * q * s + a2 * t) * per_w2
+    gaussian = (r * t - s * s) * per_w4
+    x0, x1, x2, x3, x4 = _whitened(matrix, order, scale, zero, zero, zero, zero)
+    y0, y1, y2, y3, y4 = _whitened(matrix, order, zero, scale, zero, zero, zero)
+    xx = _dot(x0, x1, x2, x3, x4, x0, x1, x2, x3, x4)
+    xy = _dot(x0, x1, x2, x3, x4, y0, y1, y2, y3, y4)
+    yy = _dot(y0, y1, y2, y3, y4, y0, y1, y2, y3, y4)
+    # |dn|^2 = ((1 + q^2) dp^2 - 2 p q dp dq + (1 + p^2) dq^2) / w^4
+    turned = (b2 * xx - two * p * q * xy + a2 * yy) * per_w4
+    store(errors, 0, spread(normal_noise) * square_root(turned))
+    h0, h1, h2, h3, h4 = _whitened(
+        matrix,
+        order,
+        noise1 * (p * t - q * s - p * bend) * per_w3,
+        noise1 * (q * r - p * s - q * bend) * per_w3,
+        noise2 * b2 * per_w3,
+        zero - noise2 * p * q * per_w3,
+        noise2 * a2 * per_w3,
+    )
+    store(errors, 1, square_root(_dot(h0, h1, h2, h3, h4, h0, h1, h2, h3, h4)))
+    k0, k1, k2, k3, k4 = _whitened(
+        matrix,
+        order,
+        zero - spread(4.0) * noise1 * gaussian * p * per_w2,
+        zero - spread(4.0) * noise1 * gaussian * q * per_w2,
+        two * noise2 * t * per_w4,
+        zero - two * noise2 * s * per_w4,
+        two * noise2 * r * per_w4,
+    )
+    store(errors, 2, square_root(_dot(k0, k1, k2, k3, k4, k0, k1, k2, k3, k4)))
+
+
+@inner_njit()
+def _whitened(
+    matrix: FloatArray, order: int, g0: Lanes, g1: Lanes, g2: Lanes, g3: Lanes, g4: Lanes
+) -> tuple[Lanes, Lanes, Lanes, Lanes, Lanes]:
+    """Lanes of L^-1 g, L being the last corner of the factor, by forward substitution."""
+    first = order - SEEN
+    d0 = first * (first + 1) // 2 + first
+    d1 = d0 + first + 1
+    d2 = d1 + first + 2
+    d3 = d2 + first + 3
+    d4 = d3 + first + 4
+    g0 = g0 * load(matrix, d0)
+    g1 = (g1 - g0 * load(matrix, d1)) * load(matrix, d1 + 1)
+    g2 = (g2 - g0 * load(matrix, d2) - g1 * load(matrix, d2 + 1)) * load(matrix, d2 + 2)
+    g3 = g3 - g0 * load(matrix, d3) - g1 * load(matrix, d3 + 1) - g2 * load(matrix, d3 + 2)
+    g3 = g3 * load(matrix, d3 + 3)
+    g4 = g4 - g0 * load(matrix, d4) - g1 * load(matrix, d4 + 1) - g2 * load(matrix, d4 + 2) - g3 * load(matrix, d4 + 3)
+    g4 = g4 * load(matrix, d4 + 4)
+    return g0, g1, g2, g3, g4
+
+
+@inner_njit()
+def _dot(
+    a0: Lanes,
+    a1: Lanes,
+    a2: Lanes,
+    a3: Lanes,
+    a4: Lanes,
+    b0: Lanes,
+    b1: Lanes,
+    b2: Lanes,
+    b3: Lanes,
+    b4: Lanes,
+) -> Lanes:
+    """Lanes of the inner product of two vectors."""
+    return multiply_add(a0, b0, multiply_add(a1, b1, multiply_add(a2, b2, multiply_add(a3, b3, a4 * b4))))

@@ -1,0 +1,232 @@
+"""Panels of what there is to show: the fields that mesh files carry, with their names and units, and creases."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.display.colors import color_range, round_limits
+from bezier_filters.errors import FieldFileError, InvalidParameterError
+from bezier_filters.feature_lines.crease_lines import COLORS, Creases
+from bezier_filters.files.field_files import read_fields
+from bezier_filters.files.fields import CURVATURE_FIELDS, DIAGNOSTIC_FIELDS, PREFIX, TORSION_FIELD
+from bezier_filters.meshlab.crease_filter import CREASE_FIELDS
+from bezier_filters.meshlab.mesh_files import load_mesh
+from bezier_filters.meshlab.meshset import current_mesh
+from bezier_filters.meshlab.smoothing_filter import SMOOTHING_FIELDS
+from bezier_filters.meshlab.vertex_normal_filter import NORMAL_FIELDS
+from bezier_filters.pictures.scene import Panel, require_libraries
+
+QUALITY, COLOR, SHAPE = "quality", "color", "shape"
+NO_UNIT = "no unit"
+
+_GROUPS = (CURVATURE_FIELDS, NORMAL_FIELDS, SMOOTHING_FIELDS, CREASE_FIELDS, DIAGNOSTIC_FIELDS)
+_KNOWN = {field.mesh_attribute: field for group in _GROUPS for field in group.values()}
+_KNOWN[TORSION_FIELD.mesh_attribute] = TORSION_FIELD
+_GREY = 0.75
+_GREY_BELOW_LINES = 0.85
+_SIDES = 12  # of tubes
+
+
+@dataclass(frozen=True)
+class ShownField:
+    """A field of a file: its values (n,), and what a legend says of it."""
+
+    values: FloatArray
+    label: str
+    unit: str
+    signed: bool
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """A mesh file as arrays.
+
+    Attributes
+    ----------
+    path : Path
+        Where it is.
+    vertices, faces : (n, 3) float64, (m, 3) int32
+        The mesh.
+    columns : dict of (n,) float64
+        The ``bz_*`` columns and ``quality``, as far as there are any.
+    colors : (n, 4) float64, optional
+        Vertex colours.
+    """
+
+    path: Path
+    vertices: FloatArray
+    faces: IntArray
+    columns: dict[str, FloatArray]
+    colors: FloatArray | None
+
+    def field(self, name: str) -> ShownField | None:
+        """Field of a name, or None. A quality that equals a column of ours has the label and unit of that."""
+        if name not in self.columns:
+            return None
+        values = self.columns[name]
+        known = _KNOWN.get(name)
+        if name == QUALITY:
+            same = (key for key, column in self.columns.items() if key in _KNOWN and np.array_equal(column, values))
+            known = next((_KNOWN[key] for key in same), None)
+        if known is not None:
+            return ShownField(values, known.label, known.unit or NO_UNIT, known.signed)
+        signed = bool(values.min() < 0 < values.max())
+        return ShownField(values, name.removeprefix(PREFIX).replace("_", " "), "unit unknown", signed)
+
+    def names(self) -> list[str]:
+        """What can be shown."""
+        return [*self.columns, *([COLOR] if self.colors is not None else []), SHAPE]
+
+
+def read_mesh_file(path: Path) -> MeshFile:
+    """Read a mesh with its fields.
+
+    Raises
+    ------
+    BezierFilterError
+        If the file cannot be read.
+    """
+    ms = load_mesh(path)
+    mesh = current_mesh(ms)
+    vertices = np.array(mesh.vertex_matrix(), dtype=np.float64)
+    try:
+        columns = {name: column for name, column in read_fields(path).items() if len(column) == len(vertices)}
+    except FieldFileError:
+        columns = {}
+    if mesh.has_vertex_scalar():
+        columns[QUALITY] = np.array(mesh.vertex_scalar_array(), dtype=np.float64)
+    colors = np.array(mesh.vertex_color_matrix()) if mesh.has_vertex_color() else None
+    return MeshFile(path, vertices, np.array(mesh.face_matrix(), dtype=np.int32), columns, colors)
+
+
+def default_field(files: Sequence[MeshFile]) -> str:
+    """The quality if there is one, else the shape. MeshLab and pymeshlab often write zeros where there is none."""
+    return QUALITY if any(file.columns.get(QUALITY, np.zeros(1)).any() for file in files) else SHAPE
+
+
+def check_field(files: Sequence[MeshFile], name: str) -> None:
+    """Refuse a field that no file has; the message lists those that there are."""
+    if not any(name in file.names() for file in files):
+        have = dict.fromkeys(other for file in files for other in file.names())
+        paths = ", ".join(str(file.path) for file in files)
+        remedy = "; commands such as curvature give it one" if name == QUALITY else ""
+        raise InvalidParameterError(f"field: {paths} has no {name!r}; it has {', '.join(have)}{remedy}")
+
+
+def field_limits(
+    files: Sequence[MeshFile], name: str, *, percentile: float, limits: tuple[float, float] | None
+) -> tuple[float, float]:
+    """Colour range of a field, the same for all files."""
+    if limits is not None:
+        return limits
+    fields = [field for file in files if (field := file.field(name)) is not None]
+    values = np.concatenate([field.values for field in fields])
+    return round_limits(*color_range(values, signed=fields[0].signed, percentile=percentile))
+
+
+def field_panels(
+    files: Sequence[MeshFile],
+    name: str,
+    *,
+    colormap: str,
+    percentile: float,
+    limits: tuple[float, float] | None = None,
+    histogram: bool = False,
+) -> list[Panel]:
+    """One panel per file of a field with the same colours; files without it show their shape.
+
+    Parameters
+    ----------
+    files : sequence of MeshFile
+        What is shown.
+    name : str
+        ``quality``, a ``bz_*`` column, ``color``, or ``shape``: every face in grey.
+    colormap : str
+        As for `Panel`.
+    percentile : float
+        Percentage of the values that may lie beyond each end of the colours.
+    limits : (float, float), optional
+        Ends of the colours, instead.
+    histogram : bool
+        Whether the colour bar has a histogram of the values above it.
+
+    Raises
+    ------
+    InvalidParameterError
+        If no file has such a field; the message lists those that there are.
+    """
+    check_field(files, name)
+    if any(name in file.columns for file in files):
+        limits = field_limits(files, name, percentile=percentile, limits=limits)
+    panels = []
+    for file in files:
+        field = file.field(name)
+        if field is not None:
+            panels.append(
+                Panel(
+                    file.vertices,
+                    file.faces,
+                    field.values,
+                    label=field.label,
+                    unit=field.unit,
+                    colormap=colormap,
+                    signed=field.signed,
+                    limits=limits,
+                    histogram=histogram,
+                    title=file.path.name,
+                )
+            )
+        elif name == COLOR and file.colors is not None:
+            panels.append(Panel(file.vertices, file.faces, colors=file.colors, title=file.path.name))
+        else:
+            panels.append(_shape(file))
+    return panels
+
+
+def _shape(file: MeshFile) -> Panel:
+    """Every face flat and grey, so that nothing hides a rough surface."""
+    vertices, faces = file.vertices, file.faces
+    if len(faces):
+        vertices = np.ascontiguousarray(vertices[faces].reshape(-1, 3))
+        faces = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
+    return Panel(vertices, faces, colors=np.full((len(vertices), 3), _GREY), title=file.path.name)
+
+
+def crease_panel(
+    vertices: FloatArray, faces: IntArray, creases: Creases, *, radius: float | None = None, title: str = ""
+) -> Panel:
+    """A surface with its ridges in red and its ravines in blue, to be drawn by `render_panels`.
+
+    Parameters
+    ----------
+    vertices, faces : (n, 3) float64, (m, 3) int32
+        The surface.
+    creases : Creases
+        Its lines.
+    radius : float, optional
+        Of the tubes, a length; by default a 400th of the diagonal of the bounding box.
+    title : str
+        Text above the picture.
+
+    Raises
+    ------
+    RenderingUnavailableError
+        Pyvista or matplotlib is missing.
+    """
+    require_libraries()
+    import pyvista
+
+    if radius is None:
+        radius = float(np.linalg.norm(np.ptp(vertices, axis=0))) / 400.0
+    points, corners, colors = [vertices], [faces], [np.full((len(vertices), 3), _GREY_BELOW_LINES)]
+    count = len(vertices)
+    for line in creases.lines:
+        tube = pyvista.MultipleLines(line.points).tube(radius=radius, n_sides=_SIDES, capping=True).triangulate()
+        points.append(np.asarray(tube.points, dtype=np.float64))
+        corners.append(np.asarray(tube.regular_faces, dtype=np.int32) + np.int32(count))
+        colors.append(np.tile(COLORS[line.kind], (tube.n_points, 1)))
+        count += tube.n_points
+    return Panel(np.vstack(points), np.vstack(corners), colors=np.vstack(colors), title=title)

@@ -1,0 +1,398 @@
+"""Panels, which are meshes with colours: drawn from several sides off screen, or in a window to be turned."""
+
+import ctypes
+import ctypes.util
+import math
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.display.colors import AUTO, color_range, matplotlib_colormap, round_limits
+from bezier_filters.errors import InvalidMeshError, InvalidParameterError
+
+if TYPE_CHECKING:
+    import pyvista
+
+Image: TypeAlias = NDArray[np.uint8]
+"""Pixels (height, width, 3)."""
+
+MARGIN = 4  # pixels around the mesh
+
+_SUPERSAMPLING = 2  # rendered larger and averaged: smooth edges on every graphics driver
+_NAN_COLOR = "lightgray"
+_AMBIENT = 0.45  # share of the colour that no shadow takes
+_ZOOM = 1.3  # a window first has room for a ball around the meshes
+_REMEDY = "`bezier-filters render` draws a picture without one"
+_SMOOTH_BUT_FOR_EDGES: dict[str, Any] = {
+    "split_vertices": True,
+    "feature_angle": 60.0,
+    "consistent_normals": False,  # both sides of a face are lit alike
+    "auto_orient_normals": False,
+}
+
+_BAR: dict[str, Any] = {
+    "color": "black",
+    "title_font_size": 16,
+    "label_font_size": 14,
+    "n_labels": 3,
+    "position_x": 0.2,
+    "position_y": 0.04,
+    "width": 0.6,
+    "height": 0.1,
+    "fmt": "%.3g",
+}
+
+# Right, up and towards the viewer, each in the coordinates (right, up, towards) of the front view.
+_VIEWS = {
+    "front": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    "back": ((-1, 0, 0), (0, 1, 0), (0, 0, -1)),
+    "left": ((0, 0, 1), (0, 1, 0), (-1, 0, 0)),
+    "right": ((0, 0, -1), (0, 1, 0), (1, 0, 0)),
+    "top": ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
+    "bottom": ((1, 0, 0), (0, 0, 1), (0, -1, 0)),
+}
+_ISO_TOWARDS = (1.0, 0.8, 1.6)
+
+# The same for the front view itself, by the axis that points up, in the coordinates of the mesh.
+_FRONT = {
+    "x": ((0, -1, 0), (1, 0, 0), (0, 0, 1)),
+    "y": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    "z": ((1, 0, 0), (0, 0, 1), (0, -1, 0)),
+    "-x": ((0, -1, 0), (-1, 0, 0), (0, 0, -1)),
+    "-y": ((1, 0, 0), (0, -1, 0), (0, 0, -1)),
+    "-z": ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
+}
+
+VIEW_NAMES = (*_VIEWS, "iso")
+UP_AXES = tuple(_FRONT)
+
+
+class RenderingUnavailableError(ImportError):
+    """Pyvista or matplotlib, which pictures need, cannot be imported."""
+
+
+def require_libraries() -> None:
+    """Refuse to draw without the libraries of the extra."""
+    try:
+        import matplotlib  # noqa: F401
+        import pyvista  # noqa: F401
+    except ImportError as error:
+        raise RenderingUnavailableError(
+            f'pictures need pyvista and matplotlib: pip install "bezier-filters[viz]" ({error})'
+        ) from error
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A mesh and what colours it: one column of a sheet.
+
+    Attributes
+    ----------
+    vertices : (n, 3) float64
+        Finite positions.
+    faces : (m, 3) int32
+        Triangles; without any, the vertices are drawn as points.
+    values : (n,) float64, optional
+        Field that is coloured; values that are not finite are grey.
+    label, unit : str
+        For the colour bar, for example ``"mean curvature"`` and ``"1/length"``.
+    signed : bool
+        Whether zero is the middle of the colour range.
+    limits : (low, high), optional
+        Values of the lowest and highest colour; by default those of `color_range`.
+    colormap : str
+        ``"auto"`` (``"Cool Warm"`` if `signed`, else ``"Viridis"``), ``"Paper"``, or any colour map of matplotlib.
+    colors : (n, 3) or (n, 4) array, optional
+        Colours instead of `values`: floats in 0..1 or uint8.
+    title : str
+        Text above the column.
+    histogram : bool
+        Whether a histogram of the values stands on the colour bar: how many vertices have each colour.
+
+    Raises
+    ------
+    InvalidMeshError
+        No vertices, some that are not finite, or faces that are not triangles of them.
+    InvalidParameterError
+        Not exactly one of `values` and `colors`, a wrong shape, or empty limits.
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+    values: FloatArray | None = None
+    label: str = ""
+    unit: str = ""
+    signed: bool = False
+    limits: tuple[float, float] | None = None
+    colormap: str = AUTO
+    colors: NDArray[Any] | None = None
+    title: str = ""
+    histogram: bool = False
+
+    def __post_init__(self) -> None:
+        n = len(self.vertices)
+        if np.shape(self.vertices) != (n, 3) or n == 0:
+            raise InvalidMeshError(f"vertices have the shape {np.shape(self.vertices)}, expected (n, 3) with n > 0")
+        if not np.isfinite(self.vertices).all():
+            raise InvalidMeshError("some vertices are not finite")
+        if len(self.faces) and np.shape(self.faces)[1:] != (3,):
+            raise InvalidMeshError(f"faces have the shape {np.shape(self.faces)}, expected (m, 3)")
+        if len(self.faces) and (np.min(self.faces) < 0 or np.max(self.faces) >= n):
+            raise InvalidMeshError(f"faces name vertices {np.min(self.faces)} to {np.max(self.faces)} of {n}")
+        if (self.values is None) == (self.colors is None):
+            raise InvalidParameterError("a panel takes either values or colors")
+        if self.values is not None and np.shape(self.values) != (n,):
+            raise InvalidParameterError(f"values have the shape {np.shape(self.values)}, expected ({n},)")
+        if self.colors is not None and np.shape(self.colors) not in ((n, 3), (n, 4)):
+            raise InvalidParameterError(f"colors have the shape {np.shape(self.colors)}, expected ({n}, 3) or ({n}, 4)")
+        if self.limits is not None and not -np.inf < self.limits[0] < self.limits[1] < np.inf:
+            raise InvalidParameterError(f"limits {self.limits} are not two finite numbers, the lower one first")
+
+    def drawn(self) -> BoolArray:
+        """Which vertices are seen, shape (n,): those of faces, or all if there are none."""
+        if len(self.faces) == 0:
+            return np.ones(len(self.vertices), dtype=np.bool_)
+        result = np.zeros(len(self.vertices), dtype=np.bool_)
+        result[self.faces] = True
+        return result
+
+    def color_limits(self) -> tuple[float, float]:
+        """Values of the first and the last colour."""
+        if self.limits is not None or self.values is None:
+            return self.limits or (0.0, 1.0)
+        return round_limits(*color_range(self.values, signed=self.signed, mask=self.drawn()))
+
+
+@dataclass(frozen=True)
+class View:
+    """A direction of sight on a mesh.
+
+    Attributes
+    ----------
+    axes : (3, 3) float64
+        Rows: the directions right, up and towards the viewer, orthonormal.
+    low, high : (3,) float64
+        Bounds of the mesh in these directions.
+    """
+
+    axes: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+    @property
+    def extent(self) -> FloatArray:
+        """Width, height and depth, shape (3,), in units of length."""
+        return self.high - self.low
+
+
+def up_axis(panels: Sequence[Panel]) -> str:
+    """Axis that points up, guessed from the shape so that the front view is never the narrowest.
+
+    It is y, as in MeshLab's first view, which also looks down on height fields z(x, y). Meshes
+    that are tall in z stand upright (z), and those that lie flat in x and z are seen from above (-z).
+    """
+    low = np.min([panel.vertices[panel.drawn()].min(axis=0) for panel in panels], axis=0)
+    high = np.max([panel.vertices[panel.drawn()].max(axis=0) for panel in panels], axis=0)
+    x, y, z = high - low
+    if z > 1.5 * max(x, y):
+        return "z"
+    return "-z" if min(x, z) > 1.5 * y else "y"
+
+
+def view_axes(view: str, up: str) -> FloatArray:
+    """Directions right, up and towards the viewer of a named view: the rows of a (3, 3) rotation.
+
+    >>> view_axes("top", up="z").tolist()
+    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    """
+    if view == "iso":
+        towards = np.array(_ISO_TOWARDS) / np.linalg.norm(_ISO_TOWARDS)
+        right = np.cross((0, 1, 0), towards)
+        right /= np.linalg.norm(right)
+        local = np.array([right, np.cross(towards, right), towards])
+    else:
+        local = np.array(_VIEWS[view], dtype=np.float64)
+    result: FloatArray = local @ np.array(_FRONT[up], dtype=np.float64)
+    return result
+
+
+def view_of(panel: Panel, axes: FloatArray) -> View:
+    """View of a panel's mesh along given axes."""
+    projected = panel.vertices[panel.drawn()] @ axes.T
+    return View(axes, projected.min(axis=0), projected.max(axis=0))
+
+
+def draw(panel: Panel, views: Sequence[View], *, scale: float, background: str) -> list[Image]:
+    """Draw a panel from several sides with parallel projection, without title and colour bar.
+
+    Parameters
+    ----------
+    panel : Panel
+        What is drawn.
+    views : sequence of View
+        From where.
+    scale : float
+        Pixels per unit of length.
+    background : str
+        Colour behind the mesh.
+
+    Returns
+    -------
+    list of (height, width, 3) uint8
+        One image per view, as large as the mesh and a margin of `MARGIN` pixels.
+    """
+    import pyvista
+
+    # Only errors: without a display, VTK warns that it falls back from X to EGL.
+    with pyvista.vtk_verbosity("error"):
+        plotter: Any = pyvista.Plotter(off_screen=True, lighting="none")
+        try:
+            add_lights(plotter)
+            plotter.set_background(background)
+            # In pixels about the origin, because graphics hardware computes in single precision.
+            center = 0.5 * (views[0].low + views[0].high) @ views[0].axes
+            add_panel(plotter, panel, (panel.vertices - center) * scale)
+            return [_photograph(plotter, view, center, scale) for view in views]
+        finally:
+            plotter.close()
+
+
+def add_lights(plotter: "pyvista.Plotter") -> None:
+    """Light a scene, in all subplots, so that surfaces facing the viewer have just their colour."""
+    import pyvista
+
+    # One light at the camera, one above its left shoulder. A surface that faces the camera gets
+    # 0.55 + 0.66 cos(angle to the second) = 1 of the diffuse light: just its own colour.
+    plotter.add_light(pyvista.Light(light_type="headlight", intensity=0.55))
+    plotter.add_light(pyvista.Light(light_type="camera light", position=(-0.6, 0.9, 1.0), intensity=0.66))
+
+
+def add_panel(plotter: "pyvista.Plotter", panel: Panel, points: FloatArray) -> None:
+    """Add a panel's mesh, with its vertices at these points."""
+    import pyvista
+
+    options: dict[str, Any] = {"show_scalar_bar": False}
+    colored: NDArray[Any] | None = panel.values
+    if panel.colors is not None:
+        colored = panel.colors
+        if colored.dtype != np.uint8:
+            colored = (255 * np.clip(colored, 0.0, 1.0)).round().astype(np.uint8)
+        options |= {"rgb": True}
+    else:
+        # Values are interpolated within triangles and then coloured, which keeps to the colour map.
+        colormap = matplotlib_colormap(panel.colormap, signed=panel.signed)
+        options |= {"clim": panel.color_limits(), "cmap": colormap, "interpolate_before_map": True}
+        options |= {"nan_color": _NAN_COLOR}
+    if len(panel.faces) == 0:
+        size = _SUPERSAMPLING * float(np.clip(400 / np.sqrt(len(points)), 2, 2 * MARGIN))
+        plotter.add_points(points, scalars=colored, point_size=size, lighting=False, **options)
+        return
+    faces: NDArray[Any] = panel.faces
+    mesh = pyvista.PolyData.from_regular_faces(points, faces)
+    mesh.point_data["colored"] = colored
+    mesh = mesh.compute_normals(cell_normals=False, **_SMOOTH_BUT_FOR_EDGES)
+    options |= {"ambient": _AMBIENT, "diffuse": 1.0 - _AMBIENT, "specular": 0.0}
+    actor = plotter.add_mesh(mesh, scalars="colored", **options)
+    actor.prop.interpolation = "Phong"
+
+
+def _photograph(plotter: Any, view: View, center: FloatArray, scale: float) -> Image:
+    width, height = (int(np.ceil(side * scale)) + 2 * MARGIN for side in view.extent[:2])
+    depth = view.extent[2] * scale + 1.0
+    target = (0.5 * (view.low + view.high) - view.axes @ center) * scale @ view.axes
+    camera = plotter.camera
+    camera.parallel_projection = True
+    camera.focal_point = target
+    camera.position = target + depth * view.axes[2]
+    camera.up = view.axes[1]
+    camera.parallel_scale = 0.5 * height
+    camera.clipping_range = (0.1 * depth, 2.0 * depth)
+    plotter.window_size = (_SUPERSAMPLING * width, _SUPERSAMPLING * height)
+    plotter.render()
+    large = plotter.screenshot(None, return_img=True)[..., :3]
+    blocks = large.reshape(height, _SUPERSAMPLING, width, _SUPERSAMPLING, 3)
+    result: Image = np.round(blocks.mean(axis=(1, 3))).astype(np.uint8)
+    return result
+
+
+def check_display() -> None:
+    """Refuse to open a window where there is no display.
+
+    Raises
+    ------
+    RenderingUnavailableError
+        With the remedy: `render` writes a picture.
+    """
+    if sys.platform in ("win32", "darwin") or os.environ.get("WAYLAND_DISPLAY"):
+        return
+    display = os.environ.get("DISPLAY")
+    if not display:
+        raise RenderingUnavailableError(f"there is no display to open a window on; {_REMEDY}")
+    library = ctypes.util.find_library("X11")
+    if library is None:  # VTK will tell
+        return
+    x11 = ctypes.CDLL(library)
+    x11.XOpenDisplay.restype = ctypes.c_void_p
+    x11.XCloseDisplay.argtypes = [ctypes.c_void_p]
+    connection = x11.XOpenDisplay(None)
+    if not connection:
+        raise RenderingUnavailableError(f"cannot open the display {display!r}; {_REMEDY}")
+    x11.XCloseDisplay(connection)
+
+
+def show_panels(panels: Sequence[Panel], *, columns: int | None = None, up: str = "auto") -> None:
+    """Open a window with the panels side by side, which turn together, until it is closed.
+
+    Parameters
+    ----------
+    panels : sequence of Panel
+        What is shown.
+    columns : int, optional
+        Panels in a row; by default all.
+    up : str
+        Axis that points up, as for `render_panels`.
+
+    Raises
+    ------
+    RenderingUnavailableError
+        If there is no display, or pyvista or matplotlib is missing.
+    """
+    require_libraries()
+    check_display()
+    window(panels, columns=columns, up=up).show()
+
+
+def window(panels: Sequence[Panel], *, columns: int | None = None, up: str = "auto", off_screen: bool = False) -> Any:
+    """Plotter of pyvista that `show_panels` shows; off the screen it can be photographed."""
+    import pyvista
+
+    columns = columns or len(panels)
+    shape = (math.ceil(len(panels) / columns), columns)
+    plotter: Any = pyvista.Plotter(shape=shape, lighting="none", border=False, off_screen=off_screen)
+    plotter.title = "bezier-filters"
+    add_lights(plotter)
+    for number, panel in enumerate(panels):
+        plotter.subplot(*divmod(number, columns))
+        plotter.set_background("white")
+        add_panel(plotter, panel, panel.vertices)
+        if panel.values is not None:
+            unit = f" [{panel.unit}]" if panel.unit else ""
+            # pyvista draws bars of one title once; the blanks are not seen.
+            bar = plotter.add_scalar_bar(title=f"{panel.label}{unit}\n{' ' * number}", **_BAR)
+            bar.SetVerticalTitleSeparation(6)
+        plotter.add_text(panel.title, font_size=10, color="black")
+    plotter.link_views()
+    axes = view_axes("front", up_axis(panels) if up == "auto" else up)
+    drawn = np.vstack([panel.vertices[panel.drawn()] for panel in panels])
+    plotter.camera.focal_point = 0.5 * (drawn.min(axis=0) + drawn.max(axis=0))
+    plotter.camera.position = plotter.camera.focal_point + axes[2]
+    plotter.camera.up = axes[1]
+    plotter.reset_camera(bounds=np.stack([drawn.min(axis=0), drawn.max(axis=0)], axis=1).ravel())
+    plotter.camera.zoom(_ZOOM)
+    return plotter

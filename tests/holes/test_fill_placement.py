@@ -1,0 +1,49 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.sparse.csgraph import connected_components
+
+from bezier_filters.holes.fill_placement import groups_of_boxes
+from bezier_filters.holes.hole_filling import fill_holes
+from bezier_filters.surfaces import sphere
+
+
+@given(st.integers(0, 10**6), st.integers(0, 40))
+def test_groups_are_what_boxes_that_meet_connect(seed, count):
+    rng = np.random.default_rng(seed)
+    low = rng.integers(0, 12, (count, 3))
+    boxes = np.stack([low, low + rng.integers(0, 4, (count, 3))], axis=1).astype(float)
+    low, high = boxes[:, 0], boxes[:, 1]
+    meet = ((low[:, np.newaxis] <= high) & (high[:, np.newaxis] >= low)).all(axis=2)
+    groups = groups_of_boxes(boxes)
+    if count:
+        assert len(groups) == connected_components(meet)[0]
+    for group in groups:
+        np.testing.assert_array_equal(group, np.sort(group))
+    np.testing.assert_array_equal(np.sort(np.concatenate(groups)), np.arange(count))
+    number = np.empty(count, dtype=int)
+    for k, group in enumerate(groups):
+        number[group] = k
+    assert (number[:, np.newaxis] == number)[meet].all()
+
+
+@pytest.mark.parametrize("holes", [3, 25])
+def test_threads_do_not_change_a_mesh_with_holes_apart_and_together(holes):
+    ball = sphere(resolution=24)
+    rng = np.random.default_rng(1)
+    centers = ball.vertices[rng.choice(len(ball.vertices), holes, replace=False)]
+    middles = ball.vertices[ball.faces].mean(axis=1)
+    kept = (np.linalg.norm(middles[:, np.newaxis] - centers, axis=2) > 0.12).all(axis=1)
+    used, faces = np.unique(ball.faces[kept], return_inverse=True)
+    vertices, faces = ball.vertices[used], faces.reshape(-1, 3)
+    one, three = (fill_holes(vertices, faces, threads=threads) for threads in (1, 3))
+    np.testing.assert_array_equal(one.vertices, three.vertices)
+    np.testing.assert_array_equal(one.faces, three.faces)
+    assert one.filled == len(one.holes)
+    rows = np.concatenate([np.array(hole.new_faces) for hole in one.holes])
+    np.testing.assert_array_equal(np.sort(rows), np.arange(len(faces), len(one.faces)))
+    for hole in one.holes:
+        inside = one.faces[hole.new_faces.start : hole.new_faces.stop]
+        assert np.isin(inside, np.concatenate([hole.rim, np.array(hole.new_vertices)])).all()
+    np.testing.assert_allclose(np.linalg.norm(one.vertices[len(vertices) :], axis=1), 1.0, atol=2e-3)

@@ -1,0 +1,106 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from surface_cases import area_vectors, border_edges, directed_edges
+
+from bezier_filters.holes.loops import LARGEST_EXACT, triangulate_loop
+from bezier_filters.holes.refinement import Fill, refine
+
+
+def triangulated(points, existing=frozenset()):
+    count = len(points)
+    unknown, flat = np.zeros((count, 3)), np.full(count, 1.0)
+    return triangulate_loop(points, np.arange(count, dtype=np.int32), unknown, flat, existing)
+
+
+def ring(count, radius=1.0):
+    angle = 2 * np.pi * np.arange(count) / count
+    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(count)])
+
+
+def assert_disk(faces, count):
+    """A triangulated disk whose border is the loop 0 .. count - 1."""
+    edges = directed_edges(faces)
+    assert len(np.unique(edges, axis=0)) == len(edges)
+    border = border_edges(faces)
+    assert {tuple(edge) for edge in border.tolist()} == {(k, (k + 1) % count) for k in range(count)}
+
+
+@pytest.mark.parametrize("count", [3, 4, 7, LARGEST_EXACT, LARGEST_EXACT + 1, 3 * LARGEST_EXACT])
+def test_convex_polygons_keep_their_area(count):
+    points = ring(count)
+    faces = triangulated(points)
+    assert faces.shape == (count - 2, 3)
+    assert_disk(faces, count)
+    areas = area_vectors(points, faces)[:, 2]
+    assert (areas > 0.0).all()
+    assert areas.sum() == pytest.approx(0.5 * count * np.sin(2 * np.pi / count))
+
+
+@given(st.integers(5, 40), st.integers(0, 10**6))
+def test_star_shaped_polygons_are_not_overlapped(count, seed):
+    """The least area of a flat loop is that of its inside, which only triangulations without overlaps have."""
+    points = ring(count) * np.random.default_rng(seed).uniform(0.3, 1.0, count)[:, np.newaxis]
+    faces = triangulated(points)
+    assert_disk(faces, count)
+    x, y, _ = points.T
+    inside = 0.5 * (x * np.roll(y, -1) - y * np.roll(x, -1)).sum()
+    assert np.linalg.norm(area_vectors(points, faces), axis=1).sum() == pytest.approx(inside, rel=1e-9)
+
+
+@given(st.integers(3, 30), st.integers(0, 10**6))
+def test_loops_in_space_become_disks(count, seed):
+    assert_disk(triangulated(np.random.default_rng(seed).normal(size=(count, 3))), count)
+
+
+def test_forbidden_chords_are_avoided():
+    points = ring(6)
+    chords = {(0, 2), (0, 3), (0, 4), (2, 5)}
+    faces = triangulated(points, chords)
+    assert_disk(faces, 6)
+    assert not chords & {tuple(edge) for edge in np.sort(directed_edges(faces), axis=1).tolist()}
+    assert triangulated(ring(4), {(0, 2), (1, 3)}) is None
+
+
+def test_a_fold_of_the_surroundings_goes_on():
+    """Two squares that meet at an angle; only triangles that keep to them have no sharper edge than their fold."""
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 1], [2, 1, 1], [1, 1, 0], [0, 1, 0]])
+    flat, leaning = np.array([0.0, 0, 1]), np.array([-1.0, 0, 1]) / np.sqrt(2)
+    normals = np.array([flat, leaning, leaning, leaning, flat, flat])
+    faces = triangulate_loop(points, np.arange(6, dtype=np.int32), normals, np.ones(6), frozenset())
+    assert [1, 4] in np.sort(directed_edges(faces), axis=1).tolist()
+    of_each = area_vectors(points, faces)
+    of_each /= np.linalg.norm(of_each, axis=1, keepdims=True)
+    assert sorted(np.round(of_each @ flat, 6)) == [0.707107, 0.707107, 1.0, 1.0]
+
+
+@given(st.integers(4, 30), st.integers(0, 10**6))
+def test_refined_polygons_are_delaunay_and_fine_enough(count, seed):
+    points = ring(count) * np.random.default_rng(seed).uniform(0.5, 1.0, count)[:, np.newaxis]
+    sizes = np.full(count, 0.25)
+    fill = refine(Fill(points, sizes, triangulated(points), count), frozenset())
+    assert_disk(fill.faces, count)
+    areas = area_vectors(fill.points, fill.faces)[:, 2]
+    assert (areas > 0.0).all()
+    assert areas.sum() == pytest.approx(area_vectors(points, triangulated(points))[:, 2].sum())
+    corners = fill.points[fill.faces]
+    distances = np.linalg.norm(corners - corners.mean(axis=1, keepdims=True), axis=2)
+    assert (np.sqrt(2) * distances.min(axis=1) <= 0.25 * (1 + 1e-12)).all()
+    assert_locally_delaunay(fill)
+
+
+def assert_locally_delaunay(fill):
+    tips = {}
+    for face in fill.faces.tolist():
+        for k in range(3):
+            tips[face[k], face[(k + 1) % 3]] = face[(k + 2) % 3]
+    for (a, b), c in tips.items():
+        if (b, a) in tips:
+            d = tips[b, a]
+            assert angle(fill.points, c, a, b) + angle(fill.points, d, a, b) <= np.pi + 1e-6
+
+
+def angle(points, tip, left, right):
+    u, v = points[left] - points[tip], points[right] - points[tip]
+    return np.arctan2(np.linalg.norm(np.cross(u, v)), u @ v)
