@@ -66,22 +66,9 @@ def component_volumes(components: ClosedComponents, mesh: TriangleMesh) -> Float
 def restore_volumes(
     components: ClosedComponents, mesh: TriangleMesh, volumes: FloatArray, amounts: FloatArray
 ) -> FloatArray:
-    """Move vertices along their normals, in proportion to given amounts, so that components have given volumes.
+    """Coordinates after moves along the normals, in proportion to amounts (n,), that give components volumes (c,).
 
-    Parameters
-    ----------
-    components : ClosedComponents
-    mesh : TriangleMesh
-        Where the vertices are.
-    volumes : (c,) float64
-        What the components are to enclose.
-    amounts : (n,) float64
-        At least 0. A component whose amounts are all 0 stays as it is.
-
-    Returns
-    -------
-    (n, 3) float64
-        Coordinates.
+    A component whose amounts are all 0 stays as it is.
     """
     points = mesh.vertices
     for _ in range(ROUNDS):
