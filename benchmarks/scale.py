@@ -27,7 +27,8 @@ from pathlib import Path
 import numpy as np
 
 from bezier_filters import estimate_vertex_geometry, smooth
-from bezier_filters.files.fields import CURVATURE_FIELDS, curvature_columns
+from bezier_filters.fields import columns as columns_of
+from bezier_filters.fields import qualities
 from bezier_filters.scale import estimate_file, smooth_file
 from bezier_filters.scale.disk_smoothing import SHARPNESS
 from bezier_filters.scale.joined_file import FACE, ply_head
@@ -120,8 +121,8 @@ def in_memory(source: Path, target: Path, *, smoothing: bool = False) -> dict[st
         vertices, quality = result.vertices, DISPLACEMENT
         columns = {DISPLACEMENT: result.displacement, SHARPNESS: result.sharpness}
     else:
-        columns = curvature_columns(estimate_vertex_geometry(vertices, faces, threads=WORKERS))
-        quality = CURVATURE_FIELDS["mean"].mesh_attribute
+        columns = columns_of("curvature", estimate_vertex_geometry(vertices, faces, threads=WORKERS))
+        quality = qualities("curvature")["mean"].column
     fitted = time.perf_counter()
     table = table_of(vertices, columns, quality, list(columns), "<f8")
     rows = np.empty(len(faces), dtype=FACE)

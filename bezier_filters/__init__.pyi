@@ -37,24 +37,24 @@ from .meshlab.converters import to_trimesh as to_trimesh
 from .meshlab.crease_filter import (
     compute_selection_by_bezier_crease_per_edge as compute_selection_by_bezier_crease_per_edge,
 )
-from .meshlab.curvature_filter import (
-    compute_curvature_by_bezier_patch_per_vertex as compute_curvature_by_bezier_patch_per_vertex,
-)
-from .meshlab.curvature_filter import (
-    compute_torsion_by_bezier_patch_per_vertex as compute_torsion_by_bezier_patch_per_vertex,
-)
 from .meshlab.hole_filter import meshing_close_holes_by_bezier_patch as meshing_close_holes_by_bezier_patch
 from .meshlab.mesh_colors import color_by_quality as color_by_quality
 from .meshlab.mesh_colors import save_quality_map as save_quality_map
 from .meshlab.mesh_files import save_mesh as save_mesh
 from .meshlab.meshset import BezierFilterError as BezierFilterError
 from .meshlab.registration import register as register
-from .meshlab.script_runner import StepReport as StepReport
-from .meshlab.script_runner import run_filter_script as run_filter_script
-from .meshlab.script_values import script_step as script_step
+from .meshlab.scripts import StepReport as StepReport
+from .meshlab.scripts import run_filter_script as run_filter_script
+from .meshlab.scripts import script_step as script_step
 from .meshlab.smoothing_filter import apply_coord_bezier_patch_smoothing as apply_coord_bezier_patch_smoothing
-from .meshlab.vertex_normal_filter import (
+from .meshlab.vertex_filters import (
+    compute_curvature_by_bezier_patch_per_vertex as compute_curvature_by_bezier_patch_per_vertex,
+)
+from .meshlab.vertex_filters import (
     compute_normal_by_bezier_patch_per_vertex as compute_normal_by_bezier_patch_per_vertex,
+)
+from .meshlab.vertex_filters import (
+    compute_torsion_by_bezier_patch_per_vertex as compute_torsion_by_bezier_patch_per_vertex,
 )
 from .patches.fitting import PatchFit as PatchFit
 from .patches.fitting import fit_patch as fit_patch

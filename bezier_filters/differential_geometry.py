@@ -90,6 +90,13 @@ def principal_curvatures(du: FloatArray, dv: FloatArray, forms: FundamentalForms
     s11 = -forms.L / forms.E
     s12 = -(forms.M - shear * forms.L) / (length_u * length_v)
     s22 = -(forms.N - 2.0 * shear * forms.M + shear**2 * forms.L) / length_v**2
+    return principal_curvatures_of(s11, s12, s22, e1, e2)
+
+
+def principal_curvatures_of(
+    s11: FloatArray, s12: FloatArray, s22: FloatArray, e1: FloatArray, e2: FloatArray
+) -> PrincipalCurvatures:
+    """Principal curvatures of symmetric shape operators, (n,) each entry, in orthonormal bases e1, e2, each (n, 3)."""
     mean, difference = 0.5 * (s11 + s22), 0.5 * (s11 - s22)
     torsion = np.hypot(difference, s12)
     angle = 0.5 * np.arctan2(s12, difference)[:, np.newaxis]

@@ -1,5 +1,8 @@
 """Errors that the array functions raise; the MeshSet filters translate them for pymeshlab scripts."""
 
+from numbers import Integral, Real
+from typing import TypeGuard
+
 
 class InvalidMeshError(ValueError):
     """The arrays do not describe a triangle mesh; the message names the fault and the remedy."""
@@ -19,3 +22,13 @@ class FieldFileError(ValueError):
 
 class InvalidScriptError(ValueError):
     """A filter script cannot be read or run; the message names the step and what is allowed."""
+
+
+def is_real(value: object) -> TypeGuard[float]:
+    """Whether a parameter is a real number, and neither a text nor a truth value."""
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def is_integer(value: object) -> TypeGuard[int]:
+    """Whether a parameter is an integer, of Python or NumPy, and no truth value."""
+    return isinstance(value, Integral) and not isinstance(value, bool)

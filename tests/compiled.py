@@ -2,10 +2,11 @@
 
 from functools import cache
 
+import numpy as np
 from numba import njit
 
 
 @cache
 def from_python(function):
-    """The function behind an entry from Python."""
-    return njit(lambda *arguments: function(*arguments))
+    """The function behind an entry from Python; without the compiler it warns of no more than compiled code does."""
+    return np.errstate(all="ignore")(njit(lambda *arguments: function(*arguments)))

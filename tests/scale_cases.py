@@ -6,7 +6,7 @@ import json
 import numpy as np
 
 from bezier_filters import estimate_vertex_geometry, read_fields
-from bezier_filters.files.fields import curvature_columns
+from bezier_filters.fields import columns
 from bezier_filters.surfaces import bumpy_star, waves
 
 
@@ -60,7 +60,7 @@ def assert_same_as_in_memory(report, vertices, faces, **options):
     """All columns, to the last bit, and all that is told of the fit."""
     geometry = estimate_vertex_geometry(vertices, faces, **options)
     fields = read_fields(report["output"])
-    expected = curvature_columns(geometry)
+    expected = columns("curvature", geometry)
     expected["quality"] = geometry.mean_curvature
     assert fields.keys() == expected.keys()
     for name, values in expected.items():

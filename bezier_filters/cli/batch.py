@@ -14,12 +14,12 @@ from typing import Annotated, Any
 
 import typer
 
-from bezier_filters.cli import console, creases, filters
-from bezier_filters.cli.app import app
-from bezier_filters.cli.options import Json, Quiet
+from bezier_filters.arrays import Report
+from bezier_filters.cli import console, filters
+from bezier_filters.cli.app import Json, Quiet, app
 from bezier_filters.errors import InvalidParameterError
 
-__all__ = ["Item", "batch", "creases", "filters", "plan", "run_command"]
+__all__ = ["Item", "batch", "filters", "plan", "run_command"]
 
 COMMANDS = ("normals", "curvature", "torsion", "smooth", "fill-holes", "creases")
 """Commands that take an input and an output."""
@@ -48,7 +48,7 @@ class Item:
     result: str = "waiting"
     seconds: float = 0.0
     error: str = ""
-    report: dict[str, Any] | None = None
+    report: Report | None = None
 
 
 @app.command(epilog="Example: bezier-filters batch curvature 'scans/*.ply' --out curved --options '--quality gaussian'")
@@ -122,12 +122,12 @@ def _with_absolute_paths(job: Sequence[str]) -> list[str]:
     return [command, os.path.abspath(source), os.path.abspath(target), *options]
 
 
-def run_command(arguments: Sequence[str]) -> dict[str, Any]:
+def run_command(arguments: Sequence[str]) -> Report:
     """Do what the command line does with these arguments; its report."""
     printed = io.StringIO()
     with redirect_stdout(printed), redirect_stderr(io.StringIO()):
         app([*arguments, "--json"], standalone_mode=False)
-    report: dict[str, Any] = json_module.loads(printed.getvalue())
+    report: Report = json_module.loads(printed.getvalue())
     return report
 
 
@@ -146,13 +146,7 @@ def check_command(command: str, options: list[str]) -> None:
 
 
 def find_files(sources: Sequence[str]) -> list[Path]:
-    """Files that are named or match a pattern, each once, in order.
-
-    Raises
-    ------
-    InvalidParameterError
-        If a pattern matches nothing.
-    """
+    """Files that are named or match a pattern, each once, in order; a pattern that matches nothing is refused."""
     found: dict[str, None] = {}
     for source in sources:
         if not glob.has_magic(source) or os.path.exists(source):
@@ -168,12 +162,8 @@ def find_files(sources: Sequence[str]) -> list[Path]:
 def plan(sources: Sequence[Path], out: Path, suffix: str, *, redo: bool = False) -> list[Item]:
     """Where the results go, and which are there already.
 
-    Below `out` they have the names of the files, and the folders that these do not share.
-
-    Raises
-    ------
-    InvalidParameterError
-        If two results would be the same file, or one an input.
+    Below `out` they have the names of the files, and the folders that these do not share. No two may be the same file,
+    and none an input.
     """
     if not suffix.startswith("."):
         raise InvalidParameterError(f"suffix: got {suffix!r}, expected a suffix with its dot, such as .ply")
@@ -197,7 +187,7 @@ def _is_newer(target: Path, source: Path) -> bool:
     return target.exists() and source.exists() and target.stat().st_mtime_ns > source.stat().st_mtime_ns
 
 
-def summarize(command: str, items: Sequence[Item], seconds: float) -> dict[str, Any]:
+def summarize(command: str, items: Sequence[Item], seconds: float) -> Report:
     """The batch as one dict, which can be written as JSON."""
     count = {result: sum(item.result == result for item in items) for result in ("done", "skipped", "failed")}
     return {"command": command, **count, "seconds": seconds, "files": [asdict(item) for item in items]}

@@ -7,11 +7,10 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from bezier_filters.cli import batch, console, creases, filters, pictures, scale, script
-from bezier_filters.cli.app import app
-from bezier_filters.cli.options import Json, Quiet, Source
+from bezier_filters.cli import batch, console, filters, pictures, scale
+from bezier_filters.cli.app import Json, Quiet, Source, app
 
-__all__ = ["app", "batch", "creases", "filters", "pictures", "scale", "script", "serve_command_line"]
+__all__ = ["app", "batch", "filters", "pictures", "scale", "serve_command_line"]
 
 
 @app.command(epilog="Example: bezier-filters info scan.ply")

@@ -4,7 +4,6 @@ import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
-from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -12,7 +11,8 @@ from rich.padding import Padding
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from bezier_filters.files.fields import CURVATURE_FIELDS
+from bezier_filters.arrays import Report
+from bezier_filters.fields import CURVATURE, qualities
 from bezier_filters.meshes.diagnosis import MeshReport, diagnose, is_fit
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.parallel import Progress as ProgressCallback
@@ -48,12 +48,12 @@ def stage_bar(label: str, *, quiet: bool) -> Iterator[Callable[[str, int, int], 
         yield report
 
 
-def print_json(data: dict[str, Any]) -> None:
+def print_json(data: Report) -> None:
     """Print a report as JSON on stdout."""
     print(json.dumps(data, indent=2, ensure_ascii=False))
 
 
-def print_status(report: dict[str, Any], source: str) -> None:
+def print_status(report: Report, source: str) -> None:
     """Say how the fits of a mesh went."""
     out.print(f"[bold]{escape(source)}[/]: {sum(report['status'].values()):,} vertices")
     fit = report["fit"]
@@ -65,7 +65,7 @@ def print_status(report: dict[str, Any], source: str) -> None:
         out.print(f"  {count:>9,}  {FitStatus[name].message} ({name})")
 
 
-def print_tiles(report: dict[str, Any]) -> None:
+def print_tiles(report: Report) -> None:
     """Say how the tiles of a large mesh went."""
     there = report["tiles"] - report["computed_tiles"]
     stages = f", over {report['stages']} stages" if "stages" in report else ""
@@ -77,7 +77,7 @@ def print_tiles(report: dict[str, Any]) -> None:
         out.print(f"  damaged, and computed again: tiles {', '.join(map(str, report['damaged_tiles']))}")
 
 
-def print_noise(report: dict[str, Any]) -> None:
+def print_noise(report: Report) -> None:
     """Say what became of the noise of a large mesh."""
     if "noise" not in report:  # the paper's method does not look at it
         return
@@ -85,7 +85,7 @@ def print_noise(report: dict[str, Any]) -> None:
     out.print(f"  noise {noise} after (standard deviation, length); {report['faces']['new']:,} new wrong faces")
 
 
-def print_smoothing(report: dict[str, Any], source: str) -> None:
+def print_smoothing(report: Report, source: str) -> None:
     """Say what smoothing did to a mesh."""
 
     def edges(length: float | None) -> str:
@@ -105,7 +105,7 @@ def print_smoothing(report: dict[str, Any], source: str) -> None:
     out.print(table)
 
 
-def print_holes(report: dict[str, Any], source: str) -> None:
+def print_holes(report: Report, source: str) -> None:
     """Say what was done to the holes of a mesh."""
     out.print(f"[bold]{escape(source)}[/]")
     if not report["holes"]:
@@ -127,7 +127,7 @@ def print_holes(report: dict[str, Any], source: str) -> None:
     )
 
 
-def print_creases(report: dict[str, Any], source: str) -> None:
+def print_creases(report: Report, source: str) -> None:
     """Say how many lines there are of each kind, how long they are, and how strong."""
     out.print(f"[bold]{escape(source)}[/]")
     table = Table(box=None, padding=(0, 2, 0, 2))
@@ -144,19 +144,19 @@ def print_creases(report: dict[str, Any], source: str) -> None:
     out.print(table)
 
 
-def print_statistics(report: dict[str, Any], label: str) -> None:
+def print_statistics(report: Report, label: str) -> None:
     """Say what the values of a quality are."""
     unit = f" [{report['unit']}]" if report["unit"] else ""
     numbers = ", ".join(f"{name} {value:.4g}" for name, value in report["statistics"].items())
     out.print(f"{label}{escape(unit)}: {numbers}")
 
 
-def print_written(report: dict[str, Any], target: str) -> None:
+def print_written(report: Report, target: str) -> None:
     """Say which file was written and how long the filter took."""
     out.print(f"wrote [bold]{escape(target)}[/] ({sum(report['seconds'].values()):.2f} s)")
 
 
-def print_batch(summary: dict[str, Any]) -> None:
+def print_batch(summary: Report) -> None:
     """Say what became of the files of a batch."""
     width = max(len(file["input"]) for file in summary["files"])
     for file in summary["files"]:
@@ -167,26 +167,24 @@ def print_batch(summary: dict[str, Any]) -> None:
     out.print(f"{summary['command']}: {numbers} ({summary['seconds']:.1f} s)")
 
 
-def _remark(report: dict[str, Any]) -> str:
+def _remark(report: Report) -> str:
     """The most telling numbers of a filter's report."""
     if "sharp_edges" in report:
         return f"{len(report['lines']):,} lines, {report['sharp_edges']:,} sharp edges"
     if "closed_holes" in report:
         return f"{report['closed_holes']:,} holes filled, {report['open_holes']:,} left open"
     if "noise_before" in report:
-        before, after = (f"{report[key]:.3g}" if report[key] is not None else "unknown" for key in _NOISE)
+        noises = (report[key] for key in ("noise_before", "noise_after"))
+        before, after = ("unknown" if noise is None else f"{noise:.3g}" for noise in noises)
         return f"noise {before} before, {after} after [length]"
     if "statistics" in report:
         unit = f" [{report['unit']}]" if report["unit"] else ""
-        known = CURVATURE_FIELDS.get(report["quality"])
+        known = qualities(CURVATURE).get(report["quality"])
         return f"{known.label if known else report['quality']}: median {report['statistics']['median']:.4g}{unit}"
     return ""
 
 
-_NOISE = ("noise_before", "noise_after")
-
-
-def mesh_summary(mesh: TriangleMesh, report: MeshReport, topology: dict[str, Any]) -> dict[str, Any]:
+def mesh_summary(mesh: TriangleMesh, report: MeshReport, topology: Report) -> Report:
     """What `info` tells, as one dict."""
     low, high = (mesh.vertices.min(axis=0), mesh.vertices.max(axis=0))
     return {
@@ -203,7 +201,7 @@ def mesh_summary(mesh: TriangleMesh, report: MeshReport, topology: dict[str, Any
     }
 
 
-def print_mesh_summary(summary: dict[str, Any], source: str) -> None:
+def print_mesh_summary(summary: Report, source: str) -> None:
     """Say what is in a mesh and whether it can be fitted."""
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     low, high = summary["bounding_box"]

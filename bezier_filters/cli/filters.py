@@ -1,299 +1,259 @@
-"""The commands that run a filter on a file and write another one."""
+"""The commands that run filters on a file and write another one."""
 
-from typing import Annotated, Any
+import inspect
+import time
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Annotated, Any, TypeAlias
 
 import typer
 
+from bezier_filters.arrays import Report
 from bezier_filters.cli import console
-from bezier_filters.cli.app import app, examples
-from bezier_filters.cli.files import filter_file
-from bezier_filters.cli.options import (
-    Alpha,
-    Color,
-    ColorMapName,
-    ColorRange,
-    Degree,
-    Json,
-    Percentile,
-    Quiet,
-    Radius,
-    Rings,
-    Robust,
-    SaveScript,
-    SmoothnessName,
-    Source,
-    Target,
-    Threads,
-    length,
-)
+from bezier_filters.cli.app import Json, Quiet, SaveScript, Source, Target, app, examples, options
+from bezier_filters.fields import CURVATURE, NORMALS, SMOOTH, qualities
+from bezier_filters.parameters import COLORS, FILLING, FIT, LINES, QUALITY, RUN, SMOOTHING, Parameter
+
+Filter: TypeAlias = Callable[..., Report]
+
+THREADS = RUN[0]
+_COLOR, *_RANGE = COLORS
+_COLORED = (replace(_COLOR, default=True), *_RANGE)
 
 
-@app.command(
-    epilog=examples(
-        "normals scan.ply smooth_normals.ply",
-        "normals points.ply oriented.ply --quality z",
-    )
-)
-def normals(
-    source: Source,
-    target: Target,
-    quality: Annotated[
-        str, typer.Option(help="Quality to set: angle (to the old normal, degrees), x, y or z.")
-    ] = "angle",
-    rings: Rings = "auto",
-    radius: Radius = None,
-    alpha: Alpha = "auto",
-    degree: Degree = "auto",
-    smoothness: SmoothnessName = "third_order",
-    robust: Robust = False,
-    color: Color = True,
-    colormap: ColorMapName = "auto",
-    percentile: Percentile = 2.0,
-    color_range: ColorRange = None,
-    threads: Threads = None,
-    save_script: SaveScript = None,
-    quiet: Quiet = False,
-    json: Json = False,
-) -> None:
+def filter_command(
+    name: str,
+    *parameters: Parameter,
+    verb: str = "fitting",
+    show: Callable[[Report, str], None] = console.print_status,
+) -> Callable[[Callable[[], Filter]], Callable[[], Filter]]:
+    """Make a command, which loads, filters, saves and reports, of a function that imports the filter.
+
+    The docstring of the function is the help of the command, the parameters are its options. The progress bar says the
+    verb, `show` prints the report.
+    """
+
+    def add(imported: Callable[[], Filter]) -> Callable[[], Filter]:
+        text, *lines = (inspect.getdoc(imported) or "").split("\nExample: bezier-filters ")
+
+        @app.command(name, help=text, epilog=examples(*lines))
+        @options(*parameters)
+        def command(
+            source: Source,
+            target: Target,
+            *,
+            save_script: SaveScript = None,
+            quiet: Quiet = False,
+            json: Json = False,
+            **given: object,
+        ) -> None:
+            from bezier_filters.meshlab.mesh_files import format_support, load_mesh, save_mesh
+
+            support, run = format_support(target), imported()
+            ms = load_mesh(source)
+            with console.progress_bar(f"{verb} {source.name}", quiet=quiet or json) as progress:
+                report = run(ms, progress=progress, **given)
+            save_mesh(ms, target)
+            if save_script is not None:
+                _add_step(save_script, run.__name__, given)
+            if json:
+                console.print_json({"input": str(source), "output": str(target), **report})
+            elif not quiet:
+                show(report, str(source))
+                if report.get("statistics"):
+                    console.print_statistics(report, qualities(name)[report["quality"]].label)
+                console.print_written(report, str(target))
+            if report.get("quality") and not support.quality:
+                console.err.print(
+                    f"note: {target.suffix} files hold no quality and no bz_* columns; write a PLY file to keep them"
+                )
+
+        return imported
+
+    return add
+
+
+def _add_step(script: Path, name: str, given: dict[str, object]) -> None:
+    """Write a filter script with one step more; threads are a matter of the machine, not of the script."""
+    from bezier_filters.files.filter_scripts import read_filter_script, save_filter_script
+    from bezier_filters.meshlab.scripts import script_step
+
+    before = read_filter_script(script) if script.exists() else []
+    save_filter_script(script, [*before, script_step(name, **(given | {"threads": None}))])
+
+
+@filter_command("normals", QUALITY[NORMALS], *FIT, *_COLORED, THREADS)
+def normals() -> Filter:
     """Set the vertex normals to those of the fitted patches.
 
     The quality becomes the angle to the old normals in degrees, or a component of the new ones. Neighbourhood, degree
     and weights are chosen from the data unless they are given. PLY files keep the normals, the quality, the colours and
     columns bz_*: the components, their standard error in radians, and how every fit went.
+
+    Example: bezier-filters normals scan.ply smooth_normals.ply
+    Example: bezier-filters normals points.ply oriented.ply --quality z
     """
-    from bezier_filters.meshlab.vertex_normal_filter import NORMAL_FIELDS, compute_normal_by_bezier_patch_per_vertex
+    from bezier_filters.meshlab.vertex_filters import compute_normal_by_bezier_patch_per_vertex
 
-    fit = {"rings": rings, "radius": radius, "alpha": alpha, "degree": degree, "smoothness": smoothness}
-    colors = {"color": color, "colormap": colormap, "percentile": percentile, "colorrange": color_range}
-    filter_file(
-        compute_normal_by_bezier_patch_per_vertex,
-        source,
-        target,
-        fit | colors | {"quality": quality, "robust": robust, "threads": threads},
-        label=NORMAL_FIELDS[quality].label if quality in NORMAL_FIELDS else quality,
-        save_script=save_script,
-        quiet=quiet,
-        json=json,
-    )
+    return compute_normal_by_bezier_patch_per_vertex
 
 
-@app.command(
-    epilog=examples(
-        "curvature bunny.ply curved.ply --quality gaussian --colormap 'French RGB'",
-        "curvature scan.ply curved.ply --radius 2% --range -20 20 --json",
-    )
-)
-def curvature(
-    source: Source,
-    target: Target,
-    quality: Annotated[
-        str, typer.Option(help="Quality to set: mean, gaussian, min, max, curvedness, shape_index or std.")
-    ] = "mean",
-    rings: Rings = "auto",
-    radius: Radius = None,
-    alpha: Alpha = "auto",
-    degree: Degree = "auto",
-    smoothness: SmoothnessName = "third_order",
-    robust: Robust = False,
-    color: Color = True,
-    colormap: ColorMapName = "auto",
-    percentile: Percentile = 2.0,
-    color_range: ColorRange = None,
-    threads: Threads = None,
-    save_script: SaveScript = None,
-    quiet: Quiet = False,
-    json: Json = False,
-) -> None:
+@filter_command("curvature", QUALITY[CURVATURE], *FIT, *_COLORED, THREADS)
+def curvature() -> Filter:
     """Compute mean, Gaussian and principal curvatures and directions; one of them becomes the quality.
 
     Curvature is positive where the surface is convex, in 1/length; Gaussian curvature is in 1/length^2. Neighbourhood,
     degree and weights are chosen from the data unless they are given. PLY files keep all of it in columns bz_*, with
     standard errors and how every fit went; other formats keep the colours.
+
+    Example: bezier-filters curvature bunny.ply curved.ply --quality gaussian --colormap 'French RGB'
+    Example: bezier-filters curvature scan.ply curved.ply --radius 2% --range -20 20 --json
     """
-    from bezier_filters.files.fields import CURVATURE_FIELDS
-    from bezier_filters.meshlab.curvature_filter import compute_curvature_by_bezier_patch_per_vertex
+    from bezier_filters.meshlab.vertex_filters import compute_curvature_by_bezier_patch_per_vertex
 
-    fit = {"rings": rings, "radius": radius, "alpha": alpha, "degree": degree, "smoothness": smoothness}
-    colors = {"color": color, "colormap": colormap, "percentile": percentile, "colorrange": color_range}
-    filter_file(
-        compute_curvature_by_bezier_patch_per_vertex,
-        source,
-        target,
-        fit | colors | {"quality": quality, "robust": robust, "threads": threads},
-        label=CURVATURE_FIELDS[quality].label if quality in CURVATURE_FIELDS else quality,
-        save_script=save_script,
-        quiet=quiet,
-        json=json,
-    )
+    return compute_curvature_by_bezier_patch_per_vertex
 
 
-@app.command(
-    epilog=examples(
-        "torsion bunny.ply twisted.ply",
-        "torsion bunny.ply twisted.ply --colormap Paper",
-    )
-)
-def torsion(
-    source: Source,
-    target: Target,
-    rings: Rings = "auto",
-    radius: Radius = None,
-    alpha: Alpha = "auto",
-    degree: Degree = "auto",
-    smoothness: SmoothnessName = "third_order",
-    robust: Robust = False,
-    color: Color = True,
-    colormap: ColorMapName = "auto",
-    percentile: Percentile = 2.0,
-    color_range: ColorRange = None,
-    threads: Threads = None,
-    save_script: SaveScript = None,
-    quiet: Quiet = False,
-    json: Json = False,
-) -> None:
+@filter_command("torsion", *FIT, *_COLORED, THREADS)
+def torsion() -> Filter:
     """Set the quality to the principal geodesic torsion (k_max - k_min) / 2.
 
     It is how much geodesics twist at most, in 1/length; PLY files keep the two directions of it in columns bz_*, and
     how every fit went. With --colormap Paper it is red where high, blue where medium and green where low.
+
+    Example: bezier-filters torsion bunny.ply twisted.ply
+    Example: bezier-filters torsion bunny.ply twisted.ply --colormap Paper
     """
-    from bezier_filters.files.fields import TORSION_FIELD
-    from bezier_filters.meshlab.curvature_filter import compute_torsion_by_bezier_patch_per_vertex
+    from bezier_filters.meshlab.vertex_filters import compute_torsion_by_bezier_patch_per_vertex
 
-    fit = {"rings": rings, "radius": radius, "alpha": alpha, "degree": degree, "smoothness": smoothness}
-    colors = {"color": color, "colormap": colormap, "percentile": percentile, "colorrange": color_range}
-    filter_file(
-        compute_torsion_by_bezier_patch_per_vertex,
-        source,
-        target,
-        fit | colors | {"robust": robust, "threads": threads},
-        label=TORSION_FIELD.label,
-        save_script=save_script,
-        quiet=quiet,
-        json=json,
-    )
+    return compute_torsion_by_bezier_patch_per_vertex
 
 
-@app.command(
-    epilog=examples(
-        "smooth scan.ply clean.ply",
-        "smooth scan.ply clean.ply --quality displacement --color",
-    )
+@filter_command(
+    "smooth",
+    *SMOOTHING,
+    QUALITY[SMOOTH],
+    replace(_COLOR, help="Colour all vertices by the quality; needs one."),
+    *_RANGE,
+    THREADS,
+    verb="smoothing",
+    show=console.print_smoothing,
 )
-def smooth(
-    source: Source,
-    target: Target,
-    method: Annotated[str, typer.Option(help="auto (learns what to do from the mesh) or paper.")] = "auto",
-    iterations: Annotated[int, typer.Option(help="How often to smooth; with auto once is enough.", min=1)] = 1,
-    noise: Annotated[
-        Any,
-        typer.Option(
-            help="Standard deviation of the noise; learned if left out. With % of the diagonal of the bounding box.",
-            parser=length,
-            metavar="LENGTH|PERCENT%",
-        ),
-    ] = None,
-    borders: Annotated[str, typer.Option(help="curve (smoothed along the border) or fixed.")] = "curve",
-    keep_volume: Annotated[
-        bool | None, typer.Option("--keep-volume/--no-keep-volume", help="Keep what closed parts enclose.")
-    ] = None,
-    rings: Annotated[int, typer.Option(help="Size of the neighbourhoods in edges; for the paper's method.")] = 2,
-    alpha: Annotated[float, typer.Option(help="Weight of the points, in (0, 1]; for the paper's method.")] = 0.8,
-    quality: Annotated[
-        str | None, typer.Option(help="Quality to set: displacement or sharpness; the old one stays if left out.")
-    ] = None,
-    color: Annotated[
-        bool, typer.Option("--color/--no-color", help="Colour the vertices by the quality; needs one.")
-    ] = False,
-    colormap: ColorMapName = "auto",
-    percentile: Percentile = 2.0,
-    color_range: ColorRange = None,
-    threads: Threads = None,
-    save_script: SaveScript = None,
-    quiet: Quiet = False,
-    json: Json = False,
-) -> None:
+def smooth() -> Filter:
     """Take the noise off a mesh and keep its shape, its volume and its edges.
 
     The noise is learned from the mesh; a clean mesh stays as it is. Vertices keep their order and the faces stay. The
     report says what the noise was and is, how far vertices moved, and what became of the volume.
+
+    Example: bezier-filters smooth scan.ply clean.ply
+    Example: bezier-filters smooth scan.ply clean.ply --quality displacement --color
     """
-    from bezier_filters.meshlab.smoothing_filter import SMOOTHING_FIELDS, apply_coord_bezier_patch_smoothing
+    from bezier_filters.meshlab.smoothing_filter import apply_coord_bezier_patch_smoothing
 
-    options = {"method": method, "iterations": iterations, "noise": noise, "borders": borders}
-    colors = {"color": color, "colormap": colormap, "percentile": percentile, "colorrange": color_range}
-    filter_file(
-        apply_coord_bezier_patch_smoothing,
-        source,
-        target,
-        options
-        | colors
-        | {"keepvolume": keep_volume, "rings": rings, "alpha": alpha, "quality": quality, "threads": threads},
-        label=SMOOTHING_FIELDS[quality].label if quality in SMOOTHING_FIELDS else "",
-        verb="smoothing",
-        show=console.print_smoothing,
-        needs_quality=quality is not None,
-        save_script=save_script,
-        quiet=quiet,
-        json=json,
-    )
+    return apply_coord_bezier_patch_smoothing
 
 
-@app.command(
-    "fill-holes",
-    epilog=examples(
-        "fill-holes scan.ply closed.ply --max-edges 300",
-        "fill-holes scan.ply closed.ply --max-diameter 10%",
-    ),
-)
-def fill_holes(
-    source: Source,
-    target: Target,
-    method: Annotated[str, typer.Option(help="auto (continues the surface, sharp edges included) or paper.")] = "auto",
-    max_edges: Annotated[int | None, typer.Option(help="Leave holes with more edges open.", min=3)] = None,
-    max_diameter: Annotated[
-        Any,
-        typer.Option(
-            help="Leave larger holes open. With % of the diagonal of the bounding box.",
-            parser=length,
-            metavar="LENGTH|PERCENT%",
-        ),
-    ] = None,
-    outer_rims: Annotated[
-        bool, typer.Option("--outer-rims/--no-outer-rims", help="Fill where open sheets end, too.")
-    ] = False,
-    creases: Annotated[
-        bool, typer.Option("--creases/--no-creases", help="Continue sharp edges through the holes.")
-    ] = True,
-    alpha: Annotated[float, typer.Option(help="Weight of the points, in (0, 1]; for the paper's method.")] = 0.8,
-    threads: Threads = None,
-    save_script: SaveScript = None,
-    quiet: Quiet = False,
-    json: Json = False,
-) -> None:
+@filter_command("fill-holes", *FILLING, THREADS, verb="filling", show=console.print_holes)
+def fill_holes() -> Filter:
     """Fill the holes of a mesh: smooth where the surface is smooth, sharp where it is sharp.
 
     Old vertices and faces stay the first, unchanged; new ones come after them. A hole is filled whole or left open, and
     the report says for each how it was filled, or why not. Where open sheets end is no hole, unless --outer-rims.
+
+    Example: bezier-filters fill-holes scan.ply closed.ply --max-edges 300
+    Example: bezier-filters fill-holes scan.ply closed.ply --max-diameter 10%
     """
     from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
 
-    filter_file(
-        meshing_close_holes_by_bezier_patch,
-        source,
-        target,
-        {
-            "method": method,
-            "maxholesize": max_edges,
-            "maxdiameter": max_diameter,
-            "outerrims": outer_rims,
-            "creases": creases,
-            "alpha": alpha,
-            "threads": threads,
-        },
-        verb="filling",
-        show=console.print_holes,
-        needs_quality=False,
-        save_script=save_script,
-        quiet=quiet,
-        json=json,
-    )
+    return meshing_close_holes_by_bezier_patch
+
+
+@app.command(epilog="Example: bezier-filters creases scan.ply lines.ply --picture creases.png")
+@options(*LINES, *FIT, THREADS)
+def creases(
+    source: Source,
+    target: Annotated[Path, typer.Argument(help="Lines to write, a PLY or OBJ file.", metavar="LINES.ply")],
+    *,
+    picture: Annotated[
+        Path | None, typer.Option(help="PNG file with the mesh and its lines.", metavar="PICTURE.png")
+    ] = None,
+    view: Annotated[
+        list[str] | None, typer.Option(help="View of the picture: front, back, left, ...; may be repeated.")
+    ] = None,
+    quiet: Quiet = False,
+    json: Json = False,
+    **given: Any,
+) -> None:
+    """Find sharp edges, ridges and ravines, and write them as lines."""
+    from bezier_filters.files.ply_text import check_line_file, save_lines
+    from bezier_filters.meshlab.crease_filter import creases_of, described, lines_as_mesh
+    from bezier_filters.meshlab.mesh_files import load_mesh
+    from bezier_filters.meshlab.meshset import read_current_mesh
+    from bezier_filters.meshlab.vertex_filters import FitArguments
+    from bezier_filters.pictures.render import check_picture, render_panels
+
+    check_line_file(target)
+    if picture is not None:
+        check_picture(picture)
+    mesh = read_current_mesh(load_mesh(source))
+    angle, strength = given.pop("angle"), given.pop("minstrength")
+    begin = time.perf_counter()
+    with console.progress_bar(f"fitting {source.name}", quiet=quiet or json) as progress:
+        found = creases_of(mesh, FitArguments(**given, progress=progress), angle, strength)
+    seconds = time.perf_counter() - begin
+    save_lines(target, *lines_as_mesh(found))
+    if picture is not None:
+        from bezier_filters.pictures.field_panels import crease_panel
+
+        panel = crease_panel(mesh.vertices, mesh.faces, found, title=source.name)
+        render_panels(picture, [panel], views=view or ["front", "back"])
+    report = {
+        "lines": [described(line) for line in found.lines],
+        "sharp_edges": len(found.sharp_edges),
+        "status": found.geometry.status_counts(),
+        "seconds": {"fit": seconds},
+    }
+    if json:
+        shown = None if picture is None else str(picture)
+        console.print_json({"input": str(source), "output": str(target), "picture": shown, **report})
+    elif not quiet:
+        console.print_creases(report, str(source))
+        console.print_written(report, str(target))
+        if picture is not None:
+            console.out.print(f"wrote [bold]{picture}[/]")
+
+
+@app.command(epilog="Example: bezier-filters run repair.mlx scan.ply clean.ply")
+def run(
+    script: Annotated[Path, typer.Argument(help="Filter script to run.", metavar="SCRIPT.mlx")],
+    source: Source,
+    target: Target,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Run a MeshLab filter script, whose steps may be MeshLab's filters and those of this package.
+
+    Such a script is the .mlx file that MeshLab and pymeshlab save, or --save-script of the other commands. The name of
+    a step is MeshLab's, pymeshlab's, or one of this package, such as compute_curvature_by_bezier_patch_per_vertex.
+    Names are checked before the first step runs; the output is written after the last.
+    """
+    from bezier_filters.files.filter_scripts import read_filter_script
+    from bezier_filters.meshlab.mesh_files import format_support, load_mesh, save_mesh
+    from bezier_filters.meshlab.scripts import check_steps, run_filter_script
+
+    steps = read_filter_script(script)
+    names = check_steps(steps)
+    format_support(target)
+    ms = load_mesh(source)
+    with console.progress_bar(script.name, quiet=quiet or json) as progress:
+        done = run_filter_script(ms, steps, progress=progress)
+    save_mesh(ms, target)
+    if json:
+        summary = {"script": str(script), "input": str(source), "output": str(target)}
+        console.print_json(summary | {"steps": [asdict(report) for report in done]})
+    elif not quiet:
+        width = max(map(len, names), default=0)
+        for report in done:
+            console.out.print(f"{report.filter:<{width}}  {report.by:<14}  {report.seconds:7.2f} s", markup=False)
+        console.print_written({"seconds": dict(enumerate(report.seconds for report in done))}, str(target))

@@ -6,8 +6,7 @@ from typing import Annotated
 import typer
 
 from bezier_filters.cli import console
-from bezier_filters.cli.app import app, examples
-from bezier_filters.cli.options import ColorRange, Json, Percentile, Quiet, Source
+from bezier_filters.cli.app import ColorRange, Json, Percentile, Quiet, Source, app, examples
 
 Sources = Annotated[
     list[Path], typer.Argument(help="Meshes side by side, for example before and after.", metavar="MESH")

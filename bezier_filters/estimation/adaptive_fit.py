@@ -6,6 +6,7 @@ The neighbourhoods are rings of edges, or balls of one radius: a scale that does
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -21,7 +22,7 @@ from bezier_filters.learning.plans import THRIFT, Choices, plan_for
 from bezier_filters.learning.ring_analysis import FEWEST_SAMPLES, RingAnalysis
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.patches.fitting import PatchFit
-from bezier_filters.runtime.parallel import Progress, run_in_chunks
+from bezier_filters.runtime.parallel import Progress, run_kernel
 
 RADIUS_SAMPLES = 150
 """Neighbourhoods whose radius is measured."""
@@ -100,23 +101,8 @@ def choose_fit(
 ) -> tuple[SurfaceFit, Learned | None]:
     """Choose what the user left open, as far as one choice holds for all.
 
-    Parameters
-    ----------
-    learn : callable
-        Called only if something is left open.
-    rings : int or "auto"
-        Size of the neighbourhood.
-    fixed : PatchFit or None
-        The patch; None if the data choose.
-    degrees : tuple of int
-        Degrees that they may choose.
-
-    Returns
-    -------
-    fit : SurfaceFit
-        Without parts.
-    learned : Learned or None
-        What `with_parts` finds parts from; None if there are none.
+    `rings` or `fixed` are given or left to the data, which may then choose one of the degrees; `learn` is called only
+    if something is left open. The second result is what `with_parts` finds parts from, if there may be any.
     """
     root, sigma = None, None
     if fixed is None or rings == "auto":
@@ -134,24 +120,10 @@ def choose_fit(
 
 
 def with_parts(fit: SurfaceFit, learned: Learned, features: Features) -> SurfaceFit:
-    """The fit with what suits the parts of the surface, if they differ.
-
-    Parameters
-    ----------
-    fit : SurfaceFit
-        For all.
-    learned : Learned
-        What that was chosen from.
-    features : callable
-        Gives the `first_features` of sampled vertices.
-    """
+    """The fit with what suits the parts of the surface, if they differ, by the `first_features` of sampled vertices."""
     root = learned.root
     tree = grow(root, learned.analyses, features, learned.choices)
-    return fit if isinstance(tree, Leaf) else replace(fit, parts=_part_fits(root, tree))
-
-
-def _part_fits(root: Leaf, tree: Tree[Leaf]) -> Tree[PartFit]:
-    return at_leaves(tree, lambda leaf: _part_fit(root, leaf))
+    return fit if isinstance(tree, Leaf) else replace(fit, parts=at_leaves(tree, partial(_part_fit, root)))
 
 
 def _part_fit(root: Leaf, leaf: Leaf) -> PartFit:
@@ -179,28 +151,9 @@ def fit_parts(
     threads: int = 1,
     progress: Progress | None = None,
 ) -> FitChoice:
-    """Fit those of the vertices `ids` again that belong to a part with a plan worth its time.
+    """Fit those of the vertices `ids`, in ascending order, again that belong to a part with a plan worth its time.
 
-    Parameters
-    ----------
-    mesh : KernelMesh
-    ids : (k,) int32
-        Vertices, in ascending order.
-    fit : SurfaceFit
-        How.
-    geometry : VertexGeometry
-        The results of the first fit, which are replaced.
-    robust : bool
-        Whether points far off a fit lose their weight.
-    threads : int
-        Number of threads.
-    progress : callable, optional
-        Called with the number of vertices done: all of them.
-
-    Returns
-    -------
-    FitChoice
-        With the number of vertices of each part.
+    The results of the first fit are replaced. Returns the choice with the number of vertices of each part.
     """
     if fit.parts is None:
         return fit.choice
@@ -231,7 +184,7 @@ def _part_numbers(parts: Tree[PartFit], geometry: VertexGeometry, origin: IntArr
     def number(start: int, stop: int) -> None:
         numbers[start:stop] = leaf_numbers(parts, first_features(geometry, origin[ids[start:stop]]))
 
-    run_in_chunks(lambda: number, len(ids), threads=1)
+    run_kernel(number, len(ids), threads=1)
     return numbers
 
 
@@ -260,29 +213,9 @@ def fit_in_balls(
     threads: int = 1,
     progress: Progress | None = None,
 ) -> FitChoice:
-    """Fit the vertices `ids` to what lies within a distance of each.
+    """Fit the vertices `ids` to what lies within a distance of each, a length.
 
-    Parameters
-    ----------
-    mesh : KernelMesh
-    adjacency : Adjacency
-        Of the same mesh.
-    ids : (k,) int32
-        Vertices to fit.
-    radius : float
-        The distance, a length.
-    fit : PatchFit or None
-        The patch; None for what suits the rings of about this radius, the same everywhere.
-    degrees : tuple of int
-        Degrees that may be chosen.
-    geometry : VertexGeometry
-        Receives the results.
-    robust : bool
-        Whether points far off a fit lose their weight.
-    threads : int
-        Number of threads.
-    progress : callable, optional
-        Called with the number of vertices done.
+    Where the patch is left open, one that suits the rings of about this radius is taken, the same everywhere.
     """
     leaf = None if fit else _learn_balls(mesh, adjacency, radius, degrees, threads)
     if leaf is None:

@@ -21,7 +21,7 @@ from bezier_filters.learning.learn import MOST_TURNED
 from bezier_filters.learning.plans import FitPlan
 from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.patches.polynomials import elimination_order, lexicographic_places, row_starts
-from bezier_filters.runtime.parallel import Progress, run_in_chunks
+from bezier_filters.runtime.parallel import Progress, run_in_chunks, run_kernel
 from bezier_filters.status import FitStatus
 
 SMALLEST_PIVOT = 1e-6
@@ -189,7 +189,7 @@ def _give_status(status: FitStatus, ids: IntArray, mask: BoolArray, origin: IntA
     def give(start: int, stop: int) -> None:
         geometry.status[origin[ids[start:stop][mask[start:stop]]]] = status
 
-    run_in_chunks(lambda: give, len(ids), threads=1)
+    run_kernel(give, len(ids), threads=1)
 
 
 def _where(mask: BoolArray, ids: IntArray) -> IntArray:
@@ -256,7 +256,6 @@ def kernel_fit(attempt: Attempt, *, robust: bool = False) -> KernelFit:
         exponents=space.exponents,
         starts=row_starts(space.exponents),
         lexicographic=lexicographic_places(space.exponents),
-        moment_exponents=moment_exponents,
         moment_starts=row_starts(moment_exponents),
         moment_place=moment_place,
         penalty=penalty,

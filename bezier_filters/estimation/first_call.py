@@ -46,7 +46,8 @@ def first_compilation(kernel: Any, compile_kernel: Callable[[], object], compile
     of this happens. Otherwise this process compiles the largest kernel, and another one runs the code `compile_others`
     for the rest, which this one finds in the cache. What goes wrong there is compiled here when it is called.
     """
-    if not _will_be_compiled(kernel):
+    compiled = getattr(kernel, "signatures", True)  # or loaded in this process, or the JIT is off
+    if compiled or any(Path(kernel.stats.cache_path).glob(f"*{kernel.py_func.__name__}*.nbi")):
         yield
         return
     logger.warning("compiling the numerical kernels; this takes about ten seconds, once per installation")
@@ -67,12 +68,6 @@ def first_compilation(kernel: Any, compile_kernel: Callable[[], object], compile
         yield
     finally:
         gc.set_threshold(*thresholds)
-
-
-def _will_be_compiled(kernel: Any) -> bool:
-    if getattr(kernel, "signatures", True):  # compiled or loaded in this process, or the JIT is off
-        return False
-    return not any(Path(kernel.stats.cache_path).glob(f"*{kernel.py_func.__name__}*.nbi"))
 
 
 def _is_python(executable: str | None) -> bool:

@@ -17,8 +17,8 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.adjacency import Adjacency, Rows
 from bezier_filters.meshes.frames import TangentPlanes
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.orientation import oriented
-from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
+from bezier_filters.meshes.orientation import orient_normals
+from bezier_filters.runtime.parallel import run_kernel
 
 CANDIDATES = 20
 """Nearest points among which the neighbours are sought: some three layers around a point."""
@@ -72,7 +72,7 @@ def point_cloud(mesh: TriangleMesh, normals: FloatArray | None = None, *, thread
     nearest, reach = _nearest(points, threads)
     planes = _least_squares_normals(points, nearest)
     neighbours, on_boundary = _neighbours(points, nearest, reach, planes, threads)
-    planes = oriented(points, planes, neighbours, None if normals is None else normals[first])[place_of]
+    planes = orient_normals(points, planes, neighbours, None if normals is None else normals[first])[place_of]
     if normals is not None:
         inward = np.einsum("ij,ij->i", planes, normals) < 0.0
         planes[inward] *= -1.0
@@ -134,10 +134,7 @@ def _neighbours(
     chosen = np.zeros(nearest.shape, dtype=np.bool_)
     on_boundary = np.zeros(n, dtype=np.bool_)
 
-    def make_task() -> RangeTask:
-        return lambda start, stop: _choose_neighbours(points, nearest, normals, reach, start, stop, chosen, on_boundary)
-
-    run_in_chunks(make_task, n, threads=threads)
+    run_kernel(_choose_neighbours, n, points, nearest, normals, reach, chosen, on_boundary, threads=threads)
     indptr = np.append(0, np.cumsum(chosen.sum(axis=1)))
     graph = csr_array((np.ones(indptr[-1], dtype=np.int8), nearest[chosen], indptr), shape=(n, n))
     graph = (graph + graph.T).tocsr()
@@ -150,10 +147,10 @@ def _choose_neighbours(
     nearest: IntArray,
     normals: FloatArray,
     reach: FloatArray,
-    start: int,
-    stop: int,
     chosen: BoolArray,
     on_boundary: BoolArray,
+    start: int,
+    stop: int,
 ) -> None:
     """Mark the Delaunay neighbours among the nearest points, and the points with a wide gap around them.
 

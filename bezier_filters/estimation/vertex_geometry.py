@@ -6,18 +6,13 @@ import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.display.html_tables import html_table, summary
+from bezier_filters.fields import ESTIMATES, fields_of
 from bezier_filters.status import FitStatus
 
 _SHOWN = {
-    "mean_curvature": "1/length",
-    "gaussian_curvature": "1/length²",
-    "k_min": "1/length",
-    "k_max": "1/length",
-    "geodesic_torsion": "1/length",
-    "shape_index": "",
-    "residual": "length",
-    "normal_std": "radians",
-    "mean_curvature_std": "1/length",
+    field.source: field.unit
+    for field in fields_of(*ESTIMATES)
+    if field.attribute is not None and field.component is None and field.source != "status"
 }
 """Quantities that notebooks list, and their units."""
 
@@ -200,9 +195,19 @@ class VertexGeometry:
         They bisect the principal directions. Like those they are undefined at umbilics and
         have no sign.
         """
-        plus = (self.direction_max + self.direction_min) * np.sqrt(0.5)
-        minus = (self.direction_max - self.direction_min) * np.sqrt(0.5)
-        return plus, minus
+        return self.torsion_direction_plus, self.torsion_direction_minus
+
+    @property
+    def torsion_direction_plus(self) -> FloatArray:
+        """Directions of the largest torsion, +t_max, (n, 3); see `torsion_directions`."""
+        result: FloatArray = (self.direction_max + self.direction_min) * np.sqrt(0.5)
+        return result
+
+    @property
+    def torsion_direction_minus(self) -> FloatArray:
+        """Directions of the smallest torsion, -t_max, (n, 3); see `torsion_directions`."""
+        result: FloatArray = (self.direction_max - self.direction_min) * np.sqrt(0.5)
+        return result
 
     def status_counts(self) -> dict[str, int]:
         """Count the vertices per status name, only those that occur, from best to worst."""

@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import radians
-from numbers import Real
 from typing import Literal, get_args
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.display.html_tables import html_table
-from bezier_filters.errors import InvalidMeshError, InvalidParameterError
+from bezier_filters.errors import InvalidMeshError, InvalidParameterError, is_real
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
 from bezier_filters.feature_lines.crest_segments import CurvatureAlongLines, crest_segments, points_on_edges
@@ -277,7 +276,7 @@ def _smooth_lines(
 
 
 def _check(angle: object, min_strength: object) -> None:
-    if isinstance(angle, bool) or not isinstance(angle, Real) or not 0.0 < float(angle) <= 180.0:
+    if not (is_real(angle) and 0.0 < angle <= 180.0):
         raise InvalidParameterError(f"angle: got {angle!r}, expected degrees above 0 and up to 180")
-    if isinstance(min_strength, bool) or not isinstance(min_strength, Real) or not 0.0 <= float(min_strength) < np.inf:
+    if not (is_real(min_strength) and 0.0 <= min_strength < np.inf):
         raise InvalidParameterError(f"min_strength: got {min_strength!r}, expected a number of 0 or more")

@@ -61,15 +61,7 @@ def crest_segments(mesh: TriangleMesh, edges: MeshEdges, field: CurvatureAlongLi
     radii of curvature, as far as the curvature falls off within a radius. The weight does not change with
     scale, and vanishes in planes and on surfaces whose curvature is constant along its lines.
 
-    Parameters
-    ----------
-    mesh : TriangleMesh
-    edges : MeshEdges
-        Of the same mesh.
-    field : CurvatureAlongLines
-        At its vertices.
-    faces : (f,) int
-        Triangles to look at, none of which names a vertex twice.
+    Only the given faces are looked at, none of which names a vertex twice.
     """
     # Zeros by edge, so that both triangles at an edge see the same: signs with which the slopes at both ends agree.
     tail, head = edges.vertices.T

@@ -1,1 +1,1 @@
-"""The fields that files and filters share, and readers and writers that pymeshlab does not have."""
+"""Readers and writers that pymeshlab does not have."""

@@ -3,8 +3,9 @@
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any
+from xml.etree import ElementTree
 from xml.parsers import expat
 from xml.sax.saxutils import quoteattr
 
@@ -49,55 +50,45 @@ def read_filter_script(path: str | os.PathLike[str]) -> list[ScriptStep]:
     data = Path(path).read_bytes()
     if len(data) > _LARGEST:
         raise InvalidScriptError(f"{path}: is no filter script: it has {len(data):,} bytes")
-    reader = _Reader(str(path))
     parser = expat.ParserCreate()
-    parser.StartElementHandler = reader.start
-    parser.EndElementHandler = reader.end
-    parser.EntityDeclHandler = reader.refuse_entity
+    parser.EntityDeclHandler = partial(_refuse_entity, path)
     try:
         parser.Parse(data, True)
     except expat.ExpatError as error:
-        raise InvalidScriptError(f"{path}: is no filter script: {error}") from error
-    return reader.steps
+        raise _refusal(path, str(error)) from error
+    root = ElementTree.fromstring(data)
+    if root.tag != "FilterScript":
+        raise _refusal(path, f"the outermost element is <{root.tag}>, expected <FilterScript>")
+    return [_step(path, element) for element in root]
 
 
-@dataclass
-class _Reader:
-    path: str
-    steps: list[ScriptStep] = field(default_factory=list)
-    parents: list[str] = field(default_factory=list)
+def _step(path: str | os.PathLike[str], element: ElementTree.Element) -> ScriptStep:
+    name = _checked_name(path, "FilterScript", element, ("filter", "xmlfilter"))
+    parameters: dict[str, Mapping[str, str]] = {}
+    for child in element:
+        parameter = _checked_name(path, element.tag, child, ("Param", "xmlparam"))
+        for below in child:
+            _checked_name(path, child.tag, below, ())
+        if parameter in parameters:
+            raise _refusal(path, f"the filter {name!r} has two parameters {parameter!r}")
+        parameters[parameter] = {key: value for key, value in child.attrib.items() if key != "name"}
+    return ScriptStep(name, parameters)
 
-    def start(self, tag: str, attributes: dict[str, str]) -> None:
-        if self.parents == []:
-            if tag != "FilterScript":
-                self._refuse(f"the outermost element is <{tag}>, expected <FilterScript>")
-        elif self.parents == ["FilterScript"] and tag in ("filter", "xmlfilter"):
-            self.steps.append(ScriptStep(self._name(tag, attributes), {}))
-        elif self.parents[1:] in (["filter"], ["xmlfilter"]) and tag in ("Param", "xmlparam"):
-            last = self.steps.pop()
-            name = self._name(tag, attributes)
-            if name in last.parameters:
-                self._refuse(f"the filter {last.name!r} has two parameters {name!r}")
-            others = {key: value for key, value in attributes.items() if key != "name"}
-            self.steps.append(ScriptStep(last.name, {**last.parameters, name: others}))
-        else:
-            self._refuse(f"an element <{tag}> within <{self.parents[-1]}>, expected <filter> and <Param>")
-        self.parents.append(tag)
 
-    def end(self, _tag: str) -> None:
-        self.parents.pop()
+def _checked_name(path: str | os.PathLike[str], parent: str, element: ElementTree.Element, tags: Sequence[str]) -> str:
+    if element.tag not in tags:
+        raise _refusal(path, f"an element <{element.tag}> within <{parent}>, expected <filter> and <Param>")
+    if not element.get("name"):
+        raise _refusal(path, f"a <{element.tag}> without a name")
+    return element.attrib["name"]
 
-    def refuse_entity(self, name: str, *_: Any) -> None:
-        self._refuse(f"it declares an entity {name!r}, which scripts do not need")
 
-    def _name(self, tag: str, attributes: dict[str, str]) -> str:
-        name = attributes.get("name", "")
-        if not name:
-            self._refuse(f"a <{tag}> without a name")
-        return name
+def _refuse_entity(path: str | os.PathLike[str], name: str, *_: object) -> None:
+    raise _refusal(path, f"it declares an entity {name!r}, which scripts do not need")
 
-    def _refuse(self, reason: str) -> None:
-        raise InvalidScriptError(f"{self.path}: is no filter script: {reason}")
+
+def _refusal(path: str | os.PathLike[str], reason: str) -> InvalidScriptError:
+    return InvalidScriptError(f"{path}: is no filter script: {reason}")
 
 
 def save_filter_script(path: str | os.PathLike[str], steps: Sequence[ScriptStep]) -> None:

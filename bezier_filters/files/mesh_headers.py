@@ -1,26 +1,161 @@
-"""Mesh files whose header promises more than they hold, found before a reader allocates memory for it."""
+"""The headers of mesh files, believed only as far as the size of the file bears them out.
+
+A damaged header must not make a reader allocate memory for what is not there; plyfile, which has no such check, and
+pymeshlab read a file after it has passed.
+"""
 
 import os
 import re
+from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 from bezier_filters.errors import FieldFileError
-from bezier_filters.files.ply_header import HEADER_LIMIT, check_size, parse_header
 
+HEADER_LIMIT = 1 << 20
+"""Bytes at the beginning of a file that hold its header; real ones have a few hundred."""
+BYTE_ORDER = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+TRIPLE = 3
+"""Entries of the lists that meshes have: corners of a triangle, a point attribute."""
+
+_BLOCK = 1 << 20
 _STL_HEADER, _STL_TRIANGLE = 84, 50
 _STL_LOOK = 1000  # bytes that tell text from numbers
 _OFF_VERTEX, _OFF_FACE = 6, 2  # least bytes of a line of three coordinates, and of the number of corners
+CORNERS = ("vertex_indices", "vertex_index")
+_CODES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
+_NAMES = ("char uchar short ushort int uint float double", "int8 uint8 int16 uint16 int32 uint32 float32 float64")
+_TYPES = {name: code for names in _NAMES for name, code in zip(names.split(), _CODES, strict=True)}
+
+
+@dataclass(frozen=True)
+class PlyProperty:
+    """A number, or list of numbers, in each row.
+
+    Attributes
+    ----------
+    name : str
+    type, length_type : str
+        NumPy codes without byte order, of the numbers and, for lists only, of their lengths.
+    """
+
+    name: str
+    type: str
+    length_type: str = ""
+
+    def columns(self) -> list[tuple[str, str]]:
+        """Names and types of the numbers of this property in a row, a list being taken for a triple."""
+        if not self.length_type:
+            return [(self.name, self.type)]
+        # Names in PLY files have no spaces, so these cannot clash with one.
+        return [(f"{self.name} length", self.length_type)] + [(f"{self.name} {k}", self.type) for k in range(TRIPLE)]
+
+
+@dataclass(frozen=True)
+class PlyElement:
+    """A table of the file: its name, its number of rows and what each of them holds."""
+
+    name: str
+    count: int
+    properties: list[PlyProperty]
+
+    @property
+    def columns(self) -> list[tuple[str, str]]:
+        """Names and types of the numbers in a row, lists being taken for triples."""
+        return [column for item in self.properties for column in item.columns()]
+
+    @property
+    def has_lists(self) -> bool:
+        """Whether its rows may differ in size."""
+        return any(item.length_type for item in self.properties)
+
+    def least_row_size(self, is_ascii: bool) -> int:
+        """Bytes that a row has at least; faces have three corners, other lists may be empty."""
+        parts = [item.columns()[: None if item.name in CORNERS else 1] for item in self.properties]
+        # In ASCII a number takes a digit and a separator.
+        return sum(2 if is_ascii else int(code[1]) for part in parts for _, code in part)
+
+
+@dataclass(frozen=True)
+class PlyHeader:
+    """Format of a file, its tables in their order, and how many bytes come before the data."""
+
+    format: str
+    elements: list[PlyElement]
+    size: int
+
+    @property
+    def is_ascii(self) -> bool:
+        """Whether numbers are written as text."""
+        return self.format == "ascii"
+
+    @property
+    def vertex_index(self) -> int:
+        """Place of the vertices among the elements; -1 if there are none."""
+        return next((k for k, element in enumerate(self.elements) if element.name == "vertex"), -1)
+
+
+def parse_header(path: Path, head: bytes) -> PlyHeader:
+    """Header of the PLY file that begins with `head`; `FieldFileError` if it is damaged or goes beyond that."""
+    if not head.startswith((b"ply\n", b"ply\r\n")):
+        raise FieldFileError(f"{path} is neither a PLY nor an NPZ file: it starts with {head[:12]!r}")
+    text = re.match(rb".*?^end_header[ \t]*\r?\n", head, re.DOTALL | re.MULTILINE)
+    if text is None:
+        raise FieldFileError(f"{path} is cut short or damaged: its PLY header has no end")
+    format_name, elements = "", list[PlyElement]()
+    for number, line in enumerate(text.group().splitlines()[1:-1], start=2):
+        # Comments, which may name files, are the only place for other than ASCII characters.
+        words = line.decode("ascii", "replace").split()
+        match words:
+            case [] | ["comment" | "obj_info", *_]:
+                pass
+            case ["format", name, "1.0"] if name in BYTE_ORDER:
+                format_name = name
+            case ["element", name, count] if count.isdecimal() and len(count) < 19:
+                elements.append(PlyElement(name, int(count), []))
+            case ["property", "list", length, kind, name] if elements and {length, kind} <= _TYPES.keys():
+                elements[-1].properties.append(PlyProperty(name, _TYPES[kind], _TYPES[length]))
+            case ["property", kind, name] if elements and kind in _TYPES:
+                elements[-1].properties.append(PlyProperty(name, _TYPES[kind]))
+            case _:
+                raise FieldFileError(
+                    f"{path}: line {number} of the PLY header is not understood: {' '.join(words)[:80]!r}"
+                )
+    if not format_name:
+        raise FieldFileError(f"{path}: the PLY header names no format")
+    for element in elements:
+        names = [item.name for item in element.properties]
+        if not names or len(set(names)) < len(names):
+            raise FieldFileError(f"{path}: the element {element.name} has no properties, or two of the same name")
+    return PlyHeader(format_name, elements, text.end())
+
+
+def check_size(path: Path, header: PlyHeader) -> None:
+    """Refuse a header that promises more than the file holds, before anything is allocated for it."""
+    needed = sum(element.count * element.least_row_size(header.is_ascii) for element in header.elements)
+    size = path.stat().st_size - header.size
+    # The last number of an ASCII file needs no separator.
+    if needed > size + header.is_ascii:
+        raise FieldFileError(
+            f"{path} is cut short or damaged: its header announces {needed} bytes of data or more, but {size} follow"
+        )
+
+
+def check_lines(path: Path, stream: BinaryIO, header: PlyHeader) -> None:
+    """Refuse an ASCII file with fewer lines than its header announces rows."""
+    stream.seek(header.size)
+    lines = sum(block.count(b"\n") for block in iter(lambda: stream.read(_BLOCK), b""))
+    rows = sum(element.count for element in header.elements)
+    if lines + 1 < rows:
+        raise FieldFileError(
+            f"{path} is cut short or damaged: its header announces {rows} lines of data, but {lines} follow"
+        )
 
 
 def check_header(path: str | os.PathLike[str]) -> None:
     """Refuse a PLY, binary STL or ASCII OFF file that is too short for what its header announces.
 
     What is not understood passes: its own reader has to judge.
-
-    Raises
-    ------
-    FieldFileError
-        The message names what is announced and what there is.
     """
     path = Path(path)
     with path.open("rb") as stream:

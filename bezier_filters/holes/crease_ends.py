@@ -66,7 +66,7 @@ def creases_around(region: InfluenceRegion) -> Creases:
     mesh = TriangleMesh(region.vertices, region.faces)
     twins, edges = half_edge_twins(mesh), mesh_edges(mesh)
     is_sharp, limit = sharp_edges_at_hole(edges)
-    of_half_edges = edges.of_faces.ravel()
+    of_half_edges = edges.of_faces.ravel()  # no face of a region names a vertex twice, so all have an edge
     creases = Creases(is_sharp[of_half_edges], edges.is_convex[of_half_edges], twins)
     angles = edges.angles[of_half_edges]
     _continue_creases(region, creases, np.where(angles > WEAK * limit, angles, 0.0))
@@ -97,7 +97,7 @@ def _continue_creases(region: InfluenceRegion, creases: Creases, angles: FloatAr
             if _cosine(ahead, region.vertices[end[h]] - region.vertices[tip]) > STRAIGHT_ON and not is_sharp[h]
         ]
         if straight:
-            best = max(straight, key=lambda h: angles[h])
+            best = max(straight, key=lambda h: angles[h])  # of equally sharp ones the first half-edge
             is_sharp[[best, twins[best]]] = True
             count[[tip, end[best]]] += 1
             front.append((tip, int(end[best])))
@@ -115,7 +115,7 @@ def crease_ends(region: InfluenceRegion, creases: Creases) -> list[CreaseEnd]:
     result = []
     for position, vertex in enumerate(region.loops[0].tolist()):
         chains = [_chain(region.vertices, leaving, [vertex, other]) for other in leaving.get(vertex, [])]
-        chain = max(chains, key=len, default=[])
+        chain = max(chains, key=len, default=[])  # of equally long ones the one that leaves by the first half-edge
         if len(chain) > SHORTEST:
             result.append(_end(region, position, chain, convex[chain[0], chain[1]]))
     return list({end.position: end for end in sorted(result, key=lambda end: end.position)}.values())

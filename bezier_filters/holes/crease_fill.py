@@ -299,6 +299,7 @@ def _partition(count: int, energies: Mapping[tuple[int, ...], float]) -> list[tu
                 options.append(
                     (sum(o[0] for o in between), ENERGY_OF_GROUP + energy + sum(o[1] for o in between), found)
                 )
+        # Of equals the first: leaving the first end over comes before joining it.
         return min(options, key=lambda option: option[:2])
 
     return list(best(0, count)[2])

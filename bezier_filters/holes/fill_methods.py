@@ -1,6 +1,6 @@
 """The methods to fill a hole. A further one is a function of a task and a line in the table."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -55,5 +55,5 @@ def _paper(task: FillTask) -> Iterator[Attempt]:
     yield from smooth_attempts(task.region, task.normals, noisy=task.noisy, threads=task.threads)
 
 
-FILL_METHODS: Mapping[FillingMethod, Callable[[FillTask], Iterator[Attempt]]] = {"auto": _automatic, "paper": _paper}
+FILL_METHODS: dict[FillingMethod, Callable[[FillTask], Iterator[Attempt]]] = {"auto": _automatic, "paper": _paper}
 """What each one tries, the best first: the first fill that cuts nothing is taken."""

@@ -176,7 +176,7 @@ def _first_without_cuts(
             problem = _problem_with(placed, low, high)
             if not problem:
                 cuts = _count_cuts(placed, obstacles)
-                if best.attempt is None or cuts < best.cuts:
+                if best.attempt is None or cuts < best.cuts:  # of equals the earlier: methods come best first
                     error = float(np.abs(placed.points[: region.rim_count] - region.rim_vertices).max())
                     best = FilledHole(attempt, placed, next_vertex, cuts, rim_error=error)
                 if cuts == 0:

@@ -3,13 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import pi
-from numbers import Integral, Real
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.errors import InvalidParameterError
+from bezier_filters.errors import InvalidParameterError, is_integer, is_real
 from bezier_filters.holes.loops import corner_angles, diameter, edge_lengths, enclosed, plane_axes, vector_area
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.half_edges import border_half_edges, cycles
@@ -226,13 +225,10 @@ class HoleChoice:
 
     def __post_init__(self) -> None:
         edges = self.max_edges
-        if edges is not None and (isinstance(edges, bool) or not isinstance(edges, Integral) or edges < 3):
+        if edges is not None and not (is_integer(edges) and edges >= 3):
             raise InvalidParameterError(f"max_edges: got {edges!r}, expected an integer of 3 or more, or None")
-        for name in ("max_perimeter", "max_diameter"):
-            length = getattr(self, name)
-            if length is not None and (
-                isinstance(length, bool) or not isinstance(length, Real) or not float(length) > 0.0
-            ):
+        for name, length in (("max_perimeter", self.max_perimeter), ("max_diameter", self.max_diameter)):
+            if length is not None and not (is_real(length) and length > 0.0):
                 raise InvalidParameterError(f"{name}: got {length!r}, expected a positive length, or None")
 
     def check(self, vertex_count: int, hole_count: int) -> None:
@@ -244,7 +240,7 @@ class HoleChoice:
                     f"selected: got {mask.dtype} of shape {mask.shape}, expected bool of shape ({vertex_count},)"
                 )
         for k in self.holes or ():
-            if isinstance(k, bool) or not isinstance(k, Integral) or not 0 <= k < hole_count:
+            if not (is_integer(k) and 0 <= k < hole_count):
                 raise InvalidParameterError(
                     f"holes: got {k!r}, expected numbers from 0 to {hole_count - 1}, for {hole_count} holes and rims; "
                     "the report of a call with holes=[] lists them"

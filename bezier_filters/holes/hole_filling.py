@@ -1,17 +1,15 @@
 """Hole filling: the function that users call, and what it gives."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from numbers import Real
-from typing import get_args
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.display.html_tables import html_table
-from bezier_filters.errors import InvalidParameterError
-from bezier_filters.holes.fill_methods import FillingMethod
+from bezier_filters.errors import InvalidParameterError, is_real
+from bezier_filters.holes.fill_methods import FILL_METHODS, FillingMethod
 from bezier_filters.holes.fill_placement import FaceSet, FilledHole, OpenMesh, fill_group, groups_of_boxes, hole_box
 from bezier_filters.holes.hole_detection import Hole, HoleChoice, find_holes
 from bezier_filters.holes.influence_region import influence_region, normals_and_noise
@@ -69,16 +67,16 @@ class HoleReport:
     perimeter: float
     diameter: float
     is_outer_rim: bool
-    filled: bool
-    method: str
-    reason: str
-    parts: int
-    creases: IntArray
-    new_vertices: range
-    new_faces: range
-    rim_error: float
-    rim_dihedral: float
-    self_intersections: int
+    filled: bool = False
+    method: str = ""
+    reason: str = ""
+    parts: int = 0
+    creases: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int32))
+    new_vertices: range = range(0)
+    new_faces: range = range(0)
+    rim_error: float = 0.0
+    rim_dihedral: float = 0.0
+    self_intersections: int = 0
 
 
 @dataclass(frozen=True, repr=False)
@@ -222,9 +220,9 @@ def fill_holes(
     True
     """
     mesh = triangle_mesh(vertices, faces)
-    if method not in get_args(FillingMethod):
-        raise InvalidParameterError(f"method: got {method!r}, expected one of {get_args(FillingMethod)}")
-    if noise is not None and (isinstance(noise, bool) or not isinstance(noise, Real) or not 0.0 <= noise < np.inf):
+    if method not in FILL_METHODS:
+        raise InvalidParameterError(f"method: got {method!r}, expected one of {tuple(FILL_METHODS)}")
+    if noise is not None and not (is_real(noise) and 0.0 <= noise < np.inf):
         raise InvalidParameterError(f"noise: got {noise!r}, expected a length of 0 or more, or None")
     PatchFit(alpha=alpha)
     choice = HoleChoice(max_edges, max_perimeter, max_diameter, holes, selected, outer_rims)
@@ -288,16 +286,7 @@ def _left_open(hole: Hole, reason: str) -> HoleReport:
         perimeter=hole.perimeter,
         diameter=hole.diameter,
         is_outer_rim=hole.is_outer_rim,
-        filled=False,
-        method="",
         reason=reason,
-        parts=0,
-        creases=np.empty((0, 2), dtype=np.int32),
-        new_vertices=range(0),
-        new_faces=range(0),
-        rim_error=0.0,
-        rim_dihedral=0.0,
-        self_intersections=0,
     )
 
 

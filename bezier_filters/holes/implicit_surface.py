@@ -14,8 +14,8 @@ from scipy.linalg import block_diag
 
 from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.holes.reml import FAST, TERMS, reflections_of, restricted_likelihood, turn
-from bezier_filters.runtime.lean import inner_njit, lean_njit
-from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
+from bezier_filters.runtime.jit import inner_jit, jit
+from bezier_filters.runtime.parallel import run_kernel
 
 POWERS = (3, 5)
 PILOT = 3
@@ -75,13 +75,8 @@ class ImplicitSurface:
             Where they end, and which of them are on the surface.
         """
         scaled, found = self._scaled(points), np.zeros(len(points), dtype=np.bool_)
-
-        def make_task() -> RangeTask:
-            return lambda start, stop: _project(
-                scaled, self.centers, self.weights, self.quadratic, self.power, start, stop, found
-            )
-
-        run_in_chunks(make_task, len(points), threads=threads)
+        function = self.centers, self.weights, self.quadratic, self.power
+        run_kernel(_project, len(points), scaled, *function, found, threads=threads)
         return self.origin + self.scale * scaled, found
 
     def _scaled(self, points: FloatArray) -> FloatArray:
@@ -96,23 +91,10 @@ def fit_implicit_surface(
     noisy: bool,
     others: FloatArray | None = None,
 ) -> ImplicitSurface | None:
-    """Fit a surface to points (n, 3) and unit normals (n, 3).
+    """Fit a surface to points (n, 3) and unit normals (n, 3); None if they are too few or do not determine it.
 
-    Parameters
-    ----------
-    points, normals : (n, 3) float64
-        Where the surface is, and where its outside.
-    offset : float
-        Length e at which the function is told its values off the surface: about that of an edge.
-    noisy : bool
-        Whether the points have errors; otherwise they are interpolated.
-    others : (k, 3) float64, optional
-        Further points of the surface, with unknown normals.
-
-    Returns
-    -------
-    ImplicitSurface or None
-        None if there are too few points, or they do not determine the function.
+    The function is told its values at the offset, a length of about an edge, from the surface. Points that are not
+    noisy are interpolated. `others` (k, 3) are further points, with unknown normals.
 
     Examples
     --------
@@ -161,7 +143,8 @@ def _fits(
     reflections = reflections_of(_quadratics(points))
     if np.abs(np.diag(reflections.triangle)).min() < 1e-12:
         return []
-    turned, factor = np.empty((2, len(points), len(points)))
+    turned = np.empty((len(points), len(points)))
+    factor = np.empty((len(points) - TERMS, len(points) - TERMS))
     errors = _error_covariance(len(surface), len(further)) if noisy else np.empty((0, 0))
     if noisy:
         turn(errors, reflections)
@@ -197,7 +180,7 @@ def _quadratics(points: FloatArray) -> FloatArray:
     return np.stack([np.ones(len(points)), x, y, z, x * x, x * y, x * z, y * y, y * z, z * z], axis=1)
 
 
-@lean_njit(fastmath=FAST)
+@jit(fastmath=FAST)
 def _write_kernel(centers: FloatArray, power: int, matrix: FloatArray) -> None:
     """Write the lower triangle of |x_i - x_j|^p, with the sign that makes it conditionally positive definite."""
     xs, ys, zs = centers[0], centers[1], centers[2]
@@ -209,7 +192,7 @@ def _write_kernel(centers: FloatArray, power: int, matrix: FloatArray) -> None:
             row[j] = square * np.sqrt(square) * (-square if power == 5 else 1.0)
 
 
-@lean_njit(fastmath=FAST)
+@jit(fastmath=FAST)
 def _evaluate(
     points: FloatArray,
     centers: FloatArray,
@@ -227,16 +210,16 @@ def _evaluate(
         )
 
 
-@lean_njit(fastmath=FAST)
+@jit(fastmath=FAST)
 def _project(
     points: FloatArray,
     centers: FloatArray,
     weights: FloatArray,
     quadratic: FloatArray,
     power: int,
+    found: BoolArray,
     start: int,
     stop: int,
-    found: BoolArray,
 ) -> None:
     """Move points start .. stop-1 to the surface, and say which of them got there."""
     for i in range(start, stop):
@@ -257,7 +240,7 @@ def _project(
                 break
 
 
-@inner_njit(fastmath=FAST)
+@inner_jit(fastmath=FAST)
 def _value_and_gradient(
     x: float, y: float, z: float, centers: FloatArray, weights: FloatArray, quadratic: FloatArray, power: int
 ) -> tuple[float, float, float, float]:

@@ -15,7 +15,7 @@ from bezier_filters.meshes.half_edges import faces_at_edges, half_edge, half_edg
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.neighbourhoods import rings_around
 from bezier_filters.meshes.triangles import angle_parts, edge_length
-from bezier_filters.runtime.lean import lean_njit
+from bezier_filters.runtime.jit import jit
 
 RINGS = 5
 """Around a hole, from which its fill follows."""
@@ -166,7 +166,7 @@ def vertex_pairs(faces: IntArray, limit: int) -> frozenset[tuple[int, int]]:
     return frozenset((a, b) for a, b in ends.tolist())
 
 
-@lean_njit()
+@jit()
 def _measure_rim(
     points: FloatArray, faces: IntArray, first: IntArray, following: IntArray, angles: FloatArray, lengths: FloatArray
 ) -> None:
@@ -240,14 +240,14 @@ def farthest_points(points: FloatArray, near: IntArray, most: int) -> IntArray:
     return np.flatnonzero(taken).astype(np.int32)
 
 
-@lean_njit()
+@jit()
 def _take_farthest(
     points: FloatArray, candidates: IntArray, count: int, distances: FloatArray, taken: BoolArray
 ) -> None:
     """Take some of the candidates; `distances` are those to the points taken before, squared."""
     for _ in range(count):
         farthest = -1
-        for i in candidates:
+        for i in candidates:  # of equally far ones the first
             if not taken[i] and (farthest < 0 or distances[i] > distances[farthest]):
                 farthest = i
         taken[farthest] = True

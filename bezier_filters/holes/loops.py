@@ -14,7 +14,7 @@ from scipy.spatial.distance import cdist
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.triangles import area_vector
-from bezier_filters.runtime.lean import inner_njit, lean_njit
+from bezier_filters.runtime.jit import inner_jit, jit
 
 DISTANCES_AT_ONCE = 512
 """Points whose distances to all others are computed together."""
@@ -122,23 +122,10 @@ def triangulate_loop(
 ) -> IntArray | None:
     """Triangulate a closed loop.
 
-    Parameters
-    ----------
-    points : (k, 3) float64
-        Corners of the loop in the direction of its triangles.
-    ids : (k,) int
-        Names of the corners; a loop that reaches islands over bridges names the ends of the bridges twice.
-    rim_normals : (k, 3) float64
-        Unit normal of the face beyond the edge that begins at each corner; zero where there is none.
-    gaps : (k,) float64
-        Angle of the hole at each corner, in radians.
-    existing : set of (int, int)
-        Pairs of ids, the smaller first, that are joined by edges already and must not be joined again.
-
-    Returns
-    -------
-    (k - 2, 3) int32 or None
-        Triangles of ids; None if every triangulation would join a pair again.
+    `points` (k, 3) run in the direction of the triangles, `rim_normals` (k, 3) are those of the faces beyond the edges
+    that begin there, zero where there is none, and `gaps` (k,) are the angles of the hole, in radians. A loop that
+    reaches islands over bridges names the ends of the bridges twice, by `ids` (k,). Pairs of ids that exist, the
+    smaller first, are not joined again: None if every triangulation would, otherwise triangles of ids (k - 2, 3).
 
     Examples
     --------
@@ -225,7 +212,7 @@ def _triangles(split: IntArray) -> IntArray | None:
     return np.array(triangles, dtype=np.int32).reshape(-1, 3)
 
 
-@lean_njit()
+@jit()
 def _search(
     points: FloatArray,
     rim_normals: FloatArray,
@@ -258,12 +245,13 @@ def _search(
                 if span == count - 1:
                     u, v, w = rim_normals[k, 0], rim_normals[k, 1], rim_normals[k, 2]
                     sharpest = max(sharpest, _rounded(x * u + y * v + z * w, u * u + v * v + w * w))
+                # Of equally sharp ones the least area, of equal areas the first corner: sharpness is rounded for that.
                 total = area[i, m] + area[m, k] + size
                 if sharpest < worst[i, k] or (sharpest == worst[i, k] and total < area[i, k]):
                     worst[i, k], area[i, k], split[i, k] = sharpest, total, m
 
 
-@inner_njit()
+@inner_jit()
 def _sharpness(
     points: FloatArray, rim_normals: FloatArray, split: IntArray, a: int, b: int, x: float, y: float, z: float
 ) -> float:
@@ -275,7 +263,7 @@ def _sharpness(
     return _rounded(x * u + y * v + z * w, u * u + v * v + w * w)
 
 
-@inner_njit()
+@inner_jit()
 def _rounded(cosine: float, known: float) -> float:
     """1 - cos in steps, so that rounding errors do not choose between flat triangulations; 0 at unknown faces."""
     if known == 0.0:
@@ -283,7 +271,7 @@ def _rounded(cosine: float, known: float) -> float:
     return float(np.floor((1.0 - cosine) * STEPS + 0.5) / STEPS)
 
 
-@inner_njit()
+@inner_jit()
 def _normal(points: FloatArray, i: int, m: int, k: int) -> tuple[float, float, float, float]:
     """Unit normal of a triangle, zero if it has none, and its area."""
     x, y, z = area_vector(points, i, m, k)

@@ -12,7 +12,7 @@ from scipy.sparse.linalg import splu
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.meshes.triangles import cotangent_and_area
-from bezier_filters.runtime.lean import lean_njit
+from bezier_filters.runtime.jit import jit
 
 Matrix: TypeAlias = FloatArray | csr_matrix
 
@@ -87,7 +87,7 @@ def cotangent_matrix(points: FloatArray, faces: IntArray) -> tuple[Matrix, Float
     return (diags(np.asarray(off.sum(axis=1)).ravel()) - off).tocsr(), areas
 
 
-@lean_njit()
+@jit()
 def _measure(points: FloatArray, faces: IntArray, areas: FloatArray, weights: FloatArray) -> None:
     """Add the areas of faces to their vertices, and write half the cotangents opposite their edges.
 
@@ -101,7 +101,7 @@ def _measure(points: FloatArray, faces: IntArray, areas: FloatArray, weights: Fl
             areas[tip] += area / 3.0
 
 
-@lean_njit()
+@jit()
 def _write_stiffness(faces: IntArray, weights: FloatArray, matrix: FloatArray) -> None:
     """Write the cotangent matrix, zero at first, with the weights of edges, of which none is left too small."""
     for f in range(faces.shape[0]):

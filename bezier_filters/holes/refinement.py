@@ -13,7 +13,7 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.half_edges import face_neighbours
 from bezier_filters.meshes.triangles import angle_parts, area_vector, cosine_between, has_corner
-from bezier_filters.runtime.lean import inner_njit, lean_njit
+from bezier_filters.runtime.jit import inner_jit, jit
 
 DENSITY = float(np.sqrt(2.0))
 """Triangles are split while their centroid is farther from their corners than the wanted edge length over this."""
@@ -100,7 +100,7 @@ def relax_tangentially(fill: Fill) -> Fill:
     return replace(fill, points=points)
 
 
-@lean_njit()
+@jit()
 def _split(points: FloatArray, sizes: FloatArray, faces: IntArray, neighbours: IntArray, n: int, m: int) -> int:
     """Split those of the first m faces that are too large at their centroids; return how many."""
     added = 0
@@ -133,7 +133,7 @@ def _split(points: FloatArray, sizes: FloatArray, faces: IntArray, neighbours: I
     return added
 
 
-@inner_njit()
+@inner_jit()
 def _relink(faces: IntArray, neighbours: IntArray, f: int, start: int, new: int) -> None:
     """Tell face f, if there is one, which face lies beyond its edge that begins at a vertex."""
     if f >= 0:
@@ -141,7 +141,7 @@ def _relink(faces: IntArray, neighbours: IntArray, f: int, start: int, new: int)
         neighbours[f, k] = new
 
 
-@lean_njit()
+@jit()
 def _flip(points: FloatArray, faces: IntArray, neighbours: IntArray, existing: IntArray, rim_count: int) -> int:
     """Flip edges that are not locally Delaunay, in passes over all faces; return how many."""
     flips = 0
@@ -180,7 +180,7 @@ def _flip(points: FloatArray, faces: IntArray, neighbours: IntArray, existing: I
     return flips
 
 
-@inner_njit()
+@inner_jit()
 def _is_better_flipped(points: FloatArray, a: int, b: int, c: int, d: int) -> bool:
     """Whether the angles at c and d, opposite the edge (a, b), exceed pi, and (c, d) makes no sharper edge."""
     at_c, across_c = angle_parts(points, c, a, b)
@@ -193,7 +193,7 @@ def _is_better_flipped(points: FloatArray, a: int, b: int, c: int, d: int) -> bo
     return then >= min(now, 0.5) - 1e-9
 
 
-@inner_njit()
+@inner_jit()
 def _is_listed(pairs: IntArray, a: int, b: int) -> bool:
     """Whether (a, b) is among sorted pairs."""
     low, high = 0, pairs.shape[0]
@@ -206,7 +206,7 @@ def _is_listed(pairs: IntArray, a: int, b: int) -> bool:
     return bool(low < pairs.shape[0] and pairs[low, 0] == a and pairs[low, 1] == b)
 
 
-@inner_njit()
+@inner_jit()
 def _are_joined(faces: IntArray, neighbours: IntArray, f: int, g: int, c: int, d: int, rim_count: int) -> bool:
     """Whether an edge joins c, a corner of face f, and d, a corner of face g.
 
@@ -232,7 +232,7 @@ def _are_joined(faces: IntArray, neighbours: IntArray, f: int, g: int, c: int, d
     return True
 
 
-@lean_njit()
+@jit()
 def _move_to_means(
     before: FloatArray, faces: IntArray, goals: FloatArray, counts: FloatArray, moving: BoolArray, points: FloatArray
 ) -> None:
@@ -265,7 +265,7 @@ def _move_to_means(
                     points[i, axis] = before[i, axis]
 
 
-@inner_njit()
+@inner_jit()
 def _are_opposite(before: FloatArray, after: FloatArray, a: int, b: int, c: int) -> bool:
     """Whether a triangle is turned by more than a right angle."""
     ux, uy, uz = area_vector(before, a, b, c)

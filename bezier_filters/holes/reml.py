@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.lapack import dgeqrf
+from scipy.linalg.lapack import dgeqrf, dpotrf
 
 from bezier_filters.arrays import FloatArray
-from bezier_filters.runtime.lapack import factor_in_place
-from bezier_filters.runtime.lean import lean_njit
+from bezier_filters.runtime.jit import jit
 
 TERMS = 10
 """Of a quadratic."""
@@ -73,17 +72,16 @@ def restricted_likelihood(
     """
     for _ in range(4):
         _add_errors(turned, errors, variance, factor)
-        if factor_in_place(factor, TERMS):
-            break
+        # LAPACK's rows are columns here: its upper triangle is the lower one, and nothing is copied.
+        if dpotrf(factor.T, lower=0, clean=0, overwrite_a=1)[1] == 0:
+            weights = target.copy()
+            log_determinant, energy = _solve_factored(factor, weights)
+            return log_determinant + len(target) * float(np.log(energy)), weights
         variance *= 10.0
-    else:
-        return None
-    weights = target.copy()
-    log_determinant, energy = _solve_factored(factor, weights)
-    return log_determinant + len(target) * float(np.log(energy)), weights
+    return None
 
 
-@lean_njit(fastmath=FAST)
+@jit(fastmath=FAST)
 def _multiply(matrix: FloatArray, columns: FloatArray, products: FloatArray) -> None:
     """Add a symmetric matrix, of which the lower triangle is read, times columns (k, n) to `products` (k, n)."""
     for i in range(matrix.shape[0]):
@@ -96,7 +94,7 @@ def _multiply(matrix: FloatArray, columns: FloatArray, products: FloatArray) -> 
             product[i] += total + row[i] * x
 
 
-@lean_njit(fastmath=FAST)
+@jit(fastmath=FAST)
 def _subtract_products(v: FloatArray, b: FloatArray, matrix: FloatArray) -> float:
     """Subtract V^T B + B^T V of (10, n) from the lower triangle; return the sum of squares of all from row 10 on."""
     squares = 0.0
@@ -110,32 +108,33 @@ def _subtract_products(v: FloatArray, b: FloatArray, matrix: FloatArray) -> floa
     return squares
 
 
-@lean_njit()
+@jit()
 def _add_errors(turned: FloatArray, errors: FloatArray, variance: float, total: FloatArray) -> None:
     """Write the lower triangle of the contrasts with errors, independent ones if no covariance is given."""
-    for i in range(TERMS, turned.shape[0]):
-        for j in range(TERMS, i + 1):
-            total[i, j] = turned[i, j]
+    for i in range(total.shape[0]):
+        row = total[i]
+        for j in range(i + 1):
+            row[j] = turned[TERMS + i, TERMS + j]
         if errors.shape[0] == 0:
-            total[i, i] += variance
+            row[i] += variance
         else:
-            for j in range(TERMS, i + 1):
-                total[i, j] += variance * errors[i, j]
+            for j in range(i + 1):
+                row[j] += variance * errors[TERMS + i, TERMS + j]
 
 
-@lean_njit(fastmath=FAST)
+@jit(fastmath=FAST)
 def _solve_factored(factor: FloatArray, right: FloatArray) -> tuple[float, float]:
-    """Solve L L^T x = b in place, L from row and column 10 on; return log det L L^T and b^T x, which is positive."""
+    """Solve L L^T x = b in place, lower triangular; return log det L L^T and b^T x, which is positive."""
     log_determinant, energy = 0.0, 0.0
     for i in range(right.shape[0]):
-        row = factor[TERMS + i, TERMS:]
+        row = factor[i]
         log_determinant += 2.0 * np.log(row[i])
         for j in range(i):
             right[i] -= row[j] * right[j]
         right[i] /= row[i]
         energy += right[i] * right[i]
     for i in range(right.shape[0] - 1, -1, -1):
-        row = factor[TERMS + i, TERMS:]
+        row = factor[i]
         right[i] /= row[i]
         for j in range(i):
             right[j] -= row[j] * right[i]

@@ -9,11 +9,11 @@ import numpy as np
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.kernels.kernel_input import FITTED, FOLDED, ILL_POSED, NO_FRAME, KernelFit, KernelMesh
 from bezier_filters.meshes.frames import TIE, direction_to, farthest_direction, folds, mean_normal, turned_share
+from bezier_filters.runtime.jit import inner_jit
 from bezier_filters.runtime.lanes import LANES, Lanes, load, multiply_add, spread, square_root, store, where_greater
-from bezier_filters.runtime.lean import inner_njit
 
 
-@inner_njit()
+@inner_jit()
 def write_plane(mesh: KernelMesh, fit: KernelFit, members: IntArray, count: int, inner: int, frame: FloatArray) -> int:
     """Write the z axis of the local frame of members[0] into the last third of frame (9,); return the outcome so far.
 
@@ -49,7 +49,7 @@ def write_plane(mesh: KernelMesh, fit: KernelFit, members: IntArray, count: int,
     return FITTED
 
 
-@inner_njit()
+@inner_jit()
 def write_any_axes(mesh: KernelMesh, members: IntArray, count: int, neighbours: int, frame: FloatArray) -> int:
     """Write x and y axes, any that there are, of the local frame of members[0] before its z axis; return the outcome.
 
@@ -73,7 +73,7 @@ def write_any_axes(mesh: KernelMesh, members: IntArray, count: int, neighbours: 
     return FITTED
 
 
-@inner_njit()
+@inner_jit()
 def point_to_farthest(
     points: FloatArray,
     stride: int,
@@ -82,25 +82,16 @@ def point_to_farthest(
     tied: FloatArray,
     frame: FloatArray,
 ) -> None:
-    """Write the x and y axes of frames whose z axes are known.
+    """Write the x and y axes of frames whose z axes are known; zeros where every neighbour projects onto the vertex.
 
-    Parameters
-    ----------
-    points : lanes
-        A table with rows x, y, z: edges from the vertices to the points of their neighbourhoods, the
-        first of which are the neighbours, after the vertex itself. What is no point at all is zero.
-    stride : int
-        Lanes per row.
-    counts, neighbours : lanes
-        One entry: number of points, and of neighbours.
-    tied : lanes
-        Work space, one entry.
-    frame : lanes
-        Nine entries: x, y and z axes. The x axis is zero where every neighbour projects onto the vertex.
+    `points` are lanes, a table with rows x, y, z of `stride` entries: edges from the vertices to the points of their
+    neighbourhoods, the first of which are the neighbours, after the vertex itself. What is no point at all is zero.
+    `counts` and `neighbours` say how many there are, `tied` is work space, one entry each; `frame` has nine.
     """
     most_points, most_neighbours = _largest(counts), _largest(neighbours)
     zero, share = spread(0.0), spread(1.0 - TIE)
     farthest, second, bx, by, bz = zero, zero, zero, zero, zero
+    # The second farthest, too: only where it is as far, on lattices mostly, the costly rules for ties are needed.
     for p in range(1, most_neighbours + 1):
         x, y, z, square = _projected(points, stride, p, neighbours, frame)
         second = where_greater(square, farthest, farthest, where_greater(square, second, square, second))
@@ -130,7 +121,7 @@ def point_to_farthest(
     store(frame, 5, nx * xy - ny * xx)
 
 
-@inner_njit()
+@inner_jit()
 def _largest(lanes: FloatArray) -> int:
     """The largest of eight numbers, as an integer."""
     result = 0.0
@@ -139,7 +130,7 @@ def _largest(lanes: FloatArray) -> int:
     return int(result)
 
 
-@inner_njit()
+@inner_jit()
 def _projected(
     points: FloatArray, stride: int, p: int, neighbours: FloatArray, frame: FloatArray
 ) -> tuple[Lanes, Lanes, Lanes, Lanes]:
@@ -152,7 +143,7 @@ def _projected(
     return x, y, z, where_greater(spread(np.float64(p)), load(neighbours, 0), spread(-1.0), square)
 
 
-@inner_njit()
+@inner_jit()
 def _break_ties(
     points: FloatArray,
     stride: int,
@@ -180,6 +171,7 @@ def _break_ties(
             along = multiply_add(a * a * a, one + a, along)
             heights = multiply_add(a * a, h * h, heights)
         along, heights = along / load(counts, 0), heights / load(counts, 0)
+        # First the moments along the axis, then those of the heights; within rounding, the first neighbour stays.
         better = where_greater(heights, best_heights * (one + tie), one, zero)
         better = where_greater(along, best_along - tie, better, zero)
         better = where_greater(along, best_along + tie, one, better)

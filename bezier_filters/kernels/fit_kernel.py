@@ -7,7 +7,7 @@ fewer points than the others of its block is filled up with points that weigh no
 
 import numpy as np
 
-from bezier_filters.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from bezier_filters.arrays import ByteArray, FloatArray, IntArray
 from bezier_filters.kernels.fit_frames import point_to_farthest, write_any_axes, write_plane
 from bezier_filters.kernels.fit_workspace import (
     CHUNK,
@@ -28,8 +28,8 @@ from bezier_filters.kernels.lane_algebra import (
     sort_lanes,
 )
 from bezier_filters.meshes.neighbourhoods import collect_ball, collect_ring
+from bezier_filters.runtime.jit import inner_jit, jit, variable
 from bezier_filters.runtime.lanes import LANES, Lanes, load, multiply_add, spread, square_root, store, where_greater
-from bezier_filters.runtime.lean import inner_njit, lean_njit, variable
 from bezier_filters.runtime.parallel import RangeTask
 
 ROOM = 2
@@ -58,12 +58,10 @@ def fit_task(
 
     Condition numbers are written where there is an array for them.
     """
-    n = len(mesh.vertices)
-    visited, members = np.zeros(n, dtype=np.bool_), np.empty(n + 1, dtype=np.int32)
     capacity = max(FEWEST, ROOM * 3 * fit.rings * (fit.rings + 1))
 
     def scratch() -> tuple[FitWorkspace, RobustWorkspace | None]:
-        return fit_workspace(fit, capacity), robust_workspace(capacity) if fit.rounds else None
+        return fit_workspace(fit, len(mesh.vertices), capacity), robust_workspace(capacity) if fit.rounds else None
 
     work, robust = scratch()
 
@@ -71,9 +69,7 @@ def fit_task(
     def run(start: int, stop: int) -> None:
         nonlocal capacity, work, robust
         while start < stop:
-            start, needed = fit_in_lanes(
-                mesh, fit, ids, start, stop, visited, members, work, results, outcomes, conditions, robust
-            )
+            start, needed = fit_in_lanes(mesh, fit, ids, start, stop, work, results, outcomes, conditions, robust)
             if start < stop:  # there a block needs more room, and is collected once more
                 capacity = 2 * needed
                 work, robust = scratch()
@@ -81,15 +77,13 @@ def fit_task(
     return run
 
 
-@lean_njit()
+@jit()
 def fit_in_lanes(
     mesh: KernelMesh,
     fit: KernelFit,
     ids: IntArray,
     start: int,
     stop: int,
-    visited: BoolArray,
-    members: IntArray,
     work: FitWorkspace,
     results: VertexResults,
     outcomes: ByteArray,
@@ -105,7 +99,7 @@ def fit_in_lanes(
     for first in range(start, stop, LANES):
         block = ids[first : min(first + LANES, stop)]
         of_block = outcomes[first : min(first + LANES, stop)]
-        most, needed = _collect(mesh, fit, block, visited, members, capacity, work, of_block)
+        most, needed = _collect(mesh, fit, block, capacity, work, of_block)
         if needed > capacity:
             return first, needed
         if most == 0:
@@ -123,13 +117,11 @@ def fit_in_lanes(
     return stop, 0
 
 
-@inner_njit()
+@inner_jit()
 def _collect(
     mesh: KernelMesh,
     fit: KernelFit,
     block: IntArray,
-    visited: BoolArray,
-    members: IntArray,
     capacity: int,
     work: FitWorkspace,
     outcomes: ByteArray,
@@ -138,7 +130,7 @@ def _collect(
 
     A lane whose vertex has no frame, or that has no vertex, is left without points.
     """
-    most, rings = 0, work.rings
+    most, rings, visited, members = 0, work.rings, work.visited, work.members
     store(work.counts, 0, spread(0.0))
     store(work.neighbours, 0, spread(0.0))
     for lane in range(block.shape[0]):
@@ -163,7 +155,7 @@ def _collect(
     return most, capacity
 
 
-@inner_njit()
+@inner_jit()
 def _gather(vertices: FloatArray, members: IntArray, count: int, lane: int, stride: int, work: FitWorkspace) -> None:
     """Write the edges from members[0] and the frame of one neighbourhood to its lane."""
     points, i = work.points, members[0]
@@ -178,7 +170,7 @@ def _gather(vertices: FloatArray, members: IntArray, count: int, lane: int, stri
         work.frame[LANES * k + lane] = work.one_frame[k]
 
 
-@inner_njit()
+@inner_jit()
 def _mark_presence(counts: FloatArray, most: int, stride: int, points: FloatArray) -> None:
     """Tell points from what weighs nothing and lies on the vertex itself, up to a full group of points."""
     zero, one = spread(0.0), spread(1.0)
@@ -189,7 +181,7 @@ def _mark_presence(counts: FloatArray, most: int, stride: int, points: FloatArra
             store(points, row * stride + p, where_greater(presence, zero, load(points, row * stride + p), zero))
 
 
-@inner_njit()
+@inner_jit()
 def _project(square: bool, stride: int, count: int, work: FitWorkspace) -> None:
     """Turn edges into parameters and heights; the parameters of a rectangle without area are not finite."""
     points, frame, box = work.points, work.frame, work.box
@@ -222,7 +214,7 @@ def _project(square: bool, stride: int, count: int, work: FitWorkspace) -> None:
         store(points, stride + p, (load(points, stride + p) - middle_y) * scale_y)
 
 
-@inner_njit()
+@inner_jit()
 def _solve(fit: KernelFit, stride: int, count: int, work: FitWorkspace, weights: FloatArray | None) -> None:
     """Set up and solve the normal equations; `weights` are lanes for the points beyond their weights by distance."""
     _sum_moments(fit, stride, count, work, weights)
@@ -233,7 +225,7 @@ def _solve(fit: KernelFit, stride: int, count: int, work: FitWorkspace, weights:
         store(work.coefficients, fit.lexicographic[k], load(work.solution, k))
 
 
-@inner_njit()
+@inner_jit()
 def _solve_robustly(fit: KernelFit, stride: int, count: int, work: FitWorkspace, robust: RobustWorkspace) -> None:
     """The same by iteratively reweighted least squares, with Tukey's biweight of the residuals.
 
@@ -259,7 +251,7 @@ def _solve_robustly(fit: KernelFit, stride: int, count: int, work: FitWorkspace,
     store(work.sound, 0, where_greater(zero, load(robust.medians, 0), zero, load(work.sound, 0)))
 
 
-@inner_njit()
+@inner_jit()
 def _find_reaches(free: int, stride: int, count: int, work: FitWorkspace, robust: RobustWorkspace) -> bool:
     """Find how far off a point of each neighbourhood may be; return whether reweighting of any goes on.
 
@@ -291,7 +283,7 @@ def _find_reaches(free: int, stride: int, count: int, work: FitWorkspace, robust
     return any_goes_on
 
 
-@inner_njit()
+@inner_jit()
 def _differentiate(fit: KernelFit, stride: int, count: int, work: FitWorkspace) -> None:
     """Find the sum of the squared residuals, and the derivatives by lengths at the vertex."""
     zero, one = spread(0.0), spread(1.0)
@@ -314,7 +306,7 @@ def _differentiate(fit: KernelFit, stride: int, count: int, work: FitWorkspace) 
         scale_r = scale_r * load(work.box, 1)
 
 
-@inner_njit()
+@inner_jit()
 def _sum_moments(fit: KernelFit, stride: int, count: int, work: FitWorkspace, weights: FloatArray | None) -> None:
     """Sum the products of powers over the points, without and with the height, chunk by chunk."""
     zero, one = spread(0.0), spread(1.0)
@@ -322,6 +314,7 @@ def _sum_moments(fit: KernelFit, stride: int, count: int, work: FitWorkspace, we
         store(work.moments, k, zero)
     for k in range(fit.starts[-1]):
         store(work.heights, k, zero)
+    # Chunks of equal size whose powers fit into the nearest cache, so that no last chunk is nearly empty.
     chunks = (count + CHUNK - 1) // CHUNK
     size = (count + chunks - 1) // chunks
     s, t, z, presence = 0, stride, 2 * stride, 3 * stride
@@ -348,7 +341,7 @@ def _sum_moments(fit: KernelFit, stride: int, count: int, work: FitWorkspace, we
         add_moments(work.left, work.lifted, variable(CHUNK), here, fit.starts, work.heights)
 
 
-@inner_njit()
+@inner_jit()
 def _weight(fit: KernelFit, a: Lanes, b: Lanes, scale: Lanes) -> Lanes:
     """Lanes of the distance weights of points with parameters a, b on squares of `scale` per length."""
     ratio = spread(fit.weight_scale) * (a * a + b * b) / (scale * scale)
@@ -358,7 +351,7 @@ def _weight(fit: KernelFit, a: Lanes, b: Lanes, scale: Lanes) -> Lanes:
     return spread(1.0) / (spread(1.0) + power)
 
 
-@inner_njit()
+@inner_jit()
 def _set_up(fit: KernelFit, order: int, work: FitWorkspace) -> None:
     """Set up the normal equations, with the moments of the heights as the last row."""
     for k in range(fit.moment_place.shape[0]):

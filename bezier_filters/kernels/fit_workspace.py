@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.kernels.kernel_input import KernelFit
 from bezier_filters.kernels.lane_algebra import GROUP
 from bezier_filters.runtime.lanes import LANES, aligned
@@ -18,6 +18,8 @@ OUTPUTS = 20
 class FitWorkspace(NamedTuple):
     """Scratch arrays for one block; those without a shape of their own are flat arrays of lanes."""
 
+    visited: BoolArray  # (n,): of the search for neighbours, see `collect_ring`
+    members: IntArray  # (n + 1,): what it found
     counts: FloatArray  # (1): number of points
     rings: IntArray  # (8,): how many the search went through
     neighbours: FloatArray  # (1): how many of them, after the first, share an edge with it
@@ -40,10 +42,12 @@ class FitWorkspace(NamedTuple):
     one_frame: FloatArray  # (9,): of one vertex
 
 
-def fit_workspace(fit: KernelFit, capacity: int) -> FitWorkspace:
-    """Scratch arrays for neighbourhoods of up to `capacity` points."""
+def fit_workspace(fit: KernelFit, n: int, capacity: int) -> FitWorkspace:
+    """Scratch arrays for neighbourhoods of up to `capacity` of n points."""
     order, rows = fit.exponents.shape[0], fit.highest_power + 1
     return FitWorkspace(
+        np.zeros(n, np.bool_),
+        np.empty(n + 1, np.int32),
         aligned(1),
         np.zeros(LANES, np.int32),
         aligned(1),

@@ -1,11 +1,13 @@
 """The geometry of eight fitted graphs z(x, y) at a time, its standard errors, and where the values go."""
 
+from typing import TypeAlias
+
 from bezier_filters.arrays import ByteArray, FloatArray, IntArray
 from bezier_filters.kernels.fit_workspace import FitWorkspace
 from bezier_filters.kernels.kernel_input import FITTED, ILL_POSED, SMALLEST_WIDTH, KernelFit, VertexResults
 from bezier_filters.kernels.lane_algebra import condition_numbers
+from bezier_filters.runtime.jit import inner_jit
 from bezier_filters.runtime.lanes import LANES, Lanes, load, multiply_add, spread, square_root, store, where_greater
-from bezier_filters.runtime.lean import inner_njit
 
 # Places among the outputs; those of vectors are the first of three.
 NORMAL, ALONG_MIN, ALONG_MAX = 0, 3, 6
@@ -13,9 +15,11 @@ K_MIN, K_MAX, EXTREMALITY_MIN, EXTREMALITY_MAX, RESIDUAL = 9, 10, 11, 12, 13
 STANDARD_ERRORS, DISPLACEMENT = 14, 17
 SEEN = 5
 """Coefficients of which the geometry is a function: those of x, y, x^2, x y and y^2, eliminated last."""
+Gradient: TypeAlias = tuple[Lanes, Lanes, Lanes, Lanes, Lanes]
+"""Derivatives by these."""
 
 
-@inner_njit()
+@inner_jit()
 def write_block(
     fit: KernelFit,
     origin: IntArray,
@@ -62,23 +66,12 @@ def write_block(
             conditions[i] = work.total[lane]
 
 
-@inner_njit()
+@inner_jit()
 def graph_geometry(jets: FloatArray, frame: FloatArray, has_third: bool, outputs: FloatArray) -> None:
-    """Lanes of all outputs but the residual and the standard errors.
+    """Lanes of all outputs but the residual and the standard errors, from jets as `differentiate` orders them.
 
     The curvatures are those of the symmetric shape operator in the orthonormal tangents e1 = (1, 0, p) / a and
-    e2 = normal x e1, with MeshLab's sign.
-
-    Parameters
-    ----------
-    jets : lanes
-        Derivatives of z by x and y at the vertices, as `differentiate` orders them.
-    frame : lanes
-        Nine entries: the x, y and z axes of the local frames in world coordinates.
-    has_third : bool
-        Whether there are third derivatives.
-    outputs : lanes
-        Entries as the constants of this module say, which are written.
+    e2 = normal x e1, with MeshLab's sign. `frame` has the x, y and z axes in world coordinates.
     """
     zero, one, two, half = spread(0.0), spread(1.0), spread(2.0), spread(0.5)
     p, q, r, s, t = load(jets, 4), load(jets, 1), load(jets, 8), load(jets, 5), load(jets, 2)
@@ -114,7 +107,7 @@ def graph_geometry(jets: FloatArray, frame: FloatArray, has_third: bool, outputs
         store(outputs, EXTREMALITY_MAX, _extremality(jets, max_x, max_y, per_w))
 
 
-@inner_njit()
+@inner_jit()
 def _extremality(jets: FloatArray, x: Lanes, y: Lanes, per_w: Lanes) -> Lanes:
     """Lanes of -(D_d II)(d, d) for the tangents d with local x and y, with MeshLab's sign of curvature.
 
@@ -135,7 +128,7 @@ def _extremality(jets: FloatArray, x: Lanes, y: Lanes, per_w: Lanes) -> Lanes:
     return (three * second * turning - third) * per_w
 
 
-@inner_njit()
+@inner_jit()
 def _write(outputs: FloatArray, lane: int, has_third: bool, i: int, results: VertexResults) -> None:
     """Write the outputs of one lane, but for the residual, to vertex i."""
     for k in range(3):
@@ -150,7 +143,7 @@ def _write(outputs: FloatArray, lane: int, has_third: bool, i: int, results: Ver
         results.extremality_max[i] = outputs[LANES * EXTREMALITY_MAX + lane]
 
 
-@inner_njit()
+@inner_jit()
 def standard_errors(
     matrix: FloatArray,
     order: int,
@@ -160,28 +153,14 @@ def standard_errors(
     curvature_noise: float,
     errors: FloatArray,
 ) -> None:
-    """Standard errors of normal, mean and Gaussian curvature, from the factorisation that gave the fit.
+    """Standard errors of normal, mean and Gaussian curvature, three entries, from the factor that gave the fit.
 
     Given the noise sigma, the coefficients have the posterior covariance sigma^2 G^-1, G being the
     matrix of the normal equations with its prior. For a quantity whose derivatives by the
     coefficients are g, the variance is sigma^2 |L^-1 g|^2 with the Cholesky factor L of G. Only the last
     `SEEN` coefficients count: with them eliminated last, the last corner of L is the factor of their own
-    inverse covariance. Their derivatives are those of the formulas of `write_block`, at the vertex.
-
-    Parameters
-    ----------
-    matrix : lanes
-        Cholesky factor with reciprocal diagonal, packed.
-    order : int
-        Of the factor.
-    jets : lanes
-        Derivatives by lengths, as `differentiate` orders them.
-    scale : lanes
-        Parameters per length.
-    normal_noise, curvature_noise : float
-        Standard deviation of the heights, a length, as far as it concerns the normal, or the curvatures.
-    errors : lanes
-        Three entries, which are written.
+    inverse covariance. `scale` is parameters per length; the noise is the standard deviation of the heights, a
+    length, as far as it concerns the normal, or the curvatures.
     """
     zero, one, two, half = spread(0.0), spread(1.0), spread(2.0), spread(0.5)
     p, q, r, s, t = load(jets, 4), load(jets, 1), load(jets, 8), load(jets, 5), load(jets, 2)
@@ -194,41 +173,36 @@ def standard_errors(
     per_w4 = per_w2 * per_w2
     bend = spread(3.0) * half * (b2 * r - two * p * q * s + a2 * t) * per_w2
     gaussian = (r * t - s * s) * per_w4
-    x0, x1, x2, x3, x4 = _whitened(matrix, order, scale, zero, zero, zero, zero)
-    y0, y1, y2, y3, y4 = _whitened(matrix, order, zero, scale, zero, zero, zero)
-    xx = _dot(x0, x1, x2, x3, x4, x0, x1, x2, x3, x4)
-    xy = _dot(x0, x1, x2, x3, x4, y0, y1, y2, y3, y4)
-    yy = _dot(y0, y1, y2, y3, y4, y0, y1, y2, y3, y4)
+    x = _whitened(matrix, order, (scale, zero, zero, zero, zero))
+    y = _whitened(matrix, order, (zero, scale, zero, zero, zero))
+    xx, xy, yy = _dot(x, x), _dot(x, y), _dot(y, y)
     # |dn|^2 = ((1 + q^2) dp^2 - 2 p q dp dq + (1 + p^2) dq^2) / w^4
     turned = (b2 * xx - two * p * q * xy + a2 * yy) * per_w4
     store(errors, 0, spread(normal_noise) * square_root(turned))
-    h0, h1, h2, h3, h4 = _whitened(
-        matrix,
-        order,
+    of_mean = (
         noise1 * (p * t - q * s - p * bend) * per_w3,
         noise1 * (q * r - p * s - q * bend) * per_w3,
         noise2 * b2 * per_w3,
         zero - noise2 * p * q * per_w3,
         noise2 * a2 * per_w3,
     )
-    store(errors, 1, square_root(_dot(h0, h1, h2, h3, h4, h0, h1, h2, h3, h4)))
-    k0, k1, k2, k3, k4 = _whitened(
-        matrix,
-        order,
+    h = _whitened(matrix, order, of_mean)
+    store(errors, 1, square_root(_dot(h, h)))
+    of_gaussian = (
         zero - spread(4.0) * noise1 * gaussian * p * per_w2,
         zero - spread(4.0) * noise1 * gaussian * q * per_w2,
         two * noise2 * t * per_w4,
         zero - two * noise2 * s * per_w4,
         two * noise2 * r * per_w4,
     )
-    store(errors, 2, square_root(_dot(k0, k1, k2, k3, k4, k0, k1, k2, k3, k4)))
+    k = _whitened(matrix, order, of_gaussian)
+    store(errors, 2, square_root(_dot(k, k)))
 
 
-@inner_njit()
-def _whitened(
-    matrix: FloatArray, order: int, g0: Lanes, g1: Lanes, g2: Lanes, g3: Lanes, g4: Lanes
-) -> tuple[Lanes, Lanes, Lanes, Lanes, Lanes]:
+@inner_jit()
+def _whitened(matrix: FloatArray, order: int, gradient: Gradient) -> Gradient:
     """Lanes of L^-1 g, L being the last corner of the factor, by forward substitution."""
+    g0, g1, g2, g3, g4 = gradient
     first = order - SEEN
     d0 = first * (first + 1) // 2 + first
     d1 = d0 + first + 1
@@ -245,18 +219,8 @@ def _whitened(
     return g0, g1, g2, g3, g4
 
 
-@inner_njit()
-def _dot(
-    a0: Lanes,
-    a1: Lanes,
-    a2: Lanes,
-    a3: Lanes,
-    a4: Lanes,
-    b0: Lanes,
-    b1: Lanes,
-    b2: Lanes,
-    b3: Lanes,
-    b4: Lanes,
-) -> Lanes:
+@inner_jit()
+def _dot(a: Gradient, b: Gradient) -> Lanes:
     """Lanes of the inner product of two vectors."""
-    return multiply_add(a0, b0, multiply_add(a1, b1, multiply_add(a2, b2, multiply_add(a3, b3, a4 * b4))))
+    rest = multiply_add(a[2], b[2], multiply_add(a[3], b[3], a[4] * b[4]))
+    return multiply_add(a[0], b[0], multiply_add(a[1], b[1], rest))

@@ -96,9 +96,8 @@ class KernelFit(NamedTuple):
     exponents: IntArray
     starts: IntArray  # of the coefficients of s^a t^b for each a, in lexicographic order,
     lexicographic: IntArray  # and where each coefficient is in that order
-    moment_exponents: IntArray  # in lexicographic order
-    moment_starts: IntArray
-    moment_place: IntArray
+    moment_starts: IntArray  # of their products, likewise,
+    moment_place: IntArray  # and where each entry of the lower triangle of A^T A is among them
     penalty: FloatArray
     prior: FloatArray  # non-zero entries of the prior, per length,
     prior_place: IntArray  # where they belong in the packed matrix,

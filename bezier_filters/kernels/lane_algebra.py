@@ -7,14 +7,14 @@ at k stride + p. Four sums go side by side wherever possible: one alone waits fo
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.runtime.jit import inner_jit
 from bezier_filters.runtime.lanes import Lanes, load, multiply_add, spread, square_root, store, where_greater
-from bezier_filters.runtime.lean import inner_njit
 
 GROUP = 4
 """Sums side by side. Tables have this many rows, or points, more than are asked for."""
 
 
-@inner_njit()
+@inner_jit()
 def raise_powers(table: FloatArray, stride: int, count: int, highest: int) -> None:
     """Rows k = 1 .. highest of a table become row 0 times powers of what was row 1."""
     for p in range(count):
@@ -25,24 +25,18 @@ def raise_powers(table: FloatArray, stride: int, count: int, highest: int) -> No
             store(table, k * stride + p, power)
 
 
-@inner_njit()
+@inner_jit()
 def add_moments(
     left: FloatArray, right: FloatArray, stride: int, count: int, starts: IntArray, sums: FloatArray
 ) -> None:
     """Add the products of row a of one table and row b of another, summed over points, for many (a, b).
 
-    Parameters
-    ----------
-    left, right : lanes
-        Tables; the right one has `GROUP` - 1 more rows than are asked for, of any content.
-    stride, count : int
-        Lanes per row, and how many of them are summed.
-    starts : (A + 1,) int32
-        Row a of the left one goes with rows 0 .. starts[a + 1] - starts[a] - 1 of the right one.
-    sums : lanes
-        The sum for (a, b) is added to entry starts[a] + b; there are `GROUP` - 1 more.
+    Row a of the left table goes with rows b = 0 .. starts[a + 1] - starts[a] - 1 of the right one, and their sum over
+    the first `count` of `stride` lanes is added to entry starts[a] + b. The right table has `GROUP` - 1 more rows than
+    are asked for, of any content, and `sums` as many more entries.
     """
     rows = starts.shape[0] - 1
+    # Blocks of two rows and four columns, of which eight sums stay in registers over all points.
     for a in range(0, rows, 2):
         row, stop, stop_of_next = a * stride, starts[a + 1], starts[min(a + 2, rows)]
         for b in range(0, max(stop - starts[a], stop_of_next - stop), GROUP):
@@ -74,7 +68,7 @@ def add_moments(
             _store_group(sums, k, stop, s0, s1, s2, s3)
 
 
-@inner_njit()
+@inner_jit()
 def _store_group(sums: FloatArray, k: int, stop: int, s0: Lanes, s1: Lanes, s2: Lanes, s3: Lanes) -> None:
     """Write up to four sums to entries k .. stop-1."""
     if k < stop:
@@ -87,25 +81,18 @@ def _store_group(sums: FloatArray, k: int, stop: int, s0: Lanes, s1: Lanes, s2: 
         store(sums, k + 3, s3)
 
 
-@inner_njit()
+@inner_jit()
 def factorise(matrix: FloatArray, rows: int, columns: int, smallest_pivot: float, sound: FloatArray) -> None:
     """Cholesky factors of eight symmetric positive semidefinite matrices, or of their first columns.
 
-    Parameters
-    ----------
-    matrix : lanes
-        Lower triangle, row by row; rows may go on beyond the matrix, like right-hand sides. The
-        first `columns` of it become those of the factor, with reciprocal diagonal. There are `GROUP`
-        more rows, of any content.
-    rows, columns : int
-        How many there are, and how many columns to eliminate.
-    smallest_pivot : float
-        A column whose pivot is below this fraction of its diagonal entry depends on those before; it becomes zero.
-    sound : lanes
-        Receives one entry: 1 for matrices without such columns, else 0.
+    `matrix` is the lower triangle, row by row; rows may go on beyond the matrix, like right-hand sides, and there are
+    `GROUP` more, of any content. Its first `columns` become those of the factor, with reciprocal diagonal. A
+    column whose pivot is below a fraction `smallest_pivot` of its diagonal entry depends on those before; it becomes 0.
+    The one entry of `sound` becomes 1 for matrices without such columns, else 0.
     """
     zero, one = spread(0.0), spread(1.0)
     full_rank = one
+    # Two columns at a time: every entry of the rows below, once loaded, serves both sums.
     if columns % 2 == 1:  # the first alone, then pairs
         before = load(matrix, 0)
         scale = where_greater(before, spread(smallest_pivot) * before, one / square_root(before), zero)
@@ -155,7 +142,7 @@ def factorise(matrix: FloatArray, rows: int, columns: int, smallest_pivot: float
     store(sound, 0, full_rank)
 
 
-@inner_njit()
+@inner_jit()
 def _eliminate(
     matrix: FloatArray, place: int, s: Lanes, t: Lanes, scale_j: Lanes, across: Lanes, scale_l: Lanes
 ) -> None:
@@ -165,7 +152,7 @@ def _eliminate(
     store(matrix, place + 1, (load(matrix, place + 1) - t - x * across) * scale_l)
 
 
-@inner_njit()
+@inner_jit()
 def substitute_back(factors: FloatArray, order: int, last: int, solution: FloatArray) -> None:
     """Solve L^T x = b for factors from `factorise`, b being their row number `last`; 0 where a column of L is."""
     for i in range(order):
@@ -178,29 +165,18 @@ def substitute_back(factors: FloatArray, order: int, last: int, solution: FloatA
             store(solution, k, load(solution, k) - load(factors, row + k) * found)
 
 
-@inner_njit()
+@inner_jit()
 def solve_lanes(matrix: FloatArray, order: int, smallest_pivot: float, solution: FloatArray, sound: FloatArray) -> None:
-    """Solve eight symmetric positive definite systems.
+    """Solve eight symmetric positive definite systems of some order.
 
-    Parameters
-    ----------
-    matrix : lanes
-        Lower triangle of the symmetric matrix, row by row, and the right-hand side as a last row.
-        It becomes the factor, see `factorise`. There are `GROUP` more rows, of any content.
-    order : int
-        Of the matrix.
-    smallest_pivot : float
-        A pivot below this fraction of its diagonal entry means a rank-deficient system.
-    solution : lanes
-        Receives the solutions.
-    sound : lanes
-        Receives one entry: 1 for systems of full rank, else 0, and the solution means nothing.
+    `matrix` is as `factorise` takes it, with the right-hand side as a last row, and becomes the factor. The
+    solution means nothing where `sound` is 0.
     """
     factorise(matrix, order + 1, order, smallest_pivot, sound)
     substitute_back(matrix, order, order, solution)
 
 
-@inner_njit()
+@inner_jit()
 def add_squared_residuals(
     coefficients: FloatArray,
     starts: IntArray,
@@ -210,21 +186,11 @@ def add_squared_residuals(
     total: FloatArray,
     residuals: FloatArray | None,
 ) -> None:
-    """Add the squared differences between a polynomial and heights, by Horner's scheme.
+    """Add the squared differences between a polynomial and heights to the one entry of `total`, by Horner's scheme.
 
-    Parameters
-    ----------
-    coefficients : lanes
-        That of s^a t^b is entry starts[a] + b.
-    starts : (A + 1,) int32
-    points : lanes
-        A table with rows s, t, height and presence, 1 or 0 for what is no point at all.
-    stride, count : int
-        Lanes per row, and how many points there are; up to `GROUP` - 1 more are looked at.
-    total : lanes
-        One entry.
-    residuals : lanes, optional
-        Receives the differences, and zeros for what is no point, `GROUP` - 1 more than there are points.
+    The coefficient of s^a t^b is entry starts[a] + b. `points` is a table with rows s, t, height and presence, 1 or 0
+    for what is no point at all; up to `GROUP` - 1 more than `count` of `stride` lanes are looked at. If there are
+    `residuals`, as many receive the differences, and zeros for what is no point.
     """
     zero = spread(0.0)
     total0, total1, total2, total3 = load(total, 0), zero, zero, zero
@@ -262,7 +228,7 @@ def add_squared_residuals(
     store(total, 0, (total0 + total1) + (total2 + total3))
 
 
-@inner_njit()
+@inner_jit()
 def differentiate(
     coefficients: FloatArray, exponents: IntArray, powers_s: FloatArray, powers_t: FloatArray, jets: FloatArray
 ) -> None:
@@ -286,7 +252,7 @@ def differentiate(
             factor_s *= np.float64(a - r)
 
 
-@inner_njit()
+@inner_jit()
 def sort_lanes(values: FloatArray, count: int) -> None:
     """Put the first `count` entries of lanes in ascending order, each of the eight sequences on its own.
 
@@ -311,9 +277,9 @@ def sort_lanes(values: FloatArray, count: int) -> None:
         p //= 2
 
 
-@inner_njit()
+@inner_jit()
 def condition_numbers(factors: FloatArray, order: int, column: FloatArray, result: FloatArray) -> None:
-    """How well eight systems determine their solutions: condition numbers from the factors of `factorise`.
+    """How well eight systems determine their solutions: one entry, from the factors of `factorise`.
 
     The normal equations of a fit have the matrix G = L L^T. With the columns of the stacked system scaled to unit
     length, as if D = diag(G) were the identity, its condition number in the Frobenius norm is
@@ -322,18 +288,8 @@ def condition_numbers(factors: FloatArray, order: int, column: FloatArray, resul
 
     which is at least the one in the spectral norm and at most m times it (Demmel, "Applied Numerical Linear
     Algebra", 1997, section 3.5: scaling the columns is optimal up to a factor of sqrt(m)). The relative error of
-    the coefficients is a small multiple of kappa^2 times the unit roundoff.
-
-    Parameters
-    ----------
-    factors : lanes
-        Lower triangles L row by row, with reciprocal diagonals.
-    order : int
-        Number of coefficients m.
-    column : lanes
-        Work space, `order` entries.
-    result : lanes
-        One entry, which is written: m or more, as is reached where the columns are orthogonal.
+    the coefficients is a small multiple of kappa^2 times the unit roundoff. kappa is m, the order, or more.
+    `column` is work space of as many entries.
     """
     total = spread(0.0)
     for j in range(order):

@@ -31,24 +31,8 @@ def learn_surface(
 ) -> tuple[list[RingAnalysis], Leaf | None]:
     """Analyse rings of ascending width, and learn one model for all from them.
 
-    Parameters
-    ----------
-    mesh : KernelMesh
-    adjacency : Adjacency
-        Of the same mesh.
-    choices : Choices
-        What is allowed; the ring that is wanted is analysed in any case, if it can be.
-    threads : int
-        Number of threads.
-    seed : int
-        Of the sample.
-
-    Returns
-    -------
-    analyses : list of RingAnalysis
-        None at all for meshes with too few usable neighbourhoods.
-    root : Leaf or None
-        The model; None if the analyses allow no plan.
+    The ring that is wanted is analysed in any case, if it can be. There are no analyses at all for meshes with too few
+    usable neighbourhoods, and no model if they allow no plan.
     """
 
     def sample(rings: int, count: int) -> NeighbourhoodSample:
@@ -63,16 +47,7 @@ def learn_from_samples(
 ) -> tuple[list[RingAnalysis], Leaf | None]:
     """The same for a mesh of which only samples are known.
 
-    Parameters
-    ----------
-    sampler : callable
-        ``sampler(rings, count)`` gives neighbourhoods, the same vertices for the same count.
-    vertex_count : int
-        Number of vertices of the mesh.
-    choices : Choices
-        What is allowed.
-    threads : int
-        Number of threads.
+    ``sampler(rings, count)`` gives neighbourhoods, the same vertices for the same count.
     """
     rings = sorted({*CANDIDATE_RINGS, *(() if choices.rings is None else (choices.rings,))})
     stages = [[k for k in rings if k <= NEAR_RINGS], *([k] for k in rings if k > NEAR_RINGS)]

@@ -103,20 +103,9 @@ def part_of(root: Leaf, analyses: Sequence[RingAnalysis], choices: Choices) -> L
 def grow(
     root: Leaf, analyses: Sequence[RingAnalysis], features: Features, choices: Choices, depth: int = DEEPEST
 ) -> Tree[Leaf]:
-    """Split a leaf as long as that is worthwhile.
+    """Split a leaf, the model of some neighbourhoods, as long as that is worthwhile, `depth` times at most.
 
-    Parameters
-    ----------
-    root : Leaf
-        Model of the neighbourhoods.
-    analyses : sequence of RingAnalysis
-        The neighbourhoods.
-    features : callable
-        Asked for those at the centers of neighbourhoods.
-    choices : Choices
-        What is allowed.
-    depth : int
-        How many times to split at most.
+    `features` is asked for those at the centers of neighbourhoods.
     """
     likeliest = max(_candidates(root, analyses, features), default=None) if depth else None
     if likeliest is None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,15 +11,14 @@ from bezier_filters.kernels.kernel_input import KernelMesh
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.frames import farthest_direction, mean_normal, turned_share
 from bezier_filters.meshes.neighbourhoods import forget, next_ring
-from bezier_filters.runtime.lean import inner_njit, lean_njit, variable
+from bezier_filters.runtime.jit import inner_jit, jit, variable
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
 CHUNK = 32
 """Neighbourhoods per chunk."""
 
 
-@dataclass(frozen=True)
-class NeighbourhoodSample:
+class NeighbourhoodSample(NamedTuple):
     """Neighbourhoods of N vertices, out to the widest ring.
 
     Attributes
@@ -69,49 +69,28 @@ def sample_neighbourhoods(
     most_points: int = 450,
     threads: int = 1,
 ) -> NeighbourhoodSample:
-    """Project the neighbourhoods of some vertices onto their tangent planes.
+    """Project the neighbourhoods of some vertices, out to a widest ring, onto their tangent planes.
 
-    Parameters
-    ----------
-    mesh : KernelMesh
-    adjacency : Adjacency
-        Of the same mesh.
-    ids : (N,) int32
-        The vertices, see `draw_vertices`.
-    rings : int
-        Widest ring.
-    most_turned : float
-        Share of turned vertices above which a ring is not usable.
-    most_points : int
-        Rings with more points count as not usable.
-    threads : int
-        Number of threads.
+    Rings with a larger share of turned vertices than `most_turned`, or with more than `most_points`, are not usable.
     """
-    points = np.zeros((len(ids), most_points, 3))
-    sizes = np.zeros((len(ids), rings + 1), dtype=np.int32)
-    clear, usable = np.zeros((2, len(ids), rings + 1), dtype=np.bool_)
+    by_ring = len(ids), rings + 1
+    sample = NeighbourhoodSample(
+        ids,
+        np.zeros((len(ids), most_points, 3)),
+        np.zeros(by_ring, dtype=np.int32),
+        np.zeros(by_ring, dtype=np.bool_),
+        np.zeros(by_ring, dtype=np.bool_),
+    )
     n = len(mesh.vertices)
 
     def make_task() -> RangeTask:
         members, visited = np.empty(n + 1, np.int32), np.zeros(n, np.bool_)
         return lambda start, stop: _project_sample(
-            mesh,
-            adjacency.on_boundary,
-            ids,
-            rings,
-            start,
-            stop,
-            members,
-            visited,
-            points,
-            sizes,
-            clear,
-            usable,
-            most_turned,
+            mesh, adjacency.on_boundary, most_turned, members, visited, sample, start, stop
         )
 
     run_in_chunks(make_task, len(ids), threads=threads, chunk=CHUNK)
-    return NeighbourhoodSample(ids, points, sizes, clear, usable)
+    return sample
 
 
 def draw_from_mesh(mesh: KernelMesh, count: int, seed: int = 0) -> IntArray:
@@ -138,23 +117,11 @@ def draw_vertices(
     count: int,
     seed: int = 0,
 ) -> IntArray:
-    """Up to `count` vertices that have a normal, in random order.
+    """Up to `count` of all vertices that have a normal, in random order.
 
     One is drawn from each of as many stretches of the user's mesh, so that hardly a region is missed and
-    turning the mesh does not matter.
-
-    Parameters
-    ----------
-    every : Population
-        All vertices.
-    has_normal : callable
-        Tells which of some vertices (k,) have a normal, (k,) bool.
-    with_normals : callable
-        Finds those that have one; called only if a vertex without one was drawn.
-    count : int
-        Number of vertices to draw; fewer if there are fewer.
-    seed : int
-        Of the draw.
+    turning the mesh does not matter. `with_normals` finds those that have a normal, and is called only if one
+    without was drawn from all.
     """
     generator = np.random.default_rng(seed)
     ids = every.members(_one_per_stretch(every.size, count, generator))
@@ -171,25 +138,21 @@ def _one_per_stretch(n: int, count: int, generator: np.random.Generator) -> IntA
     return generator.integers(ends[:-1], ends[1:], dtype=np.int32) if n else ends[:0]
 
 
-@lean_njit()
+@jit()
 def _project_sample(
     mesh: KernelMesh,
     on_boundary: BoolArray,
-    ids: IntArray,
-    rings: int,
-    start: int,
-    stop: int,
+    most_turned: float,
     members: IntArray,
     visited: BoolArray,
-    points: FloatArray,
-    sizes: IntArray,
-    clear: BoolArray,
-    usable: BoolArray,
-    most_turned: float,
+    sample: NeighbourhoodSample,
+    start: int,
+    stop: int,
 ) -> None:
-    """Fill rows start .. stop-1 of the arrays of a `NeighbourhoodSample`."""
+    """Fill rows start .. stop-1 of a sample."""
+    points, sizes, rings = sample.points, sample.sizes, sample.sizes.shape[1] - 1
     for row in range(start, stop):
-        i = ids[row]
+        i = sample.centers[row]
         members[0] = i
         visited[i] = True
         inner, count, plane_count = variable(0), variable(1), variable(0)
@@ -200,7 +163,7 @@ def _project_sample(
             sizes[row, k] = count
             for a in range(before, inner):
                 open_ring = open_ring or on_boundary[members[a]] or mesh.stops[members[a]]
-            clear[row, k] = not open_ring
+            sample.clear[row, k] = not open_ring
             if open_ring or count > points.shape[1]:
                 continue
             nx, ny, nz = mean_normal(mesh.normals, members, count)
@@ -208,14 +171,14 @@ def _project_sample(
                 continue
             if turned_share(mesh.normals, members, inner, nx, ny, nz) > most_turned:
                 continue
-            usable[row, k] = True
+            sample.usable[row, k] = True
             plane_count = count
         forget(visited, members, count)
         if plane_count > 0:
             _project(mesh, members, plane_count, points[row])
 
 
-@inner_njit()
+@inner_jit()
 def _project(mesh: KernelMesh, members: IntArray, count: int, points: FloatArray) -> None:
     """Write the coordinates of members[:count] over the plane of their mean normal."""
     i = members[0]

@@ -127,16 +127,7 @@ class FitEquations:
 def fit_equations(
     ring: RingModel, sigma: float, degree: int, term_prior: FloatArray, weight_radius: float
 ) -> FitEquations:
-    """Set up the equations of a fit.
-
-    Parameters
-    ----------
-    ring : RingModel
-    sigma : float
-        Of the noise, a length.
-    degree, term_prior, weight_radius
-        As in `FitPlan`; the radius in units of that of the ring.
-    """
+    """Set up the equations of a fit; see `FitPlan`, but for the weight radius, which is in units of the ring's."""
     analysis, m = ring.analysis, len(term_prior)
     if np.isinf(weight_radius) and degree <= analysis.degree:
         products = analysis.first_grams[:, :m]

@@ -17,8 +17,8 @@ from bezier_filters.kernels.lane_algebra import GROUP, add_moments, factorise, s
 from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample
 from bezier_filters.patches.harmonics import HIGHEST_DEGREE, harmonic_basis
 from bezier_filters.patches.polynomials import total_degree_space
+from bezier_filters.runtime.jit import inner_jit, jit, variable
 from bezier_filters.runtime.lanes import LANES, aligned, load, multiply_add, spread, store, where_greater
-from bezier_filters.runtime.lean import inner_njit, lean_njit, variable
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
 FREE_DEGREE = 2
@@ -311,7 +311,7 @@ def ring_workspace(most: int) -> RingWorkspace:
     )
 
 
-@lean_njit()
+@jit()
 def analyse_in_lanes(
     points: FloatArray,
     sizes: IntArray,
@@ -327,23 +327,8 @@ def analyse_in_lanes(
 ) -> None:
     """Fill rows start .. stop-1 of `sums`, and of `factors` as far as there are any.
 
-    Parameters
-    ----------
-    points : (N, n, 3) float64
-        Coordinates.
-    sizes : (N,) int32
-        Number of points.
-    scale : float
-        Of x and y.
-    degrees, groups : (M,) int32
-        Of the terms, as in `harmonic_basis`.
-    row_starts : (M + 2,) int32
-        Where the rows of a lower triangle start.
-    work : RingWorkspace
-    start, stop : int
-    factors : (S', m, M) float64
-        See `RingAnalysis`.
-    sums : RingSums
+    `points`, `sizes` and the results are those of `RingAnalysis`, x and y yet to be scaled; degrees and groups of
+    the terms are those of `harmonic_basis`; `row_starts` says where the rows of a lower triangle start.
     """
     terms, m = degrees.shape[0], sums.parts.shape[1]
     highest, stride = degrees[m - 1], points.shape[1]
@@ -372,7 +357,7 @@ def analyse_in_lanes(
         _write_coefficients(work, degrees, groups, row_starts, first, min(LANES, stop - first), sums)
 
 
-@inner_njit()
+@inner_jit()
 def _gather(points: FloatArray, row: int, count: int, scale: float, stride: int, lane: int, table: FloatArray) -> None:
     """Write the points of a neighbourhood to its lane, and points that are none behind them."""
     step = LANES * stride
@@ -385,7 +370,7 @@ def _gather(points: FloatArray, row: int, count: int, scale: float, stride: int,
         table[place + 3 * step] = 1.0 if present else 0.0
 
 
-@inner_njit()
+@inner_jit()
 def _write_terms(work: RingWorkspace, stride: int, begin: int, count: int, highest: int) -> None:
     """Write r^j cos(l phi) and r^j sin(l phi) of some points, and their heights after the last term."""
     terms = work.terms
@@ -406,7 +391,7 @@ def _write_terms(work: RingWorkspace, stride: int, begin: int, count: int, highe
         store(terms, last * POINTS + p, load(work.points, 2 * stride + q))
 
 
-@inner_njit()
+@inner_jit()
 def _square_what_is_left(work: RingWorkspace, stride: int, count: int, m: int, highest: int) -> None:
     """Sum up the squared residuals of the fit of the highest degree, from the points: no digits cancel."""
     total = spread(0.0)
@@ -422,7 +407,7 @@ def _square_what_is_left(work: RingWorkspace, stride: int, count: int, m: int, h
     store(work.left, 0, total)
 
 
-@inner_njit()
+@inner_jit()
 def _write_factors(work: RingWorkspace, lane: int, row_starts: IntArray, factors: FloatArray) -> None:
     """Write the factor of one lane."""
     m, terms = factors.shape
@@ -433,7 +418,7 @@ def _write_factors(work: RingWorkspace, lane: int, row_starts: IntArray, factors
             factors[t, s] = work.gram[LANES * (row_starts[s] + t) + lane]
 
 
-@inner_njit()
+@inner_jit()
 def _write_row(
     work: RingWorkspace, lane: int, row: int, size: int, degrees: IntArray, row_starts: IntArray, sums: RingSums
 ) -> None:
@@ -458,7 +443,7 @@ def _write_row(
         sums.unexplained[row, s] = max(unexplained, 0.0)
 
 
-@inner_njit()
+@inner_jit()
 def _write_coefficients(
     work: RingWorkspace,
     degrees: IntArray,

@@ -66,19 +66,12 @@ class SurfaceModel:
 
 
 def learn_model(analyses: Sequence[RingAnalysis], whole: SurfaceModel | None = None) -> SurfaceModel:
-    """Find the noise, and the variances that it leaves to the surface.
+    """Find the noise, and the variances that it leaves to the surface, from analyses in ascending order of rings.
 
     The noise is the smallest residual of a fit of the highest degree: where a neighbourhood is
     wide enough for degrees beyond, they show as a larger residual. Where a ring says little of a
     variance, the next wider one, which sees more of the term, is listened to, and the whole of
-    which this is a part.
-
-    Parameters
-    ----------
-    analyses : sequence of RingAnalysis
-        In ascending order of k, at least one.
-    whole : SurfaceModel, optional
-        Model of the whole surface, with the same rings and possibly wider ones.
+    which this is a part, if there is one, with the same rings and possibly wider ones.
     """
     reliable = [analysis for analysis in analyses if analysis.rings >= FEWEST_RINGS_FOR_NOISE] or analyses
     noise = min(analysis.typical_square for analysis in reliable)

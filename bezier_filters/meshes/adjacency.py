@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from bezier_filters.arrays import BoolArray, IntArray
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.triangles import next_corner
-from bezier_filters.runtime.lean import inner_njit, lean_njit, variable
+from bezier_filters.runtime.jit import inner_jit, jit, variable
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
 
@@ -143,7 +143,7 @@ def incoherent_vertices(faces: IntArray, adjacency: Adjacency) -> BoolArray:
     return result
 
 
-@lean_njit()
+@jit()
 def _mark_incoherent(faces: IntArray, face_ptr: IntArray, face_indices: IntArray, result: BoolArray) -> None:
     for f in range(len(faces)):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
@@ -156,7 +156,7 @@ def _mark_incoherent(faces: IntArray, face_ptr: IntArray, face_indices: IntArray
                     result[i] = True
 
 
-@lean_njit()
+@jit()
 def _count_faces(faces: IntArray, ptr: IntArray, starts: IntArray) -> None:
     """Where the rows of the faces at each vertex begin and end; `ptr` is zero at first."""
     for f in range(faces.shape[0]):
@@ -170,7 +170,7 @@ def _count_faces(faces: IntArray, ptr: IntArray, starts: IntArray) -> None:
         ptr[i + 1] += ptr[i]
 
 
-@lean_njit()
+@jit()
 def _fill_in_faces(faces: IntArray, fill: IntArray, indices: IntArray) -> None:
     """Append every face to the rows of its vertices, which `fill` says where to."""
     for f in range(faces.shape[0]):
@@ -182,7 +182,7 @@ def _fill_in_faces(faces: IntArray, fill: IntArray, indices: IntArray) -> None:
                 fill[i] += 1
 
 
-@lean_njit()
+@jit()
 def _neighbours(
     faces: IntArray,
     face_ptr: IntArray,
@@ -234,7 +234,7 @@ def _neighbours(
         lengths[i] = written - begin
 
 
-@inner_njit()
+@inner_jit()
 def _are_distinct_and_equal(values: IntArray, others: IntArray, count: int) -> bool:
     """Whether two sorted lists are the same, without repetition."""
     result = True
@@ -245,7 +245,7 @@ def _are_distinct_and_equal(values: IntArray, others: IntArray, count: int) -> b
     return result
 
 
-@inner_njit()
+@inner_jit()
 def _sort(values: IntArray, begin: int, end: int) -> None:
     """Sort values[begin:end] in place by Shell's method: fast for a dozen, sound for thousands."""
     gap = 1

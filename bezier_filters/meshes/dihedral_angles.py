@@ -23,7 +23,7 @@ from bezier_filters.meshes.frames import STEEPEST, TangentPlanes
 from bezier_filters.meshes.half_edges import ends_of_half_edges
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.triangles import cosine_between, has_corner, next_corner
-from bezier_filters.runtime.lean import inner_njit, lean_njit
+from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
 IN_NEIGHBOURHOODS, AS_LINES, AT_HOLES = radians(45.0), radians(40.0), radians(35.0)
@@ -167,7 +167,7 @@ def _edges_at_vertices(edges: MeshEdges, n: int) -> Rows:
     return Rows(indptr, (np.argsort(ends, kind="stable") // 2).astype(np.int32))
 
 
-@lean_njit()
+@jit()
 def _mark(
     ends: IntArray,
     angles: FloatArray,
@@ -233,7 +233,7 @@ def sharp_edge_vertices(
     return result
 
 
-@lean_njit()
+@jit()
 def _find_sharp_vertices(
     vertices: FloatArray,
     faces: IntArray,
@@ -263,10 +263,10 @@ def _find_sharp_vertices(
                 for b in range(own, count):
                     flatter += TIMES_AROUND * angles[b] < angles[a]
                 sharp += 2 * flatter > count - own
-        result[i] = sharp >= 2
+        result[i] = sharp >= 2  # where a sharp edge ends, one side of a fit may look across it
 
 
-@inner_njit()
+@inner_jit()
 def _edge_angles(
     vertices: FloatArray,
     faces: IntArray,
@@ -288,7 +288,7 @@ def _edge_angles(
     return count
 
 
-@inner_njit()
+@inner_jit()
 def _other_face(faces: IntArray, face_ptr: IntArray, face_indices: IntArray, i: int, f: int) -> int:
     """The face at vertex i behind the edge of face f that leaves i, counter-clockwise; -1 if there is none."""
     tip = next_corner(faces, f, i)

@@ -9,8 +9,8 @@ from bezier_filters.arrays import FloatArray, IntArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.triangles import area_vector
-from bezier_filters.runtime.lean import inner_njit, lean_njit, variable
-from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
+from bezier_filters.runtime.jit import inner_jit, jit, variable
+from bezier_filters.runtime.parallel import run_kernel
 
 STEEPEST = radians(89.0)
 """A face that leans further than this from the plane makes its points coincide: a fold."""
@@ -44,27 +44,19 @@ def tangent_planes(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1
     normals = np.zeros((mesh.vertex_count, 3))
     safe_cosine = np.full(mesh.vertex_count, 2.0, dtype=np.float32)
     rows = adjacency.faces
-
-    def face_task() -> RangeTask:
-        return lambda start, stop: _unit_face_normals(mesh.vertices, mesh.faces, start, stop, of_faces)
-
-    def vertex_task() -> RangeTask:
-        return lambda start, stop: _vertex_planes(
-            of_faces, rows.indptr, rows.indices, start, stop, normals, safe_cosine
-        )
-
-    run_in_chunks(face_task, mesh.face_count, threads=threads)
-    run_in_chunks(vertex_task, mesh.vertex_count, threads=threads)
+    run_kernel(_unit_face_normals, mesh.face_count, mesh.vertices, mesh.faces, of_faces, threads=threads)
+    planes = of_faces, rows.indptr, rows.indices, normals, safe_cosine
+    run_kernel(_vertex_planes, mesh.vertex_count, *planes, threads=threads)
     return TangentPlanes(normals, safe_cosine)
 
 
-@inner_njit()
+@inner_jit()
 def face_normal(vertices: FloatArray, faces: IntArray, f: int) -> tuple[float, float, float]:
     """Normal of face f, twice its area long."""
     return area_vector(vertices, faces[f, 0], faces[f, 1], faces[f, 2])
 
 
-@inner_njit()
+@inner_jit()
 def unit_face_normal(vertices: FloatArray, faces: IntArray, f: int) -> tuple[float, float, float]:
     """Unit normal of face f, zero if its area is zero."""
     x, y, z = face_normal(vertices, faces, f)
@@ -77,26 +69,26 @@ def unit_face_normal(vertices: FloatArray, faces: IntArray, f: int) -> tuple[flo
 def unit_face_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
     """Unit normals of faces, zero for those without area, (m, 3)."""
     normals = np.empty((len(faces), 3))
-    _unit_face_normals(vertices, faces, 0, len(faces), normals)
+    _unit_face_normals(vertices, faces, normals, 0, len(faces))
     return normals
 
 
-@lean_njit()
-def _unit_face_normals(vertices: FloatArray, faces: IntArray, start: int, stop: int, normals: FloatArray) -> None:
+@jit()
+def _unit_face_normals(vertices: FloatArray, faces: IntArray, normals: FloatArray, start: int, stop: int) -> None:
     """Unit normals of faces start .. stop-1, zero for those without area."""
     for f in range(start, stop):
         normals[f, 0], normals[f, 1], normals[f, 2] = unit_face_normal(vertices, faces, f)
 
 
-@lean_njit()
+@jit()
 def _vertex_planes(
     of_faces: FloatArray,
     face_ptr: IntArray,
     face_indices: IntArray,
-    start: int,
-    stop: int,
     normals: FloatArray,
     safe_cosine: SingleArray,
+    start: int,
+    stop: int,
 ) -> None:
     """Normal of vertices start .. stop-1 and the bound that its cone of face normals gives."""
     for i in range(start, stop):
@@ -122,7 +114,7 @@ def _vertex_planes(
             safe_cosine[i] = bound + ROUNDING
 
 
-@inner_njit()
+@inner_jit()
 def folds(
     vertices: FloatArray,
     faces: IntArray,
@@ -148,7 +140,7 @@ def folds(
     return False
 
 
-@inner_njit()
+@inner_jit()
 def turned_share(normals: FloatArray, members: IntArray, count: int, nx: float, ny: float, nz: float) -> float:
     """Share of members[:count] whose own normal turns away from (nx, ny, nz).
 
@@ -163,7 +155,7 @@ def turned_share(normals: FloatArray, members: IntArray, count: int, nx: float, 
     return turned / max(count, 1)
 
 
-@inner_njit()
+@inner_jit()
 def mean_normal(normals: FloatArray, members: IntArray, count: int) -> tuple[float, float, float]:
     """Normalised mean of the normals of members[:count], zero if they cancel out."""
     x, y, z = 0.0, 0.0, 0.0
@@ -176,7 +168,7 @@ def mean_normal(normals: FloatArray, members: IntArray, count: int) -> tuple[flo
     return x / length, y / length, z / length
 
 
-@lean_njit()
+@jit()
 def farthest_direction(
     vertices: FloatArray, members: IntArray, neighbours: int, count: int, nx: float, ny: float, nz: float
 ) -> tuple[float, float, float]:
@@ -187,20 +179,8 @@ def farthest_direction(
     regular meshes, the whole neighbourhood decides: see `_signature`. Those that tie in this,
     too, see the same surroundings or their mirror image, and the one that comes first is taken.
 
-    Parameters
-    ----------
-    vertices : (n, 3) float64
-    members : (n,) int32
-        The center, then its neighbours, then the rest of the neighbourhood.
-    neighbours, count : int
-        How many of the members are neighbours, and how many there are in all.
-    nx, ny, nz : float
-        Unit normal of the plane.
-
-    Returns
-    -------
-    x, y, z : float
-        Zero if every neighbour projects onto the center.
+    The first `count` members are the center, its neighbours, and the rest of the neighbourhood; (nx, ny, nz) is the
+    unit normal of the plane. Zero if every neighbour projects onto the center.
     """
     farthest, second = 0.0, 0.0
     bx, by, bz = 0.0, 0.0, 0.0
@@ -234,7 +214,7 @@ def farthest_direction(
     return bx, by, bz
 
 
-@inner_njit()
+@inner_jit()
 def direction_to(vertices: FloatArray, i: int, j: int, nx: float, ny: float, nz: float) -> tuple[float, float, float]:
     """Unit projection of the edge from vertex i to vertex j, zero if it stands on edge."""
     x, y, z = _projected_edge(vertices, i, j, nx, ny, nz)
@@ -244,7 +224,7 @@ def direction_to(vertices: FloatArray, i: int, j: int, nx: float, ny: float, nz:
     return x / length, y / length, z / length
 
 
-@inner_njit()
+@inner_jit()
 def _projected_edge(
     vertices: FloatArray, i: int, j: int, nx: float, ny: float, nz: float
 ) -> tuple[float, float, float]:
@@ -254,7 +234,7 @@ def _projected_edge(
     return x - height * nx, y - height * ny, z - height * nz
 
 
-@inner_njit()
+@inner_jit()
 def _signature(
     vertices: FloatArray,
     members: IntArray,

@@ -10,7 +10,7 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, IntArray
 from bezier_filters.errors import InvalidMeshError
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.runtime.lean import inner_njit, lean_njit
+from bezier_filters.runtime.jit import inner_jit, jit
 
 
 def ends_of_half_edges(faces: IntArray) -> tuple[IntArray, IntArray]:
@@ -25,7 +25,7 @@ def half_edge_lists(faces: IntArray, n: int) -> tuple[IntArray, IntArray]:
     return first, following
 
 
-@lean_njit()
+@jit()
 def _list_half_edges(faces: IntArray, first: IntArray, following: IntArray) -> None:
     for f in range(faces.shape[0] - 1, -1, -1):
         for k in range(2, -1, -1):
@@ -34,7 +34,7 @@ def _list_half_edges(faces: IntArray, first: IntArray, following: IntArray) -> N
             first[start] = 3 * f + k
 
 
-@inner_njit()
+@inner_jit()
 def half_edge(faces: IntArray, first: IntArray, following: IntArray, start: int, end: int) -> int:
     """Number of the first half-edge from start to end, -1 if there is none."""
     found = first[start]
@@ -58,7 +58,7 @@ def faces_at_edges(faces: IntArray, starts: IntArray, ends: IntArray) -> IntArra
     return result
 
 
-@lean_njit()
+@jit()
 def _find_faces(
     faces: IntArray, first: IntArray, following: IntArray, starts: IntArray, ends: IntArray, found: IntArray
 ) -> None:

@@ -6,7 +6,7 @@ from numba import njit
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.meshes.adjacency import Adjacency, Rows
-from bezier_filters.runtime.lean import inner_njit, lean_njit, variable
+from bezier_filters.runtime.jit import inner_jit, jit, variable
 
 
 def k_rings(adjacency: Adjacency, rings: int) -> Rows:
@@ -58,7 +58,7 @@ def rings_around(neighbours: Rows, seeds: IntArray, rings: int) -> list[IntArray
     return result[1:]
 
 
-@lean_njit()
+@jit()
 def collect_ring(
     indptr: IntArray,
     indices: IntArray,
@@ -70,23 +70,9 @@ def collect_ring(
 ) -> tuple[int, int]:
     """Breadth-first search from one vertex, as far as `rings` edges.
 
-    Parameters
-    ----------
-    indptr, indices : int32
-        Neighbour rows of all n vertices.
-    stops : (n,) bool
-        Vertices that the search reaches but does not go on from, unless it starts there.
-    center, rings : int
-        Where to start, how far to go.
-    visited : (n,) bool
-        Work space, false everywhere before and after the search.
-    members : (n + 1,) int32
-        Receives the vertices, the center first, ordered by distance in edges; what comes after is overwritten.
-
-    Returns
-    -------
-    count, inner : int
-        How many vertices were written, and how many of them lie within ``rings - 1`` edges.
+    It reaches the vertices marked by `stops` but does not go on from them, unless it starts there. `visited`, false
+    everywhere before and after, is work space. `members` (n + 1,) receives the vertices, the center first, ordered by
+    distance in edges; what comes after is overwritten. Returns how many there are, and how many within one edge less.
     """
     members[0] = center
     visited[center] = True
@@ -98,14 +84,14 @@ def collect_ring(
     return count, inner
 
 
-@inner_njit()
+@inner_jit()
 def forget(visited: BoolArray, members: IntArray, count: int) -> None:
     """Make the marks at members[:count] false again."""
     for a in range(count):
         visited[np.uint32(members[a])] = False
 
 
-@inner_njit()
+@inner_jit()
 def next_ring(
     indptr: IntArray,
     indices: IntArray,
@@ -130,7 +116,7 @@ def next_ring(
     return count
 
 
-@inner_njit()
+@inner_jit()
 def collect_ball(
     vertices: FloatArray,
     indptr: IntArray,
@@ -146,20 +132,8 @@ def collect_ball(
     Another sheet of the surface, or its other side, may lie within the radius, too: what the
     search cannot reach inside the ball does not belong to the neighbourhood.
 
-    Parameters
-    ----------
-    vertices : (n, 3) float64
-        Coordinates.
-    indptr, indices, stops, center, visited, members
-        As in `collect_ring`.
-    radius : float
-        A length.
-
-    Returns
-    -------
-    count, inner, neighbours, rings : int
-        How many vertices were written, how many of them lie within ``rings - 1`` edges and, after
-        the center, within one, and the number of rings that the search went through.
+    The rest is as in `collect_ring`. Returns how many vertices were written, how many of them lie within ``rings - 1``
+    edges and, after the center, within one, and the number of rings that the search went through.
     """
     members[0] = center
     visited[center] = True

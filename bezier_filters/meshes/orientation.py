@@ -12,7 +12,9 @@ SHEET = 0.5
 """Length of the mean normal from which on a cloud is a sheet seen from one side, not a body."""
 
 
-def oriented(points: FloatArray, normals: FloatArray, neighbours: Rows, given: FloatArray | None = None) -> FloatArray:
+def orient_normals(
+    points: FloatArray, normals: FloatArray, neighbours: Rows, given: FloatArray | None = None
+) -> FloatArray:
     """Turn normals so that neighbours agree and the outside is outside.
 
     Signs spread along the minimum spanning tree of the neighbour graph, between normals that are
@@ -22,25 +24,13 @@ def oriented(points: FloatArray, normals: FloatArray, neighbours: Rows, given: F
     body so that its volume is positive, and a sheet so that the largest component of its mean
     normal is, for example towards +z.
 
-    Parameters
-    ----------
-    points : (n, 3) float64
-    normals : (n, 3) float64
-        Unit normals of any sign, or zero.
-    neighbours : Rows
-        Symmetric neighbour graph.
-    given : (n, 3) float64, optional
-        Vectors of any length that tell the outside where they are not zero.
-
-    Returns
-    -------
-    (n, 3) float64
+    The neighbour graph is symmetric; `given` (n, 3) are vectors that tell the outside where they are not zero.
 
     Examples
     --------
     >>> points = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
     >>> path = Rows(np.array([0, 1, 3, 4], np.int32), np.array([1, 0, 2, 1], np.int32))
-    >>> oriented(points, np.array([[0.0, 0, -1], [0, 0, 1], [0, 0, -1]]), path)[:, 2]
+    >>> orient_normals(points, np.array([[0.0, 0, -1], [0, 0, 1], [0, 0, -1]]), path)[:, 2]
     array([1., 1., 1.])
     """
     n = len(points)

@@ -7,7 +7,7 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.adjacency import Rows
 from bezier_filters.meshes.triangles import area_vector, cosine_between, has_corner
-from bezier_filters.runtime.lean import inner_njit, lean_njit
+from bezier_filters.runtime.jit import inner_jit, jit
 
 FEWEST_CELLS, MOST_CELLS = 4, 128
 """Per axis, in which boxes are looked up."""
@@ -18,13 +18,7 @@ FOLDED = -0.9999
 
 
 def faces_in_boxes(vertices: FloatArray, faces: IntArray, low: FloatArray, high: FloatArray) -> Rows:
-    """Faces whose bounding box meets each of some boxes: rows of ascending indices.
-
-    Parameters
-    ----------
-    vertices, faces : (n, 3) float64, (m, 3) int32
-    low, high : (b, 3) float64
-        Corners of the boxes.
+    """Faces whose bounding box meets each of some boxes between corners (b, 3): rows of ascending indices.
 
     Examples
     --------
@@ -71,7 +65,7 @@ def _grid_of(low: FloatArray, high: FloatArray) -> _Grid:
     return grid
 
 
-@lean_njit()
+@jit()
 def _list_boxes(grid: _Grid, fill: IntArray) -> None:
     """List the boxes that reach each cell, from where `fill` says; without room for them, count them only."""
     for box in range(grid.low.shape[0]):
@@ -87,7 +81,7 @@ def _list_boxes(grid: _Grid, fill: IntArray) -> None:
                     fill[cell] += 1
 
 
-@lean_njit()
+@jit()
 def _collect(
     vertices: FloatArray,
     faces: IntArray,
@@ -119,14 +113,14 @@ def _collect(
                         counts[box] += 1
 
 
-@inner_njit()
+@inner_jit()
 def _cells_of_face(grid: _Grid, axis: int, vertices: FloatArray, a: int, b: int, c: int) -> tuple[int, int]:
     """Range of cells along an axis that a triangle reaches."""
     x, y, z = vertices[a, axis], vertices[b, axis], vertices[c, axis]
     return _cells(grid, axis, min(x, y, z), max(x, y, z))
 
 
-@inner_njit()
+@inner_jit()
 def _cells(grid: _Grid, axis: int, least: float, most: float) -> tuple[int, int]:
     """Range of cells along an axis that an interval reaches, empty if it is outside."""
     origin, extent = grid.origin[axis], grid.extent[axis]
@@ -144,13 +138,13 @@ def meeting_box(vertices: FloatArray, faces: IntArray, low: FloatArray, high: Fl
     return result
 
 
-@lean_njit()
+@jit()
 def _mark_meeting(vertices: FloatArray, faces: IntArray, low: FloatArray, high: FloatArray, result: BoolArray) -> None:
     for f in range(faces.shape[0]):
         result[f] = _in_box(vertices, faces[f, 0], faces[f, 1], faces[f, 2], low, high)
 
 
-@inner_njit()
+@inner_jit()
 def _in_box(vertices: FloatArray, a: int, b: int, c: int, low: FloatArray, high: FloatArray) -> bool:
     for axis in range(3):
         x, y, z = vertices[a, axis], vertices[b, axis], vertices[c, axis]
@@ -181,7 +175,7 @@ def cut_faces(vertices: FloatArray, faces: IntArray, new: int) -> BoolArray:
     return result
 
 
-@lean_njit()
+@jit()
 def _find_cuts(
     vertices: FloatArray, faces: IntArray, near_ptr: IntArray, near: IntArray, first: int, result: BoolArray
 ) -> None:
@@ -193,7 +187,7 @@ def _find_cuts(
                 break
 
 
-@lean_njit()
+@jit()
 def _find_cuts_of_few(vertices: FloatArray, faces: IntArray, boxes: FloatArray, result: BoolArray) -> None:
     """Mark those of the last faces that cut another one; `boxes` (m, 2, 3) is room for their boxes."""
     for f in range(faces.shape[0]):
@@ -209,7 +203,7 @@ def _find_cuts_of_few(vertices: FloatArray, faces: IntArray, boxes: FloatArray, 
                 break
 
 
-@inner_njit()
+@inner_jit()
 def _boxes_meet(box: FloatArray, other: FloatArray) -> bool:
     result = True
     for axis in range(3):
@@ -217,7 +211,7 @@ def _boxes_meet(box: FloatArray, other: FloatArray) -> bool:
     return bool(result)
 
 
-@inner_njit()
+@inner_jit()
 def _cut(vertices: FloatArray, faces: IntArray, f: int, g: int) -> bool:
     """Whether two faces cut each other."""
     shared = 0
@@ -231,7 +225,7 @@ def _cut(vertices: FloatArray, faces: IntArray, f: int, g: int) -> bool:
     return _edge_pierces(vertices, faces, f, g) or _edge_pierces(vertices, faces, g, f)
 
 
-@inner_njit()
+@inner_jit()
 def _edge_pierces(vertices: FloatArray, faces: IntArray, f: int, g: int) -> bool:
     """Whether an edge of face f that does not touch face g goes through it."""
     for k in range(3):
@@ -243,7 +237,7 @@ def _edge_pierces(vertices: FloatArray, faces: IntArray, f: int, g: int) -> bool
     return False
 
 
-@inner_njit()
+@inner_jit()
 def _lie_on_each_other(vertices: FloatArray, faces: IntArray, f: int, g: int) -> bool:
     """Whether two faces on one edge are folded on each other."""
     a, b, c, d = 0, 0, 0, 0
@@ -255,7 +249,7 @@ def _lie_on_each_other(vertices: FloatArray, faces: IntArray, f: int, g: int) ->
     return bool(cosine_between(vertices, a, b, c, b, a, d, 1.0) < FOLDED)
 
 
-@inner_njit()
+@inner_jit()
 def _pierces(vertices: FloatArray, a: int, b: int, p: int, q: int, r: int) -> bool:
     """Whether the segment from a to b goes through the triangle (p, q, r)."""
     at_a, at_b = _volume(vertices, p, q, r, a), _volume(vertices, p, q, r, b)
@@ -265,7 +259,7 @@ def _pierces(vertices: FloatArray, a: int, b: int, p: int, q: int, r: int) -> bo
     return (first > 0.0 and second > 0.0 and third > 0.0) or (first < 0.0 and second < 0.0 and third < 0.0)
 
 
-@inner_njit()
+@inner_jit()
 def _volume(vertices: FloatArray, a: int, b: int, c: int, d: int) -> float:
     """Six times the volume of a tetrahedron; 0 where rounding decides."""
     x, y, z = area_vector(vertices, a, b, c)

@@ -11,8 +11,8 @@ import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.runtime.lean import inner_njit, lean_njit
-from bezier_filters.runtime.parallel import run_in_chunks
+from bezier_filters.runtime.jit import inner_jit, jit
+from bezier_filters.runtime.parallel import run_kernel
 
 PER_CELL = 32
 """Vertices of a closed surface in a cell of the grid, roughly."""
@@ -45,12 +45,8 @@ class Grid:
 
     def cells(self, vertices: FloatArray, *, threads: int = 1) -> IntArray:
         """Numbers of the cells along the curve that vertices (n, 3) lie in, (n,) int32."""
-        n, result = len(vertices), np.empty(len(vertices), dtype=np.int32)
-
-        def find(start: int, stop: int) -> None:
-            _find_cells(vertices, self.low, self.scale, self.bits, start, stop, result)
-
-        run_in_chunks(lambda: find, n, threads=threads)
+        result = np.empty(len(vertices), dtype=np.int32)
+        run_kernel(_find_cells, len(vertices), vertices, self.low, self.scale, self.bits, result, threads=threads)
         return result
 
 
@@ -100,15 +96,15 @@ def in_spatial_order(mesh: TriangleMesh, *, threads: int = 1) -> SpatialOrder:
     ends = np.zeros(grid.cell_count + 1, dtype=np.int32)
     _sort_by_cell(cells, ends, order)
     vertices, faces = np.empty_like(mesh.vertices), np.empty_like(mesh.faces)
-    run_in_chunks(lambda: lambda a, b: _move_vertices(mesh.vertices, order, a, b, rank, vertices), n, threads=threads)
+    run_kernel(_move_vertices, n, mesh.vertices, order, rank, vertices, threads=threads)
     ends[:] = 0
     face_order = np.empty(m, dtype=np.int32)
     _sort_by_cell(cells[mesh.faces[:, 0]], ends, face_order)
-    run_in_chunks(lambda: lambda a, b: _move_faces(mesh.faces, face_order, rank, a, b, faces), m, threads=threads)
+    run_kernel(_move_faces, m, mesh.faces, face_order, rank, faces, threads=threads)
     return SpatialOrder(TriangleMesh(vertices, faces), order)
 
 
-@lean_njit()
+@jit()
 def widen_bounds(vertices: FloatArray, low: FloatArray, high: FloatArray) -> None:
     """Lower and raise bounds of the coordinates, so that they hold for all vertices."""
     for i in range(vertices.shape[0]):
@@ -116,9 +112,9 @@ def widen_bounds(vertices: FloatArray, low: FloatArray, high: FloatArray) -> Non
             low[k], high[k] = min(low[k], vertices[i, k]), max(high[k], vertices[i, k])
 
 
-@lean_njit()
+@jit()
 def _find_cells(
-    vertices: FloatArray, low: FloatArray, scale: float, bits: int, start: int, stop: int, cells: IntArray
+    vertices: FloatArray, low: FloatArray, scale: float, bits: int, cells: IntArray, start: int, stop: int
 ) -> None:
     """Cells of vertices start .. stop-1, numbered along the curve."""
     last = (1 << bits) - 1
@@ -130,7 +126,7 @@ def _find_cells(
         cells[i] = cell
 
 
-@inner_njit()
+@inner_jit()
 def _spread_bits(x: int) -> int:
     """Two zeros after each of the lowest eight bits."""
     x = (x | x << 8) & 0x00F00F
@@ -138,7 +134,7 @@ def _spread_bits(x: int) -> int:
     return (x | x << 2) & 0x249249
 
 
-@lean_njit()
+@jit()
 def _sort_by_cell(cells: IntArray, ends: IntArray, order: IntArray) -> None:
     """Write the numbers of all items in the order of their cells; `ends` is work space of zeros."""
     for i in range(cells.shape[0]):
@@ -151,9 +147,9 @@ def _sort_by_cell(cells: IntArray, ends: IntArray, order: IntArray) -> None:
         ends[cell] += 1
 
 
-@lean_njit()
+@jit()
 def _move_vertices(
-    old: FloatArray, order: IntArray, start: int, stop: int, rank: IntArray, vertices: FloatArray
+    old: FloatArray, order: IntArray, rank: IntArray, vertices: FloatArray, start: int, stop: int
 ) -> None:
     """Write vertices start .. stop-1 of the new order, and the new numbers of the old ones."""
     for i in range(start, stop):
@@ -162,8 +158,8 @@ def _move_vertices(
         vertices[i, 0], vertices[i, 1], vertices[i, 2] = old[j, 0], old[j, 1], old[j, 2]
 
 
-@lean_njit()
-def _move_faces(old: IntArray, order: IntArray, rank: IntArray, start: int, stop: int, faces: IntArray) -> None:
+@jit()
+def _move_faces(old: IntArray, order: IntArray, rank: IntArray, faces: IntArray, start: int, stop: int) -> None:
     """Write faces start .. stop-1 of the new order with the new numbers of their vertices."""
     for f in range(start, stop):
         g = order[f]

@@ -3,10 +3,10 @@
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.runtime.lean import inner_njit
+from bezier_filters.runtime.jit import inner_jit
 
 
-@inner_njit()
+@inner_jit()
 def area_vector(points: FloatArray, a: int, b: int, c: int) -> tuple[float, float, float]:
     """Normal of the triangle (a, b, c), as long as twice its area."""
     ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
@@ -14,7 +14,7 @@ def area_vector(points: FloatArray, a: int, b: int, c: int) -> tuple[float, floa
     return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
 
-@inner_njit()
+@inner_jit()
 def angle_parts(points: FloatArray, tip: int, left: int, right: int) -> tuple[float, float]:
     """Cosine and sine of the angle at a corner, times the lengths of its sides; the sine is twice the area."""
     x, y, z = area_vector(points, tip, left, right)
@@ -24,14 +24,14 @@ def angle_parts(points: FloatArray, tip: int, left: int, right: int) -> tuple[fl
     return cosine, np.sqrt(x * x + y * y + z * z)
 
 
-@inner_njit()
+@inner_jit()
 def cotangent_and_area(points: FloatArray, tip: int, left: int, right: int) -> tuple[float, float]:
     """Cotangent of the angle at a corner, huge where the triangle has no area, and the area."""
     cosine, twice = angle_parts(points, tip, left, right)
     return cosine / max(twice, 1e-300), 0.5 * twice
 
 
-@inner_njit()
+@inner_jit()
 def cosine_between(points: FloatArray, a: int, b: int, c: int, d: int, e: int, f: int, without_area: float) -> float:
     """Cosine of the angle between the normals of the triangles (a, b, c) and (d, e, f), if both have an area."""
     x, y, z = area_vector(points, a, b, c)
@@ -40,19 +40,19 @@ def cosine_between(points: FloatArray, a: int, b: int, c: int, d: int, e: int, f
     return float((x * u + y * v + z * w) / lengths) if lengths > 0.0 else without_area
 
 
-@inner_njit()
+@inner_jit()
 def has_corner(faces: IntArray, f: int, i: int) -> bool:
     """Whether vertex i is a corner of face f."""
     return bool(faces[f, 0] == i or faces[f, 1] == i or faces[f, 2] == i)
 
 
-@inner_njit()
+@inner_jit()
 def next_corner(faces: IntArray, f: int, i: int) -> int:
     """The vertex after vertex i in face f."""
     return int(faces[f, 1] if faces[f, 0] == i else faces[f, 2] if faces[f, 1] == i else faces[f, 0])
 
 
-@inner_njit()
+@inner_jit()
 def edge_length(points: FloatArray, a: int, b: int) -> float:
     """Distance of two points."""
     x, y, z = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]

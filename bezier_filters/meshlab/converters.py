@@ -4,11 +4,12 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
+from bezier_filters.fields import ESTIMATES, SMOOTH, fields_of
 from bezier_filters.meshes.mesh import TriangleMesh, takes_arrays, triangle_mesh
 from bezier_filters.smoothing.smoothing_result import SmoothingResult
 
@@ -17,12 +18,6 @@ if TYPE_CHECKING:
     import trimesh
 
 Fields = VertexGeometry | SmoothingResult | Mapping[str, ArrayLike] | None
-
-_GEOMETRY = (
-    *("normals", "k_min", "k_max", "mean_curvature", "gaussian_curvature", "geodesic_torsion"),
-    *("curvedness", "shape_index", "direction_min", "direction_max", "extremality_min", "extremality_max"),
-    *("normal_std", "mean_curvature_std", "gaussian_curvature_std", "residual", "rings_used", "status"),
-)
 
 
 @takes_arrays
@@ -160,13 +155,13 @@ def _mesh(vertices: ArrayLike, faces: ArrayLike | None) -> TriangleMesh:
     return triangle_mesh(vertices, np.empty((0, 3), np.int32) if faces is None else faces)
 
 
-def _columns(fields: Fields, n: int) -> dict[str, Any]:
+def _columns(fields: Fields, n: int) -> dict[str, NDArray[Any]]:
     if fields is None:
         return {}
-    if isinstance(fields, VertexGeometry):
-        columns = {name: np.array(getattr(fields, name)) for name in _GEOMETRY}
-    elif isinstance(fields, SmoothingResult):
-        columns = {name: np.array(getattr(fields, name)) for name in ("displacement", "sharpness")}
+    if isinstance(fields, VertexGeometry | SmoothingResult):
+        filters = ESTIMATES if isinstance(fields, VertexGeometry) else (SMOOTH,)
+        names = dict.fromkeys(field.source for field in fields_of(*filters) if field.attribute is not None)
+        columns = {name: np.array(getattr(fields, name)) for name in names}
     else:
         columns = {name: np.array(values) for name, values in fields.items()}
     for name, values in columns.items():

@@ -1,32 +1,25 @@
 """The filter on a pymeshlab MeshSet that finds creases."""
 
-from typing import Any
-
 import numpy as np
 
-from bezier_filters.arrays import BoolArray
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray, Report
 from bezier_filters.errors import InvalidMeshError
 from bezier_filters.estimation.fit_options import Automatic
 from bezier_filters.feature_lines.crease_lines import COLORS, CreaseLine, Creases, edge_mesh, find_creases
-from bezier_filters.files.fields import ScalarField
+from bezier_filters.fields import CREASES, column_names
+from bezier_filters.meshlab.filter_run import Columns, Computed, Output, run_filter
 from bezier_filters.meshlab.meshset import CurrentMesh, Length, Mesh, MeshSet, current_mesh
-from bezier_filters.meshlab.vertex_filter import FitOptions, fitted
-from bezier_filters.meshlab.vertex_output import Columns, Computed, Output, run_filter
+from bezier_filters.meshlab.vertex_filters import FitArguments, fit_mesh
+from bezier_filters.parameters import documented
 from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.runtime.parallel import Progress
 
 KIND_CODES = {"ridge": 1.0, "ravine": -1.0}
 SHARP_FACTOR = 2.0
-CREASE_FIELDS = {
-    field.name: field
-    for field in (
-        ScalarField("crease", "crease", "crease: ridge above 0, ravine below", "", signed=True),
-        ScalarField("strength", "crease_strength", "strength of creases", "radii of curvature", signed=False),
-    )
-}
-COLUMNS = tuple(field.mesh_attribute for field in CREASE_FIELDS.values())
+COLUMNS = tuple(column_names(CREASES))
 
 
+@documented(CREASES)
 def compute_selection_by_bezier_crease_per_edge(
     ms: MeshSet,
     *,
@@ -41,7 +34,7 @@ def compute_selection_by_bezier_crease_per_edge(
     polylines: bool = True,
     threads: int | None = None,
     progress: Progress | None = None,
-) -> dict[str, Any]:
+) -> Report:
     """Select the creases of the current mesh: sharp edges, and the ridges and ravines of the surface between them.
 
     Sharp edges are told by the angle of their faces, crest lines by the third derivatives of the Bezier patches; see
@@ -51,10 +44,13 @@ def compute_selection_by_bezier_crease_per_edge(
     surface: its quality is the strength of the lines, ridges are red and ravines are blue. The current mesh stays the
     current one.
 
-    The custom scalar attributes ``bz_crease`` (0 away from creases, 1 at a ridge, -1 at a ravine, 2 and -2 at sharp
-    edges of these kinds) and ``bz_crease_strength`` are added or overwritten, and the vertex selection is replaced.
-    Nothing else in the MeshSet changes: not the face selection, quality, colours, textures, other attributes or filter
-    script. Running it again adds a layer again.
+    bz_* columns
+        What kind of crease runs at each vertex, and how strong it is; see `FIELDS`.
+
+    The vertex selection is replaced. Nothing else in the MeshSet changes: not the face selection, quality, colours,
+    textures, other attributes or filter script. Running it again adds a layer again.
+
+    Larger neighbourhoods give coarser lines. There are no smooth lines where the patches have a degree below 3.
 
     Coordinates are used as stored, like in pymeshlab's own filters: the transform matrix is ignored, and the new layer
     has the same one.
@@ -63,32 +59,14 @@ def compute_selection_by_bezier_crease_per_edge(
     ----------
     ms : pymeshlab.MeshSet
         Its current mesh must have faces.
-    angle : float
-        Angle between faces in degrees, from which on an edge may be sharp.
-    minstrength : float
-        Weaker smooth lines are left out. The strength is the length in radii of the curvature across the line, less
-        where that hardly changes across it.
-    rings : int or "auto"
-        Size of the fitted neighbourhood in edges, at least 1. By default the data choose this and
-        the next three, for the smallest predicted error at the noise that they have.
-    radius : pymeshlab.PercentageValue, pymeshlab.PureValue or float, optional
-        Size of the neighbourhood as a length, or as a percentage of the diagonal of the bounding box,
-        instead of `rings`: coarser lines for larger ones.
-    alpha : float or "auto"
-        Weight of the points against the smoothness of the patch, in (0, 1].
-    degree : int or "auto"
-        Degree of the patch in each parameter, 2 to 4, or with ``alpha="auto"`` its total degree, 2 to 6. There are no
-        smooth lines below 3.
-    smoothness : {"third_order", "paper"}
-        What alpha is weighed against.
-    robust : bool
-        Take weight from points far off their patch.
+    angle, minstrength
+        Which edges and lines are creases; see `LINES`.
+    rings, radius, alpha, degree, smoothness, robust
+        How the patches are fitted; see `FIT`.
     polylines : bool
         Whether the layer of lines is added.
-    threads : int, optional
-        Number of threads; by default all usable cores. The result does not depend on it.
-    progress : callable, optional
-        ``progress(done, total)`` is called now and then; if it returns False, the filter stops.
+    threads, progress
+        How the filter runs; see `RUN`.
 
     Returns
     -------
@@ -100,10 +78,8 @@ def compute_selection_by_bezier_crease_per_edge(
 
     Raises
     ------
-    BezierFilterError
-        If the mesh, an attribute on it or a parameter is refused; the MeshSet is as it was.
-    CancelledError
-        If `progress` returned False; the MeshSet is as it was.
+    BezierFilterError, CancelledError
+        If it refuses or is stopped; see `ERRORS`.
 
     Examples
     --------
@@ -114,7 +90,7 @@ def compute_selection_by_bezier_crease_per_edge(
     >>> len(result["lines"]), result["sharp_edges"], ms.current_mesh().selected_vertex_number()
     (12, 12, 8)
     """
-    fit = FitOptions(rings, radius, alpha, degree, smoothness, robust, threads, progress)
+    fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, threads, progress)
     layers: list[int] = []
 
     def work(mesh: CurrentMesh, mask: BoolArray) -> Computed:
@@ -139,17 +115,11 @@ def compute_selection_by_bezier_crease_per_edge(
     }
 
 
-def creases_of(mesh: CurrentMesh, fit: FitOptions, angle: float, min_strength: float) -> Creases:
-    """Fit patches to all vertices of a mesh and find its creases.
-
-    Raises
-    ------
-    InvalidMeshError, InvalidParameterError
-        As `find_creases` does, but before anything is fitted if there are no faces.
-    """
+def creases_of(mesh: CurrentMesh, fit: FitArguments, angle: float, min_strength: float) -> Creases:
+    """Fit patches to all vertices of a mesh and find its creases."""
     if not len(mesh.faces):
         raise InvalidMeshError("the current mesh has no faces; creases need a mesh, not a point cloud")
-    geometry = fitted(mesh, np.ones(len(mesh.vertices), dtype=np.bool_), fit)
+    geometry = fit_mesh(mesh, np.ones(len(mesh.vertices), dtype=np.bool_), fit)
     return find_creases(
         mesh.vertices, mesh.faces, geometry, angle=angle, min_strength=min_strength, threads=fit.threads
     )
@@ -169,12 +139,9 @@ def _add_polylines(ms: MeshSet, creases: Creases) -> int:
     """Add the lines as a layer with the transform of the current one, which stays current; return its id."""
     source = current_mesh(ms)
     current, transform = source.id(), np.array(source.transform_matrix())
-    points, edges, line_of_point = edge_mesh(creases.lines)
-    strengths = np.array([line.strength for line in creases.lines])
-    colors = np.array([(*COLORS[line.kind], 1.0) for line in creases.lines])
-    lines = Mesh(
-        points, edge_matrix=edges, v_scalar_array=strengths[line_of_point], v_color_matrix=colors[line_of_point]
-    )
+    points, edges, strengths, colors = lines_as_mesh(creases)
+    opaque = np.insert(colors, 3, 1.0, axis=1)
+    lines = Mesh(points, edge_matrix=edges, v_scalar_array=strengths, v_color_matrix=opaque)
     ms.add_mesh(lines, "creases", set_as_current=True)
     layer = int(ms.current_mesh_id())
     ms.set_matrix(transformmatrix=transform, freeze=False)
@@ -182,7 +149,15 @@ def _add_polylines(ms: MeshSet, creases: Creases) -> int:
     return layer
 
 
-def described(line: CreaseLine) -> dict[str, Any]:
+def lines_as_mesh(creases: Creases) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
+    """Points (k, 3) and edges (e, 2) of all lines, and strength (k,) and colour (k, 3) at the points."""
+    points, edges, line_of_point = edge_mesh(creases.lines)
+    strengths = np.array([line.strength for line in creases.lines])
+    colors = np.array([COLORS[line.kind] for line in creases.lines]).reshape(-1, 3)
+    return points, edges, strengths[line_of_point], colors[line_of_point]
+
+
+def described(line: CreaseLine) -> Report:
     """A line as a dict of plain values, with a number in the place of its points."""
     return {
         "kind": line.kind,

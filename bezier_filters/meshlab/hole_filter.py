@@ -3,12 +3,11 @@
 import re
 import time
 from dataclasses import asdict
-from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from bezier_filters.arrays import IntArray
+from bezier_filters.arrays import IntArray, Report
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.holes.fill_methods import FillingMethod
 from bezier_filters.holes.hole_filling import HoleFillingResult, HoleReport, fill_holes
@@ -23,9 +22,11 @@ from bezier_filters.meshlab.meshset import (
     preserved_filter_script,
     read_current_mesh,
 )
+from bezier_filters.parameters import documented
 from bezier_filters.runtime.parallel import Progress
 
 
+@documented("fill-holes")
 def meshing_close_holes_by_bezier_patch(
     ms: MeshSet,
     *,
@@ -41,7 +42,7 @@ def meshing_close_holes_by_bezier_patch(
     newfaceselected: bool = False,
     threads: int | None = None,
     progress: Progress | None = None,
-) -> dict[str, Any]:
+) -> Report:
     """Fill the holes of the current mesh: smooth where the surface is smooth, sharp where it is sharp.
 
     The new triangles are about as large as those around a hole, and lie on the surface that continues the one around
@@ -62,32 +63,16 @@ def meshing_close_holes_by_bezier_patch(
     ----------
     ms : pymeshlab.MeshSet
         Its current mesh must have faces.
-    method : {"auto", "paper"}
-        ``"paper"`` lifts a flat triangulation to one bicubic patch, as Li, Barsky, Jin (2009) do.
-    maxholesize : int, optional
-        Fill only holes with so many edges or fewer, at least 3. (MeshLab's own filter leaves holes of just this
-        size open.)
-    maxperimeter, maxdiameter : pymeshlab.PercentageValue, pymeshlab.PureValue or float, optional
-        Fill only holes that are no larger, lengths or percentages of the diagonal of the bounding box.
-    outerrims : bool
-        Whether to fill the outer rims of open sheets, too.
-    creases : bool
-        Whether sharp edges that end at a hole are continued through it.
-    noise : pymeshlab.PercentageValue, pymeshlab.PureValue or float, optional
-        Standard deviation of the noise along the normal, a length or a percentage; by default it is learned.
-        0 takes every point as it is.
-    alpha : float
-        Weight of the points against the smoothness of the patch, in (0, 1]. Only for ``"paper"``.
+    method, maxholesize, maxperimeter, maxdiameter, outerrims, creases, noise, alpha
+        Which holes are filled, and how; see `FILLING`.
     onselected : bool
         Fill only holes with a selected vertex on their rim or, if no vertex is selected, with a vertex of a
         selected face.
     newfaceselected : bool
         Whether the new faces, and nothing else, are selected afterwards. MeshLab's filters act on selected faces
         alone if there are any.
-    threads : int, optional
-        Number of threads; by default all usable cores. The result does not depend on it.
-    progress : callable, optional
-        ``progress(done, total)`` is called now and then; if it returns False, the filter stops.
+    threads, progress
+        How the filter runs; see `RUN`.
 
     Returns
     -------
@@ -103,10 +88,8 @@ def meshing_close_holes_by_bezier_patch(
 
     Raises
     ------
-    BezierFilterError
-        If the mesh, an attribute on it or a parameter is refused; the MeshSet is as it was.
-    CancelledError
-        If `progress` returned False; the MeshSet is as it was.
+    BezierFilterError, CancelledError
+        If it refuses or is stopped; see `ERRORS`.
 
     Examples
     --------
@@ -130,14 +113,12 @@ def meshing_close_holes_by_bezier_patch(
             mesh.faces,
             method,
             max_edges=maxholesize,
-            max_perimeter=None
-            if maxperimeter is None
-            else absolute_length(maxperimeter, mesh.vertices, "maxperimeter"),
-            max_diameter=None if maxdiameter is None else absolute_length(maxdiameter, mesh.vertices, "maxdiameter"),
+            max_perimeter=absolute_length(maxperimeter, mesh.vertices, "maxperimeter"),
+            max_diameter=absolute_length(maxdiameter, mesh.vertices, "maxdiameter"),
             selected=mesh.selected_vertices() if onselected else None,
             outer_rims=outerrims,
             creases=creases,
-            noise=None if noise is None else absolute_length(noise, mesh.vertices, "noise"),
+            noise=absolute_length(noise, mesh.vertices, "noise"),
             alpha=alpha,
             threads=threads,
             progress=progress,
@@ -192,7 +173,7 @@ def _prefer_neighbours(like_face: IntArray, faces: IntArray, old_faces: IntArray
             like_face[k] = owner.get((a, b), like_face[k])
 
 
-def _described(hole: HoleReport) -> dict[str, Any]:
+def _described(hole: HoleReport) -> Report:
     """A report as a dict of plain values, with numbers in the place of lists."""
     description = asdict(hole)
     del description["rim"], description["creases"]

@@ -1,4 +1,4 @@
-"""Numbers from Python into a mesh inside a MeshSet: custom attributes, quality and normals, bit for bit.
+"""Numbers from Python into a mesh inside a MeshSet: custom attributes, quality, normals, coordinates, bit for bit.
 
 pymeshlab can add a custom attribute from an array, but neither overwrite nor remove one, and its
 expression filters copy one attribute to another place. So new columns are simply added, and to
@@ -14,6 +14,11 @@ coordinates as carrier would take longer and recompute the normals, which then n
 themselves; a transfer from a point cloud fails on coincident vertices; a fresh name per run leaks.
 The time grows with the square of the number of vertices at one and the same place (20,000: 0.4 s
 for two columns).
+
+New coordinates come with a point cloud, a layer that goes away again, to which the mesh is morphed: ``source +
+(target - source)``, twice, since the first time rounds. Expressions would leave attributes behind and take
+five times as long. pymeshlab sets the normals from the new coordinates at each morph, to sums that are
+longer than one; they are computed once more.
 """
 
 import re
@@ -248,3 +253,51 @@ def _drop_carriers(ms: MeshSet) -> None:
             f"this version of pymeshlab does not remove the attributes {', '.join(left)}, so columns of an earlier "
             f"run cannot be overwritten; {_DROP_ATTRIBUTES}"
         )
+
+
+def write_coordinates(ms: MeshSet, vertices: FloatArray) -> None:
+    """Set the coordinates of the current mesh, and its normals to unit normals of the new faces.
+
+    Everything else stays, except that the id of the next layer skips one.
+
+    Parameters
+    ----------
+    ms : pymeshlab.MeshSet
+    vertices : (n, 3) float64
+        Finite, one row for each vertex of the current mesh.
+
+    Raises
+    ------
+    BezierFilterError
+        If pymeshlab did not take the coordinates over bit for bit.
+    """
+    mesh = current_mesh(ms)
+    wanted = mesh.id()
+    others = {layer.id() for layer in ms}
+    ms.add_mesh(Mesh(vertices), "coordinates", set_as_current=False)
+    carrier = next(layer.id() for layer in ms if layer.id() not in others)
+    try:
+        for _ in range(2):
+            ms.compute_coord_linear_morphing(targetmesh=carrier, percentmorph=100)
+    finally:
+        ms.set_current_mesh(carrier)
+        ms.delete_current_mesh()
+        ms.set_current_mesh(wanted)
+    if not np.array_equal(current_mesh(ms).vertex_matrix(), vertices):
+        raise BezierFilterError("pymeshlab did not take the new coordinates over bit for bit; they are too far apart")
+    ms.compute_normal_per_vertex()
+
+
+@contextmanager
+def coordinates_restored_on_failure(ms: MeshSet) -> Iterator[None]:
+    """Put the coordinates back if the block fails or is interrupted.
+
+    Face normals, which pymeshlab lets nobody set, are computed from them once more.
+    """
+    vertices = np.array(current_mesh(ms).vertex_matrix(), dtype=np.float64, order="C")
+    try:
+        yield
+    except BaseException:
+        if not np.array_equal(current_mesh(ms).vertex_matrix(), vertices):
+            write_coordinates(ms, vertices)
+        raise

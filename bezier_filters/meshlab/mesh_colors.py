@@ -58,13 +58,7 @@ COLOR_MAP_NAMES = tuple(color_map.name for color_map in COLOR_MAPS)
 
 
 def find_color_map(name: str, *, signed: bool = False) -> ColorMap:
-    """Colour map of a name in any case; ``"auto"`` depends on whether zero is the middle of the field's range.
-
-    Raises
-    ------
-    BezierFilterError
-        If there is none; the message lists the names.
-    """
+    """Colour map of a name in any case; ``"auto"`` depends on whether zero is the middle of the field's range."""
     wanted = default_colormap(signed=signed) if name == AUTO else name
     for color_map in COLOR_MAPS:
         if isinstance(wanted, str) and color_map.name.lower() == wanted.lower():
@@ -73,13 +67,7 @@ def find_color_map(name: str, *, signed: bool = False) -> ColorMap:
 
 
 def check_limits(low: float, high: float) -> None:
-    """Refuse ends of a colour range that pymeshlab cannot tell apart in single precision.
-
-    Raises
-    ------
-    BezierFilterError
-        If the range is empty, not finite or beyond single precision.
-    """
+    """Refuse ends of a colour range that pymeshlab cannot tell apart in single precision."""
     with np.errstate(over="ignore", under="ignore"):
         ends = np.array([low, high], dtype=np.float64).astype(np.float32)
     if not (np.isfinite(ends).all() and ends[0] < ends[1]):

@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from bezier_filters.errors import FieldFileError
-from bezier_filters.files.fields import PREFIX
+from bezier_filters.fields import PREFIX
 from bezier_filters.files.mesh_headers import check_header
 from bezier_filters.meshlab.meshset import BezierFilterError, MeshSet, PyMeshLabException, current_mesh, one_at_a_time
 from bezier_filters.runtime.atomic import TEMPORARY, atomic_write
@@ -41,16 +41,9 @@ class FormatSupport:
 
 _FORMATS = {
     ".ply": FormatSupport(normals=True, color=True, quality=True, attributes=True),
-    ".obj": FormatSupport(normals=True, color=True),
-    ".off": FormatSupport(normals=True, color=True),
-    ".dae": FormatSupport(normals=True, color=True),
-    ".x3d": FormatSupport(normals=True, color=True),
+    **dict.fromkeys((".obj", ".off", ".dae", ".x3d"), FormatSupport(normals=True, color=True)),
     ".wrl": FormatSupport(color=True),
-    ".stl": FormatSupport(),
-    ".3ds": FormatSupport(),
-    ".3mf": FormatSupport(),
-    ".ctm": FormatSupport(),
-    ".dxf": FormatSupport(),
+    **dict.fromkeys((".stl", ".3ds", ".3mf", ".ctm", ".dxf"), FormatSupport()),
 }
 SAVE_SUFFIXES = tuple(_FORMATS)
 

@@ -3,35 +3,36 @@
 pymeshlab can only merge layers, and welds vertices with equal coordinates when it does. So a copy of the mesh and a
 layer with the new faces are merged while each vertex has its number for a coordinate: vertices that lie in
 one place, as at the seams of textures, stay apart. The mesh itself is deleted when everything has gone well.
+
+pymeshlab makes meshes from arrays, but not with the number of the texture that a face shows: its faces would have none.
+Only files bring it along, so new faces of textured meshes are written to one and loaded.
 """
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.files.fields import PREFIX
-from bezier_filters.meshlab.mesh_attributes import KEPT_LEFTOVER, LEFTOVER
-from bezier_filters.meshlab.mesh_coordinates import write_coordinates
+from bezier_filters.fields import PREFIX
+from bezier_filters.files.ply_text import color_columns, coordinate_columns, ply_text
+from bezier_filters.meshlab.mesh_attributes import KEPT_LEFTOVER, LEFTOVER, write_coordinates
 from bezier_filters.meshlab.meshset import BezierFilterError, Image, Mesh, MeshSet, PyMeshLabException, current_mesh
-from bezier_filters.meshlab.texture_growth import load_patch, textures_of, wedge_coordinates
 from bezier_filters.status import FitStatus
 
-_GETTERS = {
-    "__ca_vs__": "vertex_custom_scalar_attribute_array",
-    "__ca_vp__": "vertex_custom_point_attribute_matrix",
-    "__ca_fs__": "face_custom_scalar_attribute_array",
-    "__ca_fp__": "face_custom_point_attribute_matrix",
+_TEXTURE = "TextureFile "
+_ATTRIBUTES = {
+    "__ca_vs__": ("vertex_custom_scalar_attribute", "array"),
+    "__ca_vp__": ("vertex_custom_point_attribute", "matrix"),
+    "__ca_fs__": ("face_custom_scalar_attribute", "array"),
+    "__ca_fp__": ("face_custom_point_attribute", "matrix"),
 }
-_SETTERS = {
-    "__ca_vs__": "add_vertex_custom_scalar_attribute",
-    "__ca_vp__": "add_vertex_custom_point_attribute",
-    "__ca_fs__": "add_face_custom_scalar_attribute",
-    "__ca_fp__": "add_face_custom_point_attribute",
-}
+"""What custom attributes are called in pymeshlab, by the beginnings of the parameters that save them."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +125,7 @@ def grow_mesh(ms: MeshSet, growth: Growth, *, select: bool) -> Grown:
             raise BezierFilterError("pymeshlab merged the new faces with the mesh in another way than expected")
         write_coordinates(ms, vertices)
         for prefix, name, values in attributes:
-            getattr(grown, _SETTERS[prefix])(values, name)
+            getattr(grown, f"add_{_ATTRIBUTES[prefix][0]}")(values, name)
         if select:
             _select_faces_from(ms, old.face_number())
         ms.set_matrix(transformmatrix=transform, freeze=False)
@@ -160,7 +161,7 @@ def _attributes(ms: MeshSet, mesh: Mesh, growth: Growth) -> tuple[list[tuple[str
     found: list[tuple[str, str, FloatArray]] = []
     lost = []
     for key in ms.filter_parameter_values("ply"):
-        prefix = next((prefix for prefix in _GETTERS if key.startswith(prefix)), None)
+        prefix = next((prefix for prefix in _ATTRIBUTES if key.startswith(prefix)), None)
         if prefix is None:
             continue
         name = key[len(prefix) :]
@@ -179,7 +180,7 @@ def _values(mesh: Mesh, prefix: str, listed: str) -> FloatArray | None:
     """Values of an attribute by the name that pymeshlab lists; None if the true name differs and is not known."""
     for name in (listed, *(name for name in (LEFTOVER, KEPT_LEFTOVER) if name.lower() == listed)):
         try:
-            return np.array(getattr(mesh, _GETTERS[prefix])(name), dtype=np.float64)
+            return np.array(getattr(mesh, "_".join(_ATTRIBUTES[prefix]))(name), dtype=np.float64)
         except PyMeshLabException:
             continue
     return None
@@ -202,7 +203,7 @@ def _texture(ms: MeshSet, old: Mesh, growth: Growth, vertices: FloatArray) -> _T
 def _add_patch(ms: MeshSet, old: Mesh, growth: Growth, numbers: FloatArray, texture: _Texture | None) -> bool:
     """Add the new faces as a layer, and say whether they show a texture."""
     patch = _patch(old, growth, numbers)
-    if texture is not None and load_patch(ms, patch, texture.coordinates, texture.numbers, texture.pictures):
+    if texture is not None and _load_patch(ms, patch, texture):
         return True
     ms.add_mesh(patch, "new faces", set_as_current=False)
     return False
@@ -229,3 +230,108 @@ def _patch(old: Mesh, growth: Growth, numbers: FloatArray) -> Mesh:
 def _select_faces_from(ms: MeshSet, first: int) -> None:
     ms.set_selection_none(allfaces=True, allverts=True)
     ms.compute_selection_by_condition_per_face(condselect=f"fi >= {first}")
+
+
+def wedge_coordinates(corners: FloatArray, triangles: FloatArray, coordinates: FloatArray) -> FloatArray:
+    """Texture coordinates for the corners of new faces: those of the nearest points on the old faces beside them.
+
+    What is shown on new faces is then what lies on old ones, never a part of the texture that belongs to nothing or to
+    something else, and where a new face shares an edge with its old one, both show the same there.
+
+    Parameters
+    ----------
+    corners : (f, 3, 3) float64
+        Of the new faces.
+    triangles : (f, 3, 3) float64
+        The old face that each one resembles.
+    coordinates : (f, 3, 2) float64
+        Texture coordinates at its corners.
+
+    Returns
+    -------
+    (f, 3, 2) float64
+
+    Examples
+    --------
+    >>> old = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]])
+    >>> new = np.array([[[1.0, 0, 0], [2, 2, 0], [0, 1, 0]]])
+    >>> wedge_coordinates(new, old, old[..., :2])[0].tolist()
+    [[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]]
+    """
+    a, b, c = (triangles[:, np.newaxis, k] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    squared = np.maximum(np.einsum("fkj,fkj->fk", normal, normal), 1e-300)
+    weights = [np.einsum("fkj,fkj->fk", np.cross(q - p, corners - p), normal) / squared for p, q in ((b, c), (c, a))]
+    barycentric = np.stack([*weights, 1.0 - weights[0] - weights[1]], axis=2)
+    barycentric = np.maximum(barycentric, 0.0)  # 0 beyond an edge; the sum is 1 or more
+    barycentric /= barycentric.sum(axis=2, keepdims=True)
+    return np.asarray(barycentric @ coordinates, dtype=np.float64)
+
+
+def textures_of(ms: MeshSet) -> tuple[list[str], IntArray]:
+    """Names of the textures of the current mesh, and the number of the one that each face shows, (m,).
+
+    Where there are several, pymeshlab tells their order and the numbers only in files.
+    """
+    mesh = current_mesh(ms)
+    if mesh.texture_number() < 2:
+        return list(mesh.textures()), np.zeros(mesh.face_number(), dtype=np.int32)
+    with TemporaryDirectory(prefix="bezier_filters_") as folder:
+        path = Path(folder) / "mesh.ply"
+        ms.save_current_mesh(
+            str(path), binary=True, save_textures=False, save_face_color=False, save_face_quality=False
+        )
+        data = path.read_bytes()
+    header = data[: data.index(b"end_header")].decode(errors="replace").splitlines()
+    comment = f"comment {_TEXTURE}"
+    names = [line.removeprefix(comment) for line in header if line.startswith(comment)]
+    # The faces are the last element of the file, their numbers the last of a row.
+    row = np.dtype([("corners", "V13"), ("coordinates", "V25"), ("number", "<i4")])
+    rows = np.frombuffer(data[len(data) - mesh.face_number() * row.itemsize :], dtype=row)
+    return names, rows["number"].astype(np.int32)
+
+
+def _load_patch(ms: MeshSet, patch: Mesh, texture: _Texture) -> bool:
+    """Add new faces with their texture as a layer, which becomes the current one.
+
+    There is none, and the answer is False, if pymeshlab's files cannot hold a name, such as one with spaces.
+    """
+    vertices: dict[str, NDArray[Any]] = {**coordinate_columns(patch.vertex_matrix())}
+    if patch.has_vertex_color():
+        vertices |= color_columns(patch.vertex_color_matrix())
+    if patch.has_vertex_scalar():
+        vertices["double quality"] = patch.vertex_scalar_array()
+    if patch.has_vertex_tex_coord():
+        u, v = patch.vertex_tex_coord_matrix().T
+        vertices |= {"float texture_u": u, "float texture_v": v}
+    faces: dict[str, NDArray[Any]] = {
+        "list uchar int vertex_indices": patch.face_matrix(),
+        "list uchar float texcoord": texture.coordinates.reshape(-1, 6),
+        "int texnumber": texture.numbers,
+    }
+    if patch.has_face_color():
+        faces |= color_columns(patch.face_color_matrix())
+    if patch.has_face_scalar():
+        faces["double quality"] = patch.face_scalar_array()
+    text = ply_text({"vertex": vertices, "face": faces}, [f"{_TEXTURE}{name}" for name in texture.pictures])
+    with TemporaryDirectory(prefix="bezier_filters_") as folder:
+        path = Path(folder) / "patch.ply"
+        path.write_text(text, encoding="utf-8")
+        if not all(_save_picture(Path(folder), name, picture) for name, picture in texture.pictures.items()):
+            return False
+        ms.load_new_mesh(str(path))
+    if set(current_mesh(ms).textures()) == set(texture.pictures):
+        return True
+    ms.delete_current_mesh()
+    return False
+
+
+def _save_picture(folder: Path, name: str, picture: Image) -> bool:
+    """Write a texture to where a file names it; its format is told by its content, whatever the name says."""
+    target = (folder / name).resolve()
+    if folder.resolve() not in target.parents:
+        return False
+    target.parent.mkdir(parents=True, exist_ok=True)
+    picture.save(str(folder / "picture.png"))
+    (folder / "picture.png").replace(target)
+    return True

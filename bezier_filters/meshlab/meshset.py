@@ -11,13 +11,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, TypeAlias
+from typing import TypeAlias
 from xml.etree import ElementTree
 
 import numpy as np
 import pymeshlab
 
-from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray, Report
 from bezier_filters.runtime.interrupts import interrupts_held
 
 # pymeshlab has no type information, so these are Any to a type checker.
@@ -139,12 +139,12 @@ def check_unchanged(ms: MeshSet, mesh: CurrentMesh) -> None:
         raise BezierFilterError("the current mesh was changed while the filter ran; nothing was written")
 
 
-def absolute_length(length: Length, vertices: FloatArray, name: str) -> float:
+def absolute_length(length: Length | None, vertices: FloatArray, name: str) -> float | None:
     """A length that may be a percentage of the diagonal of the bounding box, as in pymeshlab.
 
     Parameters
     ----------
-    length : pymeshlab.PercentageValue, pymeshlab.PureValue or float
+    length : pymeshlab.PercentageValue, pymeshlab.PureValue or float, optional
         The length; anything else is returned as it is.
     vertices : (n, 3) float64
         Coordinates that the box encloses, at least one.
@@ -188,7 +188,7 @@ def former_filter_names() -> dict[str, str]:
     return {pair[0]: pair[1] for pair in pairs if len(pair) == 2}
 
 
-def topological_measures(vertices: FloatArray, faces: IntArray) -> dict[str, Any]:
+def topological_measures(vertices: FloatArray, faces: IntArray) -> Report:
     """What pymeshlab's ``get_topological_measures`` says of a mesh given as arrays.
 
     On a MeshSet that filter clears the selection, so it runs on a MeshSet of its own.

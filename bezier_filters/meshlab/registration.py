@@ -1,16 +1,19 @@
 """The filters as methods of `pymeshlab.MeshSet`, for those who ask for it."""
 
+from collections.abc import Callable
+
+from bezier_filters.arrays import Report
 from bezier_filters.meshlab.crease_filter import compute_selection_by_bezier_crease_per_edge
-from bezier_filters.meshlab.curvature_filter import (
-    compute_curvature_by_bezier_patch_per_vertex,
-    compute_torsion_by_bezier_patch_per_vertex,
-)
 from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
 from bezier_filters.meshlab.meshset import BezierFilterError, MeshSet
 from bezier_filters.meshlab.smoothing_filter import apply_coord_bezier_patch_smoothing
-from bezier_filters.meshlab.vertex_normal_filter import compute_normal_by_bezier_patch_per_vertex
+from bezier_filters.meshlab.vertex_filters import (
+    compute_curvature_by_bezier_patch_per_vertex,
+    compute_normal_by_bezier_patch_per_vertex,
+    compute_torsion_by_bezier_patch_per_vertex,
+)
 
-FILTERS = (
+FILTERS: tuple[Callable[..., Report], ...] = (
     apply_coord_bezier_patch_smoothing,
     meshing_close_holes_by_bezier_patch,
     compute_normal_by_bezier_patch_per_vertex,

@@ -24,8 +24,8 @@ class HarmonicBasis:
 
     Attributes
     ----------
-    degrees, frequencies : (M,) int32
-        j and l of every term.
+    degrees : (M,) int32
+        j of every term.
     groups : (M,) int32
         Number of the pair (j, l), which both terms of a frequency share; ascending.
     monomials : (M, M) float64
@@ -33,7 +33,6 @@ class HarmonicBasis:
     """
 
     degrees: IntArray
-    frequencies: IntArray
     groups: IntArray
     monomials: FloatArray
 
@@ -47,7 +46,6 @@ def harmonic_basis() -> HarmonicBasis:
     """The terms of the model."""
     place = {tuple(pair): k for k, pair in enumerate(total_degree_space(HIGHEST_DEGREE).exponents.tolist())}
     degrees: list[int] = []
-    frequencies: list[int] = []
     groups: list[int] = []
     columns: list[FloatArray] = []
     for degree in range(HIGHEST_DEGREE + 1):
@@ -61,12 +59,10 @@ def harmonic_basis() -> HarmonicBasis:
             group = groups[-1] + 1 if groups else 0
             for part in (term.real, term.imag)[: 2 if frequency else 1]:
                 degrees.append(degree)
-                frequencies.append(frequency)
                 groups.append(group)
                 columns.append(part)
     return HarmonicBasis(
         np.array(degrees, np.int32),
-        np.array(frequencies, np.int32),
         np.array(groups, np.int32),
         np.column_stack(columns),
     )

@@ -11,7 +11,7 @@ import numpy as np
 
 from bezier_filters.arrays import FloatArray
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.patches.bernstein import centred_monomials
+from bezier_filters.patches.polynomials import monomials_from_bernstein
 
 Smoothness = Literal["third_order", "paper", "twists"]
 
@@ -76,9 +76,7 @@ def third_order_coefficients(degree: int) -> FloatArray:
     is then Bombieri's norm, which does not change when the axes turn.
     """
     size = degree + 1
-    to_monomials = centred_monomials(degree)
-    coefficients = np.kron(to_monomials, to_monomials)
     a, b = np.divmod(np.arange(size * size), size)
     weight = np.sqrt([factorial(i) * factorial(j) / factorial(i + j) for i, j in zip(a, b, strict=True)])
-    rows: FloatArray = (weight[:, np.newaxis] * coefficients)[a + b >= 3]
+    rows: FloatArray = (weight[:, np.newaxis] * monomials_from_bernstein(degree))[a + b >= 3]
     return rows

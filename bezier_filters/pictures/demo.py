@@ -1,32 +1,32 @@
 """The demonstration: normals, curvatures and torsion of one mesh as coloured PLY files and one picture."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from bezier_filters.display.colors import round_limits
-from bezier_filters.files.fields import CURVATURE_FIELDS, TORSION_FIELD, ScalarField
-from bezier_filters.meshlab.curvature_filter import (
-    compute_curvature_by_bezier_patch_per_vertex,
-    compute_torsion_by_bezier_patch_per_vertex,
-)
+from bezier_filters.display.colors import AUTO
+from bezier_filters.fields import CURVATURE, NORMALS, TORSION, Field, qualities
 from bezier_filters.meshlab.mesh_files import load_mesh, save_mesh
 from bezier_filters.meshlab.meshset import MeshSet, read_current_mesh, shipped_bunny
-from bezier_filters.meshlab.vertex_normal_filter import NORMAL_FIELDS, compute_normal_by_bezier_patch_per_vertex
+from bezier_filters.meshlab.vertex_filters import (
+    compute_curvature_by_bezier_patch_per_vertex,
+    compute_normal_by_bezier_patch_per_vertex,
+    compute_torsion_by_bezier_patch_per_vertex,
+)
+from bezier_filters.pictures.field_panels import QUALITY, field_panels, read_mesh_file
 from bezier_filters.pictures.render import render_panels
 from bezier_filters.pictures.scene import Panel
 
 VIEWS = ("front", "back")
+_FIELDS = [qualities(NORMALS, CURVATURE, TORSION)[name] for name in ("angle", "mean", "gaussian", "torsion")]
 
 
 @dataclass(frozen=True)
 class DemoStep:
     """One file of the demonstration: what it shows and what the filter reported."""
 
-    field: ScalarField
+    field: Field
     path: Path
     report: dict[str, Any]
 
@@ -51,12 +51,12 @@ def run_demo(folder: Path, mesh: Path | None = None, *, size: tuple[int, int] = 
     mesh = mesh or shipped_bunny()
     folder.mkdir(parents=True, exist_ok=True)
     panels = []
-    for field in (NORMAL_FIELDS["angle"], CURVATURE_FIELDS["mean"], CURVATURE_FIELDS["gaussian"], TORSION_FIELD):
+    for field in _FIELDS:
         ms = load_mesh(mesh)
         report = _run(ms, field)
-        path = folder / f"{mesh.stem}_{field.attribute}.ply"
+        path = folder / f"{mesh.stem}_{field.name}.ply"
         save_mesh(ms, path)
-        panels.append(_panel(ms, field, report))
+        panels.append(_panel(ms, field, path))
         yield DemoStep(field, path, report)
     render_panels(picture_path(folder, mesh), panels, views=VIEWS, size=size)
 
@@ -66,27 +66,19 @@ def picture_path(folder: Path, mesh: Path | None = None) -> Path:
     return folder / f"{(mesh or shipped_bunny()).stem}.png"
 
 
-def _run(ms: MeshSet, field: ScalarField) -> dict[str, Any]:
-    if field.name in CURVATURE_FIELDS:
-        return compute_curvature_by_bezier_patch_per_vertex(ms, quality=field.name, color=True)
-    if field is TORSION_FIELD:
+def _run(ms: MeshSet, field: Field) -> dict[str, Any]:
+    if CURVATURE in field.filters:
+        return compute_curvature_by_bezier_patch_per_vertex(ms, quality=field.quality, color=True)
+    if TORSION in field.filters:
         return compute_torsion_by_bezier_patch_per_vertex(ms, color=True)
     return compute_normal_by_bezier_patch_per_vertex(ms, color=True)
 
 
-def _panel(ms: MeshSet, field: ScalarField, report: dict[str, Any]) -> Panel:
-    """Normals are shown as colours, the other fields by their values."""
-    arrays = read_current_mesh(ms)
-    if field.name in NORMAL_FIELDS:
+def _panel(ms: MeshSet, field: Field, path: Path) -> Panel:
+    """Normals are shown as colours, the other fields by the values in their file."""
+    if NORMALS in field.filters:
+        arrays = read_current_mesh(ms)
         colors = 0.5 + 0.5 * arrays.vertex_normals
         return Panel(arrays.vertices, arrays.faces, colors=colors, title="normals (x, y, z as red, green, blue)")
-    return Panel(
-        arrays.vertices,
-        arrays.faces,
-        values=np.array(ms.current_mesh().vertex_scalar_array()),
-        label=field.label,
-        unit=field.unit,
-        signed=field.signed,
-        limits=round_limits(*report["color_range"]),
-        title=field.label,
-    )
+    (panel,) = field_panels([read_mesh_file(path)], QUALITY, colormap=AUTO, percentile=2.0)
+    return replace(panel, title=field.label)

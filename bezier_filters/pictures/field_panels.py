@@ -10,21 +10,16 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.display.colors import color_range, round_limits
 from bezier_filters.errors import FieldFileError, InvalidParameterError
 from bezier_filters.feature_lines.crease_lines import COLORS, Creases
+from bezier_filters.fields import FIELDS, PREFIX
 from bezier_filters.files.field_files import read_fields
-from bezier_filters.files.fields import CURVATURE_FIELDS, DIAGNOSTIC_FIELDS, PREFIX, TORSION_FIELD
-from bezier_filters.meshlab.crease_filter import CREASE_FIELDS
 from bezier_filters.meshlab.mesh_files import load_mesh
 from bezier_filters.meshlab.meshset import current_mesh
-from bezier_filters.meshlab.smoothing_filter import SMOOTHING_FIELDS
-from bezier_filters.meshlab.vertex_normal_filter import NORMAL_FIELDS
 from bezier_filters.pictures.scene import Panel, require_libraries
 
 QUALITY, COLOR, SHAPE = "quality", "color", "shape"
 NO_UNIT = "no unit"
 
-_GROUPS = (CURVATURE_FIELDS, NORMAL_FIELDS, SMOOTHING_FIELDS, CREASE_FIELDS, DIAGNOSTIC_FIELDS)
-_KNOWN = {field.mesh_attribute: field for group in _GROUPS for field in group.values()}
-_KNOWN[TORSION_FIELD.mesh_attribute] = TORSION_FIELD
+_KNOWN = {field.column: field for field in FIELDS}
 _GREY = 0.75
 _GREY_BELOW_LINES = 0.85
 _SIDES = 12  # of tubes

@@ -118,11 +118,7 @@ def render_panels(
     scale = _common_scale([view for own in seen for view in own], size)
     with atomic_write(path) as temporary:
         images = [draw(panel, own, scale=scale, background=background) for panel, own in zip(panels, seen, strict=True)]
-        if len(panels) == 1 and len(views) > 1:
-            sheet = _sheet_of_views(panels[0], images[0], views, columns, title or "", style)
-        else:
-            sheet = _sheet_of_panels(panels, images, views, columns, title or "", style)
-        _save(temporary, sheet, style)
+        _save(temporary, _sheet(panels, images, views, columns, title or "", style), style)
 
 
 def _checked(
@@ -199,22 +195,7 @@ class _Style:
         return np.round(255 * np.array(to_rgb(self.background))).astype(np.uint8)
 
 
-def _sheet_of_views(
-    panel: Panel, images: Sequence[Image], views: Sequence[str], columns: int | None, title: str, style: _Style
-) -> Image:
-    """Views of one panel side by side, with one colour bar."""
-    step = columns or len(views)
-    cells: list[list[Image]] = []
-    for start in range(0, len(views), step):
-        cells.append([_text(view, style) for view in views[start : start + step]])
-        cells.append(list(images[start : start + step]))
-    content = _grid(cells, style)
-    bar = _color_bar(panel, _COMMON_BAR_SHARE * content.shape[1], style)
-    heading = _text(": ".join(filter(None, (title, panel.title))), style, _TITLE_SIZE)
-    return _grid([[heading], [content], [bar]], style)
-
-
-def _sheet_of_panels(
+def _sheet(
     panels: Sequence[Panel],
     images: Sequence[Sequence[Image]],
     views: Sequence[str],
@@ -222,20 +203,28 @@ def _sheet_of_panels(
     title: str,
     style: _Style,
 ) -> Image:
-    """One row per view, and again for the panels that do not fit side by side."""
-    step = columns or len(panels)
-    names = [_text(view, style, _NAME_SIZE, rotation=90) if len(views) > 1 else _EMPTY for view in views]
-    widths = [max(image.shape[1] for own in images[k::step] for image in own) for k in range(min(step, len(panels)))]
+    """Panels side by side with a row per view, or the views of a single panel side by side with one colour bar."""
+    bar = _EMPTY
+    names = views if len(views) > 1 else [""]
+    titles = [panel.title for panel in panels]
+    with_bars = panels
+    if len(panels) == 1 and len(views) > 1:
+        title = ": ".join(filter(None, (title, panels[0].title)))
+        images, titles, names, with_bars = [[image] for image in images[0]], list(views), [""], []
+    step = columns or len(images)
+    widths = [max(image.shape[1] for own in images[k::step] for image in own) for k in range(min(step, len(images)))]
     cells: list[list[Image]] = []
-    for start in range(0, len(panels), step):
+    for start in range(0, len(images), step):
         part = slice(start, start + step)
-        cells.append([_EMPTY, *(_text(panel.title, style) for panel in panels[part])])
-        cells += [[name, *(own[k] for own in images[part])] for k, name in enumerate(names)]
-        bars = (
-            _color_bar(panel, _BAR_SHARE * width, style) for panel, width in zip(panels[part], widths, strict=False)
-        )
-        cells.append([_EMPTY, *bars])
-    return _grid([[_text(title, style, _TITLE_SIZE)], [_grid(cells, style)]], style)
+        cells.append([_EMPTY, *(_text(text, style) for text in titles[part])])
+        for k, name in enumerate(names):
+            cells.append([_text(name, style, _NAME_SIZE, rotation=90), *(own[k] for own in images[part])])
+        bars = zip(with_bars[part], widths, strict=False)
+        cells.append([_EMPTY, *(_color_bar(panel, _BAR_SHARE * width, style) for panel, width in bars)])
+    content = _grid(cells, style)
+    if not with_bars:
+        bar = _color_bar(panels[0], _COMMON_BAR_SHARE * content.shape[1], style)
+    return _grid([[_text(title, style, _TITLE_SIZE)], [content], [bar]], style)
 
 
 def _grid(rows: Sequence[Sequence[Image]], style: _Style) -> Image:

@@ -26,28 +26,10 @@ MARGIN = 4  # pixels around the mesh
 
 _SUPERSAMPLING = 2  # rendered larger and averaged: smooth edges on every graphics driver
 _NAN_COLOR = "lightgray"
+_SHARP = 60.0  # degrees between faces from which on the edge between them is seen
 _AMBIENT = 0.45  # share of the colour that no shadow takes
 _ZOOM = 1.3  # a window first has room for a ball around the meshes
 _REMEDY = "`bezier-filters render` draws a picture without one"
-_SMOOTH_BUT_FOR_EDGES: dict[str, Any] = {
-    "split_vertices": True,
-    "feature_angle": 60.0,
-    "consistent_normals": False,  # both sides of a face are lit alike
-    "auto_orient_normals": False,
-}
-
-_BAR: dict[str, Any] = {
-    "color": "black",
-    "title_font_size": 16,
-    "label_font_size": 14,
-    "n_labels": 3,
-    "position_x": 0.2,
-    "position_y": 0.04,
-    "width": 0.6,
-    "height": 0.1,
-    "fmt": "%.3g",
-}
-
 # Right, up and towards the viewer, each in the coordinates (right, up, towards) of the front view.
 _VIEWS = {
     "front": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
@@ -131,7 +113,7 @@ class Panel:
     signed: bool = False
     limits: tuple[float, float] | None = None
     colormap: str = AUTO
-    colors: NDArray[Any] | None = None
+    colors: FloatArray | Image | None = None
     title: str = ""
     histogram: bool = False
 
@@ -278,11 +260,11 @@ def add_panel(plotter: "pyvista.Plotter", panel: Panel, points: FloatArray) -> N
     import pyvista
 
     options: dict[str, Any] = {"show_scalar_bar": False}
-    colored: NDArray[Any] | None = panel.values
+    colored: FloatArray | Image | None = panel.values
     if panel.colors is not None:
         colored = panel.colors
         if colored.dtype != np.uint8:
-            colored = (255 * np.clip(colored, 0.0, 1.0)).round().astype(np.uint8)
+            colored = np.round(255 * np.clip(colored.astype(np.float64), 0.0, 1.0)).astype(np.uint8)
         options |= {"rgb": True}
     else:
         # Values are interpolated within triangles and then coloured, which keeps to the colour map.
@@ -296,7 +278,13 @@ def add_panel(plotter: "pyvista.Plotter", panel: Panel, points: FloatArray) -> N
     faces: NDArray[Any] = panel.faces
     mesh = pyvista.PolyData.from_regular_faces(points, faces)
     mesh.point_data["colored"] = colored
-    mesh = mesh.compute_normals(cell_normals=False, **_SMOOTH_BUT_FOR_EDGES)
+    mesh = mesh.compute_normals(
+        cell_normals=False,
+        split_vertices=True,
+        feature_angle=_SHARP,
+        consistent_normals=False,  # both sides of a face are lit alike
+        auto_orient_normals=False,
+    )
     options |= {"ambient": _AMBIENT, "diffuse": 1.0 - _AMBIENT, "specular": 0.0}
     actor = plotter.add_mesh(mesh, scalars="colored", **options)
     actor.prop.interpolation = "Phong"
@@ -384,7 +372,18 @@ def window(panels: Sequence[Panel], *, columns: int | None = None, up: str = "au
         if panel.values is not None:
             unit = f" [{panel.unit}]" if panel.unit else ""
             # pyvista draws bars of one title once; the blanks are not seen.
-            bar = plotter.add_scalar_bar(title=f"{panel.label}{unit}\n{' ' * number}", **_BAR)
+            bar = plotter.add_scalar_bar(
+                title=f"{panel.label}{unit}\n{' ' * number}",
+                color="black",
+                title_font_size=16,
+                label_font_size=14,
+                n_labels=3,
+                position_x=0.2,
+                position_y=0.04,
+                width=0.6,
+                height=0.1,
+                fmt="%.3g",
+            )
             bar.SetVerticalTitleSeparation(6)
         plotter.add_text(panel.title, font_size=10, color="black")
     plotter.link_views()

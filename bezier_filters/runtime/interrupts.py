@@ -2,9 +2,9 @@
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from types import FrameType
 
 
 @contextmanager
@@ -28,7 +28,7 @@ def interrupts_held() -> Iterator[None]:
         yield
         return
     pending: list[int] = []
-    handlers: dict[int, Any] = {}
+    handlers: dict[int, Callable[[int, FrameType | None], object]] = {}
     try:
         for number in signal.valid_signals():
             handler = signal.getsignal(number)

@@ -1,40 +1,7 @@
-"""Compiled functions that allocate nothing, and so need not count references to their arrays.
+"""The names of `jit` before it was called so, for modules that still use them."""
 
-Counting took half of the time of the kernels: every array that a function of a kernel looks at is
-counted up and down again, atomically. `_nrt` is numba's own name for its run time of references.
-"""
+from bezier_filters.runtime.jit import inner_jit as inner_njit
+from bezier_filters.runtime.jit import jit as lean_njit
+from bezier_filters.runtime.jit import variable
 
-from collections.abc import Callable
-from typing import Any, TypeVar
-
-import numpy as np
-from numba import njit
-
-Function = TypeVar("Function", bound=Callable[..., Any])
-
-
-def lean_njit(**options: Any) -> Callable[[Function], Function]:
-    """`numba.njit`, cached and without the interpreter lock, for functions that create no arrays."""
-    return _compiler(cache=True, **options)
-
-
-def inner_njit(**options: Any) -> Callable[[Function], Function]:
-    """The same for functions that only compiled code calls.
-
-    They become part of their callers, in the cache, too. An entry from Python for each of them would
-    take a quarter of the time of the first compilation. Functions are compiled once more for every literal
-    number that they are given, see `variable`.
-    """
-    return _compiler(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)
-
-
-def _compiler(**options: Any) -> Callable[[Function], Function]:
-    compiler: Any = njit
-    result: Callable[[Function], Function] = compiler(nogil=True, _nrt=False, error_model="numpy", **options)
-    return result
-
-
-@inner_njit()
-def variable(number: int) -> int:
-    """A number that is known when compiling, or a narrower one, as any other integer."""
-    return int(np.int64(number))
+__all__ = ["inner_njit", "lean_njit", "variable"]

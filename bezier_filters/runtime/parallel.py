@@ -8,6 +8,7 @@ safe to fork, and each vertex is computed by the same operations whatever the th
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from numbers import Integral
 
 from bezier_filters.errors import CancelledError, InvalidParameterError
@@ -15,7 +16,7 @@ from bezier_filters.errors import CancelledError, InvalidParameterError
 Progress = Callable[[int, int], bool | None]
 """``progress(done, total)`` is called now and then; returning False cancels."""
 
-RangeTask = Callable[[int, int], None]
+RangeTask = Callable[[int, int], object]
 """``task(start, stop)`` computes a range of vertices."""
 
 THREADS_VARIABLE = "BEZIER_FILTERS_THREADS"
@@ -42,13 +43,25 @@ def thread_count(threads: int | None) -> int:
     return threads
 
 
+def run_kernel(
+    kernel: Callable[..., object],
+    total: int,
+    *arguments: object,
+    threads: int,
+    progress: Progress | None = None,
+    chunk: int | None = None,
+) -> None:
+    """Cover range(total) with calls ``kernel(*arguments, start, stop)``, for what needs no work space of its own."""
+    run_in_chunks(lambda: partial(kernel, *arguments), total, threads=threads, progress=progress, chunk=chunk)
+
+
 def run_in_chunks(
     make_task: Callable[[], RangeTask],
     total: int,
     *,
     threads: int,
     progress: Progress | None = None,
-    chunk: int = CHUNK,
+    chunk: int | None = None,
 ) -> None:
     """Cover range(total) with chunks.
 
@@ -62,14 +75,15 @@ def run_in_chunks(
         Number of threads, of which the calling one is the first.
     progress : callable, optional
         Called in the calling thread after each of its chunks.
-    chunk : int
-        Length of a chunk: long enough to hide the call, short enough to share and to cancel.
+    chunk : int, optional
+        Length of a chunk: long enough to hide the call, short enough to share and to cancel; `CHUNK` by default.
 
     Raises
     ------
     CancelledError
         If `progress` returned False. Chunks under way are finished first.
     """
+    chunk = chunk or CHUNK
     starts = iter(range(0, total, chunk))  # next() on an iterator of ints is atomic: the threads share it
     threads = max(1, min(threads, -(-total // chunk)))
     done = [0] * threads

@@ -11,7 +11,7 @@ import numpy as np
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.adaptive_fit import SurfaceFit
 from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, empty_geometry
-from bezier_filters.files.fields import CURVATURE_FIELDS, PREFIX, TORSION_FIELD
+from bezier_filters.fields import CURVATURE, PREFIX, TORSION, qualities
 from bezier_filters.learning.model_tree import leaves
 from bezier_filters.scale.file_run import RunOptions, file_run
 from bezier_filters.scale.mesh_source import SourcePath, open_source
@@ -187,10 +187,11 @@ def _columns(quantity: str, quality: str | None, columns: Sequence[str] | None) 
     if quantity != "curvature":
         if quality is not None:
             raise InvalidParameterError(f"quality: got {quality!r}, expected None for {quantity}")
-        return TORSION_FIELD.mesh_attribute if quantity == "torsion" else "", wanted
-    if quality is not None and quality not in CURVATURE_FIELDS:
-        raise InvalidParameterError(f"quality: got {quality!r}, expected one of {', '.join(CURVATURE_FIELDS)}")
-    return CURVATURE_FIELDS[quality or "mean"].mesh_attribute, wanted
+        return qualities(TORSION)["torsion"].column if quantity == TORSION else "", wanted
+    fields = qualities(CURVATURE)
+    if quality is not None and quality not in fields:
+        raise InvalidParameterError(f"quality: got {quality!r}, expected one of {', '.join(fields)}")
+    return fields[quality or "mean"].column, wanted
 
 
 def _status(tiles: Sequence[TileResult]) -> dict[str, int]:

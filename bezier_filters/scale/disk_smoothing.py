@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.files.fields import PREFIX
+from bezier_filters.fields import PREFIX
 from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.scale.disk_estimation import tile_report
 from bezier_filters.scale.file_run import FileRun, RunOptions, file_run

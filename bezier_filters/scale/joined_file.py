@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bezier_filters._version import __version__
 from bezier_filters.arrays import IntArray
-from bezier_filters.files.ply_header import TRIPLE
+from bezier_filters.files.mesh_headers import TRIPLE
 from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.runtime.parallel import Progress, report
 from bezier_filters.scale.mesh_source import MeshSource

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bezier_filters.arrays import IntArray
 from bezier_filters.errors import FieldFileError, InvalidMeshError
-from bezier_filters.files.ply_header import (
+from bezier_filters.files.mesh_headers import (
     BYTE_ORDER,
     CORNERS,
     HEADER_LIMIT,

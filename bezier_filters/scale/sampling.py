@@ -1,6 +1,6 @@
 """Learns how to fit a mesh on disk from the same samples as in memory."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -127,7 +127,7 @@ def _sample(store: Store, rings: int, count: int, options: FitOptions, threads: 
         arrays = without_outliers(arrays, threads=threads)
     local = part.local(centers)
     sample = sample_neighbourhoods(arrays, adjacency, local, rings=rings, most_turned=MOST_TURNED, threads=threads)
-    return replace(sample, centers=centers)
+    return sample._replace(centers=centers)
 
 
 def _first_features(store: Store, centers: IntArray, fit: SurfaceFit, options: FitOptions, threads: int) -> FloatArray:

@@ -5,6 +5,7 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +16,14 @@ from bezier_filters.arrays import FloatArray
 from bezier_filters.estimation.adaptive_fit import SurfaceFit, fit_parts
 from bezier_filters.estimation.fallbacks import fit_with_fallbacks
 from bezier_filters.estimation.vertex_geometry import FitChoice, VertexGeometry, empty_geometry
-from bezier_filters.files.fields import PREFIX, curvature_columns, normal_columns, torsion_columns
+from bezier_filters.fields import ESTIMATES, PREFIX, columns
 from bezier_filters.kernels.kernel_input import fitted_mesh
 from bezier_filters.scale.halo import part_around
 from bezier_filters.scale.sampling import rings_needed
 from bezier_filters.scale.store import open_store
 from bezier_filters.scale.tile_results import write_tile
 
-QUANTITIES = {"normals": normal_columns, "curvature": curvature_columns, "torsion": torsion_columns}
+QUANTITIES = {name: partial(columns, name) for name in ESTIMATES}
 """What can be estimated, and the columns that it is written to."""
 SMOOTHING, DISPLACEMENT = "smoothing", PREFIX + "displacement"
 """What moves the vertices onto their patches instead, and the column of how far they are from where they were."""

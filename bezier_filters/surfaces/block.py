@@ -2,7 +2,7 @@
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.surfaces import sampling
-from bezier_filters.surfaces.checks import check_positive
+from bezier_filters.surfaces.sampling import check_positive
 
 
 def block_with_sharp_edges(

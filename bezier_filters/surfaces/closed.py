@@ -5,8 +5,8 @@ import numpy as np
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.surfaces import sampling
-from bezier_filters.surfaces.checks import check_positive, check_resolution
 from bezier_filters.surfaces.sampled_surface import SampledSurface
+from bezier_filters.surfaces.sampling import check_positive, check_resolution
 
 _CELL_THICKNESS = np.polynomial.Polynomial([0.2072, 2.0026, -1.1228])
 """Of a red blood cell, by r^2; times sqrt(1 - r^2)."""

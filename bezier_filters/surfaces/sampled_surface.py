@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.differential_geometry import principal_curvatures_of
 
 
 @dataclass(frozen=True)
@@ -102,18 +103,6 @@ class SampledSurface:
 
         frame = np.stack([first, second], axis=1)
         shape = frame @ hessians @ frame.transpose(0, 2, 1) / slope[:, :, None]
-        middle = 0.5 * (shape[:, 0, 0] + shape[:, 1, 1])
-        deviator = 0.5 * (shape[:, 0, 0] - shape[:, 1, 1])
         twist = 0.5 * (shape[:, 0, 1] + shape[:, 1, 0])
-        torsion = np.hypot(deviator, twist)
-        angle = 0.5 * np.arctan2(twist, deviator)[:, None]
-        direction_max = np.cos(angle) * first + np.sin(angle) * second
-        return cls(
-            vertices=vertices,
-            faces=faces,
-            normals=normals,
-            k_min=middle - torsion,
-            k_max=middle + torsion,
-            direction_min=np.cross(normals, direction_max),
-            direction_max=direction_max,
-        )
+        k = principal_curvatures_of(shape[:, 0, 0], twist, shape[:, 1, 1], first, second)
+        return cls(vertices, faces, normals, k.k_min, k.k_max, k.direction_min, k.direction_max)

@@ -11,8 +11,10 @@ import numpy as np
 from scipy.spatial import ConvexHull, Delaunay
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.errors import InvalidParameterError
-from bezier_filters.surfaces.checks import check_jitter, check_resolution
+from bezier_filters.errors import InvalidParameterError, is_integer
+
+MAX_JITTER = 0.35
+"""Half the width of a right triangle with unit legs: no corner moves past the opposite edge."""
 
 TIE_JITTER = 1e-6
 """Up to this jitter lattice squares keep their diagonals: with four corners on a circle both would be
@@ -27,28 +29,10 @@ HOLE_GAP = 3.0
 
 
 def sphere_directions(resolution: int, *, jitter: float = 0.0, seed: int = 0) -> tuple[FloatArray, IntArray]:
-    """Points on the unit sphere: an icosahedron whose edges are divided into `resolution` parts.
+    """Points on the unit sphere: an icosahedron whose edges are divided into `resolution` parts, one or more.
 
-    Parameters
-    ----------
-    resolution : int
-        Parts of each icosahedron edge, at least 1.
-    jitter : float
-        Displacement, in a random direction, as a fraction of the edge; at least 0, below 0.35.
-    seed : int
-        Seed of the displacements.
-
-    Returns
-    -------
-    directions : (10 resolution^2 + 2, 3) float64
-        Unit vectors.
-    faces : (20 resolution^2, 3) int32
-        Their spherical Delaunay triangulation, outward.
-
-    Raises
-    ------
-    InvalidParameterError
-        If `resolution` or `jitter` is out of range.
+    The jitter is in random directions, as a fraction of the edge. Returns unit vectors (10 resolution^2 + 2, 3) and
+    their spherical Delaunay triangulation (20 resolution^2, 3), outward.
 
     Examples
     --------
@@ -87,34 +71,11 @@ def rectangle(
     jitter: float = 0.0,
     seed: int = 0,
 ) -> tuple[FloatArray, IntArray]:
-    """Points of the rectangle [0, cells[0]] x [0, cells[1]], one per unit square.
+    """Points (n, 2) of the rectangle [0, cells[0]] x [0, cells[1]], one per unit square, and their triangles (m, 3).
 
-    Parameters
-    ----------
-    cells : tuple of two ints
-        Side lengths; positive, along wrapped axes at least 6 (callers check that).
-    wrapped : tuple of two bools
-        Axes whose ends are joined: one gives a tube, two give a torus.
-    holes : sequence of (x, y, radius)
-        Circles to cut out, in the units of `cells`; not with `wrapped`. Their rims are divided evenly.
-    jitter : float
-        Displacement, in a random direction, at least 0 and below 0.35. Border points slide along
-        the border; its corners and the rims of holes stay.
-    seed : int
-        Seed of the displacements.
-
-    Returns
-    -------
-    points : (n, 2) float64
-        Coordinates in the units of `cells`.
-    faces : (m, 3) int32
-        Counter-clockwise triangles.
-
-    Raises
-    ------
-    InvalidParameterError
-        If `jitter` is out of range, or holes are combined with `wrapped`, smaller than an edge, or
-        closer than three edges to each other or to the border.
+    The ends of wrapped axes are joined: one gives a tube, two a torus; the sides are at least 6 then (callers check
+    that). Holes (x, y, radius) are circles to cut out, not with wrapped axes, whose rims are divided evenly. Jittered
+    border points slide along the border; its corners and the rims of holes stay.
 
     Examples
     --------
@@ -156,29 +117,10 @@ def rectangle(
 
 
 def notched_cube(resolution: int, *, jitter: float = 0.0, seed: int = 0) -> tuple[FloatArray, IntArray]:
-    """Surface points of the cube [0, resolution]^3 without its upper octant, one per unit square.
+    """Surface points of the cube [0, resolution]^3 without its upper octant, one per unit square, and their triangles.
 
-    Parameters
-    ----------
-    resolution : int
-        Cells along an edge of the cube; even.
-    jitter : float
-        Displacement, in a random direction, at least 0 and below 0.35. Points stay in their plane
-        or on their edge, corners stay. The squares get random diagonals if it is positive.
-    seed : int
-        Seed of the displacements and diagonals.
-
-    Returns
-    -------
-    points : (6 resolution^2 + 2, 3) float64
-        Coordinates in cells.
-    faces : (12 resolution^2, 3) int32
-        Triangles, outward.
-
-    Raises
-    ------
-    InvalidParameterError
-        If `resolution` is odd or less than 2, or `jitter` is out of range.
+    There are 6 resolution^2 + 2 points, and twice as many faces less 4. Jittered points stay in their plane or on their
+    edge, corners stay; the squares get random diagonals then.
 
     Examples
     --------
@@ -218,6 +160,34 @@ def notched_cube(resolution: int, *, jitter: float = 0.0, seed: int = 0) -> tupl
         turned = np.random.default_rng(seed).integers(2, size=len(quads), dtype=np.int8) == 1
         quads = np.where(turned[:, None], np.roll(quads, 1, axis=1), quads)
     return points, _canonical(np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]))
+
+
+def check_resolution(resolution: int, minimum: int) -> None:
+    """Raise `InvalidParameterError` unless `resolution` is an int of at least `minimum`."""
+    if not is_integer(resolution) or resolution < minimum:
+        raise InvalidParameterError(f"resolution is {resolution!r}, but must be an int of at least {minimum}")
+
+
+def check_jitter(jitter: float) -> None:
+    """Raise `InvalidParameterError` unless ``0 <= jitter < 0.35``."""
+    if not 0 <= jitter < MAX_JITTER:
+        raise InvalidParameterError(
+            f"jitter is {jitter!r}, but must be at least 0 and less than {MAX_JITTER} edges; 0.3 is very irregular"
+        )
+
+
+def check_positive(**lengths: float) -> None:
+    """Raise `InvalidParameterError` unless each named value is positive and finite."""
+    for name, value in lengths.items():
+        if not 0 < value < np.inf:
+            raise InvalidParameterError(f"{name} is {value!r}, but must be a positive length")
+
+
+def check_finite(**values: float) -> None:
+    """Raise `InvalidParameterError` unless each named value is finite."""
+    for name, value in values.items():
+        if not np.isfinite(value):
+            raise InvalidParameterError(f"{name} is {value!r}, but must be finite")
 
 
 def _check_holes(holes: FloatArray, cells: tuple[int, int]) -> None:

@@ -10,13 +10,13 @@ from meshset_state import attributes, changed, filter_script, mesh_state
 
 from bezier_filters.errors import CancelledError
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
-from bezier_filters.files.fields import CURVATURE_FIELDS, curvature_columns, normal_columns, torsion_columns
-from bezier_filters.meshlab.curvature_filter import (
+from bezier_filters.fields import columns, qualities
+from bezier_filters.meshlab.meshset import BezierFilterError
+from bezier_filters.meshlab.vertex_filters import (
     compute_curvature_by_bezier_patch_per_vertex,
+    compute_normal_by_bezier_patch_per_vertex,
     compute_torsion_by_bezier_patch_per_vertex,
 )
-from bezier_filters.meshlab.meshset import BezierFilterError
-from bezier_filters.meshlab.vertex_normal_filter import compute_normal_by_bezier_patch_per_vertex
 from bezier_filters.status import FitStatus
 
 SAMPLES = Path(pymeshlab.__file__).parent / "tests" / "sample_meshes"
@@ -137,28 +137,28 @@ class TestWhatChanges:
 
 class TestValues:
     @pytest.mark.parametrize(
-        ("function", "columns"),
+        ("function", "name"),
         [
-            (compute_normal_by_bezier_patch_per_vertex, normal_columns),
-            (compute_curvature_by_bezier_patch_per_vertex, curvature_columns),
-            (compute_torsion_by_bezier_patch_per_vertex, torsion_columns),
+            (compute_normal_by_bezier_patch_per_vertex, "normals"),
+            (compute_curvature_by_bezier_patch_per_vertex, "curvature"),
+            (compute_torsion_by_bezier_patch_per_vertex, "torsion"),
         ],
     )
     @pytest.mark.parametrize("runs", [1, 2])
-    def test_columns_are_those_of_the_estimate_bit_for_bit(self, textured, function, columns, runs):
+    def test_columns_are_those_of_the_estimate_bit_for_bit(self, textured, function, name, runs):
         options = {"rings": 3, "alpha": 0.6, "smoothness": "paper"}
         mesh = textured.current_mesh()
         geometry = estimate_vertex_geometry(mesh.vertex_matrix(), mesh.face_matrix(), **options)
         for k in range(runs):
             function(textured, **(options if k == runs - 1 else {}))
-        for name, values in columns(geometry).items():
-            assert np.array_equal(array(textured, name), values), name
+        for column, values in columns(name, geometry).items():
+            assert np.array_equal(array(textured, column), values), column
 
-    @pytest.mark.parametrize("quality", CURVATURE_FIELDS)
+    @pytest.mark.parametrize("quality", qualities("curvature"))
     def test_quality_of_curvature(self, textured, quality):
         result = compute_curvature_by_bezier_patch_per_vertex(textured, quality=quality)
-        field = CURVATURE_FIELDS[quality]
-        assert np.array_equal(textured.current_mesh().vertex_scalar_array(), array(textured, field.mesh_attribute))
+        field = qualities("curvature")[quality]
+        assert np.array_equal(textured.current_mesh().vertex_scalar_array(), array(textured, field.column))
         assert (result["quality"], result["unit"]) == (quality, field.unit)
 
     def test_a_sphere_is_positively_curved(self):

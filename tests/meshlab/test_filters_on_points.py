@@ -6,11 +6,11 @@ import pytest
 from meshset_state import changed, mesh_state
 
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
-from bezier_filters.meshlab.curvature_filter import (
+from bezier_filters.meshlab.vertex_filters import (
     compute_curvature_by_bezier_patch_per_vertex,
+    compute_normal_by_bezier_patch_per_vertex,
     compute_torsion_by_bezier_patch_per_vertex,
 )
-from bezier_filters.meshlab.vertex_normal_filter import compute_normal_by_bezier_patch_per_vertex
 from bezier_filters.surfaces import torus
 
 

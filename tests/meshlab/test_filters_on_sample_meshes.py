@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from conftest import load_sample
 
-from bezier_filters.meshlab.curvature_filter import (
+from bezier_filters.meshlab.smoothing_filter import apply_coord_bezier_patch_smoothing
+from bezier_filters.meshlab.vertex_filters import (
     compute_curvature_by_bezier_patch_per_vertex,
+    compute_normal_by_bezier_patch_per_vertex,
     compute_torsion_by_bezier_patch_per_vertex,
 )
-from bezier_filters.meshlab.smoothing_filter import apply_coord_bezier_patch_smoothing
-from bezier_filters.meshlab.vertex_normal_filter import compute_normal_by_bezier_patch_per_vertex
 
 VERTEX_FILTERS = (
     compute_normal_by_bezier_patch_per_vertex,

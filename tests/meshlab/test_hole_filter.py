@@ -12,8 +12,8 @@ from bezier_filters.holes.hole_filling import fill_holes
 from bezier_filters.meshes.half_edges import boundary_loops
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
+from bezier_filters.meshlab.mesh_growth import textures_of
 from bezier_filters.meshlab.meshset import BezierFilterError
-from bezier_filters.meshlab.texture_growth import textures_of
 from bezier_filters.status import FitStatus
 from bezier_filters.surfaces import torus
 

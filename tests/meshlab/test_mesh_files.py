@@ -9,12 +9,12 @@ from meshset_state import changed, mesh_state
 
 import bezier_filters as bf
 from bezier_filters.files.field_files import read_fields
-from bezier_filters.meshlab.curvature_filter import (
-    compute_curvature_by_bezier_patch_per_vertex,
-)
 from bezier_filters.meshlab.mesh_files import SAVE_SUFFIXES, format_support, load_mesh, save_mesh
 from bezier_filters.meshlab.meshset import BezierFilterError
-from bezier_filters.meshlab.vertex_normal_filter import compute_normal_by_bezier_patch_per_vertex
+from bezier_filters.meshlab.vertex_filters import (
+    compute_curvature_by_bezier_patch_per_vertex,
+    compute_normal_by_bezier_patch_per_vertex,
+)
 
 SAMPLES = Path(pymeshlab.__file__).parent / "tests" / "sample_meshes"
 

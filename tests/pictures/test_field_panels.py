@@ -14,9 +14,10 @@ from typer.testing import CliRunner
 import bezier_filters as bf
 from bezier_filters.cli.commands import app
 from bezier_filters.feature_lines.crease_lines import COLORS
+from bezier_filters.fields import qualities
 from bezier_filters.meshlab.mesh_files import load_mesh, save_mesh
 from bezier_filters.meshlab.registration import FILTERS
-from bezier_filters.meshlab.vertex_normal_filter import NORMAL_FIELDS
+from bezier_filters.pictures import demo
 from bezier_filters.pictures.field_panels import check_field, crease_panel, field_limits, field_panels, read_mesh_file
 from bezier_filters.pictures.render import legend
 from bezier_filters.surfaces import block_with_sharp_edges
@@ -71,7 +72,7 @@ class TestFields:
         assert {name: file.field(name).unit for name in columns if file.field(name).unit == "unit unknown"} == {}
         assert file.field("bz_gaussian_curvature_std").unit == "1/length²"
         assert file.field("bz_displacement").unit == "length"
-        assert file.field("bz_normal_angle").unit == NORMAL_FIELDS["angle"].unit == "degrees"
+        assert file.field("bz_normal_angle").unit == qualities("normals")["angle"].unit == "degrees"
 
     def test_several_files_have_one_range(self, folder):
         files = [read_mesh_file(folder / name) for name in ("curved.ply", "large.ply")]
@@ -177,3 +178,17 @@ def test_creases_are_tubes_in_their_colours():
     assert {tuple(color) for color in panel.colors[len(vertices) :]} == {COLORS[line.kind] for line in creases.lines}
     alone = crease_panel(vertices, faces, replace(creases, lines=creases.lines[:0]))
     assert len(alone.vertices) == len(vertices)
+
+
+def test_the_demonstration_shows_normals_as_colours_and_fields_with_the_range_of_their_files(tmp_path, monkeypatch):
+    shown = []
+    monkeypatch.setattr(demo, "render_panels", lambda path, panels, **_: shown.extend(panels))
+    steps = list(demo.run_demo(tmp_path, SAMPLES / "ellipsoid.ply"))
+    normals, *others = shown
+    ms = load_mesh(steps[0].path)
+    np.testing.assert_allclose(2.0 * normals.colors - 1.0, ms.current_mesh().vertex_normal_matrix(), atol=1e-6)
+    assert [panel.title for panel in others] == ["mean curvature", "Gaussian curvature", "principal geodesic torsion"]
+    for panel, step in zip(others, steps[1:], strict=True):
+        low, high = step.report["color_range"]
+        assert panel.limits[0] <= low < high <= panel.limits[1]
+        assert panel.limits[1] - panel.limits[0] < 1.6 * (high - low)

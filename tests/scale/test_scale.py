@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scale_cases import MESHES, assert_same_as_in_memory, clean, noisy, save_arrays, shuffled
 
 from bezier_filters import InvalidParameterError, estimate_vertex_geometry, read_fields, smooth
-from bezier_filters.files.fields import normal_columns, torsion_columns
+from bezier_filters.fields import columns as columns_of
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.spatial_order import in_spatial_order
 from bezier_filters.scale import FitOptions, estimate_file, smooth_file
@@ -78,13 +78,13 @@ def test_the_estimate_in_tiles_converges_to_the_truth(tmp_path):
     assert errors[1] > 8.0 * errors[3]
 
 
-@pytest.mark.parametrize(("quantity", "columns"), [("normals", normal_columns), ("torsion", torsion_columns)])
-def test_normals_and_torsion_have_their_columns(quantity, columns, tmp_path):
+@pytest.mark.parametrize("quantity", ["normals", "torsion"])
+def test_normals_and_torsion_have_their_columns(quantity, tmp_path):
     vertices, faces = clean()
     files = save_arrays(tmp_path, vertices, faces)
     estimate_file(files, tmp_path / "out.ply", quantity, scheduler="synchronous", tile_vertices=512)
     fields = read_fields(tmp_path / "out.ply")
-    expected = columns(estimate_vertex_geometry(vertices, faces))
+    expected = columns_of(quantity, estimate_vertex_geometry(vertices, faces))
     assert fields.keys() - {"quality"} == expected.keys()
     for name, values in expected.items():
         assert np.array_equal(fields[name], values), name

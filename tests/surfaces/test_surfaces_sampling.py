@@ -21,7 +21,7 @@ from surface_cases import (
 
 from bezier_filters import surfaces
 from bezier_filters.surfaces import SampledSurface
-from bezier_filters.surfaces.checks import MAX_JITTER
+from bezier_filters.surfaces.sampling import MAX_JITTER
 
 
 @each_surface

@@ -10,7 +10,7 @@ from furnished import furnished, punched_torus
 from test_load import FUNCTIONS, digest_of, result_of
 
 from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
-from bezier_filters.meshlab.mesh_coordinates import write_coordinates
+from bezier_filters.meshlab.mesh_attributes import write_coordinates
 from bezier_filters.meshlab.meshset import preserved_filter_script
 from bezier_filters.meshlab.registration import FILTERS
 

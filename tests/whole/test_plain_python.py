@@ -21,6 +21,8 @@ from bezier_filters.scale import estimate_file, smooth_file
 from bezier_filters.scale.mesh_source import open_source
 from bezier_filters.surfaces import block_with_sharp_edges, sphere, waves
 
+pytestmark = [] if config.DISABLE_JIT else [pytest.mark.slow]
+
 
 def mesh(name):
     if name == "ring":
@@ -102,28 +104,25 @@ def everything():
     return {name: arrays(case()) for name, case in CASES.items()}
 
 
-@pytest.mark.skipif(config.DISABLE_JIT, reason="is what the compiled functions are compared with")
-@pytest.mark.slow
-def test_kernels_say_the_same_without_the_compiler(tmp_path):
-    target = tmp_path / "plain"
+@pytest.fixture(scope="module")
+def others(tmp_path_factory):
+    """The arrays of all cases from another process, with the compiler if this one has none, and without if it has."""
+    target = tmp_path_factory.mktemp("others") / "arrays"
     code = f"import pickle, test_plain_python as t; pickle.dump(t.everything(), open({str(target)!r}, 'wb'))"
     folders = os.pathsep.join(str(Path(__file__).parents[k]) for k in (0, 1))
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONWARNINGS": "ignore", "PYTHONPATH": folders}
+    without = "0" if config.DISABLE_JIT else "1"
+    environment = os.environ | {"NUMBA_DISABLE_JIT": without, "PYTHONWARNINGS": "ignore", "PYTHONPATH": folders}
     subprocess.run([sys.executable, "-c", code], check=True, env=environment)
-    plain = pickle.loads(target.read_bytes())
-    for name, expected in everything().items():
-        assert plain[name].keys() == expected.keys()
-        for part, values in expected.items():
-            lines = part.startswith("direction") or part.startswith("extremality")  # of either sign
-            found, values = (np.abs(a) if lines else a for a in (plain[name][part], values))
-            if values.dtype.kind in "iub":
-                np.testing.assert_array_equal(found, values, err_msg=f"{name}, {part}")
-            elif not lines:  # at umbilics they are arbitrary
-                scale = np.abs(values).max(initial=1e-300)
-                np.testing.assert_allclose(found, values, rtol=0, atol=1e-6 * scale, err_msg=f"{name}, {part}")
+    return pickle.loads(target.read_bytes())
 
 
-@pytest.mark.skipif(not config.DISABLE_JIT, reason="runs in plain Python, for the measurement of coverage")
 @pytest.mark.parametrize("name", CASES)
-def test_in_plain_python(name):
-    assert all(np.isfinite(values).all() for values in arrays(CASES[name]()).values())
+def test_kernels_say_the_same_without_the_compiler(name, others):
+    for part, values in arrays(CASES[name]()).items():
+        lines = part.startswith("direction") or part.startswith("extremality")  # of either sign
+        found, values = (np.abs(a) if lines else a for a in (others[name][part], values))
+        if values.dtype.kind in "iub":
+            np.testing.assert_array_equal(found, values, err_msg=part)
+        elif not lines:  # at umbilics they are arbitrary
+            scale = np.abs(values).max(initial=1e-300)
+            np.testing.assert_allclose(found, values, rtol=0, atol=1e-6 * scale, err_msg=part)

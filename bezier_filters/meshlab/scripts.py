@@ -1,27 +1,31 @@
-"""Runs filter scripts that mix MeshLab's filters with those of this package."""
+"""Runs filter scripts that mix MeshLab's filters with those of this package: their names and values in Python."""
 
 import difflib
+import inspect
 import keyword
 import re
 import time
+import types
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
+from bezier_filters.arrays import Report
 from bezier_filters.errors import InvalidScriptError
 from bezier_filters.files.filter_scripts import ScriptStep
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
+    Color,
     MeshSet,
+    PercentageValue,
     PureValue,
     PyMeshLabException,
     former_filter_names,
     mesh_filter_names,
 )
 from bezier_filters.meshlab.registration import FILTERS
-from bezier_filters.meshlab.script_values import parameters_of, value_like, value_of_type
 from bezier_filters.runtime.parallel import Progress
 
 _OURS = {function.__name__: function for function in FILTERS}
@@ -64,7 +68,7 @@ class StepReport:
     filter: str
     by: str
     seconds: float
-    report: dict[str, Any]
+    report: Report
 
 
 def run_filter_script(
@@ -124,13 +128,7 @@ def run_filter_script(
 
 
 def check_steps(steps: Sequence[ScriptStep]) -> list[str]:
-    """Names in Python of the filters of a script.
-
-    Raises
-    ------
-    InvalidScriptError
-        If one is unknown, or a parameter of one of ours is unknown or of another type.
-    """
+    """Names in Python of the filters of a script."""
     known = _known_names()
     names = []
     for number, step in enumerate(steps, start=1):
@@ -190,7 +188,7 @@ def _converted(
     return values
 
 
-def _run_meshlab(ms: MeshSet, name: str, step: ScriptStep) -> dict[str, Any]:
+def _run_meshlab(ms: MeshSet, name: str, step: ScriptStep) -> Report:
     defaults = ms.filter_parameter_values(name)  # some depend on the mesh
     values = _converted(step, defaults, lambda key, attributes: value_like(defaults[key], attributes))
     while True:
@@ -215,3 +213,148 @@ def _plain(value: Any) -> Any:
     if isinstance(value, np.ndarray | np.generic):
         return _plain(value.tolist())
     return value if isinstance(value, str | int | float | bool | None) else str(value)
+
+
+_NOT_IN_SCRIPTS = ("ms", "progress")
+_TYPES = {bool: "RichBool", int: "RichInt", float: "RichFloat"}  # MeshLab's names; anything else is text
+
+
+def script_step(name: str, **parameters: Any) -> ScriptStep:
+    """Step of a script, with parameters given as Python values; those that are None are left out.
+
+    Parameters
+    ----------
+    name : str
+        Name of a filter of this package or of pymeshlab.
+    **parameters
+        Numbers, text, booleans, `pymeshlab.PercentageValue` or `pymeshlab.PureValue`.
+
+    Examples
+    --------
+    >>> script_step("apply_coord_bezier_patch_smoothing", iterations=2).parameters["iterations"]
+    {'type': 'RichInt', 'value': '2'}
+    """
+    given = {key: value for key, value in parameters.items() if value is not None}
+    return ScriptStep(name, {key: _attributes(value) for key, value in given.items()})
+
+
+def _attributes(value: Any) -> dict[str, str]:
+    if isinstance(value, bool):
+        return {"type": "RichBool", "value": str(value).lower()}
+    if type(value) is PercentageValue:
+        return {"type": "RichString", "value": f"{value.value()!r}%"}
+    if type(value) is PureValue:
+        return {"type": "RichAbsPerc", "value": repr(value.value())}
+    if isinstance(value, tuple):
+        return {"type": "RichString", "value": " ".join(map(str, value))}
+    return {"type": _TYPES.get(type(value), "RichString"), "value": str(value)}
+
+
+def parameters_of(function: Callable[..., Any]) -> dict[str, Any]:
+    """Parameters of a filter of this package that a script can set, and their types."""
+    hints = get_type_hints(function)
+    return {name: hints[name] for name in inspect.signature(function).parameters if name not in _NOT_IN_SCRIPTS}
+
+
+def value_of_type(hint: Any, attributes: Mapping[str, str]) -> Any:
+    """Value of a parameter of ours.
+
+    Examples
+    --------
+    >>> value_of_type(int | Literal["auto"], {"value": "3"})
+    3
+    """
+    text = _value(attributes)
+    options = _options(hint)
+    for option in options:
+        try:
+            return _read(option, text)
+        except ValueError:
+            continue
+    raise InvalidScriptError(f"got {text!r}, expected {' or '.join(dict.fromkeys(map(_described, options)))}")
+
+
+def _options(hint: Any) -> list[Any]:
+    if get_origin(hint) in (Union, types.UnionType):
+        return [option for part in get_args(hint) for option in _options(part)]
+    return list(get_args(hint)) if get_origin(hint) is Literal else [hint]
+
+
+def _flag(text: str) -> bool:
+    if text.lower() not in ("true", "false", "1", "0"):
+        raise ValueError
+    return text.lower() in ("true", "1")
+
+
+def _nothing(text: str) -> None:
+    if text.lower() not in ("", "none"):
+        raise ValueError
+
+
+def _percentage(text: str) -> PercentageValue:
+    if not text.endswith("%"):
+        raise ValueError
+    return PercentageValue(float(text.removesuffix("%")))
+
+
+_READERS: dict[object, tuple[Callable[[str], object], str]] = {
+    bool: (_flag, "true or false"),
+    int: (int, "an integer"),
+    float: (float, "a number"),
+    str: (str, "text"),
+    PureValue: (lambda text: PureValue(float(text)), "a number"),
+    PercentageValue: (_percentage, "a percentage such as 2%"),
+    type(None): (_nothing, "nothing"),
+}
+"""How a text becomes a value of a type, with a ValueError if it does not, and what is said of the type then."""
+
+
+def _read(option: Any, text: str) -> Any:
+    if option in _READERS:
+        return _READERS[option][0](text)
+    if get_origin(option) is tuple:
+        return tuple(_read(kind, part) for kind, part in zip(get_args(option), text.split(), strict=True))
+    if text != option:  # one of the words of a Literal
+        raise ValueError
+    return option
+
+
+def _described(option: Any) -> str:
+    if get_origin(option) is tuple:
+        return f"{len(get_args(option))} numbers"
+    return _READERS[option][1] if option in _READERS else repr(option)
+
+
+def value_like(default: Any, attributes: Mapping[str, str]) -> Any:
+    """Value of a parameter of a filter of MeshLab, whose default in pymeshlab is known."""
+    if isinstance(default, np.ndarray):
+        return _array(default.shape, attributes)
+    if type(default) is Color:
+        return Color(*(int(_value(attributes, channel)) for channel in "rgba"))
+    text = _value(attributes)
+    if isinstance(default, bool):
+        return value_of_type(bool, attributes)
+    if isinstance(default, int):  # a number, a word of an enumeration, or its number
+        return int(text) if text.lstrip("-").isdecimal() else text
+    if isinstance(default, float):
+        if attributes.get("type") == "RichAbsPerc" and not text.endswith("%"):
+            return PureValue(value_of_type(float, attributes))
+        return value_of_type(PercentageValue | float, attributes)
+    return text
+
+
+def _array(shape: tuple[int, ...], attributes: Mapping[str, str]) -> Any:
+    """A point or direction (x, y, z) or a matrix (val0 to val15), or numbers in one text."""
+    size = int(np.prod(shape))
+    keys = ("x", "y", "z") if size == 3 else tuple(f"val{k}" for k in range(size))
+    try:
+        texts = [attributes[key] for key in keys] if keys[0] in attributes else _value(attributes).split()
+        return np.array([float(text) for text in texts]).reshape(shape)
+    except (KeyError, ValueError) as error:
+        raise InvalidScriptError(f"got {dict(attributes)}, expected {size} numbers {', '.join(keys)}") from error
+
+
+def _value(attributes: Mapping[str, str], key: str = "value") -> str:
+    if key not in attributes:
+        raise InvalidScriptError(f"has no attribute {key}=")
+    return attributes[key].strip()

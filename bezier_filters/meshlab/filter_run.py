@@ -1,4 +1,4 @@
-"""What every filter on a MeshSet does around its own work: read, write, colour, report.
+"""The run of a filter on a MeshSet, around its own work: read, write, colour, report.
 
 Everything that can be refused is refused before the first write.
 """
@@ -7,23 +7,23 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
-from bezier_filters.arrays import BoolArray, FloatArray
+from bezier_filters.arrays import BoolArray, FloatArray, Report
 from bezier_filters.display.colors import color_range
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
-from bezier_filters.files.fields import ScalarField
+from bezier_filters.fields import Field
 from bezier_filters.meshlab.mesh_attributes import (
     check_finite,
     check_writable,
+    coordinates_restored_on_failure,
     read_columns,
     restored_on_failure,
     write_columns,
+    write_coordinates,
 )
 from bezier_filters.meshlab.mesh_colors import ColorMap, check_limits, color_by_quality, find_color_map
-from bezier_filters.meshlab.mesh_coordinates import coordinates_restored_on_failure, write_coordinates
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
     CurrentMesh,
@@ -40,7 +40,7 @@ Columns = dict[str, FloatArray]
 class Output:
     """Where results go: the field for the quality, if any, and the colours, of a given range if there is one."""
 
-    quality: ScalarField | None
+    quality: Field | None
     onselected: bool
     color: bool
     colormap: str
@@ -70,7 +70,7 @@ class Computed:
 
     columns: Columns
     known: BoolArray
-    report: dict[str, Any]
+    report: Report
     vertices: FloatArray | None = None
     normals: dict[str, str] = field(default_factory=dict)
     write_more: Callable[[], None] | None = None
@@ -80,25 +80,15 @@ Work = Callable[[CurrentMesh, BoolArray], Computed]
 """``work(mesh, mask)`` does it for the vertices of a mask (n,)."""
 
 
-@dataclass
-class _Stopwatch:
-    seconds: dict[str, float] = field(default_factory=dict)
-
-    @contextmanager
-    def timing(self, name: str) -> Iterator[None]:
-        start = time.perf_counter()
-        yield
-        self.seconds[name] = time.perf_counter() - start
+@contextmanager
+def _timed(seconds: dict[str, float], name: str) -> Iterator[None]:
+    start = time.perf_counter()
+    yield
+    seconds[name] = time.perf_counter() - start
 
 
-def choose_field(name: str | None, fields: dict[str, ScalarField]) -> ScalarField | None:
-    """Field of a name that a user gave as `quality`; None stands for no field.
-
-    Raises
-    ------
-    BezierFilterError
-        If there is no such field; the message lists them.
-    """
+def choose_field(name: str | None, fields: dict[str, Field]) -> Field | None:
+    """Field of a name that a user gave as `quality`; None stands for no field."""
     if name is None:
         return None
     if not isinstance(name, str) or name not in fields:
@@ -106,7 +96,7 @@ def choose_field(name: str | None, fields: dict[str, ScalarField]) -> ScalarFiel
     return fields[name]
 
 
-def run_filter(ms: MeshSet, names: list[str], work: Work, output: Output) -> dict[str, Any]:
+def run_filter(ms: MeshSet, names: list[str], work: Work, output: Output) -> Report:
     """Run a filter that writes the named columns on the current mesh, and return its report.
 
     Raises
@@ -119,30 +109,30 @@ def run_filter(ms: MeshSet, names: list[str], work: Work, output: Output) -> dic
         The MeshSet is as it was or, if Ctrl-C came while the results were written, has all of them.
     """
     _check_coloring(output)
-    watch = _Stopwatch()
-    with watch.timing("read"):
+    seconds: dict[str, float] = {}
+    with _timed(seconds, "read"):
         mesh = read_current_mesh(ms)
         mask = mesh.selected_vertices() if output.onselected else np.ones(len(mesh.vertices), dtype=np.bool_)
     with preserved_filter_script(ms):
         check_writable(ms, names)
-    with watch.timing("fit"):  # nothing in the MeshSet changes meanwhile, so it may be interrupted
+    with _timed(seconds, "fit"):  # nothing in the MeshSet changes meanwhile, so it may be interrupted
         try:
             computed = work(mesh, mask)
         except (InvalidMeshError, InvalidParameterError) as error:
             raise BezierFilterError(str(error)) from error
     check_unchanged(ms, mesh)
-    quality = None if output.quality is None else computed.columns[output.quality.mesh_attribute]
+    quality = None if output.quality is None else computed.columns[output.quality.column]
     limits = _limits(output, quality, computed.known)
     with preserved_filter_script(ms):
         columns = _merge(computed.columns, read_columns(ms, computed.columns), mask)
         check_finite(columns)
-        _write(ms, mesh, columns, computed, output, limits, watch)
-    report: dict[str, Any] = computed.report | {
+        _write(ms, mesh, columns, computed, output, limits, seconds)
+    report: Report = computed.report | {
         "attributes": list(columns),
-        "quality": None if output.quality is None else output.quality.name,
+        "quality": None if output.quality is None else output.quality.quality,
         "unit": None if output.quality is None else output.quality.unit,
         "statistics": None if quality is None else _statistics(quality[computed.known]),
-        "seconds": watch.seconds,
+        "seconds": seconds,
     }
     if limits is not None:
         report |= {"color_range": list(limits), "colormap": _color_map(output).name}
@@ -156,20 +146,20 @@ def _write(
     computed: Computed,
     output: Output,
     limits: tuple[float, float] | None,
-    watch: _Stopwatch,
+    seconds: dict[str, float],
 ) -> None:
     """Write everything; if that fails, put back what can be put back."""
     moves = nullcontext() if computed.vertices is None else coordinates_restored_on_failure(ms)
     # The normals follow the coordinates, and so they are restored last, by the outer of the two.
     with restored_on_failure(ms, columns), moves:
-        with watch.timing("write"):
+        with _timed(seconds, "write"):
             if computed.vertices is not None:
                 write_coordinates(ms, computed.vertices)
             write_columns(ms, columns)
             with _vertices_selected(ms, mesh) if output.onselected else nullcontext():
                 _write_quality_and_normals(ms, computed, output)
         if limits is not None:
-            with watch.timing("color"):
+            with _timed(seconds, "color"):
                 color_by_quality(ms, *limits, _color_map(output).name)
         if computed.write_more is not None:
             computed.write_more()
@@ -232,7 +222,7 @@ def _vertices_selected(ms: MeshSet, mesh: CurrentMesh) -> Iterator[None]:
 def _write_quality_and_normals(ms: MeshSet, computed: Computed, output: Output) -> None:
     if output.quality is not None:
         ms.compute_scalar_by_function_per_vertex(
-            q=output.quality.mesh_attribute, normalize=False, map=False, onselected=output.onselected
+            q=output.quality.column, normalize=False, map=False, onselected=output.onselected
         )
     if computed.normals:
         ms.compute_normal_by_function_per_vertex(**computed.normals, onselected=output.onselected)

@@ -1,0 +1,160 @@
+"""The fields of vertices: one table, from which filters, commands, tiles, pictures and documents take them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bezier_filters.arrays import FloatArray
+
+PREFIX = "bz_"
+NORMALS, CURVATURE, TORSION, SMOOTH, CREASES = "normals", "curvature", "torsion", "smooth", "creases"
+"""The filters that write fields, by their commands."""
+ESTIMATES = (NORMALS, CURVATURE, TORSION)
+"""Those whose fields are values of a `VertexGeometry`."""
+
+
+@dataclass(frozen=True)
+class Field:
+    """A number that is known of each vertex.
+
+    Attributes
+    ----------
+    name : str
+        With the prefix ``bz_`` the name of the attribute on a mesh and of the column in files.
+    label, unit : str
+        For legends and documents, for example ``"mean curvature"`` and ``"1/length"``.
+    filters : tuple of str
+        Those that write it.
+    signed : bool
+        Whether zero is the middle of its natural range, as for the mean curvature: of the colours, too.
+    quality : str
+        What users type to make it the quality of a mesh; empty where they cannot.
+    attribute : str, optional
+        Of the result that holds the values, if it has another name; None where the filter works them out.
+    component : int, optional
+        Of the vectors that the result holds.
+    remark : str
+        What else documents say of it.
+    """
+
+    name: str
+    label: str
+    unit: str
+    filters: tuple[str, ...]
+    signed: bool = False
+    quality: str = ""
+    attribute: str | None = ""
+    component: int | None = None
+    remark: str = ""
+
+    @property
+    def column(self) -> str:
+        """Name of the custom attribute and of the PLY property, for example ``bz_k_min``."""
+        return PREFIX + self.name
+
+    @property
+    def source(self) -> str:
+        """Name of the attribute of the result."""
+        return self.attribute or self.name
+
+    def of(self, array: FloatArray) -> FloatArray:
+        """Its values among those of the attribute, (n,) or (n, 3)."""
+        return array if self.component is None else array[:, self.component]
+
+
+def _vector(
+    name: str, label: str, filters: tuple[str, ...], *, attribute: str = "", quality: str = "", remark: str = ""
+) -> list[Field]:
+    """The three components of a unit vector."""
+    return [
+        Field(
+            f"{name}_{axis}",
+            f"{axis} of the {label}",
+            "",
+            filters,
+            signed=True,
+            quality=axis if axis in quality else "",
+            attribute=attribute or name,
+            component=k,
+            remark=remark,
+        )
+        for k, axis in enumerate("xyz")
+    ]
+
+
+def _along(curvature: str) -> str:
+    return f"derivative of {curvature} along its direction, with whose sign it changes"
+
+
+_ANY_SIGN = "unit vector of arbitrary sign"
+_LEARNED = "0 where alpha is given"
+FIELDS = (
+    Field("normal_angle", "angle to the previous normal", "degrees", (NORMALS,), quality="angle", attribute=None),
+    *_vector("normal", "normal", (NORMALS,), attribute="normals", quality="xyz"),
+    Field("normal_std", "standard error of the normal", "radians", (NORMALS,), remark=_LEARNED),
+    Field("mean_curvature", "mean curvature", "1/length", (CURVATURE,), signed=True, quality="mean"),
+    Field("gaussian_curvature", "Gaussian curvature", "1/length²", (CURVATURE,), signed=True, quality="gaussian"),
+    Field("k_min", "smallest principal curvature", "1/length", (CURVATURE,), signed=True, quality="min"),
+    Field("k_max", "largest principal curvature", "1/length", (CURVATURE,), signed=True, quality="max"),
+    Field("curvedness", "curvedness", "1/length", (CURVATURE,), quality="curvedness"),
+    Field("shape_index", "shape index", "", (CURVATURE,), signed=True, quality="shape_index"),
+    Field(
+        "mean_curvature_std",
+        "standard error of the mean curvature",
+        "1/length",
+        (CURVATURE,),
+        quality="std",
+        remark=_LEARNED,
+    ),
+    Field(
+        "gaussian_curvature_std",
+        "standard error of the Gaussian curvature",
+        "1/length²",
+        (CURVATURE,),
+        remark=_LEARNED,
+    ),
+    *_vector("direction_min", "direction of k_min", (CURVATURE,), remark=_ANY_SIGN),
+    *_vector("direction_max", "direction of k_max", (CURVATURE,), remark=_ANY_SIGN),
+    Field("extremality_min", "extremality of k_min", "1/length²", (CURVATURE,), signed=True, remark=_along("k_min")),
+    Field("extremality_max", "extremality of k_max", "1/length²", (CURVATURE,), signed=True, remark=_along("k_max")),
+    Field("geodesic_torsion", "principal geodesic torsion", "1/length", (TORSION,), quality="torsion"),
+    *_vector("torsion_direction_plus", "direction of +t_max", (TORSION,), remark=_ANY_SIGN),
+    *_vector("torsion_direction_minus", "direction of -t_max", (TORSION,), remark=_ANY_SIGN),
+    Field("fit_status", "status code", "", ESTIMATES, attribute="status", remark="see `FitStatus`"),
+    Field("rings_used", "rings", "edges", ESTIMATES, remark="how far the neighbourhood goes"),
+    Field("residual", "residual", "length", ESTIMATES, remark="root mean square height of the points over the patch"),
+    Field("displacement", "displacement", "length", (SMOOTH,), quality="displacement", remark="how far it moved"),
+    Field("sharpness", "sharpness", "", (SMOOTH,), quality="sharpness", remark="0 smooth, 1 where edges were kept"),
+    Field(
+        "crease",
+        "crease: ridge above 0, ravine below",
+        "",
+        (CREASES,),
+        signed=True,
+        attribute=None,
+        remark="0 away from creases, 1 at a ridge, -1 at a ravine, 2 and -2 at sharp edges of these kinds",
+    ),
+    Field("crease_strength", "strength of creases", "radii of curvature", (CREASES,), attribute=None),
+)
+
+
+def fields_of(*filters: str) -> list[Field]:
+    """Fields that one of some filters writes, in the order of the table."""
+    return [field for field in FIELDS if set(filters) & set(field.filters)]
+
+
+def qualities(*filters: str) -> dict[str, Field]:
+    """Fields of some filters that can be the quality of a mesh, by what users type."""
+    return {field.quality: field for field in fields_of(*filters) if field.quality}
+
+
+def columns(name: str, result: object) -> dict[str, FloatArray]:
+    """Columns of a filter, each (n,), from a `VertexGeometry` or a `SmoothingResult`."""
+    fields = [field for field in fields_of(name) if field.attribute is not None]
+    arrays = {source: np.asarray(getattr(result, source), np.float64) for source in {f.source for f in fields}}
+    return {field.column: field.of(arrays[field.source]) for field in fields}
+
+
+def column_names(*filters: str) -> list[str]:
+    """Columns that some filters write."""
+    return [field.column for field in fields_of(*filters)]

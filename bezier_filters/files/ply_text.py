@@ -1,0 +1,83 @@
+"""Files that pymeshlab cannot write: PLY files of any columns as text, and lines as PLY and OBJ files."""
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.errors import InvalidParameterError
+from bezier_filters.runtime.atomic import atomic_write
+
+SUFFIXES = (".ply", ".obj")
+
+
+def ply_text(elements: Mapping[str, Mapping[str, NDArray[np.generic]]], comments: Sequence[str] = ()) -> str:
+    """A PLY file with the columns of its elements, by their declarations such as ``double x``; lists are (n, k).
+
+    >>> print(ply_text({"face": {"list uchar int vertex_indices": np.array([[0, 1, 2]])}}).splitlines()[-1])
+    3 0 1 2
+    """
+    head, rows = ["ply", "format ascii 1.0", *(f"comment {comment}" for comment in comments)], list[str]()
+    for name, columns in elements.items():
+        table = list[list[object]]()
+        for values in columns.values():
+            if values.ndim > 1:
+                table.append([values.shape[1]] * len(values))
+            table += [column.tolist() for column in np.atleast_2d(values.T)]
+        head += [f"element {name} {len(table[0])}", *(f"property {declaration}" for declaration in columns)]
+        rows += [" ".join(map(repr, row)) for row in zip(*table, strict=True)]
+    return "\n".join([*head, "end_header", *rows]) + "\n"
+
+
+def coordinate_columns(points: FloatArray) -> dict[str, FloatArray]:
+    """Columns of coordinates (n, 3)."""
+    return {f"double {axis}": points[:, k] for k, axis in enumerate("xyz")}
+
+
+def color_columns(colors: FloatArray) -> dict[str, IntArray]:
+    """Columns of colours from 0 to 1, (n, 4)."""
+    bytes_ = np.rint(255.0 * colors).astype(np.int32)
+    return {f"uchar {channel}": bytes_[:, k] for k, channel in enumerate(("red", "green", "blue", "alpha"))}
+
+
+def check_line_file(path: str | os.PathLike[str]) -> None:
+    """Refuse a file name whose suffix stands for no format of lines."""
+    if Path(path).suffix.lower() not in SUFFIXES:
+        raise InvalidParameterError(f"{path}: lines can be saved as {' and '.join(SUFFIXES)} files only")
+
+
+def save_lines(
+    path: str | os.PathLike[str], points: FloatArray, edges: IntArray, values: FloatArray, colors: FloatArray
+) -> None:
+    """Write points and the edges between them, whole or not at all.
+
+    PLY files are text with an element ``edge``, which MeshLab, pymeshlab and Blender read, with the quality and the
+    colours of the points; OBJ files have ``l`` lines, which ParaView reads, too, and no quality. Coordinates come back
+    exactly.
+
+    Parameters
+    ----------
+    path : path
+        Ends in .ply or .obj.
+    points : (k, 3) float64
+    edges : (e, 2) int32
+        Rows of `points`.
+    values : (k,) float64
+        Quality.
+    colors : (k, 3) float64
+        Red, green, blue from 0 to 1.
+    """
+    check_line_file(path)
+    if Path(path).suffix.lower() == ".ply":
+        vertices = coordinate_columns(points) | color_columns(np.insert(colors, 3, 1.0, axis=1))
+        ends = {"int vertex1": edges[:, 0], "int vertex2": edges[:, 1]}
+        text = ply_text({"vertex": vertices | {"double quality": values}, "edge": ends})
+    else:
+        rows = zip(points.tolist(), colors.tolist(), strict=True)
+        lines = [f"v {x!r} {y!r} {z!r} {r:.4g} {g:.4g} {b:.4g}" for (x, y, z), (r, g, b) in rows]
+        text = "\n".join([*lines, *(f"l {a} {b}" for a, b in (edges + 1).tolist())]) + "\n"
+    with atomic_write(path) as temporary:
+        temporary.write_text(text, encoding="ascii")

@@ -1,0 +1,311 @@
+"""The filters that write the geometry of vertices into a MeshSet: normals, curvature and torsion by Bezier patches.
+
+Like the other filters they follow pymeshlab's manner: named ``verb_what_by_how_per_element``, keyword arguments, in
+place on the current mesh, a dict as result. Where their docstrings say "see `FIT`", the tables in `fields` and
+`parameters` have the text, and `documented` puts it there.
+"""
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from bezier_filters.arrays import BoolArray, FloatArray, Report
+from bezier_filters.estimation.estimate import estimate_vertex_geometry
+from bezier_filters.estimation.fit_options import Automatic
+from bezier_filters.estimation.vertex_geometry import VertexGeometry
+from bezier_filters.fields import CURVATURE, NORMALS, PREFIX, TORSION, column_names, columns, qualities
+from bezier_filters.meshlab.filter_run import Computed, Output, choose_field, run_filter
+from bezier_filters.meshlab.meshset import CurrentMesh, Length, MeshSet, absolute_length
+from bezier_filters.parameters import documented
+from bezier_filters.patches.smoothness import Smoothness
+from bezier_filters.runtime.parallel import Progress
+from bezier_filters.status import FitStatus
+
+
+@dataclass(frozen=True)
+class FitArguments:
+    """Arguments for `estimate_vertex_geometry`; the radius may be a percentage."""
+
+    rings: int | Automatic
+    radius: Length | None
+    alpha: float | Automatic
+    degree: int | Automatic
+    smoothness: Smoothness
+    robust: bool
+    threads: int | None
+    progress: Progress | None
+
+
+@documented(NORMALS)
+def compute_normal_by_bezier_patch_per_vertex(
+    ms: MeshSet,
+    *,
+    rings: int | Automatic = "auto",
+    radius: Length | None = None,
+    alpha: float | Automatic = "auto",
+    degree: int | Automatic = "auto",
+    smoothness: Smoothness = "third_order",
+    robust: bool = False,
+    quality: str | None = "angle",
+    onselected: bool = False,
+    color: bool = False,
+    colormap: str = "auto",
+    percentile: float = 2.0,
+    colorrange: tuple[float, float] | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Report:
+    """Set the vertex normals of the current mesh to those of Bezier patches fitted to its vertices.
+
+    The normals have unit length and point to the side from which the faces are counter-clockwise, or
+    in a point cloud to that of the previous normals. Vertices where nothing could be fitted keep theirs.
+
+    bz_* columns
+        Normals, their standard errors and how the fits went are kept; see `FIELDS`.
+
+    Where there is no estimate, columns hold 0. Nothing else in the MeshSet changes: not its
+    selections, colours (unless asked for), textures, other attributes or filter script. Running it again
+    overwrites the columns and leaves an attribute ``outlierScore`` of zeros.
+
+    Coordinates are used as stored, like in pymeshlab's own filters: the transform matrix is ignored.
+
+    Parameters
+    ----------
+    ms : pymeshlab.MeshSet
+        Its current mesh may be a point cloud, whose vertex normals tell the outside where they are
+        not zero (see `estimate_vertex_geometry`).
+    rings, radius, alpha, degree, smoothness, robust
+        How the patches are fitted; see `FIT`.
+    quality
+        What the vertex quality becomes; see `QUALITY`.
+    onselected : bool
+        Only selected vertices get new normals, quality and columns; if there are none, the vertices of
+        the selected faces. The others keep theirs, or get 0 where a column or the quality is new.
+    color, colormap, percentile, colorrange
+        How the vertices are coloured; see `COLORS`.
+    threads, progress
+        How the filter runs; see `RUN`.
+
+    Returns
+    -------
+    dict
+        What was fitted and written; see `ESTIMATE`.
+
+    Raises
+    ------
+    BezierFilterError, CancelledError
+        If it refuses or is stopped; see `ERRORS`.
+
+    Examples
+    --------
+    >>> from pymeshlab import MeshSet
+    >>> ms = MeshSet()
+    >>> ms.create_sphere(radius=1.0, subdiv=4)
+    >>> result = compute_normal_by_bezier_patch_per_vertex(ms)
+    >>> result["status"], result["unit"]
+    ({'OK': 2562}, 'degrees')
+    >>> bool(abs(ms.current_mesh().vertex_normal_matrix() - ms.current_mesh().vertex_matrix()).max() < 1e-3)
+    True
+    """
+    fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, threads, progress)
+    field = choose_field(quality, qualities(NORMALS))
+    return _run(ms, NORMALS, fit, Output(field, onselected, color, colormap, percentile, colorrange))
+
+
+@documented(CURVATURE)
+def compute_curvature_by_bezier_patch_per_vertex(
+    ms: MeshSet,
+    *,
+    rings: int | Automatic = "auto",
+    radius: Length | None = None,
+    alpha: float | Automatic = "auto",
+    degree: int | Automatic = "auto",
+    smoothness: Smoothness = "third_order",
+    robust: bool = False,
+    quality: str | None = "mean",
+    onselected: bool = False,
+    color: bool = False,
+    colormap: str = "auto",
+    percentile: float = 2.0,
+    colorrange: tuple[float, float] | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Report:
+    """Compute the curvature of the current mesh from Bezier patches fitted to its vertices.
+
+    Curvatures are positive on a convex body with outward normals, as in pymeshlab, and have the unit
+    1/length; the Gaussian curvature has 1/length^2.
+
+    bz_* columns
+        Every curvature, its directions and how the fits went are kept; see `FIELDS`.
+
+    Where there is no estimate, columns hold 0. Nothing else in the MeshSet changes: not its normals,
+    selections, colours (unless asked for), textures, other attributes or filter script. Running it again
+    overwrites the columns and leaves an attribute ``outlierScore`` of zeros.
+
+    Coordinates are used as stored, like in pymeshlab's own filters: the transform matrix is ignored.
+
+    Parameters
+    ----------
+    ms : pymeshlab.MeshSet
+        Its current mesh may be a point cloud, whose vertex normals tell the outside where they are
+        not zero (see `estimate_vertex_geometry`).
+    rings, radius, alpha, degree, smoothness, robust
+        How the patches are fitted; see `FIT`.
+    quality
+        What the vertex quality becomes; see `QUALITY`.
+    onselected : bool
+        Only selected vertices get new quality and columns; if there are none, the vertices of the
+        selected faces. The others keep theirs, or get 0 where a column or the quality is new.
+    color, colormap, percentile, colorrange
+        How the vertices are coloured; see `COLORS`.
+    threads, progress
+        How the filter runs; see `RUN`.
+
+    Returns
+    -------
+    dict
+        What was fitted and written; see `ESTIMATE`.
+
+    Raises
+    ------
+    BezierFilterError, CancelledError
+        If it refuses or is stopped; see `ERRORS`.
+
+    Examples
+    --------
+    >>> from pymeshlab import MeshSet
+    >>> ms = MeshSet()
+    >>> ms.create_sphere(radius=2.0, subdiv=4)
+    >>> result = compute_curvature_by_bezier_patch_per_vertex(ms, quality="mean", color=True)
+    >>> result["unit"], bool(abs(result["statistics"]["median"] - 0.5) < 0.01)
+    ('1/length', True)
+    >>> bool(abs(ms.current_mesh().vertex_scalar_array() - 0.5).max() < 0.01)
+    True
+    """
+    fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, threads, progress)
+    field = choose_field(quality, qualities(CURVATURE))
+    return _run(ms, CURVATURE, fit, Output(field, onselected, color, colormap, percentile, colorrange))
+
+
+@documented(TORSION)
+def compute_torsion_by_bezier_patch_per_vertex(
+    ms: MeshSet,
+    *,
+    rings: int | Automatic = "auto",
+    radius: Length | None = None,
+    alpha: float | Automatic = "auto",
+    degree: int | Automatic = "auto",
+    smoothness: Smoothness = "third_order",
+    robust: bool = False,
+    onselected: bool = False,
+    color: bool = False,
+    colormap: str = "auto",
+    percentile: float = 2.0,
+    colorrange: tuple[float, float] | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Report:
+    """Set the quality of the current mesh to the principal geodesic torsion of fitted Bezier patches.
+
+    The principal geodesic torsion t_max = (k_max - k_min) / 2 >= 0, in 1/length, is the largest torsion
+    of the geodesics through a vertex; -t_max is the smallest. They are reached along the two bisectors
+    of the principal directions.
+
+    bz_* columns
+        The torsion, its directions and how the fits went are kept; see `FIELDS`.
+
+    Where there is no estimate, columns hold 0. Nothing else in the MeshSet changes: not its normals,
+    selections, colours (unless asked for), textures, other attributes or filter script. Running it again
+    overwrites the columns and leaves an attribute ``outlierScore`` of zeros.
+
+    Coordinates are used as stored, like in pymeshlab's own filters: the transform matrix is ignored.
+
+    Parameters
+    ----------
+    ms : pymeshlab.MeshSet
+        Its current mesh may be a point cloud, whose vertex normals tell the outside where they are
+        not zero (see `estimate_vertex_geometry`).
+    rings, radius, alpha, degree, smoothness, robust
+        How the patches are fitted; see `FIT`.
+    onselected : bool
+        Only selected vertices get new quality and columns; if there are none, the vertices of the
+        selected faces. The others keep theirs, or get 0 where a column or the quality is new.
+    color, colormap, percentile, colorrange
+        How the vertices are coloured; see `COLORS`.
+    threads, progress
+        How the filter runs; see `RUN`.
+
+    Returns
+    -------
+    dict
+        What was fitted and written; see `ESTIMATE`.
+
+    Raises
+    ------
+    BezierFilterError, CancelledError
+        If it refuses or is stopped; see `ERRORS`.
+
+    Examples
+    --------
+    >>> from pymeshlab import MeshSet
+    >>> ms = MeshSet()
+    >>> ms.create_torus(hradius=3.0, vradius=1.0, hsubdiv=96, vsubdiv=48)
+    >>> result = compute_torsion_by_bezier_patch_per_vertex(ms)
+    >>> bool(abs(result["statistics"]["max"] - 0.75) < 0.02)  # inner equator: (1 - (-1/2)) / 2
+    True
+    """
+    fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, threads, progress)
+    (field,) = qualities(TORSION).values()
+    return _run(ms, TORSION, fit, Output(field, onselected, color, colormap, percentile, colorrange))
+
+
+def _run(ms: MeshSet, name: str, fit: FitArguments, output: Output) -> Report:
+    """Run a filter on the current mesh and return its report; see `run_filter`."""
+    # Normals are estimated where curvature is not.
+    worst = FitStatus.NORMAL_ONLY if name == NORMALS else FitStatus.FOLDED
+
+    def work(mesh: CurrentMesh, mask: BoolArray) -> Computed:
+        geometry = fit_mesh(mesh, mask, fit)
+        found, normals = columns(name, geometry), dict[str, str]()
+        if name == NORMALS:
+            found[f"{PREFIX}normal_angle"] = _angles_in_degrees(geometry.normals, mesh.vertex_normals)
+            # The new normals where there is an estimate, the old ones elsewhere.
+            estimated = f"{PREFIX}fit_status <= {int(worst)}"
+            normals = {axis: f"({estimated}) ? {PREFIX}normal_{axis} : n{axis}" for axis in "xyz"}
+        parts = [asdict(part) for part in geometry.fit.parts]
+        report = {"status": geometry.status_counts(), "fit": asdict(geometry.fit) | {"parts": parts}}
+        return Computed(found, geometry.status <= worst, report, normals=normals)
+
+    return run_filter(ms, column_names(name), work, output)
+
+
+def fit_mesh(mesh: CurrentMesh, mask: BoolArray, fit: FitArguments) -> VertexGeometry:
+    """Fit the patches of the vertices in a mask (n,)."""
+    return estimate_vertex_geometry(
+        mesh.vertices,
+        mesh.faces,
+        normals=None if len(mesh.faces) else _finite(mesh.vertex_normals),
+        rings=fit.rings,
+        radius=absolute_length(fit.radius, mesh.vertices, "radius"),
+        alpha=fit.alpha,
+        degree=fit.degree,
+        smoothness=fit.smoothness,
+        robust=fit.robust,
+        selected=None if mask.all() else mask,
+        threads=fit.threads,
+        progress=fit.progress,
+    )
+
+
+def _finite(vectors: FloatArray) -> FloatArray:
+    """Vectors with zeros for those that are not finite."""
+    return np.where(np.isfinite(vectors).all(axis=1, keepdims=True), vectors, 0.0)
+
+
+def _angles_in_degrees(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Angles between vectors of any length, shape (n,); 0 where one of them is zero or not finite."""
+    b = _finite(b)
+    sine = np.linalg.norm(np.cross(a, b), axis=1)
+    angles: FloatArray = np.degrees(np.arctan2(sine, np.einsum("ij,ij->i", a, b)))
+    return angles

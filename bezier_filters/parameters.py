@@ -1,0 +1,225 @@
+"""The parameters of the filters: one table, from which their documents and the command line take them.
+
+Signatures are written out, so that editors and type checkers know them; a test compares them with the table. Docstrings
+name groups of parameters, and what the table says of each takes the place of such an entry when a filter is defined.
+"""
+
+import ast
+import inspect
+import re
+import textwrap
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import groupby
+from typing import TypeVar
+
+from bezier_filters.fields import CURVATURE, NORMALS, SMOOTH, Field, fields_of, qualities
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of one filter or several.
+
+    Attributes
+    ----------
+    name, kind : str
+        As in a docstring: ``name : kind, default value`` or ``name : kind, optional``.
+    default : optional
+        Its default.
+    help : str
+        What it means, for documents and the command line.
+    more : str
+        What only documents say.
+    """
+
+    name: str
+    kind: str
+    default: object
+    help: str
+    more: str = ""
+
+    def entry(self) -> str:
+        """Its entry in a docstring."""
+        default = "optional" if self.default is None else f"default {self.default!r}".replace("'", '"')
+        text = textwrap.fill(f"{self.help} {self.more}".strip(), 110, initial_indent="    ", subsequent_indent="    ")
+        return f"{self.name} : {self.kind}, {default}\n{text}"
+
+
+def parameters(table: str) -> tuple[Parameter, ...]:
+    """Parameters of a table that is written like a docstring; after the first line of a text, only documents go on.
+
+    >>> parameters('''
+    ... iterations : int, default 1
+    ...     How often.
+    ...     Once is enough.
+    ... ''')
+    (Parameter(name='iterations', kind='int', default=1, help='How often.', more='Once is enough.'),)
+    """
+    found = []
+    for entry in re.split(r"\n(?=\w)", table.strip()):
+        head, text, *more = entry.splitlines()
+        name, kind, value = re.fullmatch(r"(\w+) : (.*), (?:default (.*)|optional)", head).groups()  # type: ignore[union-attr]
+        default = None if value is None else ast.literal_eval(value)
+        found.append(Parameter(name, kind, default, text.strip(), " ".join(line.strip() for line in more)))
+    return tuple(found)
+
+
+LENGTH = "pymeshlab.PercentageValue, pymeshlab.PureValue or float"
+"""Kind of parameters that are lengths."""
+FIT = parameters(f"""
+rings : int or "auto", default "auto"
+    Size of the fitted neighbourhood in edges, at least 1; auto lets the data choose.
+    By default they choose this, `alpha` and `degree`, for the smallest predicted error at the noise that they have.
+radius : {LENGTH}, optional
+    Size of the neighbourhood as a length, or as a percentage of the diagonal of the bounding box, instead of rings.
+    It is one scale for all vertices, whatever the density of the mesh.
+alpha : float or "auto", default "auto"
+    Weight of the points against the smoothness of the patch, in (0, 1].
+degree : int or "auto", default "auto"
+    Degree of the patch in each parameter, 2 to 4; or, if alpha is auto, its total degree, 2 to 6.
+smoothness : {{"third_order", "paper"}}, default "third_order"
+    What alpha weighs the points against: third_order (consistent) or paper (the method to the letter).
+    The curvature of ``"paper"``, that of Li, Barsky, Jin (2009), is biased; see `estimate_vertex_geometry`.
+robust : bool, default False
+    Take weight from points far off their patch, for scans with outliers.
+""")
+COLORS = parameters("""
+color : bool, default False
+    Colour all vertices by the quality.
+    There must be one. Where it has both signs by nature, zero gets the middle colour.
+colormap : str, default "auto"
+    auto (Cool Warm where zero is in the middle, else Viridis), Paper, or a map of pymeshlab: Turbo, French RGB, ...
+    Paper is red for high, blue for medium and green for low; in the others, too, red or bright is high (see
+    `color_by_quality`). Names may be in upper or lower case.
+percentile : float, default 2.0
+    Percentage of the values that may lie beyond each end of the colours, in [0, 50).
+colorrange : (float, float), optional
+    Qualities of the first and the last colour, instead of those that follow from the percentile.
+""")
+RUN = parameters("""
+threads : int, optional
+    Number of threads; by default all usable cores.
+    The result does not depend on it.
+progress : callable, optional
+    ``progress(done, total)`` is called now and then; if it returns False, the filter stops.
+""")
+SMOOTHING = parameters(f"""
+method : {{"auto", "paper"}}, default "auto"
+    auto (learns what to do from the mesh) or paper.
+    ``"paper"`` moves every vertex onto its patch, as Li, Barsky, Jin (2009) do; it loses volume and rounds edges.
+iterations : int, default 1
+    How often to smooth; with auto once is enough.
+noise : {LENGTH}, optional
+    Standard deviation of the noise, a length or a percentage of the diagonal of the bounding box; learned if left out.
+    It is that along the normal. Only for ``"auto"``.
+borders : {{"curve", "fixed"}}, default "curve"
+    What becomes of border vertices: curve (smoothed along the border) or fixed (they stay).
+    Only for ``"auto"``.
+keepvolume : bool, optional
+    Keep the volume that closed parts enclose.
+    By default they keep it with ``"auto"``, and with ``"paper"`` not.
+rings : int, default 2
+    Size of the neighbourhoods in edges; for the paper's method.
+alpha : float, default 0.8
+    Weight of the points, in (0, 1]; for the paper's method.
+""")
+FILLING = parameters(f"""
+method : {{"auto", "paper"}}, default "auto"
+    auto (continues the surface, sharp edges included) or paper.
+    ``"paper"`` lifts a flat triangulation to one bicubic patch, as Li, Barsky, Jin (2009) do.
+maxholesize : int, optional
+    Leave holes with more edges open; 3 or more.
+    (MeshLab's own filter leaves holes of just this size open, too.)
+maxperimeter : {LENGTH}, optional
+    Leave holes of a larger perimeter open: a length, or a percentage of the diagonal of the bounding box.
+maxdiameter : {LENGTH}, optional
+    Leave holes of a larger diameter open: a length, or a percentage of the diagonal of the bounding box.
+outerrims : bool, default False
+    Fill the outer rims of open sheets, too.
+creases : bool, default True
+    Continue sharp edges that end at a hole through it.
+noise : {LENGTH}, optional
+    Standard deviation of the noise, a length or a percentage of the diagonal of the bounding box; learned if left out.
+    It is that along the normal. 0 takes every point as it is.
+alpha : float, default 0.8
+    Weight of the points, in (0, 1]; for the paper's method.
+""")
+LINES = parameters("""
+angle : float, default 40.0
+    Angle between faces in degrees, from which on an edge may be sharp.
+minstrength : float, default 2.0
+    Leave out smooth lines that are weaker: that are shorter, in radii of the curvature across them.
+    A line is weaker, too, where that curvature hardly changes across it.
+""")
+
+
+def _quality(name: str, default: str | None) -> Parameter:
+    """The parameter that says which field of a filter becomes the quality."""
+    fields = qualities(name)
+    *others, last = fields
+    meant = [f'``"{word}"`` is the {_meaning(field)}' for word, field in fields.items() if word != field.name]
+    stays = "; the old one stays if left out" if default is None else ""
+    return Parameter(
+        "quality",
+        "{" + ", ".join(f'"{word}"' for word in fields) + "} or None",
+        default,
+        f"Quality to set: {', '.join(others)} or {last}{stays}.",
+        "; ".join(meant) + ". None leaves the old one alone." if meant else "",
+    )
+
+
+def _meaning(field: Field) -> str:
+    return field.label + (f" [{field.unit}]" if field.unit else "")
+
+
+QUALITY = {
+    NORMALS: _quality(NORMALS, "angle"),
+    CURVATURE: _quality(CURVATURE, "mean"),
+    SMOOTH: _quality(SMOOTH, None),
+}
+"""Of the filters that let the user choose."""
+GROUPS = {"FIT": FIT, "COLORS": COLORS, "RUN": RUN, "SMOOTHING": SMOOTHING, "FILLING": FILLING, "LINES": LINES}
+_ESTIMATE = """\
+dict
+    ``status`` (number of vertices per status name), ``fit`` (the ``rings`` or ``radius``, ``degree`` and
+    ``alpha`` that were used, and the ``noise_sigma`` that was found, a length), ``attributes`` (names
+    written), ``quality`` and ``unit``, ``statistics`` (min, median, max and mean of the quality over
+    the vertices with an estimate), ``seconds`` (read, fit, write, color) and, if coloured,
+    ``color_range`` and ``colormap``. It can be written as JSON."""
+_ERRORS = """\
+BezierFilterError
+    If the mesh, an attribute on it or a parameter is refused; the MeshSet is as it was.
+CancelledError
+    If `progress` returned False; the MeshSet is as it was."""
+
+_Function = TypeVar("_Function", bound=Callable[..., object])
+
+
+def documented(name: str) -> Callable[[_Function], _Function]:
+    """Complete the docstring of a filter, of a command's name, from the tables of fields and parameters.
+
+    An entry of two lines that ends in "see `GROUP`." becomes the entries of the parameters in that group. What the
+    source has is a docstring, too, for editors that do not run it.
+    """
+    texts = {group: "\n".join(parameter.entry() for parameter in members) for group, members in GROUPS.items()}
+    texts |= {"ESTIMATE": _ESTIMATE, "ERRORS": _ERRORS, "FIELDS": _listed_fields(name)}
+    if name in QUALITY:
+        texts["QUALITY"] = QUALITY[name].entry()
+
+    def complete(function: _Function) -> _Function:
+        text = inspect.cleandoc(function.__doc__ or "")  # none under python -OO
+        function.__doc__ = re.sub(r"^\S.*\n    .*see `([A-Z]+)`\.$", lambda found: texts[found[1]], text, flags=re.M)
+        return function
+
+    return complete
+
+
+def _listed_fields(name: str) -> str:
+    """The columns of a filter as a list, an item for a number or a vector."""
+    lines = ["Custom scalar attributes that are added or overwritten:", ""]
+    for _, group in groupby(fields_of(name), lambda field: field.name if field.component is None else field.source):
+        first, *others = group
+        names = ", ".join([f"``{first.column}``", *(f"``{other.name[-2:]}``" for other in others)])
+        text = "; ".join(filter(None, [_meaning(first).removeprefix("x of the "), first.remark]))
+        lines.append(textwrap.fill(f"- {names}: {text}", 110, subsequent_indent="  "))
+    return "\n".join(lines)
