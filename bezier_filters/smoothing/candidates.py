@@ -57,18 +57,9 @@ class Candidate:
 def candidates(
     noisy: NoisyMesh, fitted: FittedLowPass, kinds: Collection[int] = KINDS, *, threads: int = 1
 ) -> Iterator[Candidate]:
-    """Estimates, ever sharper ones, of which the first is the low-pass filter's.
+    """Estimates, ever sharper ones, of which the first is the low-pass filter's, and others as they are wanted.
 
-    Parameters
-    ----------
-    noisy : NoisyMesh
-        As measured.
-    fitted : FittedLowPass
-        What every estimate starts with, more or less of it.
-    kinds : collection of int
-        Those that are wanted besides the first.
-    threads : int
-        Number of threads.
+    All of them start with more or less of that filter.
     """
     part, filters, normals = noisy.part, fitted.filters, fitted.shape.normals.astype(np.float32)
     signs = random_signs(part.ids, 1, first=OTHER_SIGNS)[:, 0]

@@ -79,24 +79,9 @@ def low_pass(
     *,
     threads: int = 1,
 ) -> Signals:
-    """Signals (n, c) filtered by mixtures of filters that differ from vertex to vertex.
+    """Signals (n, c) filtered by mixtures, with shares (n, s), of filters of some strengths and one order.
 
-    Parameters
-    ----------
-    laplacian : Laplacian
-    signals : (n, c) float64 or float32
-    strengths : (s,) float64
-        Of the filters.
-    shares : (n, s) float32, optional
-        Of each filter at each vertex; all of the only one by default.
-    order : int
-        Of the filters.
-    threads : int
-        Number of threads.
-
-    Returns
-    -------
-    (n, c), as the signals
+    Without shares there is one filter only.
     """
     return _filtered(laplacian, signals, low_pass_series(strengths, laplacian.bound, order), shares, threads)
 

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from bezier_filters.arrays import FloatArray, IntArray, RealArray, SingleArray
-from bezier_filters.meshes.adjacency import Adjacency
+from bezier_filters.meshes.adjacency import Adjacency, Rows
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.lean import lean_njit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
@@ -122,27 +122,18 @@ def clusters_of(part: MeshPart, pace: float | None = None) -> Clusters:
         (leaving / degrees).astype(np.float32),
     )
     if pace is None:
-        pace = _pace(mesh, adjacency, of_vertex, sizes, laplacian, of_entry, outer)
+        pace = _pace(mesh, rows, of_vertex, sizes, edges)
     return Clusters(of_vertex, sizes, adjacency, laplacian, pace)
 
 
-def _pace(
-    mesh: TriangleMesh,
-    adjacency: Adjacency,
-    of_vertex: IntArray,
-    sizes: FloatArray,
-    laplacian: Laplacian,
-    of_entry: IntArray,
-    outer: FloatArray,
-) -> float:
+def _pace(mesh: TriangleMesh, rows: Rows, of_vertex: IntArray, sizes: FloatArray, joined: csr_array) -> float:
     """Time on clusters per time on the mesh: by how far apart vertices are, and centers of gravity."""
-    rows, count = adjacency.vertices, len(sizes)
-    squares = np.zeros(mesh.vertex_count)
-    _add_squares(rows.indptr, rows.indices, mesh.vertices, squares)
-    middles = np.column_stack([np.bincount(of_vertex, mesh.vertices[:, k], count) / sizes for k in range(3)])
-    jumps = outer * np.square(middles[laplacian.indices] - middles[of_entry]).sum(axis=1)
-    across = float(jumps.sum())
-    return float(squares.sum()) / across if across > 0.0 else 1.0
+    start = np.repeat(np.arange(len(rows), dtype=np.int32), rows.lengths)
+    squares = np.square(mesh.vertices[rows.indices] - mesh.vertices[start]).sum()
+    middles = np.column_stack([np.bincount(of_vertex, mesh.vertices[:, k], len(sizes)) / sizes for k in range(3)])
+    of_entry = np.repeat(np.arange(len(sizes)), np.diff(joined.indptr))
+    across = joined.data @ np.square(middles[joined.indices] - middles[of_entry]).sum(axis=1)
+    return float(squares / across) if across > 0.0 else 1.0
 
 
 @lean_njit()
@@ -199,13 +190,3 @@ def _spread(
             k = of_vertex[indices[q]]
             for c in range(values.shape[1]):
                 result[i, c] += share * values[k, c]
-
-
-@lean_njit()
-def _add_squares(ptr: IntArray, indices: IntArray, vertices: FloatArray, sums: FloatArray) -> None:
-    """Write the sum of the squared lengths of the edges at every vertex."""
-    for i in range(len(vertices)):
-        for q in range(ptr[i], ptr[i + 1]):
-            j = indices[q]
-            x, y, z = vertices[j, 0] - vertices[i, 0], vertices[j, 1] - vertices[i, 1], vertices[j, 2] - vertices[i, 2]
-            sums[i] += x * x + y * y + z * z

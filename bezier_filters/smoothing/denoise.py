@@ -11,11 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bezier_filters.arrays import FloatArray, IntArray, SingleArray
+from bezier_filters.arrays import FloatArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.runtime.lean import lean_njit
-from bezier_filters.runtime.parallel import Progress, RangeTask, report, run_in_chunks
+from bezier_filters.runtime.parallel import Progress, report
 from bezier_filters.smoothing.candidates import GENTLE, SMOOTH, Candidate, candidates
 from bezier_filters.smoothing.clusters import clusters_of
 from bezier_filters.smoothing.laplacian import Borders
@@ -42,45 +41,20 @@ STEPS = 6
 """Of the progress."""
 
 
-@dataclass(frozen=True)
-class MeshScale:
-    """Where a mesh is, and how large its triangles are.
-
-    Attributes
-    ----------
-    mean_edge : float
-        Mean length of the edges; 0 if there are none.
-    far_center : (3,) float64
-        Mean of the vertices, if they are so far from the origin that digits would be lost; zeros if not.
-    """
-
-    mean_edge: float
-    far_center: FloatArray
-
-
-def mesh_scale(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> MeshScale:
-    """Measure a mesh.
+def mean_edge(mesh: TriangleMesh, adjacency: Adjacency) -> float:
+    """Mean length of the edges; 0 if there are none.
 
     Examples
     --------
     >>> from bezier_filters.meshes.adjacency import vertex_adjacency
     >>> from bezier_filters.meshes.mesh import triangle_mesh
     >>> triangle = triangle_mesh([[0, 0, 0], [3, 0, 0], [0, 4, 0]], [[0, 1, 2]])
-    >>> mesh_scale(triangle, vertex_adjacency(triangle)).mean_edge
+    >>> mean_edge(triangle, vertex_adjacency(triangle))
     4.0
     """
-    vertices, rows = mesh.vertices, adjacency.vertices
-    if not len(rows.indices):
-        return MeshScale(0.0, np.zeros(3))
-    lengths = np.zeros(len(vertices))
-
-    def make_task() -> RangeTask:
-        return lambda start, stop: _sum_lengths(vertices, rows.indptr, rows.indices, start, stop, lengths)
-
-    run_in_chunks(make_task, len(vertices), threads=threads)
-    center = vertices.mean(axis=0)
-    near = bool(np.abs(center).max() <= np.ptp(vertices, axis=0).max())
-    return MeshScale(float(lengths.sum()) / len(rows.indices), np.zeros(3) if near else center)
+    rows = adjacency.vertices
+    start = np.repeat(mesh.vertices, rows.lengths, axis=0)
+    return float(np.linalg.norm(mesh.vertices[rows.indices] - start, axis=1).mean()) if len(start) else 0.0
 
 
 @dataclass(frozen=True)
@@ -198,11 +172,13 @@ def _learn(
     parts: SampledParts, sigma: float, borders: Borders, threads: int, progress: Progress | None
 ) -> tuple[SmoothingPlan, Denoised] | None:
     """The plan, and what it makes of the parts."""
-    extent = mesh_scale(parts.part.mesh, parts.part.adjacency, threads=threads)
-    unit = extent.mean_edge
+    vertices, unit = parts.part.mesh.vertices, mean_edge(parts.part.mesh, parts.part.adjacency)
     if not (sigma > (DETAIL + SMALLEST_NOISE) * unit and unit > 0.0):
         return None
-    center, scale = extent.far_center, float(2.0 ** -np.round(np.log2(unit)))  # single precision has few exponents
+    center = vertices.mean(axis=0)
+    if np.abs(center).max() <= np.ptp(vertices, axis=0).max():
+        center = np.zeros(3)  # it is not so far from the origin that digits would be lost
+    scale = float(2.0 ** -np.round(np.log2(unit)))  # single precision has few exponents
     part, sigma, unit = _normalised(parts.part, center, scale), sigma * scale, unit * scale
     clusters = clusters_of(part)
     least, detail = (DETAIL + SMALLEST_NOISE) * unit, DETAIL * unit
@@ -288,15 +264,3 @@ def _mixture(mesh: TriangleMesh, found: list[Candidate], shares: SingleArray | N
     for k, candidate in enumerate(found):
         points += shares[:, [k]] * (candidate.moves / np.float64(scale))  # which may be beyond single precision
     return Denoised(points, np.einsum("ns,s->n", shares, SHARPNESS[[candidate.kind for candidate in found]]))
-
-
-@lean_njit()
-def _sum_lengths(
-    vertices: FloatArray, ptr: IntArray, indices: IntArray, start: int, stop: int, lengths: FloatArray
-) -> None:
-    """Write the sum of the lengths of the edges at vertices start .. stop-1."""
-    for i in range(start, stop):
-        for q in range(ptr[i], ptr[i + 1]):
-            j = indices[q]
-            x, y, z = vertices[j, 0] - vertices[i, 0], vertices[j, 1] - vertices[i, 1], vertices[j, 2] - vertices[i, 2]
-            lengths[i] += np.sqrt(x * x + y * y + z * z)

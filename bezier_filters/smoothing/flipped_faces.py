@@ -90,23 +90,9 @@ def _find(
 def repair_flipped_faces(
     mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray, *, threads: int = 1
 ) -> FloatArray:
-    """Take back as much of the moves of vertices as makes faces wrong that were not.
+    """Take back as much of the moves of vertices to points (n, 3) as makes faces of the mesh wrong that were not.
 
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        Before the moves.
-    adjacency : Adjacency
-        Of the same mesh.
-    points : (n, 3) float64
-        Where the vertices have moved.
-    threads : int
-        Number of threads.
-
-    Returns
-    -------
-    (n, 3) float64
-        Where they end.
+    Returns where the vertices end.
     """
     before = bad_faces(mesh, adjacency, threads=threads)
     rows, share, result = adjacency.vertices, np.ones(mesh.vertex_count), points

@@ -8,6 +8,7 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.triangles import cotangent_and_area, has_corner
 from bezier_filters.runtime.lean import lean_njit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
@@ -75,25 +76,9 @@ def cotangent_laplacian(
 ) -> Laplacian:
     """Differences from the mean with cotangent weights, which vanish on planes: they move vertices along the normal.
 
-    Parameters
-    ----------
-    mesh : TriangleMesh
-    adjacency : Adjacency
-        Of the same mesh.
-    borders : {"curve", "fixed", "free"}
-        What border vertices do.
-    power : float
-        0 for one rate for all, which goes by edges; 1 for the Laplace-Beltrami operator, which goes by
-        lengths; or between.
-    unit : float
-        The mean edge, a length.
-    fastest : float, optional
-        Rates are kept within this, which bounds the eigenvalues; by default within `FASTEST`, and the largest rate
-        that there is bounds them.
-    cut : (n,) bool, optional
-        Vertices that stay, because the mesh is part of a larger one and was cut out there.
-    threads : int
-        Number of threads.
+    A power of 0 means one rate for all, which goes by edges; 1 the Laplace-Beltrami operator, which goes by lengths, in
+    units of the mean edge, `unit`. Rates are kept within `fastest`, which bounds the eigenvalues; by default
+    within `FASTEST`, and the largest rate that there is bounds them. Vertices that are `cut` stay.
     """
     result = _laplacian(mesh, adjacency, borders, power, unit, FASTEST if fastest is None else fastest, cut, threads)
     largest = float(result.rates.max(initial=0.5)) if fastest is None else fastest
@@ -162,8 +147,7 @@ def _write_rows(
         for q in range(first, last):
             met = 0
             for p in range(face_ptr[i], face_ptr[i + 1]):
-                f = face_indices[p]
-                if indices[q] in (faces[f, 0], faces[f, 1], faces[f, 2]):
+                if has_corner(faces, face_indices[p], indices[q]):
                     met += 1
             weights[q] = 1.0 if met != 1 else -1.0  # a sign marks the border for a moment
             on_border = on_border or met == 1
@@ -206,19 +190,16 @@ def _add_cotangents(
         f = face_indices[p]
         k = 0 if faces[f, 0] == i else 1 if faces[f, 1] == i else 2
         a, b = faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
-        ux, uy, uz = vertices[a, 0] - vertices[i, 0], vertices[a, 1] - vertices[i, 1], vertices[a, 2] - vertices[i, 2]
-        vx, vy, vz = vertices[b, 0] - vertices[i, 0], vertices[b, 1] - vertices[i, 1], vertices[b, 2] - vertices[i, 2]
-        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-        twice = np.sqrt(nx * nx + ny * ny + nz * nz)
-        area += twice / 6.0
-        if twice == 0.0:
+        at_a, whole = cotangent_and_area(vertices, a, b, i)
+        at_b, _ = cotangent_and_area(vertices, b, i, a)
+        area += whole / 3.0
+        if whole == 0.0:
             continue
-        inner, uu, vv = ux * vx + uy * vy + uz * vz, ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz
         for q in range(first, last):
-            if indices[q] == a:  # opposite is the angle at b
-                weights[q] += 0.5 * (vv - inner) / twice
+            if indices[q] == a:
+                weights[q] += 0.5 * at_b  # the angle opposite
             elif indices[q] == b:
-                weights[q] += 0.5 * (uu - inner) / twice
+                weights[q] += 0.5 * at_a
     for q in range(first, last):
         weights[q] = min(max(weights[q], LEAST_COTANGENT), LARGEST_COTANGENT)
     return area

@@ -156,27 +156,9 @@ class FittedLowPass:
 def learn_low_pass(
     noisy: NoisyMesh, core: BoolArray, borders: Borders, unit: float, *, threads: int = 1
 ) -> tuple[LowPassPlan, FittedLowPass]:
-    """Find the Laplacian, the order and the strengths with the least risk on parts of a mesh, or on all of it.
+    """Find the Laplacian, the order and the strengths with the least risk on the `core` of some parts of a mesh.
 
-    Parameters
-    ----------
-    noisy : NoisyMesh
-        The parts.
-    core : (n,) bool
-        Vertices by which the mesh as a whole is judged.
-    borders : {"curve", "fixed"}
-        What border vertices do.
-    unit : float
-        The mean edge, a length.
-    threads : int
-        Number of threads.
-
-    Returns
-    -------
-    plan : LowPassPlan
-        What holds for the mesh as a whole,
-    fitted : FittedLowPass
-        and what `fit_low_pass` makes of it on these parts.
+    `unit` is the mean edge. Returns what holds for the mesh as a whole, and what `fit_low_pass` makes of it there.
     """
     mesh, adjacency, cut = noisy.part.mesh, noisy.part.adjacency, noisy.part.cut
 

@@ -86,29 +86,11 @@ def learn_noise_levels(
     *,
     threads: int = 1,
 ) -> tuple[NoiseLevels, FloatArray]:
-    """What holds for a mesh as a whole, and the standard deviation of the noise at its vertices, (n,).
+    """What holds for a mesh as a whole, by the `core` of some parts, and the standard deviation of the noise, (n,).
 
-    The noise has the same level everywhere, unless it clearly varies. Levels are means of what a weak filter takes
-    off, in a way that outliers, such as at edges, matter little to.
-
-    Parameters
-    ----------
-    part : MeshPart
-        Parts of a mesh, or all of it.
-    clusters : Clusters
-        Of the same mesh.
-    core : (n,) bool
-        Vertices that count.
-    sigma : float
-        Standard deviation of the noise of the mesh as a whole, a length.
-    unit : float
-        The mean edge, a length.
-    least : float
-        The lowest level that there may be, a length, before
-    detail : float
-        the standard deviation of the relief is taken off it, a shorter length.
-    threads : int
-        Number of threads.
+    The noise has the same level everywhere, sigma, unless it clearly varies. Levels are means of what a weak filter
+    takes off, in a way that outliers, such as at edges, matter little to. None is below `least` before the standard
+    deviation of the relief, `detail`, is taken off it; `unit` is the mean edge.
     """
     laplacian = _free_laplacian(part, threads)
     noise = white_noise(part.ids, 1).astype(np.float64)

@@ -65,18 +65,8 @@ def overall_risks(estimates: Estimates, rows: BoolArray | slice) -> FloatArray:
 def local_risks(clusters: Clusters, estimates: Estimates, overall: FloatArray, *, threads: int = 1) -> FloatArray:
     """Risk of every estimate around every cluster, (k, s), less that of the one that is best for the mesh as a whole.
 
-    Where the local difference deviates from the overall one by no more than noise may make it do, the latter is taken
-    (after James and Stein).
-
-    Parameters
-    ----------
-    clusters : Clusters
-    estimates : Estimates
-        At the vertices of the same mesh.
-    overall : (s,) float64
-        From `overall_risks`, for the mesh as a whole.
-    threads : int
-        Number of threads.
+    Where the local difference deviates from the overall one, (s,) from `overall_risks`, by no more than noise may make
+    it do, the latter is taken (after James and Stein).
     """
     best, terms = int(overall.argmin()), _mean_terms(clusters, estimates)
     distances = np.zeros(terms.shape)

@@ -19,7 +19,7 @@ from bezier_filters.runtime.parallel import Progress, thread_count
 from bezier_filters.smoothing.denoise import remove_noise
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.smoothing_result import SmoothingResult
-from bezier_filters.smoothing.volume import closed_components, component_volumes, movement_around, restore_volumes
+from bezier_filters.smoothing.volume import ClosedComponents, component_volumes, movement_around, restore_volumes
 
 SmoothingMethod = Literal["auto", "paper"]
 SmoothedBorders = Literal["curve", "fixed"]
@@ -124,7 +124,7 @@ def smooth(
             else:
                 points = _onto_patches(current, rings, alpha, threads, part)
             points = np.where(movable[:, np.newaxis], points, mesh.vertices)
-        components = closed_components(mesh, adjacency)
+        components = ClosedComponents.of(mesh, adjacency)
         volumes_before = component_volumes(components, mesh)
         if components.count and (keep_volume or (keep_volume is None and method == "auto")):
             amounts = movement_around(mesh, adjacency, points) * movable

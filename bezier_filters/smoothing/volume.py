@@ -4,13 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
-from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.meshes.adjacency import Adjacency
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.meshes.adjacency import Adjacency, closed_components
 from bezier_filters.meshes.frames import face_normal
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.runtime.lean import inner_njit, lean_njit
+from bezier_filters.runtime.lean import lean_njit
 
 ROUNDS = 4
 """Of Newton's method; the volume is a polynomial that is nearly linear in a small offset."""
@@ -33,25 +32,16 @@ class ClosedComponents:
     of_vertex: IntArray
     origins: FloatArray
 
+    @staticmethod
+    def of(mesh: TriangleMesh, adjacency: Adjacency) -> "ClosedComponents":
+        """Those of a mesh in memory."""
+        of_vertex, first = closed_components(mesh, adjacency)
+        return ClosedComponents(of_vertex, mesh.vertices[first])
+
     @property
     def count(self) -> int:
         """How many there are."""
         return len(self.origins)
-
-
-def closed_components(mesh: TriangleMesh, adjacency: Adjacency) -> ClosedComponents:
-    """Find them; there are none if the mesh is not an oriented manifold along its edges."""
-    n, rows = mesh.vertex_count, adjacency.vertices
-    if not mesh.face_count or wrongly_joined(mesh.faces, adjacency).any():
-        return ClosedComponents(np.full(n, -1, dtype=np.int32), np.empty((0, 3)))
-    graph = csr_array((np.ones(len(rows.indices), np.int8), rows.indices, rows.indptr), shape=(n, n))
-    count, label = connected_components(graph, directed=False)
-    first = np.full(count, n, dtype=np.int32)
-    first[label[::-1]] = np.arange(n - 1, -1, -1, dtype=np.int32)
-    closed = np.ones(count, dtype=np.bool_)
-    closed[label[adjacency.on_boundary | (rows.lengths == 0)]] = False
-    number = np.where(closed, np.cumsum(closed) - 1, -1).astype(np.int32)
-    return ClosedComponents(number[label], mesh.vertices[first[closed]])
 
 
 def component_volumes(components: ClosedComponents, mesh: TriangleMesh) -> FloatArray:
@@ -65,7 +55,7 @@ def component_volumes(components: ClosedComponents, mesh: TriangleMesh) -> Float
     >>> from bezier_filters.meshes.mesh import triangle_mesh
     >>> from bezier_filters.surfaces import block_with_sharp_edges
     >>> block = triangle_mesh(*block_with_sharp_edges(resolution=4))
-    >>> component_volumes(closed_components(block, vertex_adjacency(block)), block)
+    >>> component_volumes(ClosedComponents.of(block, vertex_adjacency(block)), block)
     array([0.875])
     """
     volumes = np.zeros(components.count)
@@ -76,22 +66,9 @@ def component_volumes(components: ClosedComponents, mesh: TriangleMesh) -> Float
 def restore_volumes(
     components: ClosedComponents, mesh: TriangleMesh, volumes: FloatArray, amounts: FloatArray
 ) -> FloatArray:
-    """Move vertices along their normals, in proportion to given amounts, so that components have given volumes.
+    """Coordinates after moves along the normals, in proportion to amounts (n,), that give components volumes (c,).
 
-    Parameters
-    ----------
-    components : ClosedComponents
-    mesh : TriangleMesh
-        Where the vertices are.
-    volumes : (c,) float64
-        What the components are to enclose.
-    amounts : (n,) float64
-        At least 0. A component whose amounts are all 0 stays as it is.
-
-    Returns
-    -------
-    (n, 3) float64
-        Coordinates.
+    A component whose amounts are all 0 stays as it is.
     """
     points = mesh.vertices
     for _ in range(ROUNDS):
@@ -135,13 +112,6 @@ def movement_around(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray
     return result
 
 
-def wrongly_joined(faces: IntArray, adjacency: Adjacency) -> BoolArray:
-    """Vertices at a face without three corners, or with two faces that run through an edge the same way, (n,)."""
-    result = np.zeros(len(adjacency.faces), dtype=np.bool_)
-    _find(faces, adjacency.faces.indptr, adjacency.faces.indices, result)
-    return result
-
-
 def _gradient(mesh: TriangleMesh) -> tuple[FloatArray, FloatArray]:
     """Derivative of the volume by every vertex, (n, 3), and its length, (n,)."""
     gradient = np.zeros_like(mesh.vertices)
@@ -173,22 +143,3 @@ def _add_gradient(vertices: FloatArray, faces: IntArray, gradient: FloatArray) -
             gradient[i, 0] += x / 6.0
             gradient[i, 1] += y / 6.0
             gradient[i, 2] += z / 6.0
-
-
-@lean_njit()
-def _find(faces: IntArray, face_ptr: IntArray, face_indices: IntArray, result: BoolArray) -> None:
-    for f in range(len(faces)):
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        if a == b or b == c or c == a:
-            result[a] = result[b] = result[c] = True
-    for i in range(len(face_ptr) - 1):
-        for q in range(face_ptr[i], face_ptr[i + 1]):
-            for p in range(face_ptr[i], q):
-                if _after(faces, face_indices[p], i) == _after(faces, face_indices[q], i):
-                    result[i] = True
-
-
-@inner_njit()
-def _after(faces: IntArray, f: int, i: int) -> int:
-    """The vertex after vertex i in face f."""
-    return int(faces[f, 1] if faces[f, 0] == i else faces[f, 2] if faces[f, 1] == i else faces[f, 0])

@@ -8,7 +8,7 @@ from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.smoothing.chebyshev import ORDER, diffuse, low_pass
 from bezier_filters.smoothing.clusters import clusters_of
-from bezier_filters.smoothing.denoise import mesh_scale
+from bezier_filters.smoothing.denoise import mean_edge
 from bezier_filters.smoothing.laplacian import cotangent_laplacian, umbrella_laplacian
 from bezier_filters.smoothing.low_pass import ORDERS, learn_low_pass
 from bezier_filters.smoothing.mesh_parts import whole_mesh
@@ -33,7 +33,7 @@ def ball():
     surface = sphere(resolution=6, jitter=0.2)
     mesh = triangle_mesh(surface.vertices, surface.faces)
     adjacency = vertex_adjacency(mesh)
-    return mesh, adjacency, mesh_scale(mesh, adjacency).mean_edge
+    return mesh, adjacency, mean_edge(mesh, adjacency)
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def sheet():
     surface = waves(resolution=12, amplitude=0.0, jitter=0.2)
     mesh = triangle_mesh(surface.vertices, surface.faces)
     adjacency = vertex_adjacency(mesh)
-    return mesh, adjacency, mesh_scale(mesh, adjacency).mean_edge
+    return mesh, adjacency, mean_edge(mesh, adjacency)
 
 
 @pytest.mark.parametrize("power", [None, 0.0, 0.5, 1.0])
@@ -136,7 +136,7 @@ def chosen_order(vertices, normals, faces):
     """The order of the filter that noise of a fifth of the mean edge leads to."""
     clean = triangle_mesh(vertices, faces)
     adjacency = vertex_adjacency(clean)
-    unit = mesh_scale(clean, adjacency).mean_edge
+    unit = mean_edge(clean, adjacency)
     heights = 0.2 * unit * np.random.default_rng(0).standard_normal(len(vertices))
     noisy = triangle_mesh(vertices + heights[:, np.newaxis] * normals, faces)
     part, everything = whole_mesh(noisy, adjacency), np.ones(len(vertices), dtype=np.bool_)

@@ -5,12 +5,12 @@ import pytest
 
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
-from bezier_filters.smoothing.volume import closed_components, component_volumes, restore_volumes
+from bezier_filters.smoothing.volume import ClosedComponents, component_volumes, restore_volumes
 from bezier_filters.surfaces import block_with_sharp_edges, sphere, waves
 
 
 def components_of(mesh):
-    return closed_components(mesh, vertex_adjacency(mesh))
+    return ClosedComponents.of(mesh, vertex_adjacency(mesh))
 
 
 def volumes_of(mesh):
