@@ -17,7 +17,7 @@ from typing import TypeVar
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray, RealArray, SingleArray
-from bezier_filters.runtime.lean import inner_njit, lean_njit
+from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 from bezier_filters.smoothing.laplacian import Laplacian
 
@@ -167,7 +167,7 @@ def _run(laplacian: Laplacian, signals: RealArray, series: FloatArray, make_step
             before, current = current, before
 
 
-@lean_njit()
+@jit()
 def _differences(
     ptr: IntArray,
     indices: IntArray,
@@ -192,7 +192,7 @@ def _differences(
         result[i, 0], result[i, 1], result[i, 2], result[i, 3] = rate * da, rate * db, rate * dc, rate * dd
 
 
-@inner_njit()
+@inner_jit()
 def _advance(
     ptr: IntArray,
     indices: IntArray,
@@ -224,7 +224,7 @@ def _advance(
     return before[i, 0], before[i, 1], before[i, 2], before[i, 3]
 
 
-@lean_njit(fastmath={"reassoc", "contract"})
+@jit(fastmath={"reassoc", "contract"})
 def _advance_and_mix(
     ptr: IntArray,
     indices: IntArray,
@@ -251,7 +251,7 @@ def _advance_and_mix(
         result[i, 3] += mixed * d
 
 
-@lean_njit()
+@jit()
 def _advance_and_measure(
     ptr: IntArray,
     indices: IntArray,

@@ -17,7 +17,7 @@ from scipy.sparse import csr_array
 from bezier_filters.arrays import FloatArray, IntArray, RealArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency, Rows
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.runtime.lean import lean_njit
+from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 from bezier_filters.smoothing.chebyshev import diffuse
 from bezier_filters.smoothing.laplacian import Laplacian
@@ -136,7 +136,7 @@ def _pace(mesh: TriangleMesh, rows: Rows, of_vertex: IntArray, sizes: FloatArray
     return float(squares / across) if across > 0.0 else 1.0
 
 
-@lean_njit()
+@jit()
 def _find_centers(ptr: IntArray, indices: IntArray, visits: IntArray, center: IntArray) -> None:
     """Make clusters of the vertices whose neighbours are all free yet, with them, visit by visit."""
     for i in visits:
@@ -149,7 +149,7 @@ def _find_centers(ptr: IntArray, indices: IntArray, visits: IntArray, center: In
                 center[indices[q]] = i
 
 
-@lean_njit()
+@jit()
 def _join_centers(ptr: IntArray, indices: IntArray, rank: IntArray, center: IntArray) -> None:
     """Let the others join the earliest cluster of a neighbour that has one."""
     for i in range(len(center)):
@@ -163,7 +163,7 @@ def _join_centers(ptr: IntArray, indices: IntArray, rank: IntArray, center: IntA
             center[i] = -2 - center[i]
 
 
-@lean_njit()
+@jit()
 def _add_up(of_vertex: IntArray, values: RealArray, sums: FloatArray) -> None:
     """Add the values at vertices to those of their clusters, in ascending order."""
     for i in range(len(of_vertex)):
@@ -171,7 +171,7 @@ def _add_up(of_vertex: IntArray, values: RealArray, sums: FloatArray) -> None:
             sums[of_vertex[i], c] += values[i, c]
 
 
-@lean_njit()
+@jit()
 def _spread(
     ptr: IntArray,
     indices: IntArray,

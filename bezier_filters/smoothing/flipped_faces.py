@@ -8,7 +8,7 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.frames import face_normal, tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.runtime.lean import lean_njit
+from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
 THINNEST = 1e-7
@@ -62,7 +62,7 @@ def bad_faces(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> 
     return BadFaces(flipped, degenerate)
 
 
-@lean_njit()
+@jit()
 def _find(
     vertices: FloatArray,
     faces: IntArray,

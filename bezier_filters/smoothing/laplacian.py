@@ -9,7 +9,7 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.triangles import cotangent_and_area, has_corner
-from bezier_filters.runtime.lean import lean_njit
+from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
 Borders = Literal["curve", "fixed", "free"]
@@ -123,7 +123,7 @@ def _laplacian(
     return Laplacian(rows.indptr, rows.indices, weights, rates)
 
 
-@lean_njit()
+@jit()
 def _write_rows(
     vertices: FloatArray,
     faces: IntArray,
@@ -170,7 +170,7 @@ def _write_rows(
             rates[i] = 0.0
 
 
-@lean_njit()
+@jit()
 def _add_cotangents(
     vertices: FloatArray,
     faces: IntArray,

@@ -8,7 +8,7 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, IntArray
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.runtime.lean import lean_njit
+from bezier_filters.runtime.jit import jit
 
 LARGEST_WHOLE = 60_000
 """Vertices up to which the sample is the whole mesh."""
@@ -156,7 +156,7 @@ class Growth:
         return Growth(self.order, self.depth, count, int(self.depth[done - 1]) if done > self.count else -1)
 
 
-@lean_njit()
+@jit()
 def _grow(
     ptr: IntArray, indices: IntArray, seed: int, seen: BoolArray, order: IntArray, depth: IntArray, count: int
 ) -> tuple[int, int]:
@@ -177,7 +177,7 @@ def _grow(
     return count, done
 
 
-@lean_njit()
+@jit()
 def _next_unseen(seen: BoolArray, after: int) -> int:
     """The next vertex, beginning anew after the last one; -1 if all were seen."""
     n = len(seen)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
-from bezier_filters.runtime.lean import lean_njit
+from bezier_filters.runtime.jit import jit
 from bezier_filters.smoothing.clusters import Clusters
 
 WIDTH = 100.0
@@ -123,7 +123,7 @@ def noise_factor(squares: FloatArray, leverages: FloatArray) -> float:
     return max(min(float(np.sqrt(squares[best] / max(free[best], 1e-3))), 1.0), 1e-3)
 
 
-@lean_njit()
+@jit()
 def _add_terms(of_vertex: IntArray, residuals: SingleArray, leverages: SingleArray, sums: FloatArray) -> None:
     """Add what the risks, plus 1, are the means of to the sums of each cluster."""
     for i in range(len(of_vertex)):
@@ -131,7 +131,7 @@ def _add_terms(of_vertex: IntArray, residuals: SingleArray, leverages: SingleArr
             sums[of_vertex[i], s] += residuals[i, s] * residuals[i, s] + 2.0 * leverages[i, s]
 
 
-@lean_njit()
+@jit()
 def _add_distances(of_vertex: IntArray, residuals: SingleArray, best: int, sums: FloatArray) -> None:
     """Add squared differences from one of the estimates."""
     for i in range(len(of_vertex)):

@@ -5,7 +5,7 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.runtime.lean import lean_njit
+from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import run_in_chunks
 from bezier_filters.smoothing.chebyshev import coefficients
 
@@ -58,7 +58,7 @@ def move_to_normals(
     return result
 
 
-@lean_njit()
+@jit()
 def _first_step(
     vertices: FloatArray,
     faces: IntArray,
@@ -90,7 +90,7 @@ def _first_step(
         moves[i, 0], moves[i, 1], moves[i, 2] = sx / count, sy / count, sz / count
 
 
-@lean_njit()
+@jit()
 def _heights(faces: IntArray, moves: SingleArray, start: int, stop: int, planes: SingleArray) -> None:
     """Write how far the centers of faces start .. stop-1 move along their normals."""
     third = np.float32(1.0 / 3.0)
@@ -103,7 +103,7 @@ def _heights(faces: IntArray, moves: SingleArray, start: int, stop: int, planes:
         )
 
 
-@lean_njit()
+@jit()
 def _advance(
     face_ptr: IntArray,
     face_indices: IntArray,

@@ -9,7 +9,7 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.meshes.adjacency import Adjacency, closed_components
 from bezier_filters.meshes.frames import face_normal
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.runtime.lean import lean_njit
+from bezier_filters.runtime.jit import jit
 
 ROUNDS = 4
 """Of Newton's method; the volume is a polynomial that is nearly linear in a small offset."""
@@ -119,7 +119,7 @@ def _gradient(mesh: TriangleMesh) -> tuple[FloatArray, FloatArray]:
     return gradient, np.sqrt(np.einsum("ij,ij->i", gradient, gradient))
 
 
-@lean_njit()
+@jit()
 def _add_volumes(
     vertices: FloatArray, faces: IntArray, part: IntArray, origins: FloatArray, volumes: FloatArray
 ) -> None:
@@ -133,7 +133,7 @@ def _add_volumes(
             volumes[k] += (dx * x + dy * y + dz * z) / 6.0
 
 
-@lean_njit()
+@jit()
 def _add_gradient(vertices: FloatArray, faces: IntArray, gradient: FloatArray) -> None:
     """Add the derivative of the volume by every vertex: a third of the vector area around it."""
     for f in range(len(faces)):
