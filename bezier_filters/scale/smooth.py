@@ -150,13 +150,15 @@ def _automatic(run: Run, iterations: int, noise: float | None, borders: Smoothed
     current, folders = mesh, list[Path]()
     for step in range(iterations):
         sigma = noise_before if step == 0 else _noise_of(run, current)
+        around = tuple[int, ...]()
         if step == 0 or mesh.layout.vertex_count > LARGEST_WHOLE:
             look = partial(measure_tile, current, sigma or 0.0)
             done = run.tiles("measure", results / f"measure-{step + 1}", look)
+            around = (_roughest(done.tiles),)
         if step == 0 and mesh.layout.face_count > 0 and not done.sums("incoherent")[0]:
             components = unite_components(mesh, done.tiles)
         with run.stages.stage("learn"):
-            parts = sampled_parts_of(current, (_roughest(done.tiles),), threads=run.workers)
+            parts = sampled_parts_of(current, around, threads=run.workers)
             plan = learn_plan(parts, sigma or 0.0, borders, threads=run.workers)
         is_last = step + 1 == iterations
         job = SmoothJob(mesh, current, plan, borders == "fixed", components if is_last else None)
