@@ -20,15 +20,7 @@ LABEL = np.dtype([("vertex", "<i4"), ("label", "<i4"), ("open", "?")])
 
 @dataclass(frozen=True)
 class StoredComponents:
-    """The closed components of a mesh on disk.
-
-    Attributes
-    ----------
-    of_vertex : ArrayFile
-        Number of the one that each vertex belongs to, -1 for none.
-    origins : ArrayFile
-        A point of each, (c, 3) float64.
-    """
+    """Closed components of a mesh on disk: number of that of each vertex, -1 for none, and a point of each, (c, 3)."""
 
     of_vertex: ArrayFile
     origins: ArrayFile
@@ -59,14 +51,7 @@ def labelled_vertices(part: TilePart, adjacency: Adjacency) -> Values:
 
 
 def unite_components(store: Store, tiles: Sequence[Tile]) -> StoredComponents | None:
-    """The closed components of a mesh, from the `labelled_vertices` of all tiles; None if there are none.
-
-    Parameters
-    ----------
-    store : Store
-    tiles : sequence of Tile
-        In order.
-    """
+    """The closed components of a mesh, from the `labelled_vertices` of all tiles in order; None if there are none."""
     n = store.layout.vertex_count
     result = new_array_file(store.folder / "components.bin", np.int32, 1, n)
     nodes, ranges = result.mapped("r+"), [store.layout.tile(tile) for tile in range(len(tiles))]

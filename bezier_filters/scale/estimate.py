@@ -149,16 +149,7 @@ def estimate_file(
 
 @dataclass(frozen=True)
 class TileFit:
-    """How the vertices of a tile are fitted.
-
-    Attributes
-    ----------
-    store : Store
-        The mesh.
-    fit : SurfaceFit
-    creases, robust : bool
-        Whether neighbourhoods end at creases, and whether points far off a fit lose their weight.
-    """
+    """How the vertices of a tile are fitted, see `estimate_vertex_geometry`."""
 
     store: Store
     fit: SurfaceFit
@@ -168,18 +159,7 @@ class TileFit:
 
 @dataclass(frozen=True)
 class EstimateJob:
-    """What is estimated at every vertex.
-
-    Attributes
-    ----------
-    fit : TileFit
-    quality : str
-        Column that becomes the quality, too; empty for none.
-    columns : tuple of str
-        Columns that are written.
-    coordinates : str
-        Type that coordinates are written in.
-    """
+    """What is written of the estimate: the column that is the quality, too, columns, and the type of coordinates."""
 
     fit: TileFit
     quality: str

@@ -46,18 +46,7 @@ class Part:
 
 @dataclass(frozen=True)
 class TilePart:
-    """A tile with some rings around it, in the order of the whole mesh.
-
-    Attributes
-    ----------
-    ids : (k,) int32
-        Which vertices of the store they are, ascending.
-    mesh : TriangleMesh
-    cut : (k,) bool
-        Vertices in the last ring, of which faces may be missing.
-    own : slice
-        Where the vertices of the tile are.
-    """
+    """A tile with some rings around it: see `Part`; `own` is where the vertices of the tile are."""
 
     ids: IntArray
     mesh: TriangleMesh
@@ -80,16 +69,7 @@ def tile_part(store: Store, tile: int, rings: int) -> TilePart:
 
 
 def part_around(store: Store, seeds: IntArray, rings: int) -> Part:
-    """Some vertices and what lies within some rings, with all faces at the vertices within one ring less.
-
-    Parameters
-    ----------
-    store : Store
-    seeds : (k,) int32
-        The vertices.
-    rings : int
-        At least 1.
-    """
+    """Some vertices (k,) and what lies within some rings, with all faces at the vertices within one ring less."""
     loaded = _Loaded(store)
     loaded.load(np.unique(seeds >> loaded.bits), with_faces=True)
     loaded.layers[loaded.places(seeds)] = 0

@@ -40,19 +40,7 @@ LARGEST_BLOCK_BITS = 10
 def build_store(
     source: MeshSource, folder: Path, tile_vertices: int, *, threads: int = 1, progress: Progress | None = None
 ) -> Store:
-    """Make a mesh ready for tiles.
-
-    Parameters
-    ----------
-    source : MeshSource
-    folder : Path
-        Where to; it exists and is empty.
-    tile_vertices : int
-        Vertices of a tile, rounded up to whole blocks.
-    threads : int
-        Number of threads.
-    progress : callable, optional
-        Called with the number of rows that were read, vertices and faces together.
+    """Make a mesh ready for tiles, in an empty folder.
 
     Raises
     ------

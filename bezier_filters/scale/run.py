@@ -99,17 +99,7 @@ def run_tile(work: Work, tile: int) -> int:
 
 @dataclass(frozen=True)
 class Round:
-    """All tiles after a round of tasks.
-
-    Attributes
-    ----------
-    tiles : tuple of Tile
-        In order.
-    computed : int
-        How many were computed now; the others were there already.
-    damaged : tuple of int
-        Tiles that were there, but not what was written, and were computed again.
-    """
+    """All tiles after a round of tasks, in order; how many were computed now, and which were there, but damaged."""
 
     tiles: tuple[Tile, ...]
     computed: int
@@ -123,24 +113,7 @@ class Round:
 
 @dataclass(frozen=True)
 class Run:
-    """A run that is under way.
-
-    Attributes
-    ----------
-    source : MeshSource
-    target : path
-        File to write.
-    store : Store
-        The mesh, ready for tiles.
-    cluster : Workers
-        Where tasks run.
-    stages : Stages
-        Seconds and progress.
-    workers : int
-        Processes or threads on this machine.
-    rounds : list of Round
-        Those that are done.
-    """
+    """A run that is under way: what it reads and writes, where tasks run, and the rounds that are done."""
 
     source: MeshSource
     target: str | os.PathLike[str]
@@ -223,14 +196,7 @@ def file_run(
 ) -> Iterator[Run]:
     """Sort a mesh on disk and start workers; in the end the store is removed, unless anything went wrong.
 
-    Parameters
-    ----------
-    source : MeshSource
-    target : path
-        File to write.
-    options : RunOptions
-    row_size, in_store : int
-        Bytes per vertex that the results take in the target, and in the store.
+    The results take so many bytes per vertex in the target, and in the store.
 
     Raises
     ------
@@ -280,13 +246,7 @@ def _opened_store(
 
 
 def tile_size(options: RunOptions) -> int:
-    """Vertices per tile, as given or as the memory of a worker allows.
-
-    Raises
-    ------
-    InvalidParameterError
-        If they are too few, or the memory too small.
-    """
+    """Vertices per tile, as given or as the memory of a worker allows."""
     tile_vertices, memory_limit = options.tile_vertices, options.memory_limit
     if tile_vertices is not None:
         if tile_vertices < SMALLEST_TILE:
@@ -303,23 +263,7 @@ def tile_size(options: RunOptions) -> int:
 
 
 def check_room(source: MeshSource, folder: Path, target: Path, row_size: int, in_store: int) -> None:
-    """Refuse early what would fail in the end.
-
-    Parameters
-    ----------
-    source : MeshSource
-    folder, target : Path
-        Of the store and of the file that is written.
-    row_size, in_store : int
-        Bytes of a vertex in that, and in the store.
-
-    Raises
-    ------
-    InvalidParameterError
-        If there is less room than the store and the file will take.
-    OSError
-        If the file cannot be written where it should be.
-    """
+    """Refuse early what would fail in the end, from the bytes of a vertex in the target, and in the store."""
     if not target.resolve().parent.is_dir():
         raise FileNotFoundError(f"cannot write {target}: there is no directory {target.resolve().parent}")
     n, m = source.vertex_count, source.face_count

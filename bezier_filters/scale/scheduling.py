@@ -30,15 +30,7 @@ class LostTaskError(RuntimeError):
 
 @dataclass(frozen=True)
 class Workers:
-    """Where tasks run, from `running`.
-
-    Attributes
-    ----------
-    ready : callable
-        Waits for the workers; gives what `run_tasks` takes, a name or a `distributed.Client`.
-    release : callable
-        Ends workers that were started, while other work goes on.
-    """
+    """Where tasks run: waits for the workers and gives what `run_tasks` takes; ends those that were started."""
 
     ready: Callable[[], Scheduler]
     release: Callable[[], object] = lambda: None

@@ -150,13 +150,15 @@ def _automatic(run: Run, iterations: int, noise: float | None, borders: Smoothed
     current, folders = mesh, list[Path]()
     for step in range(iterations):
         sigma = noise_before if step == 0 else _noise_of(run, current)
+        around = tuple[int, ...]()
         if step == 0 or mesh.layout.vertex_count > LARGEST_WHOLE:
             look = partial(measure_tile, current, sigma or 0.0)
             done = run.tiles("measure", results / f"measure-{step + 1}", look)
+            around = (_roughest(done.tiles),)
         if step == 0 and mesh.layout.face_count > 0 and not done.sums("incoherent")[0]:
             components = unite_components(mesh, done.tiles)
         with run.stages.stage("learn"):
-            parts = sampled_parts_of(current, (_roughest(done.tiles),), threads=run.workers)
+            parts = sampled_parts_of(current, around, threads=run.workers)
             plan = learn_plan(parts, sigma or 0.0, borders, threads=run.workers)
         is_last = step + 1 == iterations
         job = SmoothJob(mesh, current, plan, borders == "fixed", components if is_last else None)
@@ -229,16 +231,8 @@ def _mesh_part(store: Store, part: TilePart, adjacency: Adjacency) -> MeshPart:
 class SmoothJob:
     """An iteration of the smoothing.
 
-    Attributes
-    ----------
-    before, mesh : Store
-        The mesh before the first iteration, and before this one.
-    plan : SmoothingPlan or None
-        What holds for the mesh as a whole; None if there is no noise to speak of.
-    fixed : bool
-        Whether vertices at borders stay.
-    components : StoredComponents or None
-        Closed components whose volumes are wanted.
+    The mesh before all of them and before this one, the plan (None if there is no noise to speak of), whether borders
+    stay, and the closed components if their volumes are wanted.
     """
 
     before: Store
@@ -292,20 +286,10 @@ def _movable(adjacency: Adjacency, fixed: bool) -> BoolArray:
 
 @dataclass(frozen=True)
 class FinishJob:
-    """The end of the smoothing: volumes are restored, and faces that turned over are turned back.
+    """The end of the smoothing.
 
-    Attributes
-    ----------
-    before, smoothed : Store
-        The mesh before and after all iterations.
-    folders : tuple of Path
-        Results of the iterations.
-    fixed : bool
-        Whether vertices at borders stay.
-    components : StoredComponents or None
-        Closed components, if the faces fit together.
-    steps : ArrayFile or None
-        How far each of them is to move out, times the amounts of its vertices; None if they need not.
+    The mesh before and after the iterations, whose results are in some folders, whether borders stay, the closed
+    components, if the faces fit together, and how far each is to move out, times the amounts of its vertices.
     """
 
     before: Store

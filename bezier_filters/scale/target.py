@@ -34,23 +34,7 @@ def write_joined(
     threads: int = 1,
     progress: Progress | None = None,
 ) -> None:
-    """Write a binary PLY file with the rows of all tiles as vertices, and the faces of the source.
-
-    Parameters
-    ----------
-    path : path
-        File to write or replace, whole or not at all.
-    source : MeshSource
-        Where the faces come from.
-    store : Store
-        What the tiles are made of.
-    tiles : sequence of Tile
-        All of them, in order.
-    threads : int
-        Number of threads that collect rows.
-    progress : callable, optional
-        Called with the number of rows written, vertices and faces together.
-    """
+    """Write a binary PLY file with the rows of all tiles, in order, as vertices, and the faces of the source."""
     n, m = source.vertex_count, source.face_count
     dtype = tiles[0].rows().dtype
     with atomic_write(Path(path)) as temporary, open(temporary, "wb") as stream:

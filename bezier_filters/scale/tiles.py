@@ -24,18 +24,8 @@ class DamagedTileError(FieldFileError):
 class TileReport:
     """What a task has to say of its tile.
 
-    Attributes
-    ----------
-    tile : int
-        Its number.
-    read : int
-        How many vertices were read for it.
-    sums : dict
-        Numbers that are added up over all tiles.
-    seconds, cpu_seconds : float
-        What it took.
-    peak_bytes, process : int
-        The most memory that the process has had so far, and which one it was.
+    How many vertices it read, numbers that are added up over all tiles, what it took, and the most memory that its
+    process has had so far.
     """
 
     tile: int
