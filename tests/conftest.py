@@ -1,7 +1,12 @@
 """Shared settings and meshes of the tests."""
 
+import os
 import signal
 from pathlib import Path
+
+# Matrices here are small, and the threads of BLAS would spend most of their time, and that of the tests, on waiting
+# for each other. To be said before NumPy and SciPy are loaded; other processes that the tests start inherit it.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import pytest
