@@ -8,6 +8,7 @@ from unittest.mock import patch
 
 from bezier_filters.cli.commands import _run
 from bezier_filters.runtime.supervision import FAILED
+from bezier_filters.runtime.worker_processes import Outcome
 
 
 def run(*arguments):
@@ -27,3 +28,13 @@ def run(*arguments):
         code = FAILED
         err.write(f"bezier-filters: {reason}\n")
     return CompletedProcess(arguments, code, out.getvalue(), err.getvalue())
+
+
+def in_this_process(function, jobs, **_):
+    """What `worker_processes.run_in_processes` does, but for its processes, which take seconds to start."""
+    for index, job in enumerate(jobs):
+        try:
+            outcome = Outcome(function(job), "", 0.0)
+        except Exception as error:
+            outcome = Outcome(None, str(error), 0.0)
+        yield index, outcome

@@ -10,11 +10,11 @@ from pathlib import Path
 import pymeshlab
 import pytest
 import typer
+from command_line import in_this_process
 from typer.testing import CliRunner
 
 from bezier_filters.cli.commands import app
 from bezier_filters.runtime import worker_processes
-from bezier_filters.runtime.worker_processes import Outcome
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs" / "filters").glob("*.md"))]
@@ -87,11 +87,6 @@ def folder(tmp_path_factory):
     shutil.copy(folder / "scan.ply", folder / "scans")
     assert CliRunner().invoke(app, ["curvature", str(folder / "scan.ply"), str(folder / "curved.ply")]).exit_code == 0
     return folder
-
-
-def in_this_process(function, jobs, **_):
-    """What `run_in_processes` does, without the seconds that each of them takes to start."""
-    return ((index, Outcome(function(job), "", 0.0)) for index, job in enumerate(jobs))
 
 
 @pytest.mark.parametrize("command", [*found(COMMAND), *in_help()])
