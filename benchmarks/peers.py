@@ -9,8 +9,8 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import pymeshlab
 
+import baselines
 import bezier_filters as bf
-from bezier_filters.baselines import ShapeEquations
 
 
 class Estimate(NamedTuple):
@@ -32,16 +32,16 @@ def ours(**options: object) -> Method:
     return estimate
 
 
-def razdan_bae(shape: ShapeEquations) -> Method:
+def razdan_bae(shape: baselines.ShapeEquations) -> Method:
     def estimate(vertices: np.ndarray, faces: np.ndarray) -> Estimate:
-        geometry = bf.baselines.razdan_bae(vertices, faces, shape=shape)
+        geometry = baselines.razdan_bae(vertices, faces, shape=shape)
         return Estimate(geometry.normals, geometry.mean_curvature, geometry.gaussian_curvature)
 
     return estimate
 
 
 def ouyang_feng(vertices: np.ndarray, faces: np.ndarray) -> Estimate:
-    return Estimate(bf.baselines.ouyang_feng_normals(vertices, faces), None, None)
+    return Estimate(baselines.ouyang_feng_normals(vertices, faces), None, None)
 
 
 def libigl_quadric(radius: int) -> dict[str, Method]:

@@ -1,4 +1,3 @@
-from . import baselines as baselines
 from . import differential_geometry as differential_geometry
 from . import surfaces as surfaces
 from ._version import __version__ as __version__

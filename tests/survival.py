@@ -11,8 +11,8 @@ import pymeshlab
 from meshset_state import changed, mesh_state
 from second_opinion import opinion
 
+from baselines import ouyang_feng_normals, razdan_bae
 from bezier_filters import (
-    baselines,
     boundary_loops,
     diagnose,
     estimate_vertex_geometry,
@@ -141,7 +141,7 @@ def check_one_patch(vertices, faces):
 
 
 def check_baselines(vertices, faces):
-    for function in (baselines.razdan_bae, baselines.ouyang_feng_normals):
+    for function in (razdan_bae, ouyang_feng_normals):
         result, refusal = attempt(function, vertices, faces)
         if result is None:
             assert not are_sound(vertices), refusal

@@ -1,12 +1,15 @@
 """The methods that the paper compares itself with."""
 
+import doctest
+
 import numpy as np
 import pytest
 from reference import biquadratic_rows, one_ring, tensor_fit
 from scipy.spatial import Delaunay
 
+import baselines
+from baselines import ouyang_feng_normals, razdan_bae
 from bezier_filters import FitStatus, InvalidMeshError, InvalidParameterError
-from bezier_filters.baselines import ouyang_feng_normals, razdan_bae
 from bezier_filters.surfaces import bumpy_star, ellipsoid, sphere, torus, waves
 
 
@@ -17,6 +20,11 @@ def rotation(seed):
 
 def rms(vectors):
     return np.sqrt(np.mean(np.sum(vectors**2, axis=1)))
+
+
+def test_examples():
+    failed, attempted = doctest.testmod(baselines)
+    assert attempted > failed == 0
 
 
 # --- Razdan and Bae ------------------------------------------------------------------------------

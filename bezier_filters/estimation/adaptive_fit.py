@@ -43,42 +43,23 @@ Learn = Callable[[Choices], tuple[list[RingAnalysis], Leaf | None]]
 
 @dataclass(frozen=True)
 class PartFit:
-    """How a part of a surface is fitted.
-
-    Attributes
-    ----------
-    rings, degree, noise_sigma
-        As in `FitPart`.
-    attempts : tuple of Attempt
-        Tried in order; none where the first fit is good enough.
-    error_ratios : tuple of float
-        What the standard errors of normal and curvatures are multiplied by, where the first fit stays.
-    """
+    """How a part of a surface is fitted."""
 
     rings: int
     degree: int
-    noise_sigma: float
-    attempts: tuple[Attempt, ...]
+    noise_sigma: float  # as in `FitPart`
+    attempts: tuple[Attempt, ...]  # tried in order; none where the first fit is good enough
+    # what the standard errors of normal and curvatures are multiplied by, where the first fit stays
     error_ratios: tuple[float, float] = (1.0, 1.0)
 
 
 @dataclass(frozen=True)
 class SurfaceFit:
-    """How a surface is fitted: small, whatever the size of the mesh.
+    """How a surface is fitted: small, whatever the size of the mesh."""
 
-    Attributes
-    ----------
-    choice : FitChoice
-        For all of it.
-    attempts : tuple of Attempt
-        Tried in order at every vertex.
-    parts : tree of PartFit, optional
-        What comes after that, by the features that the first fit shows.
-    """
-
-    choice: FitChoice
-    attempts: tuple[Attempt, ...]
-    parts: Tree[PartFit] | None = None
+    choice: FitChoice  # for all of it
+    attempts: tuple[Attempt, ...]  # tried in order at every vertex
+    parts: Tree[PartFit] | None = None  # what comes after that, by the features that the first fit shows
 
 
 @dataclass(frozen=True)

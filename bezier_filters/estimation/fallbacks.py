@@ -41,44 +41,21 @@ ROBUST_ROUNDS = 5
 
 @dataclass(frozen=True)
 class Attempt:
-    """One way to fit a vertex, tried on the vertices whose last outcome is in `after`.
+    """One way to fit a vertex, tried on the vertices whose last outcome is in `after`."""
 
-    Attributes
-    ----------
-    status : FitStatus
-        What a success is recorded as.
-    after : frozenset of int
-        Outcomes of the kernel.
-    rings : int
-        Size of the neighbourhood in edges, unless there is a radius.
-    fit : PatchFit or FitPlan
-        The patch to fit.
-    mean_plane : bool
-        Whether the plane is normal to the mean normal of the neighbourhood, not to the vertex normal.
-    most_turned : float
-        Share of the vertices whose normals may turn away from the plane; if negative, not even a
-        single face may fold.
-    noise : tuple of float
-        Standard deviation of the heights, a length, for the standard errors of the normal and of
-        the curvatures; 0 for none.
-    over_creases : bool
-        Whether the neighbourhood may reach across creases.
-    fewest_points : int
-        Fewer points count as ill posed.
-    radius : float or None
-        Of the ball that is the neighbourhood, a length.
-    """
-
-    status: FitStatus
-    after: frozenset[int]
-    rings: int
+    status: FitStatus  # what a success is recorded as
+    after: frozenset[int]  # outcomes of the kernel
+    rings: int  # size of the neighbourhood in edges, unless there is a radius
     fit: PatchFit | FitPlan
+    # whether the plane is normal to the mean normal of the neighbourhood, not to the vertex normal
     mean_plane: bool = False
+    # share of the vertices whose normals may turn away from the plane; if negative, not even a single face may fold
     most_turned: float = -1.0
+    # standard deviation of the heights, a length, for the standard errors of normal and curvatures; 0 for none
     noise: tuple[float, float] = (0.0, 0.0)
-    over_creases: bool = False
-    fewest_points: int = 0
-    radius: float | None = None
+    over_creases: bool = False  # whether the neighbourhood may reach across creases
+    fewest_points: int = 0  # fewer points count as ill posed
+    radius: float | None = None  # of the ball that is the neighbourhood, a length
 
 
 def fallback_chain(rings: int, fit: PatchFit, radius: float | None = None) -> Iterator[Attempt]:

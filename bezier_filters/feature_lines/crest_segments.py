@@ -11,40 +11,22 @@ from bezier_filters.meshes.mesh import TriangleMesh
 
 @dataclass(frozen=True)
 class CurvatureAlongLines:
-    """One principal curvature with its sign such that ridges are where it is large, at n vertices.
+    """One principal curvature with its sign such that ridges are where it is large, at n vertices."""
 
-    Attributes
-    ----------
-    largest, other : (n,) float64
-        That curvature, and the other one.
-    directions : (n, 3) float64
-        Its unit directions, whose signs are arbitrary.
-    slopes : (n,) float64
-        Its derivative along them, the extremality; 0 where it is not known.
-    """
-
-    largest: FloatArray
-    other: FloatArray
-    directions: FloatArray
-    slopes: FloatArray
+    largest: FloatArray  # (n,): that curvature
+    other: FloatArray  # (n,): the other one
+    directions: FloatArray  # (n, 3): its unit directions, whose signs are arbitrary
+    slopes: FloatArray  # (n,): its derivative along them, the extremality; 0 where it is not known
 
 
 @dataclass(frozen=True)
 class CrestSegments:
-    """Straight pieces of ridges, each across one triangle.
+    """Straight pieces of ridges, each across one triangle."""
 
-    Attributes
-    ----------
-    edges : (s, 2) int32
-        The edges of the mesh between which each one runs.
-    shares : (e,) float64
-        For every edge of the mesh, where on it the slope vanishes, if anywhere: 0 at its first end, 1 at its second.
-    weights : (s,) float64
-        What each one contributes to the strength of its line, without a unit; see `crest_segments`.
-    """
-
-    edges: IntArray
+    edges: IntArray  # (s, 2): the edges of the mesh between which each one runs
+    # (e,): for every edge of the mesh, where on it the slope vanishes, if anywhere: 0 at its first end, 1 at its second
     shares: FloatArray
+    # (s,): what each one contributes to the strength of its line, without a unit; see `crest_segments`
     weights: FloatArray
 
 

@@ -25,23 +25,12 @@ STRAIGHT = 0.5
 
 @dataclass(frozen=True)
 class CreaseEnd:
-    """Where a crease meets the rim.
+    """Where a crease meets the rim."""
 
-    Attributes
-    ----------
-    position : int
-        Place of the vertex in the rim loop.
-    tangent : (3,) float64
-        Unit vector along the crease into the hole.
-    is_convex : bool
-        Whether the crease is a ridge, not a valley, seen from outside.
-    rim_edges : frozenset of int
-        Edges of the rim that are part of the crease, by the places of their first vertices.
-    """
-
-    position: int
-    tangent: FloatArray
-    is_convex: bool
+    position: int  # place of the vertex in the rim loop
+    tangent: FloatArray  # (3,): unit vector along the crease into the hole
+    is_convex: bool  # whether the crease is a ridge, not a valley, seen from outside
+    # edges of the rim that are part of the crease, by the places of their first vertices
     rim_edges: frozenset[int] = frozenset()
 
 
@@ -204,27 +193,13 @@ def _sectors(region: InfluenceRegion, creases: Creases, ends: list[CreaseEnd]) -
 
 @dataclass(frozen=True)
 class CutHole:
-    """A hole whose crease ends are joined in groups.
+    """A hole whose crease ends are joined in groups."""
 
-    Attributes
-    ----------
-    region : InfluenceRegion
-        Of the whole hole, which has one loop.
-    ends : list of CreaseEnd
-        In the order of the rim; sector k of the rim begins at end k.
-    groups : list of tuple of int
-        Ends that belong together.
-    part_of_sector : list of int
-        The part of the hole that each sector of the rim borders on.
-    part_of_face : (m,) int32
-        The part whose side each face around the hole is on, -1 for none.
-    """
-
-    region: InfluenceRegion
-    ends: list[CreaseEnd]
-    groups: list[tuple[int, ...]]
-    part_of_sector: list[int]
-    part_of_face: IntArray
+    region: InfluenceRegion  # of the whole hole, which has one loop
+    ends: list[CreaseEnd]  # in the order of the rim; sector k of the rim begins at end k
+    groups: list[tuple[int, ...]]  # ends that belong together
+    part_of_sector: list[int]  # the part of the hole that each sector of the rim borders on
+    part_of_face: IntArray  # (m,): the part whose side each face around the hole is on, -1 for none
 
     @property
     def part_count(self) -> int:

@@ -48,28 +48,14 @@ MOST_ENDS = 8
 
 @dataclass(frozen=True)
 class _Curve:
-    """A crease in the hole.
+    """A crease in the hole."""
 
-    Attributes
-    ----------
-    ends : (int, int)
-        Rim vertices or corners.
-    start, stop : (3,) float64
-        Where they are.
-    points : (k, 3) float64
-        Points in between.
-    sides : (int, int)
-        The sub-holes on its two sides.
-    is_straight : bool
-        Whether it bends so little that its tangents at the rim tell all of it.
-    """
-
-    ends: tuple[int, int]
-    start: FloatArray
-    stop: FloatArray
-    points: FloatArray
-    sides: tuple[int, int]
-    is_straight: bool
+    ends: tuple[int, int]  # rim vertices or corners
+    start: FloatArray  # (3,): where the first is
+    stop: FloatArray  # (3,): and the second
+    points: FloatArray  # (k, 3): points in between
+    sides: tuple[int, int]  # the sub-holes on its two sides
+    is_straight: bool  # whether it bends so little that its tangents at the rim tell all of it
 
 
 def crease_attempts(region: InfluenceRegion, *, noisy: bool) -> Iterator[Attempt]:

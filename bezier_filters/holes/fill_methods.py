@@ -15,29 +15,13 @@ FillingMethod = Literal["auto", "paper"]
 
 @dataclass(frozen=True)
 class FillTask:
-    """A hole to fill.
+    """A hole to fill."""
 
-    Attributes
-    ----------
-    region : InfluenceRegion
-        What surrounds it.
-    normals : (b, 3) float64
-        Unit normals of the vertices of the region, zero where they are not known.
-    noisy : bool
-        Whether these vertices have errors that should not be followed.
-    creases : bool
-        Whether creases are continued, if the method does that.
-    alpha : float
-        Weight of the points for ``"paper"``.
-    threads : int
-        Number of threads.
-    """
-
-    region: InfluenceRegion
-    normals: FloatArray
-    noisy: bool
-    creases: bool
-    alpha: float
+    region: InfluenceRegion  # what surrounds it
+    normals: FloatArray  # (b, 3): unit normals of the vertices of the region, zero where they are not known
+    noisy: bool  # whether these vertices have errors that should not be followed
+    creases: bool  # whether creases are continued, if the method does that
+    alpha: float  # weight of the points for ``"paper"``
     threads: int
 
 

@@ -27,56 +27,26 @@ BULGE = 0.5
 
 @dataclass(frozen=True)
 class OpenMesh:
-    """A mesh with the holes that are to be filled, and what is known for that.
-
-    Attributes
-    ----------
-    mesh : TriangleMesh
-    regions : sequence of InfluenceRegion
-        Of each hole, in the order in which fills give way to earlier ones.
-    boxes : (h, 2, 3) float64
-        Lowest and highest corner of the box that each fill must not leave.
-    near : Rows
-        Faces of the mesh in each box.
-    normals : (n, 3) float64
-        Unit normals where surfaces are fitted, zero where they are not known.
-    noise : float or None
-        Of the mesh, a length.
-    method : {"auto", "paper"}
-    creases : bool
-        Whether creases are continued.
-    alpha : float
-        Weight of the points for ``"paper"``.
-    """
+    """A mesh with the holes that are to be filled, and what is known for that."""
 
     mesh: TriangleMesh
-    regions: Sequence[InfluenceRegion]
-    boxes: FloatArray
-    near: Rows
-    normals: FloatArray
-    noise: float | None
+    regions: Sequence[InfluenceRegion]  # of each hole, in the order in which fills give way to earlier ones
+    boxes: FloatArray  # (h, 2, 3): lowest and highest corner of the box that each fill must not leave
+    near: Rows  # faces of the mesh in each box
+    normals: FloatArray  # (n, 3): unit normals where surfaces are fitted, zero where they are not known
+    noise: float | None  # of the mesh, a length
     method: FillingMethod
     creases: bool
-    alpha: float
+    alpha: float  # weight of the points for ``"paper"``
 
 
 @dataclass(frozen=True)
 class FaceSet:
-    """Some faces of a mesh with their vertices.
+    """Some faces of a mesh with their vertices."""
 
-    Attributes
-    ----------
-    ids : (k,) int
-        The vertices, by their rows in the mesh that results; one may be there several times.
-    points : (k, 3) float64
-        Their coordinates.
-    faces : (m, 3) int32
-        Places in `ids`.
-    """
-
-    ids: IntArray
-    points: FloatArray
-    faces: IntArray
+    ids: IntArray  # (k,): the vertices, by their rows in the mesh that results; one may be there several times
+    points: FloatArray  # (k, 3): their coordinates
+    faces: IntArray  # (m, 3): places in `ids`
 
     def renumbered(self, first: int, new_first: int) -> "FaceSet":
         """The same with vertices from `first` on numbered from `new_first` on."""

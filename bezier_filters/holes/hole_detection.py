@@ -22,26 +22,16 @@ ISLAND_HEIGHT = 0.25
 
 @dataclass(frozen=True)
 class Hole:
-    """A hole of a mesh, or the outer rim of an open sheet.
+    """A hole of a mesh, or the outer rim of an open sheet."""
 
-    Attributes
-    ----------
-    loops : tuple of (k,) int32
-        Vertices of its rim, and of the rims of the islands in it, each in the direction in which faces that fill
-        the hole run: counter-clockwise around the hole seen from outside, clockwise around islands.
-    turning : float
-        Total geodesic curvature of the rim as its surface sees it, in radians: near -2 pi around a hole in a
-        flat surface, 0 at the end of a tube, 2 pi around a flat sheet (Gauss-Bonnet).
-    perimeter : float
-        Length of all loops.
-    diameter : float
-        Largest distance between two vertices of the rim, a length.
-    """
-
+    # each (k,): vertices of its rim, and of the rims of the islands in it, each in the direction in which faces that
+    # fill the hole run: counter-clockwise around the hole seen from outside, clockwise around islands
     loops: tuple[IntArray, ...]
+    # total geodesic curvature of the rim as its surface sees it, in radians: near -2 pi around a hole in a flat
+    # surface, 0 at the end of a tube, 2 pi around a flat sheet (Gauss-Bonnet)
     turning: float
-    perimeter: float
-    diameter: float
+    perimeter: float  # of all loops
+    diameter: float  # largest distance between two vertices of the rim, a length
 
     @property
     def rim(self) -> IntArray:
@@ -197,19 +187,6 @@ def _lies_in(mesh: TriangleMesh, sheet: Hole, hole: Hole) -> bool:
 class HoleChoice:
     """Conditions on holes, all of which must hold.
 
-    Attributes
-    ----------
-    max_edges : int, optional
-        Most edges of a hole.
-    max_perimeter, max_diameter : float, optional
-        Largest perimeter and diameter, lengths.
-    holes : sequence of int, optional
-        Numbers of the holes, as they are listed in the result.
-    selected : (n,) bool, optional
-        Vertices of the mesh, one of which a hole must have on its rim.
-    outer_rims : bool
-        Whether outer rims of open sheets count as holes. Those listed in `holes` always do.
-
     Raises
     ------
     InvalidParameterError
@@ -217,11 +194,11 @@ class HoleChoice:
     """
 
     max_edges: int | None = None
-    max_perimeter: float | None = None
-    max_diameter: float | None = None
-    holes: Sequence[int] | None = None
-    selected: BoolArray | None = None
-    outer_rims: bool = False
+    max_perimeter: float | None = None  # a length
+    max_diameter: float | None = None  # a length
+    holes: Sequence[int] | None = None  # numbers of the holes, as they are listed in the result
+    selected: BoolArray | None = None  # (n,): vertices of the mesh, one of which a hole must have on its rim
+    outer_rims: bool = False  # whether those of open sheets count as holes; those listed in `holes` always do
 
     def __post_init__(self) -> None:
         edges = self.max_edges

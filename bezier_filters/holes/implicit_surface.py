@@ -34,31 +34,15 @@ SIDE_ERRORS = 1.0
 
 @dataclass(frozen=True)
 class ImplicitSurface:
-    """A function whose zeros are the surface, positive outside, in units of length.
+    """A function whose zeros are the surface, positive outside, in units of length."""
 
-    Attributes
-    ----------
-    origin, scale : (3,) float64, float
-        Centre and size of the coordinates (x - origin) / scale in which it is computed.
-    centers : (3, n) float64
-        x_j, scaled, coordinate by coordinate.
-    weights : (n,) float64
-        c_j, with the sign of the kernel: - for p = 5.
-    quadratic : (10,) float64
-        Coefficients of 1, x, y, z, xx, xy, xz, yy, yz, zz.
-    power : int
-        p.
-    noise_ratio : float
-        Errors over variation, `CLEAN` where the points are interpolated.
-    """
-
-    origin: FloatArray
-    scale: float
-    centers: FloatArray
-    weights: FloatArray
-    quadratic: FloatArray
-    power: int
-    noise_ratio: float
+    origin: FloatArray  # (3,): of the coordinates (x - origin) / scale in which it is computed,
+    scale: float  # and their unit, a length
+    centers: FloatArray  # (3, n): x_j, scaled, coordinate by coordinate
+    weights: FloatArray  # (n,): c_j, with the sign of the kernel: - for p = 5
+    quadratic: FloatArray  # (10,): coefficients of 1, x, y, z, xx, xy, xz, yy, yz, zz
+    power: int  # p
+    noise_ratio: float  # errors over variation, `CLEAN` where the points are interpolated
 
     def values_and_gradients(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Values, lengths (n,), and gradients (n, 3) at points (n, 3)."""

@@ -31,32 +31,17 @@ NEAR = 0.75
 
 @dataclass(frozen=True)
 class InfluenceRegion:
-    """Some rings of a mesh around a hole. All indices but `ids` are places in `ids`.
+    """Some rings of a mesh around a hole. All indices but `ids` are places in `ids`."""
 
-    Attributes
-    ----------
-    ids : (b,) int32
-        Vertices of the mesh, ordered by ring, the rim first.
-    rings : (b,) int32
-        How many edges each vertex is away from the rim.
-    vertices : (b, 3) float64
-        Their coordinates.
-    faces : (m, 3) int32
-        Faces with a vertex less than the largest number of rings away.
-    loops : tuple of (k,) int32
-        The rims of the hole and of its islands, in the direction of the faces that fill it.
-    joined : frozenset of (int, int)
-        Pairs of rim vertices that are joined outside these faces, by the fill of another hole; the smaller first.
-    wanted_sizes : (r,) float64, optional
-        Edge lengths that are wanted at the rim vertices, if not those of the faces.
-    """
-
-    ids: IntArray
-    rings: IntArray
-    vertices: FloatArray
-    faces: IntArray
+    ids: IntArray  # (b,): vertices of the mesh, ordered by ring, the rim first
+    rings: IntArray  # (b,): how many edges each vertex is away from the rim
+    vertices: FloatArray  # (b, 3): their coordinates
+    faces: IntArray  # (m, 3): faces with a vertex less than the largest number of rings away
+    # each (k,): the rims of the hole and of its islands, in the direction of the faces that fill it
     loops: tuple[IntArray, ...]
+    # pairs of rim vertices that are joined outside these faces, by the fill of another hole; the smaller first
     joined: frozenset[tuple[int, int]] = frozenset()
+    # (r,): edge lengths that are wanted at the rim vertices, if not those of the faces
     wanted_sizes: FloatArray | None = None
 
     @property

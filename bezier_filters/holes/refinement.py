@@ -31,24 +31,12 @@ Values = TypeVar("Values", FloatArray, IntArray)
 
 @dataclass(frozen=True)
 class Fill:
-    """The triangulation of a hole.
+    """The triangulation of a hole."""
 
-    Attributes
-    ----------
-    points : (n, 3) float64
-        Vertices, those of the rim first.
-    sizes : (n,) float64
-        Edge length that is wanted around each of them.
-    faces : (m, 3) int32
-        Triangles.
-    rim_count : int
-        Number of vertices of the rim.
-    """
-
-    points: FloatArray
-    sizes: FloatArray
-    faces: IntArray
-    rim_count: int
+    points: FloatArray  # (n, 3): vertices, those of the rim first
+    sizes: FloatArray  # (n,): edge length that is wanted around each of them
+    faces: IntArray  # (m, 3): triangles
+    rim_count: int  # number of vertices of the rim
 
 
 def refine(fill: Fill, existing: AbstractSet[tuple[int, int]]) -> Fill:

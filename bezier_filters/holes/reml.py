@@ -18,16 +18,11 @@ class Reflections:
     """Q = I - V T V^T, reflections that turn k columns (n, k) into a triangle.
 
     In the directions that the first k axes do not take, polynomials vanish: the contrasts of REML.
-
-    Attributes
-    ----------
-    vectors, weights, triangle : (n, k), (k, k), (k, k) float64
-        V, T, and the first k rows that result.
     """
 
-    vectors: FloatArray
-    weights: FloatArray
-    triangle: FloatArray
+    vectors: FloatArray  # (n, k): V
+    weights: FloatArray  # (k, k): T
+    triangle: FloatArray  # (k, k): the first k rows that result
 
     def applied(self, column: FloatArray) -> FloatArray:
         """Q a of a column (n,)."""

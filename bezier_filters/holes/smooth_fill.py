@@ -25,27 +25,13 @@ ROUNDS = 3
 
 @dataclass(frozen=True)
 class Attempt:
-    """A fill, or why there is none.
+    """A fill, or why there is none."""
 
-    Attributes
-    ----------
-    method : str
-        Its name; see `HoleReport.method`.
-    fill : Fill or None
-        Triangles on the rim and new vertices.
-    reason : str
-        What went wrong, if there is no fill.
-    parts : int
-        Sub-holes.
-    creases : (e, 2) int32
-        Edges of the fill that are creases.
-    """
-
-    method: str
-    fill: Fill | None
-    reason: str = ""
-    parts: int = 1
-    creases: IntArray | None = None
+    method: str  # its name; see `HoleReport.method`
+    fill: Fill | None  # triangles on the rim and new vertices
+    reason: str = ""  # what went wrong, if there is no fill
+    parts: int = 1  # sub-holes
+    creases: IntArray | None = None  # (e, 2): edges of the fill that are creases
 
 
 def smooth_attempts(

@@ -34,20 +34,11 @@ DEEPEST = 3
 
 @dataclass(frozen=True)
 class Leaf:
-    """A part of the surface: its model and plans.
-
-    Attributes
-    ----------
-    surface : SurfaceModel
-    plans : tuple of FitPlan
-        One for each ring.
-    chosen : FitPlan
-        The best of them.
-    """
+    """A part of the surface: its model and plans."""
 
     surface: SurfaceModel
-    plans: tuple[FitPlan, ...]
-    chosen: FitPlan
+    plans: tuple[FitPlan, ...]  # one for each ring
+    chosen: FitPlan  # the best of them
 
 
 @dataclass(frozen=True)

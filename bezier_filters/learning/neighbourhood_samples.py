@@ -19,44 +19,24 @@ CHUNK = 32
 
 
 class NeighbourhoodSample(NamedTuple):
-    """Neighbourhoods of N vertices, out to the widest ring.
+    """Neighbourhoods of N vertices, out to the widest ring."""
 
-    Attributes
-    ----------
-    centers : (N,) int32
-        The vertices.
-    points : (N, n, 3) float64
-        Coordinates (x, y, z) over the tangent plane of each vertex, ordered by distance in edges;
-        rows beyond a neighbourhood's size are zero.
-    sizes : (N, rings + 1) int32
-        Number of points within k edges, for each k up to the widest ring.
-    clear : (N, rings + 1) bool
-        Whether the k-ring has no boundary or crease inside.
-    usable : (N, rings + 1) bool
-        Whether, in addition, the k-ring projects with at most the allowed share of turned vertices.
-    """
-
-    centers: IntArray
+    centers: IntArray  # (N,): the vertices
+    # (N, n, 3): coordinates (x, y, z) over the tangent plane of each vertex, ordered by distance in edges; rows beyond
+    # a neighbourhood's size are zero
     points: FloatArray
-    sizes: IntArray
-    clear: BoolArray
+    sizes: IntArray  # (N, rings + 1): number of points within k edges, for each k up to the widest ring
+    clear: BoolArray  # (N, rings + 1): whether the k-ring has no boundary or crease inside
+    # (N, rings + 1): whether, in addition, the k-ring projects with at most the allowed share of turned vertices
     usable: BoolArray
 
 
 @dataclass(frozen=True)
 class Population:
-    """Vertices to draw from, numbered in the user's order, wherever they are kept.
+    """Vertices to draw from, numbered in the user's order, wherever they are kept."""
 
-    Attributes
-    ----------
-    size : int
-        How many there are.
-    members : callable
-        Gives the vertices of some numbers (k,), (k,) int32.
-    """
-
-    size: int
-    members: Callable[[IntArray], IntArray]
+    size: int  # how many there are
+    members: Callable[[IntArray], IntArray]  # gives the vertices of some numbers (k,), (k,) int32
 
 
 def sample_neighbourhoods(

@@ -39,40 +39,20 @@ Candidate = TypeVar("Candidate")
 
 @dataclass(frozen=True)
 class FitPlan:
-    """A polynomial fit of given degree with a prior for its higher terms.
+    """A polynomial fit of given degree with a prior for its higher terms."""
 
-    Attributes
-    ----------
-    rings : int
-        Size of the neighbourhood.
-    degree : int
-        Total degree of the polynomial.
-    points : float
-        Number of points that a neighbourhood has on average.
-    radius : float
-        Unit of x and y for `term_prior`, a length.
-    term_prior : (m,) float64
-        sigma^2 over the variance of each term of `harmonic_basis`, 0 for the free degrees.
-    weight_radius : float
-        Distance beyond which points weigh less, a length: at r they weigh 1 / (1 + (r / radius)^(2 degree + 2)), the
-        reciprocal of noise and what the degree leaves out. Infinite for equal weights.
-    normal_error : float
-        Predicted standard error of the normal, radians.
-    curvature_error : float
-        Predicted standard error of the second derivatives, 1/length.
-    normal_noise, curvature_noise : float
-        Standard deviation of the heights with which the covariance of the coefficients gives these
-        errors, cautiously, on average, a length.
-    """
-
-    rings: int
-    degree: int
-    points: float
-    radius: float
-    term_prior: FloatArray
+    rings: int  # size of the neighbourhood
+    degree: int  # total degree of the polynomial
+    points: float  # of a neighbourhood on average
+    radius: float  # unit of x and y for `term_prior`, a length
+    term_prior: FloatArray  # (m,): sigma^2 over the variance of each term of `harmonic_basis`, 0 for the free degrees
+    # distance beyond which points weigh less, a length: at r they weigh 1 / (1 + (r / radius)^(2 degree + 2)), the
+    # reciprocal of noise and what the degree leaves out; infinite for equal weights
     weight_radius: float
-    normal_error: float
-    curvature_error: float
+    normal_error: float  # predicted standard error of the normal, radians
+    curvature_error: float  # predicted standard error of the second derivatives, 1/length
+    # standard deviations of the heights, lengths, with which the covariance of the coefficients gives these errors,
+    # cautiously, on average
     normal_noise: float = 0.0
     curvature_noise: float = 0.0
 
@@ -107,20 +87,11 @@ class FitPlan:
 
 @dataclass(frozen=True)
 class FitEquations:
-    """Normal equations of a fit of m terms over the first neighbourhoods of a ring, T of them.
+    """Normal equations of a fit of m terms over the first neighbourhoods of a ring, T of them."""
 
-    Attributes
-    ----------
-    normal_matrices : (T, m, m) float64
-        Design^T W design plus prior, W being the weights.
-    products : (T, m, M) float64
-        The same without prior and for all terms on the right.
-    noise : (T, m, m) float64
-        Covariance of the right-hand sides that noise and what no term follows cause, length^2.
-    """
-
-    normal_matrices: FloatArray
-    products: FloatArray
+    normal_matrices: FloatArray  # (T, m, m): design^T W design plus prior, W being the weights
+    products: FloatArray  # (T, m, M): the same without prior and for all terms on the right
+    # (T, m, m): covariance of the right-hand sides that noise and what no term follows cause, length^2
     noise: FloatArray
 
 
@@ -168,17 +139,9 @@ def claimed_variances(equations: FitEquations) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Choices:
-    """What may be chosen.
+    """What may be chosen."""
 
-    Attributes
-    ----------
-    rings : int or None
-        The one size of neighbourhood that is allowed; None for all.
-    degrees : tuple of int
-        Degrees.
-    """
-
-    rings: int | None = None
+    rings: int | None = None  # the one size of neighbourhood that is allowed; None for all
     degrees: tuple[int, ...] = CANDIDATE_DEGREES
 
 

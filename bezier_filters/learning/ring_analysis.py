@@ -39,28 +39,16 @@ _ROW_STARTS = np.cumsum(np.arange(len(harmonic_basis().degrees) + 2)).astype(np.
 
 
 class RingSums(NamedTuple):
-    """What is found of N neighbourhoods, a row for each; see `RingAnalysis` for the other letters.
+    """What is found of N neighbourhoods, a row for each; see `RingAnalysis` for the other letters."""
 
-    Attributes
-    ----------
-    parts : (N, m) float64
-        Q^T z: what the heights hold of each term, a length.
-    unexplained : (N, M) float64
-        Squared length of what no term up to J explains of each term; 0 for those up to J.
-    residuals, freedom : (N, J + 1) float64
-        Squared residual of the fit of each degree, length^2, and its degrees of freedom.
-    term_squares, term_weights, term_counts : (N, J + 1, G) float64
-        For the fit of each degree and each group, the sums over its terms of w a^2, w and 1: the
-        squared coefficient, length^2, the reciprocal of its variance under unit noise, and how many the points see.
-    """
-
-    parts: FloatArray
-    unexplained: FloatArray
-    residuals: FloatArray
-    freedom: FloatArray
-    term_squares: FloatArray
-    term_weights: FloatArray
-    term_counts: FloatArray
+    parts: FloatArray  # (N, m): Q^T z: what the heights hold of each term, a length
+    unexplained: FloatArray  # (N, M): squared length of what no term up to J explains of each term; 0 for those up to J
+    residuals: FloatArray  # (N, J + 1): squared residual of the fit of each degree, length^2,
+    freedom: FloatArray  # (N, J + 1): and its degrees of freedom
+    # (N, J + 1, G): for the fit of each degree and each group, the sums over its terms of
+    term_squares: FloatArray  # w a^2, a being the coefficient, a length, and 1 / w its variance under unit noise,
+    term_weights: FloatArray  # w, and
+    term_counts: FloatArray  # 1, for those that the points see
 
 
 @dataclass(frozen=True)
@@ -70,41 +58,19 @@ class RingAnalysis:
     Arrays have a row for each of N neighbourhoods, so that parts of the sample can be looked at.
     Degrees d run from 0 to J; m is the number of terms up to J, G that of their groups, and the
     M terms and their groups are those of `harmonic_basis`.
-
-    Attributes
-    ----------
-    rings : int
-        k.
-    radius : float
-        Median radius of the neighbourhoods, the unit of x and y below, a length.
-    degree : int
-        Highest degree J that the neighbourhoods determine.
-    independent : float
-        Share of the neighbourhoods that count as independent: on a small mesh wide ones overlap.
-    centers : (N,) int32
-        Vertices whose neighbourhoods these are.
-    sizes : (N,) int32
-        Number of points.
-    rows : (N,) int32
-        Which rows of the next two arrays belong to these neighbourhoods, if they are part of a sample.
-    points : (S, n, 3) float64
-        Coordinates of the points, lengths; beyond `sizes`, anything.
-    factors : (S', m, M) float64
-        Of the first S' of those S neighbourhoods: Q^T A for their design matrices A, Q being
-        orthonormal for the m terms; upper triangular in its first m columns. Rows of terms that the
-        points do not see are 0.
-    sums : RingSums
-        What is found of each neighbourhood.
     """
 
-    rings: int
-    radius: float
-    degree: int
-    independent: float
-    centers: IntArray
-    sizes: IntArray
+    rings: int  # k
+    radius: float  # median radius of the neighbourhoods, the unit of x and y below, a length
+    degree: int  # highest degree J that the neighbourhoods determine
+    independent: float  # share of the neighbourhoods that count as independent: on a small mesh wide ones overlap
+    centers: IntArray  # (N,): vertices whose neighbourhoods these are
+    sizes: IntArray  # (N,): number of points
+    # (N,): which rows of the next two arrays belong to these neighbourhoods, if they are part of a sample
     rows: IntArray
-    points: FloatArray
+    points: FloatArray  # (S, n, 3): coordinates of the points, lengths; beyond `sizes`, anything
+    # (S', m, M): of the first S' of those S neighbourhoods: Q^T A for their design matrices A, Q being orthonormal for
+    # the m terms; upper triangular in its first m columns, and 0 in rows of terms that the points do not see
     factors: FloatArray
     sums: RingSums
 

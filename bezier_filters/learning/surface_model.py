@@ -30,39 +30,21 @@ CERTAIN = 30.0
 
 @dataclass(frozen=True)
 class RingModel:
-    """The surface as its k-rings see it.
-
-    Attributes
-    ----------
-    analysis : RingAnalysis
-    variances : (M,) float64
-        Of the terms, for coordinates in units of the radius, length^2; 0 for the free degrees.
-    cautious : (M,) float64
-        The same with less doubt that a term is there at all: what may be, for standard errors.
-    unmodelled : float
-        Mean square of the heights that is neither noise nor any of the terms, length^2.
-    """
+    """The surface as its k-rings see it."""
 
     analysis: RingAnalysis
+    # (M,): of the terms, for coordinates in units of the radius, length^2; 0 for the free degrees
     variances: FloatArray
-    cautious: FloatArray
-    unmodelled: float
+    cautious: FloatArray  # (M,): the same with less doubt that a term is there at all: what may be, for standard errors
+    unmodelled: float  # mean square of the heights that is neither noise nor any of the terms, length^2
 
 
 @dataclass(frozen=True)
 class SurfaceModel:
-    """Noise and smoothness of a surface, or of a part of it.
+    """Noise and smoothness of a surface, or of a part of it."""
 
-    Attributes
-    ----------
-    sigma : float
-        Standard deviation of the noise of the heights, a length.
-    by_rings : tuple of RingModel
-        In ascending order of k.
-    """
-
-    sigma: float
-    by_rings: tuple[RingModel, ...]
+    sigma: float  # standard deviation of the noise of the heights, a length
+    by_rings: tuple[RingModel, ...]  # in ascending order of k
 
 
 def learn_model(analyses: Sequence[RingAnalysis], whole: SurfaceModel | None = None) -> SurfaceModel:

@@ -40,31 +40,18 @@ NARROW_CONE = cos(STEEPEST - IN_NEIGHBOURHOODS / 2.0)
 
 @dataclass(frozen=True)
 class MeshEdges:
-    """The distinct edges of a mesh; those of faces that name a vertex twice are left out.
+    """The distinct edges of a mesh; those of faces that name a vertex twice are left out."""
 
-    Attributes
-    ----------
-    vertices : (e, 2) int32
-        Their ends, the smaller one first; rows in ascending order.
-    of_faces : (m, 3) int32
-        Number of the edge from each corner of each face to the next corner; -1 where the face names a vertex twice.
-    is_inner : (e,) bool
-        Whether there are two faces.
-    angles : (e,) float64
-        Angle between the normals of the two faces, in radians, 0 to pi: 0 where the surface is flat, where there are
-        not just two faces, and where a face has no area.
-    is_convex : (e,) bool
-        Whether the faces bend away from the outside.
-    widths : (e,) float64
-        Length across the edge of the part of its faces that is nearer to it than to their other edges: two thirds
-        of their area over the length of the edge, a third of each height.
-    """
-
-    vertices: IntArray
+    vertices: IntArray  # (e, 2): their ends, the smaller one first; rows in ascending order
+    # (m, 3): number of the edge from each corner of a face to the next; -1 where the face names a vertex twice
     of_faces: IntArray
-    is_inner: BoolArray
+    is_inner: BoolArray  # (e,): whether there are two faces
+    # (e,): angle between the normals of the two faces, in radians, 0 to pi: 0 where the surface is flat, where there
+    # are not just two faces, and where a face has no area
     angles: FloatArray
-    is_convex: BoolArray
+    is_convex: BoolArray  # (e,): whether the faces bend away from the outside
+    # (e,): length across the edge of the part of its faces that is nearer to it than to their other edges: two thirds
+    # of their area over the length of the edge, a third of each height
     widths: FloatArray
 
 

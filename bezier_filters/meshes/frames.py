@@ -23,18 +23,11 @@ TIE = 1e-6
 
 @dataclass(frozen=True)
 class TangentPlanes:
-    """Approximate tangent planes of all vertices.
+    """Approximate tangent planes of all vertices."""
 
-    Attributes
-    ----------
-    normals : (n, 3) float64
-        Mean of the unit normals of the faces at each vertex, normalised; zero without any.
-    safe_cosine : (n,) float32
-        If the cosine between a direction and the normal is larger than this, no face at the
-        vertex folds when projected along that direction; 2 if there is no such bound.
-    """
-
-    normals: FloatArray
+    normals: FloatArray  # (n, 3): mean of the unit normals of the faces at each vertex, normalised; zero without any
+    # (n,): if the cosine between a direction and the normal is larger than this, no face at the vertex folds when
+    # projected along that direction; 2 if there is no such bound
     safe_cosine: SingleArray
 
 

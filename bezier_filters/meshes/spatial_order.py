@@ -22,21 +22,11 @@ MOST_BITS = 8
 
 @dataclass(frozen=True)
 class Grid:
-    """The grid of cubes around a mesh.
+    """The grid of cubes around a mesh."""
 
-    Attributes
-    ----------
-    low : (3,) float64
-        Its lowest corner.
-    scale : float
-        Cells per length; 0 if all vertices lie in one.
-    bits : int
-        Of the number of cells along an axis.
-    """
-
-    low: FloatArray
-    scale: float
-    bits: int
+    low: FloatArray  # (3,): its lowest corner
+    scale: float  # cells per length; 0 if all vertices lie in one
+    bits: int  # of the number of cells along an axis
 
     @property
     def cell_count(self) -> int:
@@ -59,18 +49,10 @@ def grid_around(low: FloatArray, high: FloatArray, vertex_count: int) -> Grid:
 
 @dataclass(frozen=True)
 class SpatialOrder:
-    """A mesh in spatial order, and where its vertices came from.
+    """A mesh in spatial order, and where its vertices came from."""
 
-    Attributes
-    ----------
-    mesh : TriangleMesh
-        The renumbered mesh.
-    order : (n,) int32
-        Vertex i of it was vertex order[i].
-    """
-
-    mesh: TriangleMesh
-    order: IntArray
+    mesh: TriangleMesh  # the renumbered mesh
+    order: IntArray  # (n,): vertex i of it was vertex order[i]
 
 
 def in_spatial_order(mesh: TriangleMesh, *, threads: int = 1) -> SpatialOrder:

@@ -20,21 +20,11 @@ HIGHEST_DEGREE = 8
 
 @dataclass(frozen=True)
 class HarmonicBasis:
-    """Terms up to `HIGHEST_DEGREE`, by ascending degree.
+    """Terms up to `HIGHEST_DEGREE`, by ascending degree."""
 
-    Attributes
-    ----------
-    degrees : (M,) int32
-        j of every term.
-    groups : (M,) int32
-        Number of the pair (j, l), which both terms of a frequency share; ascending.
-    monomials : (M, M) float64
-        Column k holds the coefficients of term k for the monomials of `total_degree_space`.
-    """
-
-    degrees: IntArray
-    groups: IntArray
-    monomials: FloatArray
+    degrees: IntArray  # (M,): j of every term
+    groups: IntArray  # (M,): number of the pair (j, l), which both terms of a frequency share; ascending
+    monomials: FloatArray  # (M, M): column k holds the coefficients of term k for the monomials of `total_degree_space`
 
     def up_to(self, degree: int) -> int:
         """Number of terms up to a degree."""

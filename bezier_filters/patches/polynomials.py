@@ -16,15 +16,9 @@ from bezier_filters.patches.bernstein import centred_monomials
 
 @dataclass(frozen=True)
 class PolynomialSpace:
-    """Polynomials spanned by monomials s^a t^b on the square [-1, 1]^2.
+    """Polynomials spanned by monomials s^a t^b on the square [-1, 1]^2."""
 
-    Attributes
-    ----------
-    exponents : (m, 2) int32
-        The pairs (a, b).
-    """
-
-    exponents: IntArray
+    exponents: IntArray  # (m, 2): the pairs (a, b)
 
     @property
     def dimension(self) -> int:

@@ -16,7 +16,7 @@ surfaces meshes
 kernels
 learning
 estimation
-baselines feature_lines smoothing
+feature_lines smoothing
 holes files
 meshlab scale
 pictures

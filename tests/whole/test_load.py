@@ -13,8 +13,8 @@ import pytest
 from furnished import furnished, punched_torus
 from meshset_state import mesh_state
 
+from baselines import ouyang_feng_normals
 from bezier_filters import estimate_vertex_geometry, fill_holes, smooth
-from bezier_filters.baselines import ouyang_feng_normals
 from bezier_filters.meshlab.registration import FILTERS
 
 FUNCTIONS = {
@@ -79,7 +79,7 @@ def test_many_mesh_sets_in_two_threads():
     assert [digest_of(ms) for ms in meshsets] == alone
 
 
-FOLDERS = [str(Path(__file__).parents[k]) for k in (0, 1)]
+FOLDERS = [str(Path(__file__).parents[k]) for k in (0, 1)] + [str(Path(__file__).parents[2] / "benchmarks")]
 """Of this module, and of what all tests share."""
 POOL = """
 import multiprocessing, sys

@@ -14,7 +14,8 @@ from furnished import punched_torus
 from numba import config
 from scale_cases import save_arrays
 
-from bezier_filters import baselines, boundary_loops, estimate_vertex_geometry, fill_holes, smooth, triangle_mesh
+from baselines import ouyang_feng_normals, razdan_bae
+from bezier_filters import boundary_loops, estimate_vertex_geometry, fill_holes, smooth, triangle_mesh
 from bezier_filters.files.field_files import read_fields
 from bezier_filters.meshes.self_intersections import cut_faces
 from bezier_filters.scale import estimate_file, smooth_file
@@ -79,8 +80,8 @@ CASES = {
     "fill a bowl": lambda: fill_holes(*mesh("bowl"), outer_rims=True),
     "fill creases": lambda: fill_holes(*mesh("block"), outer_rims=True),
     "fill, paper": lambda: fill_holes(*mesh("ring"), "paper", outer_rims=True),
-    "razdan_bae": lambda: baselines.razdan_bae(*mesh("ball")),
-    "ouyang_feng": lambda: baselines.ouyang_feng_normals(*mesh("ball")),
+    "razdan_bae": lambda: razdan_bae(*mesh("ball")),
+    "ouyang_feng": lambda: ouyang_feng_normals(*mesh("ball")),
     "loops": lambda: boundary_loops(triangle_mesh(*mesh("sheet"))),
     "tiles": lambda: in_tiles(estimate_file),
     "smooth tiles": lambda: in_tiles(smooth_file),
@@ -109,7 +110,8 @@ def others(tmp_path_factory):
     """The arrays of all cases from another process, with the compiler if this one has none, and without if it has."""
     target = tmp_path_factory.mktemp("others") / "arrays"
     code = f"import pickle, test_plain_python as t; pickle.dump(t.everything(), open({str(target)!r}, 'wb'))"
-    folders = os.pathsep.join(str(Path(__file__).parents[k]) for k in (0, 1))
+    tests, root = Path(__file__).parents[1:3]
+    folders = os.pathsep.join(str(folder) for folder in (tests / "whole", tests, root / "benchmarks"))
     without = "0" if config.DISABLE_JIT else "1"
     environment = os.environ | {"NUMBA_DISABLE_JIT": without, "PYTHONWARNINGS": "ignore", "PYTHONPATH": folders}
     subprocess.run([sys.executable, "-c", code], check=True, env=environment)
