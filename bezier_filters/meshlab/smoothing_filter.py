@@ -8,8 +8,7 @@ from bezier_filters.meshlab.filter_run import Computed, Output, run_filter
 from bezier_filters.meshlab.meshset import BezierFilterError, CurrentMesh, Length, MeshSet, absolute_length
 from bezier_filters.parameters import documented
 from bezier_filters.runtime.parallel import Progress
-from bezier_filters.smoothing.smooth import smooth
-from bezier_filters.smoothing.smoothing_options import SmoothedBorders, SmoothingMethod
+from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, smooth
 from bezier_filters.smoothing.smoothing_result import SmoothingResult
 
 

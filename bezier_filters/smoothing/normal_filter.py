@@ -16,6 +16,7 @@ from bezier_filters.arrays import FloatArray, IntArray, SingleArray
 from bezier_filters.meshes.adjacency import Rows
 from bezier_filters.meshes.frames import face_normal
 from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.triangles import has_corner
 from bezier_filters.runtime.lean import inner_njit, lean_njit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
@@ -75,19 +76,8 @@ def filter_normals(
 ) -> NoisyNormals:
     """Replace every normal by its mean with those around it, some rounds.
 
-    Parameters
-    ----------
-    state : NoisyNormals
-        From `noisy_normals` or an earlier call; its arrays are overwritten.
-    faces_at : Rows
-        Faces at each vertex.
-    rounds : int
-        How many times.
-    tolerance : float
-        Difference of two normals, in standard deviations of what noise makes of it, at which a neighbour weighs
-        exp(-1/2).
-    threads : int
-        Number of threads.
+    The arrays of the state are overwritten. A neighbour weighs exp(-1/2) if two normals differ by `tolerance` standard
+    deviations of what noise makes of their difference.
 
     Examples
     --------
@@ -293,8 +283,7 @@ def _normalise(both: SingleArray, f: int, first: int) -> np.float32:
 @inner_njit()
 def _met_before(faces: IntArray, f: int, corner: int, g: int) -> bool:
     """Whether face g has one of the corners of face f before a given one."""
+    result = False
     for k in range(corner):
-        i = faces[f, k]
-        if faces[g, 0] == i or faces[g, 1] == i or faces[g, 2] == i:
-            return True
-    return False
+        result = result or has_corner(faces, g, faces[f, k])
+    return result

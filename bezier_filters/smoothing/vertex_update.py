@@ -26,22 +26,7 @@ def move_to_normals(
     The first step is linear in the coordinates, b = -A x, and all of them together are the polynomial
     (1 - (1 - A)^rounds) / A of b, which a short Chebyshev series gives: the eigenvalues of A lie in [0, 1].
 
-    Parameters
-    ----------
-    mesh : TriangleMesh
-    adjacency : Adjacency
-        Of the same mesh.
-    normals : (m, 3) float32
-        Unit normals of the faces; those of faces that are zero are ignored.
-    movable : (n,) bool
-        Vertices that may move.
-    threads : int
-        Number of threads.
-
-    Returns
-    -------
-    (n, 3) float32
-        How far each vertex moves.
+    Faces whose normals (m, 3) are zero are ignored; vertices that are not movable (n,) stay. Returns the moves, (n, 3).
     """
     rows, n = adjacency.faces, mesh.vertex_count
     planes = np.zeros((mesh.face_count, 4), dtype=np.float32)
