@@ -16,9 +16,10 @@ from command_line import in_this_process, run
 
 from bezier_filters import read_fields
 from bezier_filters.cli.app import app
-from bezier_filters.cli.batch import COMMANDS, Item, run_command, summarize
+from bezier_filters.cli.batch import Item, run_command, summarize
 from bezier_filters.cli.console import print_batch
 from bezier_filters.meshlab.mesh_files import save_mesh
+from bezier_filters.parameters import PARAMETERS
 from bezier_filters.runtime import worker_processes
 from bezier_filters.runtime.worker_processes import run_in_processes
 from bezier_filters.surfaces import block_with_sharp_edges
@@ -118,7 +119,7 @@ REMARKS = {
 }
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", PARAMETERS)
 def test_every_command_does_what_it_does_for_one_file(command, tmp_path, capsys):
     """A cube without one of its octants has 21 edges, here of two or four edges of the mesh."""
     vertices, faces = block_with_sharp_edges(resolution=4)
