@@ -8,7 +8,8 @@ from furnished import punched_torus
 from hole_cases import without_faces_near
 
 import bezier_filters as bf
-from bezier_filters import baselines
+from baselines import ouyang_feng_normals, razdan_bae
+from bezier_filters.scale import estimate_file, smooth_file
 from bezier_filters.surfaces import block_with_sharp_edges, torus
 from survivors import keep_survivors
 
@@ -25,15 +26,15 @@ def compile_kernels() -> None:
     block, sides = block_with_sharp_edges(resolution=8)
     bf.fill_holes(block, without_faces_near(block, sides, np.array([-0.5, -0.5, 0.0]), 0.2))
     bf.find_creases(block, sides)
-    baselines.razdan_bae(vertices, faces)
-    baselines.ouyang_feng_normals(vertices, faces)
+    razdan_bae(vertices, faces)
+    ouyang_feng_normals(vertices, faces)
     ring = torus(resolution=12, jitter=0.3)
     keep_survivors(ring.vertices, ring.faces, np.arange(len(ring.vertices)) % 2 == 0)
     with tempfile.TemporaryDirectory() as folder:
         files = Path(folder, "vertices.npy"), Path(folder, "faces.npy")
         np.save(files[0], vertices)
         np.save(files[1], faces)
-        for function in (bf.scale.estimate_file, bf.scale.smooth_file):
+        for function in (estimate_file, smooth_file):
             function(files, Path(folder, "out.ply"), tile_vertices=256, scheduler="synchronous")
 
 

@@ -37,7 +37,9 @@ def compile_once(config):
         paths = [config.rootpath, config.rootpath / "benchmarks", os.environ.get("PYTHONPATH", "")]
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, paths)).rstrip(os.pathsep)}
         command = [sys.executable, Path(__file__).with_name("compile_kernels.py")]
-        subprocess.run(command, env=environment, capture_output=True, check=False)  # what fails, tests will tell
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        if done.returncode:  # the tests go on, and tell more
+            print(done.stderr, file=sys.stderr)
         config.cache.set("compiled", state.hexdigest())
 
 
