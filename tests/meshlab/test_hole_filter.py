@@ -223,8 +223,9 @@ def test_new_faces_are_selected_on_request():
     ],
 )
 def test_which_holes(textured, options, closed):
+    """That does not depend on how they are filled."""
     before = mesh_state(textured)
-    report = meshing_close_holes_by_bezier_patch(textured, **options)
+    report = meshing_close_holes_by_bezier_patch(textured, method="paper", **options)
     assert report["closed_holes"] == closed
     assert report["closed_holes"] + report["open_holes"] == 5
     assert all(hole["filled"] or hole["reason"] for hole in report["holes"])

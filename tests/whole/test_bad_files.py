@@ -172,8 +172,8 @@ def test_a_full_disk_never_leaves_a_file_cut_short(tmp_path):
 @pytest.mark.skipif(sys.platform != "linux", reason="limits on files")
 def test_a_writer_that_ends_the_process_on_a_full_disk_is_reported(tmp_path):
     (tmp_path / "out.3mf").write_bytes(b"old")
-    command = [sys.executable, "-m", "bezier_filters", "normals", str(SAMPLES / "torus.ply"), "warm.ply"]
-    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)  # what is compiled is written to files, too
+    # What is compiled is written to files, too.
+    command_line.app(["normals", str(SAMPLES / "torus.ply"), str(tmp_path / "warm.ply")], standalone_mode=False)
     code = (
         "import resource, signal, sys; signal.signal(signal.SIGXFSZ, signal.SIG_IGN);"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (4000, 4000));"

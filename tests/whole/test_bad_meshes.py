@@ -21,7 +21,7 @@ def test_bad_meshes(name):
 
 
 @pytest.mark.parametrize("check", CHECKS)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_mutated_meshes(check, seed):
     CHECKS[check](*mutated(seed))

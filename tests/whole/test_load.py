@@ -108,7 +108,10 @@ def test_a_pool_of_processes_gives_the_same(method, tmp_path):
     """The parent has used threads and compiled functions before it forks."""
     script = tmp_path / "pool.py"
     script.write_text(POOL.format(folders=FOLDERS, method=method))
-    result = subprocess.run([sys.executable, script], capture_output=True, encoding="utf-8", timeout=300)
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "2"}  # so that BLAS has used threads, too
+    result = subprocess.run(
+        [sys.executable, script], capture_output=True, encoding="utf-8", timeout=300, env=environment
+    )
     assert result.returncode == 0, result.stderr
 
 
