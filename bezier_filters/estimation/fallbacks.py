@@ -147,7 +147,7 @@ def fit_with_fallbacks(
         concerned = np.array([outcome in attempt.after for outcome in OUTCOMES])[outcomes]
         if not concerned.any():
             continue
-        report = _overall_progress(progress, tried, len(ids))
+        report = overall_progress(progress, tried, len(ids))
         outcomes[concerned] = _run(attempt, mesh, _where(concerned, unsettled), geometry, robust, threads, report)
         tried = len(ids)
         fitted = concerned & (outcomes == FITTED)
@@ -248,8 +248,6 @@ def kernel_fit(attempt: Attempt, *, robust: bool = False) -> KernelFit:
     )
 
 
-def _overall_progress(progress: Progress | None, tried: int, total: int) -> Progress | None:
-    """Progress of one attempt as that of the whole: fallbacks come after the last vertex."""
-    if progress is None:
-        return None
-    return lambda done, _: progress(min(tried + done, total), total)
+def overall_progress(progress: Progress | None, tried: int, total: int) -> Progress | None:
+    """Progress of one attempt as that of the whole: what is tried again comes after the last vertex."""
+    return None if progress is None else lambda done, _: progress(min(tried + done, total), total)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.differential_geometry import DerivedCurvatures
 from bezier_filters.display.html_tables import html_table, summary
 from bezier_filters.fields import ESTIMATES, fields_of
 from bezier_filters.status import FitStatus
@@ -67,7 +68,7 @@ class FitChoice:
 
 
 @dataclass(frozen=True, repr=False)
-class VertexGeometry:
+class VertexGeometry(DerivedCurvatures):
     """Differential geometry at the vertices of a mesh; row ``i`` belongs to vertex ``i``.
 
     Curvatures are positive on a convex body with outward normals (MeshLab's sign) and have the
@@ -132,21 +133,6 @@ class VertexGeometry:
     def noise_sigma(self) -> float | None:
         """Standard deviation of the noise along the normal, a length; None where it was not learned."""
         return self.fit.noise_sigma
-
-    @property
-    def mean_curvature(self) -> FloatArray:
-        """Mean curvature H = (k_min + k_max) / 2, shape (n,), 1/length."""
-        return 0.5 * (self.k_min + self.k_max)
-
-    @property
-    def gaussian_curvature(self) -> FloatArray:
-        """Gaussian curvature K = k_min k_max, shape (n,), 1/length^2."""
-        return self.k_min * self.k_max
-
-    @property
-    def geodesic_torsion(self) -> FloatArray:
-        """Principal geodesic torsion t_max = (k_max - k_min) / 2 >= 0, shape (n,), 1/length."""
-        return 0.5 * (self.k_max - self.k_min)
 
     @property
     def curvedness(self) -> FloatArray:

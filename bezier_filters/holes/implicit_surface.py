@@ -51,13 +51,7 @@ class ImplicitSurface:
         return self.scale * values, gradients
 
     def project(self, points: FloatArray, *, threads: int = 1) -> tuple[FloatArray, BoolArray]:
-        """Move points along the gradient to the surface.
-
-        Returns
-        -------
-        (n, 3) float64, (n,) bool
-            Where they end, and which of them are on the surface.
-        """
+        """Move points along the gradient to the surface: where they end, (n, 3), and which of them are on it, (n,)."""
         scaled, found = self._scaled(points), np.zeros(len(points), dtype=np.bool_)
         function = self.centers, self.weights, self.quadratic, self.power
         run_kernel(_project, len(points), scaled, *function, found, threads=threads)

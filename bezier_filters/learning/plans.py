@@ -217,17 +217,7 @@ def _plan(surface: SurfaceModel, ring: RingModel, degree: int, strength: float =
     """The optimal prior of one degree over one ring, times a factor."""
     # What the degree leaves out acts on the fit much like noise.
     noise = float(ring.analysis.mean_squares[min(degree, ring.analysis.degree)])
-    plan = FitPlan(
-        ring.analysis.rings,
-        degree,
-        float(ring.analysis.sizes.mean()),
-        ring.analysis.radius,
-        _term_prior(ring, degree, strength * noise),
-        np.inf,
-        0.0,
-        0.0,
-    )
-    return _predicted(surface, ring, plan)
+    return _plan_for_noise(surface, ring, degree, strength * noise)
 
 
 def _weighted_plan(surface: SurfaceModel, ring: RingModel, degree: int) -> FitPlan | None:
@@ -235,17 +225,24 @@ def _weighted_plan(surface: SurfaceModel, ring: RingModel, degree: int) -> FitPl
     basis, noise = harmonic_basis(), surface.sigma**2
     # What the degree leaves out, from its variance at the radius downwards like its first term.
     left_out = ring.variances[basis.degrees > degree].sum()
-    power = 2 * degree + 2
-    # noise = left_out r^power
-    near = LEAST_WEIGHT_RADIUS if left_out <= 0.0 else max(LEAST_WEIGHT_RADIUS, (noise / left_out) ** (1.0 / power))
-    if left_out <= 0.0 or near >= 1.0:
+    if left_out <= 0.0:
         return None
-    noise = max(noise, left_out * near**power)
+    power = 2 * degree + 2
+    near = max(LEAST_WEIGHT_RADIUS, (noise / left_out) ** (1.0 / power))  # where noise = left_out r^power
+    if near >= 1.0:
+        return None
+    return _plan_for_noise(surface, ring, degree, max(noise, left_out * near**power), near * ring.analysis.radius)
+
+
+def _plan_for_noise(
+    surface: SurfaceModel, ring: RingModel, degree: int, noise: float, weight_radius: float = np.inf
+) -> FitPlan:
+    """The fit that would be best if heights had this noise, length^2, with the errors that are predicted for it."""
+    points, radius = float(ring.analysis.sizes.mean()), ring.analysis.radius
     prior = _term_prior(ring, degree, noise)
-    radius = ring.analysis.radius
-    points = float(ring.analysis.sizes.mean())
-    plan = FitPlan(ring.analysis.rings, degree, points, radius, prior, near * radius, 0.0, 0.0)
-    return _predicted(surface, ring, plan)
+    return _predicted(
+        surface, ring, FitPlan(ring.analysis.rings, degree, points, radius, prior, weight_radius, 0.0, 0.0)
+    )
 
 
 def _term_prior(ring: RingModel, degree: int, noise: float) -> FloatArray:

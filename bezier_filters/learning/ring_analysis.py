@@ -159,37 +159,33 @@ def analyse_rings(
         for start in range(0, len(analysis.rows), CHUNK)
     ]
 
+    basis = harmonic_basis()
+
     def make_task() -> RangeTask:
         work = ring_workspace(max(analysis.points.shape[1] for analysis in analyses))
 
         @np.errstate(all="ignore")  # of lanes without a neighbourhood; compiled code says nothing anyway
         def run(start: int, stop: int) -> None:
-            for chunk in chunks[start:stop]:
-                _analyse(*chunk, work)
+            for analysis, first, last in chunks[start:stop]:
+                analyse_in_lanes(
+                    analysis.points,
+                    analysis.sizes,
+                    1.0 / analysis.radius,
+                    basis.degrees,
+                    basis.groups,
+                    _ROW_STARTS,
+                    work,
+                    first,
+                    last,
+                    analysis.factors,
+                    analysis.sums,
+                )
 
         return run
 
     if chunks:
         run_in_chunks(make_task, len(chunks), threads=threads, chunk=1)
     return analyses
-
-
-def _analyse(analysis: RingAnalysis, start: int, stop: int, work: "RingWorkspace") -> None:
-    """Fill rows start .. stop-1 of an analysis."""
-    basis = harmonic_basis()
-    analyse_in_lanes(
-        analysis.points,
-        analysis.sizes,
-        1.0 / analysis.radius,
-        basis.degrees,
-        basis.groups,
-        _ROW_STARTS,
-        work,
-        start,
-        stop,
-        analysis.factors,
-        analysis.sums,
-    )
 
 
 def term_values(x: FloatArray, y: FloatArray) -> FloatArray:
