@@ -80,8 +80,7 @@ class Learned:
     @property
     def centers(self) -> IntArray:
         """The sampled vertices, each once, in ascending order."""
-        result: IntArray = np.unique(np.concatenate([analysis.centers for analysis in self.analyses]))
-        return result
+        return np.unique(np.concatenate([analysis.centers for analysis in self.analyses]))
 
 
 def choose_fit(
@@ -263,5 +262,4 @@ def _geometric_means(mesh: KernelMesh, values: FloatArray) -> FloatArray:
     for _ in range(SPREADS):
         sums = logarithms + np.bincount(rows, weights=logarithms[mesh.ring_indices], minlength=len(values))
         logarithms = sums / (1 + valences)
-    result: FloatArray = np.exp(logarithms)
-    return result
+    return np.exp(logarithms)

@@ -115,11 +115,6 @@ def planned_chain(plans: Sequence[FitPlan], chosen: FitPlan, radius: float | Non
         yield replace(attempt, noise=(chosen.normal_noise, chosen.curvature_noise), over_creases=True)
 
 
-def without_faces(attempt: Attempt) -> Attempt:
-    """The attempt for a point cloud, where only the points' normals can tell a fold."""
-    return replace(attempt, most_turned=max(attempt.most_turned, MOST_TURNED))
-
-
 def fit_with_fallbacks(
     mesh: KernelMesh,
     ids: IntArray,
@@ -136,8 +131,8 @@ def fit_with_fallbacks(
     or nearest points, and zero curvature.
     If robust, points far off a fit lose their weight, except in the last resorts, which have too few to tell.
     """
-    if not len(mesh.faces):
-        attempts = [without_faces(attempt) for attempt in attempts]
+    if not len(mesh.faces):  # only the points' normals can tell a fold
+        attempts = [replace(one, most_turned=max(one.most_turned, MOST_TURNED)) for one in attempts]
     has_normal = (mesh.normals != 0.0).any(axis=1)[ids]
     geometry.status[mesh.origin[ids[~has_normal]]] = FitStatus.ISOLATED
     unsettled = _where(has_normal, ids)

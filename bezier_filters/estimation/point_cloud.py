@@ -106,8 +106,7 @@ def _least_squares_normals(points: FloatArray, nearest: IntArray) -> FloatArray:
     squares -= total[:, :, np.newaxis] * total[:, np.newaxis, :] / count
     variances, axes = np.linalg.eigh(squares)
     on_a_line = variances[:, 1] <= THINNEST * variances[:, 2]
-    normals: FloatArray = np.where(on_a_line[:, np.newaxis], 0.0, axes[:, :, 0])
-    return normals
+    return np.where(on_a_line[:, np.newaxis], 0.0, axes[:, :, 0])
 
 
 def _neighbours(

@@ -147,8 +147,7 @@ class VertexGeometry(DerivedCurvatures):
         +1 is a convex cap, 0.5 a ridge, 0 a symmetric saddle, -0.5 a rut, -1 a cup. It is 0
         where both curvatures vanish and the index is undefined.
         """
-        result: FloatArray = np.arctan2(self.k_max + self.k_min, self.k_max - self.k_min) * (2.0 / np.pi)
-        return result
+        return np.arctan2(self.k_max + self.k_min, self.k_max - self.k_min) * (2.0 / np.pi)
 
     def torsion_along(self, directions: FloatArray) -> FloatArray:
         """Geodesic torsion of the surface in given tangent directions.

@@ -8,6 +8,7 @@ fitted and not followed.
 """
 
 from dataclasses import dataclass
+from operator import itemgetter
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -87,13 +88,9 @@ def fit_implicit_surface(
     if not noisy:
         pilot = _fits(points[::PILOT], normals[::PILOT], offset, POWERS, noisy=False, others=None)
         if len(pilot) == len(POWERS) and abs(pilot[0][0] - pilot[1][0]) > 3 * len(points[::PILOT]):
-            powers = (min(pilot, key=_deviance)[1].power,)
+            powers = (min(pilot, key=itemgetter(0))[1].power,)
     fits = _fits(points, normals, offset, powers, noisy=noisy, others=others)
-    return min(fits, key=_deviance)[1] if fits else None
-
-
-def _deviance(fit: tuple[float, ImplicitSurface]) -> float:
-    return fit[0]
+    return min(fits, key=itemgetter(0))[1] if fits else None
 
 
 def _fits(

@@ -78,8 +78,7 @@ def draw_from_mesh(mesh: KernelMesh, count: int) -> IntArray:
     """Up to `count` vertices of a mesh that have a normal, in random order: see `draw_vertices`."""
 
     def has_normal(ids: IntArray) -> BoolArray:
-        result: BoolArray = np.asarray(mesh.normals[ids].any(axis=1))
-        return result
+        return np.asarray(mesh.normals[ids].any(axis=1))
 
     def with_normals() -> Population:
         candidates = vertex_of_row[has_normal(vertex_of_row)]
@@ -108,8 +107,7 @@ def draw_vertices(
     if not has_normal(ids).all():
         candidates = with_normals()
         ids = candidates.members(_one_per_stretch(candidates.size, count, generator))
-    result: IntArray = generator.permutation(ids)
-    return result
+    return generator.permutation(ids)
 
 
 def _one_per_stretch(n: int, count: int, generator: np.random.Generator) -> IntArray:

@@ -28,8 +28,7 @@ def bernstein_basis(t: FloatArray, degree: int, order: int = 0) -> FloatArray:
     i = np.arange(low + 1)
     lowered = np.array([comb(low, k) for k in i], dtype=np.float64) * t**i * (1.0 - t) ** (low - i)
     difference = np.diff(np.eye(degree + 1), n=order, axis=0)
-    basis: FloatArray = perm(degree, order) * lowered @ difference
-    return basis
+    return perm(degree, order) * lowered @ difference
 
 
 def design_matrix(u: FloatArray, v: FloatArray, degree: int, order: tuple[int, int] = (0, 0)) -> FloatArray:

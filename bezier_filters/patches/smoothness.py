@@ -79,5 +79,4 @@ def third_order_coefficients(degree: int) -> FloatArray:
     size = degree + 1
     a, b = np.divmod(np.arange(size * size), size)
     weight = np.sqrt([factorial(i) * factorial(j) / factorial(i + j) for i, j in zip(a, b, strict=True)])
-    rows: FloatArray = (weight[:, np.newaxis] * monomials_from_bernstein(degree))[a + b >= 3]
-    return rows
+    return (weight[:, np.newaxis] * monomials_from_bernstein(degree))[a + b >= 3]
