@@ -30,11 +30,11 @@ from bezier_filters import estimate_vertex_geometry, smooth
 from bezier_filters.fields import columns as columns_of
 from bezier_filters.fields import qualities
 from bezier_filters.scale import estimate_file, smooth_file
-from bezier_filters.scale.disk_smoothing import SHARPNESS
-from bezier_filters.scale.joined_file import FACE, ply_head
-from bezier_filters.scale.mesh_source import open_source
-from bezier_filters.scale.tile_results import open_tile
-from bezier_filters.scale.tile_tasks import DISPLACEMENT, peak_bytes, table_of
+from bezier_filters.scale.columns import DISPLACEMENT, SHARPNESS, table_of
+from bezier_filters.scale.run import peak_bytes
+from bezier_filters.scale.source import open_source
+from bezier_filters.scale.target import FACE, ply_head
+from bezier_filters.scale.tiles import open_tile
 
 MAJOR, MINOR = 1.0, 0.4
 SIZES = (1_000_000, 7_000_000, 50_000_000)
@@ -110,6 +110,16 @@ def distances(path: Path) -> dict[str, float]:
     return {"distance": float(np.sqrt(squares / found.vertex_count))}
 
 
+def difference(path: Path, other: Path, noise: float) -> dict[str, float]:
+    """How far the vertices of two files are apart, in standard deviations of the noise, some rows at a time."""
+    ours, theirs, largest, squares = open_source(path), open_source(other), 0.0, 0.0
+    for start in range(0, ours.vertex_count, ROWS):
+        stop = min(start + ROWS, ours.vertex_count)
+        apart = np.square(ours.vertices(start, stop) - theirs.vertices(start, stop)).sum(axis=1) / noise**2
+        largest, squares = max(largest, float(np.sqrt(apart.max()))), squares + float(apart.sum())
+    return {"largest": largest, "rms": float(np.sqrt(squares / ours.vertex_count))}
+
+
 def in_memory(source: Path, target: Path, *, smoothing: bool = False) -> dict[str, object]:
     """The same file to file in this process, by the same reader and writer."""
     start = time.perf_counter()
@@ -143,7 +153,7 @@ def tiled(source: Path, target: Path) -> dict[str, object]:
     report["seconds"]["all"] = time.perf_counter() - start
     del report["input"], report["output"]
     (results,) = store.glob("results-*")
-    report["seconds_of_tiles"] = [open_tile(results, tile).report["seconds"] for tile in range(report["tiles"])]
+    report["seconds_of_tiles"] = [open_tile(results, tile).report.seconds for tile in range(report["tiles"])]
     return report
 
 
@@ -227,7 +237,8 @@ def one_size(folder: Path, size: int, prefix: str = "") -> dict[str, object]:
     """Everything that is measured at one size."""
     start = time.perf_counter()
     rows, minor = torus_size(size)
-    write_torus(folder / "torus.ply", rows, minor, NOISE * 2.0 * np.pi * MINOR / minor if prefix else 0.0)
+    noise = NOISE * 2.0 * np.pi * MINOR / minor if prefix else 0.0
+    write_torus(folder / "torus.ply", rows, minor, noise)
     n = rows * minor
     run: dict[str, object] = {"vertices": n, "generated": time.perf_counter() - start}
     if n <= LARGEST_IN_MEMORY:
@@ -235,7 +246,11 @@ def one_size(folder: Path, size: int, prefix: str = "") -> dict[str, object]:
     run["tiled"] = measured(prefix + "tiled", folder / "torus.ply", folder / "tiled.ply")
     run.update(distances(folder / "tiled.ply") if prefix else errors(folder / "tiled.ply", rows, minor))
     if n <= LARGEST_IN_MEMORY:
-        run["same"] = filecmp.cmp(folder / "tiled.ply", folder / "whole.ply", shallow=False)
+        files = folder / "tiled.ply", folder / "whole.ply"
+        if prefix:
+            run["difference"] = difference(*files, noise)
+        else:
+            run["same"] = filecmp.cmp(*files, shallow=False)
     for path in folder.iterdir():
         shutil.rmtree(path) if path.is_dir() else path.unlink()
     return run
@@ -251,7 +266,11 @@ def show(run: dict[str, object]) -> None:
     if whole:
         stages = ", ".join(f"{name} {value:.1f}" for name, value in whole["seconds"].items())
         print(f"  in memory  {stages} s; {whole['cpu_seconds']:.1f} s of processor time")
-        print(f"             {whole['peak_bytes'] / 1e9:.2f} GB; the files are {'' if run['same'] else 'NOT '}the same")
+        apart = run.get("difference")
+        told = f"the files are {'' if run.get('same') else 'NOT '}the same"
+        if apart:
+            told = f"{apart['largest']:.1e} sigma apart at the most, {apart['rms']:.1e} in the root mean square"
+        print(f"             {whole['peak_bytes'] / 1e9:.2f} GB; {told}")
         times = tiles["seconds"]["all"] / whole["seconds"]["all"], tiles["cpu_seconds"] / whole["cpu_seconds"]
         print(f"  overhead   {times[0]:.2f} times the time, {times[1]:.2f} times the processor time")
     if "distance" in run:

@@ -1,7 +1,7 @@
 """The parameters of the filters: one table, from which their documents and the command line take them.
 
-Signatures are written out, so that editors and type checkers know them; a test compares them with the table. Docstrings
-name groups of parameters, and what the table says of each takes the place of such an entry when a filter is defined.
+Signatures are written out, so that editors and type checkers know them; a test compares them with the table. What
+docstrings of several filters have in common stands here, too, and is put into them when a filter is defined.
 """
 
 import ast
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import TypeVar
 
-from bezier_filters.fields import CURVATURE, NORMALS, SMOOTH, Field, fields_of, qualities
+from bezier_filters.fields import CREASES, CURVATURE, ESTIMATES, NORMALS, SMOOTH, TORSION, Field, fields_of, qualities
 
 
 @dataclass(frozen=True)
@@ -178,7 +178,22 @@ QUALITY = {
     SMOOTH: _quality(SMOOTH, None),
 }
 """Of the filters that let the user choose."""
-GROUPS = {"FIT": FIT, "COLORS": COLORS, "RUN": RUN, "SMOOTHING": SMOOTHING, "FILLING": FILLING, "LINES": LINES}
+PARAMETERS = {
+    NORMALS: (QUALITY[NORMALS], *FIT, *COLORS, *RUN),
+    CURVATURE: (QUALITY[CURVATURE], *FIT, *COLORS, *RUN),
+    TORSION: (*FIT, *COLORS, *RUN),
+    SMOOTH: (*SMOOTHING, QUALITY[SMOOTH], *COLORS, *RUN),
+    "fill-holes": (*FILLING, *RUN),
+    CREASES: (*LINES, *FIT, *RUN),
+}
+"""Of the filters by their commands, in the order of the commands' help."""
+_ESTIMATED = """\
+ms : pymeshlab.MeshSet
+    Its current mesh may be a point cloud, whose vertex normals tell the outside where they are
+    not zero (see `estimate_vertex_geometry`).
+onselected : bool
+    Only selected vertices get new values; if there are none, the vertices of the selected faces. The others keep
+    theirs, or get 0 where a column or the quality is new."""
 _ESTIMATE = """\
 dict
     ``status`` (number of vertices per status name), ``fit`` (the ``rings`` or ``radius``, ``degree`` and
@@ -186,6 +201,11 @@ dict
     written), ``quality`` and ``unit``, ``statistics`` (min, median, max and mean of the quality over
     the vertices with an estimate), ``seconds`` (read, fit, write, color) and, if coloured,
     ``color_range`` and ``colormap``. It can be written as JSON."""
+_NOTHING_ELSE = """\
+Where there is no estimate, columns hold 0. Nothing else in the MeshSet changes: not its{} selections,
+colours (unless asked for), textures, other attributes or filter script. Running it again overwrites the columns and
+leaves an attribute ``outlierScore`` of zeros."""
+_COORDINATES = "Coordinates are used as stored, like in pymeshlab's own filters: the transform matrix is ignored."
 _ERRORS = """\
 BezierFilterError
     If the mesh, an attribute on it or a parameter is refused; the MeshSet is as it was.
@@ -198,17 +218,27 @@ _Function = TypeVar("_Function", bound=Callable[..., object])
 def documented(name: str) -> Callable[[_Function], _Function]:
     """Complete the docstring of a filter, of a command's name, from the tables of fields and parameters.
 
-    An entry of two lines that ends in "see `GROUP`." becomes the entries of the parameters in that group. What the
-    source has is a docstring, too, for editors that do not run it.
+    The source has what is particular to the filter; its columns, the parameters in the tables and the errors are added,
+    and for filters that estimate what they take, change and return.
     """
-    texts = {group: "\n".join(parameter.entry() for parameter in members) for group, members in GROUPS.items()}
-    texts |= {"ESTIMATE": _ESTIMATE, "ERRORS": _ERRORS, "FIELDS": _listed_fields(name)}
-    if name in QUALITY:
-        texts["QUALITY"] = QUALITY[name].entry()
 
     def complete(function: _Function) -> _Function:
         text = inspect.cleandoc(function.__doc__ or "")  # none under python -OO
-        function.__doc__ = re.sub(r"^\S.*\n    .*see `([A-Z]+)`\.$", lambda found: texts[found[1]], text, flags=re.M)
+        intro, *parts = re.split(r"\n\n(\w+)\n---+\n", text)
+        sections = {"Returns": _ESTIMATE} | dict(zip(parts[::2], parts[1::2], strict=True)) | {"Raises": _ERRORS}
+        own = f"{_ESTIMATED if name in ESTIMATES else ''}\n{sections.get('Parameters', '')}".strip()
+        entries = {entry.partition(" ")[0]: entry for entry in re.split(r"\n(?=\w)", own)}
+        entries |= {parameter.name: parameter.entry() for parameter in PARAMETERS[name]}
+        known = [entries[parameter] for parameter in inspect.signature(function).parameters if parameter in entries]
+        sections["Parameters"] = "\n".join(known)
+        paragraphs = [intro, _listed_fields(name)] if fields_of(name) else [intro]
+        if name in ESTIMATES:
+            paragraphs.append(_NOTHING_ELSE.format("" if name == NORMALS else " normals,"))
+        paragraphs.append(_COORDINATES)
+        for title in ("Parameters", "Returns", "Raises", "Examples"):
+            if title in sections:
+                paragraphs.append(f"{title}\n{'-' * len(title)}\n{sections[title]}")
+        function.__doc__ = "\n\n".join(paragraphs)
         return function
 
     return complete

@@ -1,7 +1,15 @@
 """Shared settings and meshes of the tests."""
 
+import os
 import signal
+import subprocess
+import sys
+from hashlib import sha256
 from pathlib import Path
+
+# Matrices here are small, and the threads of BLAS would spend most of their time, and that of the tests, on waiting
+# for each other. To be said before NumPy and SciPy are loaded; other processes that the tests start inherit it.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import pytest
@@ -11,10 +19,26 @@ settings.register_profile("project", deadline=None)  # the first call of a kerne
 settings.load_profile("project")
 
 
-def pytest_configure():
-    """Take Ctrl-C again: in the background of a script it is ignored, also in the processes that the tests start."""
+def pytest_configure(config):
+    """Take Ctrl-C again, which scripts ignore in the background; compile before the processes of the tests start."""
     if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    if getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput"):
+        compile_once(config)
+
+
+def compile_once(config):
+    """Compile the kernels in one process, unless that was done since the last change of the package."""
+    package = config.rootpath / "bezier_filters"
+    state = sha256()
+    for path in sorted(package.rglob("*.py")):
+        state.update(f"{path} {path.stat().st_mtime_ns}\n".encode())
+    if config.cache.get("compiled", None) != state.hexdigest() or not any(package.rglob("*.nbi")):
+        paths = [config.rootpath, config.rootpath / "benchmarks", os.environ.get("PYTHONPATH", "")]
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, paths)).rstrip(os.pathsep)}
+        command = [sys.executable, Path(__file__).with_name("compile_kernels.py")]
+        subprocess.run(command, env=environment, capture_output=True, check=False)  # what fails, tests will tell
+        config.cache.set("compiled", state.hexdigest())
 
 
 def load_sample(name):

@@ -45,6 +45,21 @@ def broken():
     return shuffled(np.concatenate([vertices, rng.uniform(-1.0, 1.0, (900, 3))]), faces.astype(np.int32))
 
 
+def pipe(around, along):
+    """A pipe that is open at both ends, with many rings from one to the other."""
+    i, j = np.divmod(np.arange(around * along), around)
+    angle = 2.0 * np.pi * (j + 0.5 * (i % 2)) / around
+    edge = 2.0 * np.sin(np.pi / around)
+    vertices = np.column_stack([np.cos(angle), np.sin(angle), 0.866 * edge * i])
+    i, j = np.divmod(np.arange(around * (along - 1)), around)
+    a, b = i * around + j, i * around + (j + 1) % around
+    c, d = a + around, b + around
+    odd = (i % 2 == 1)[:, np.newaxis]
+    first = np.where(odd, np.column_stack([a, b, d]), np.column_stack([a, b, c]))
+    second = np.where(odd, np.column_stack([a, d, c]), np.column_stack([b, d, c]))
+    return vertices, np.concatenate([first, second]).astype(np.int32)
+
+
 MESHES = {"clean": clean, "noisy": noisy, "shuffled": lambda: shuffled(*noisy()), "open": open_sheet, "broken": broken}
 
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from contextlib import closing, redirect_stderr, redirect_stdout
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -18,34 +18,18 @@ from bezier_filters.arrays import Report
 from bezier_filters.cli import console, filters
 from bezier_filters.cli.app import Json, Quiet, app
 from bezier_filters.errors import InvalidParameterError
+from bezier_filters.parameters import PARAMETERS
 
 __all__ = ["Item", "batch", "filters", "plan", "run_command"]
-
-COMMANDS = ("normals", "curvature", "torsion", "smooth", "fill-holes", "creases")
-"""Commands that take an input and an output."""
 
 
 @dataclass(frozen=True)
 class Item:
-    """A file of a batch and what became of it.
-
-    Attributes
-    ----------
-    input, output : str
-        Paths.
-    result : {"waiting", "done", "skipped", "failed"}
-        What became of it.
-    seconds : float
-        How long it took.
-    error : str
-        Why it failed, in one line.
-    report : dict, optional
-        What the filter reported.
-    """
+    """A file of a batch and what became of it, as the batch reports it."""
 
     input: str
     output: str
-    result: str = "waiting"
+    result: Literal["waiting", "done", "skipped", "failed"] = "waiting"
     seconds: float = 0.0
     error: str = ""
     report: Report | None = None
@@ -97,13 +81,20 @@ def batch(
     else:
         from bezier_filters.scale.file_jobs import run_on_scheduler
 
-        run = run_on_scheduler([_with_absolute_paths(job) for job in work], scheduler, workers=processes)
+        # Workers may be in other folders.
+        absolute = [
+            [command, os.path.abspath(source), os.path.abspath(target), *arguments] for _, source, target, *_ in work
+        ]
+        run = run_on_scheduler(absolute, scheduler, workers=processes)
     with console.progress_bar(command, quiet=quiet or json) as progress, closing(run) as outcomes:
         for done, (position, outcome) in enumerate(outcomes, start=1):
             index = todo[position]
-            result = "failed" if outcome.error else "done"
             items[index] = replace(
-                items[index], result=result, seconds=outcome.seconds, error=outcome.error, report=outcome.result
+                items[index],
+                result="failed" if outcome.error else "done",
+                seconds=outcome.seconds,
+                error=outcome.error,
+                report=outcome.result,
             )
             if progress is not None:
                 progress(done, len(todo))
@@ -116,12 +107,6 @@ def batch(
         raise typer.Exit(1)
 
 
-def _with_absolute_paths(job: Sequence[str]) -> list[str]:
-    """The arguments of a job for workers that are in other folders."""
-    command, source, target, *options = job
-    return [command, os.path.abspath(source), os.path.abspath(target), *options]
-
-
 def run_command(arguments: Sequence[str]) -> Report:
     """Do what the command line does with these arguments; its report."""
     printed = io.StringIO()
@@ -132,9 +117,9 @@ def run_command(arguments: Sequence[str]) -> Report:
 
 
 def check_command(command: str, options: list[str]) -> None:
-    """Refuse a command that is not for batches, or options that it does not have."""
-    if command not in COMMANDS:
-        raise InvalidParameterError(f"command: got {command!r}, expected one of {', '.join(COMMANDS)}")
+    """Refuse a command that does not run a filter, or options that it does not have."""
+    if command not in PARAMETERS:
+        raise InvalidParameterError(f"command: got {command!r}, expected one of {', '.join(PARAMETERS)}")
     group: Any = typer.main.get_command(app)
     parsed = group.commands[command].make_context(command, ["input", "output", *options])
     for name in ("quiet", "json"):

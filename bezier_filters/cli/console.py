@@ -67,10 +67,10 @@ def print_status(report: Report, source: str) -> None:
 
 def print_tiles(report: Report) -> None:
     """Say how the tiles of a large mesh went."""
-    there = report["tiles"] - report["computed_tiles"]
-    stages = f", over {report['stages']} stages" if "stages" in report else ""
+    there = report["tiles"] * report["rounds"] - report["computed_tiles"]
+    rounds = f" in {report['rounds']} rounds" if report["rounds"] > 1 else ""
     out.print(
-        f"  {report['tiles']:,} tiles of {report['tile_vertices']:,} vertices{stages}, {report['halo']:.0%} read "
+        f"  {report['tiles']:,} tiles of {report['tile_vertices']:,} vertices{rounds}, {report['halo']:.0%} read "
         f"around them; {there:,} were there already; {report['peak_bytes']['worker'] / 1e9:.2f} GB per worker at most"
     )
     if report["damaged_tiles"]:

@@ -2,7 +2,7 @@
 
 import inspect
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
@@ -12,33 +12,33 @@ import typer
 from bezier_filters.arrays import Report
 from bezier_filters.cli import console
 from bezier_filters.cli.app import Json, Quiet, SaveScript, Source, Target, app, examples, options
-from bezier_filters.fields import CURVATURE, NORMALS, SMOOTH, qualities
-from bezier_filters.parameters import COLORS, FILLING, FIT, LINES, QUALITY, RUN, SMOOTHING, Parameter
+from bezier_filters.fields import qualities
+from bezier_filters.parameters import COLORS, PARAMETERS, RUN, Parameter
 
 Filter: TypeAlias = Callable[..., Report]
 
-THREADS = RUN[0]
-_COLOR, *_RANGE = COLORS
-_COLORED = (replace(_COLOR, default=True), *_RANGE)
+_COLOR, _PROGRESS = COLORS[0], RUN[1]
+_COLORED = {_COLOR: replace(_COLOR, default=True)}
 
 
 def filter_command(
     name: str,
-    *parameters: Parameter,
+    changed: Mapping[Parameter, Parameter] = _COLORED,
+    *,
     verb: str = "fitting",
     show: Callable[[Report, str], None] = console.print_status,
 ) -> Callable[[Callable[[], Filter]], Callable[[], Filter]]:
     """Make a command, which loads, filters, saves and reports, of a function that imports the filter.
 
-    The docstring of the function is the help of the command, the parameters are its options. The progress bar says the
-    verb, `show` prints the report.
+    The docstring of the function is the help of the command; the filter's parameters, some of them changed, are its
+    options. The progress bar says the verb, `show` prints the report.
     """
 
     def add(imported: Callable[[], Filter]) -> Callable[[], Filter]:
         text, *lines = (inspect.getdoc(imported) or "").split("\nExample: bezier-filters ")
 
         @app.command(name, help=text, epilog=examples(*lines))
-        @options(*parameters)
+        @options(*_taken(name, changed))
         def command(
             source: Source,
             target: Target,
@@ -74,6 +74,11 @@ def filter_command(
     return add
 
 
+def _taken(name: str, changed: Mapping[Parameter, Parameter] = _COLORED) -> list[Parameter]:
+    """Parameters of a filter that its command takes: a command has a progress bar, and colours what has a quality."""
+    return [changed.get(parameter, parameter) for parameter in PARAMETERS[name] if parameter != _PROGRESS]
+
+
 def _add_step(script: Path, name: str, given: dict[str, object]) -> None:
     """Write a filter script with one step more; threads are a matter of the machine, not of the script."""
     from bezier_filters.files.filter_scripts import read_filter_script, save_filter_script
@@ -83,7 +88,7 @@ def _add_step(script: Path, name: str, given: dict[str, object]) -> None:
     save_filter_script(script, [*before, script_step(name, **(given | {"threads": None}))])
 
 
-@filter_command("normals", QUALITY[NORMALS], *FIT, *_COLORED, THREADS)
+@filter_command("normals")
 def normals() -> Filter:
     """Set the vertex normals to those of the fitted patches.
 
@@ -99,7 +104,7 @@ def normals() -> Filter:
     return compute_normal_by_bezier_patch_per_vertex
 
 
-@filter_command("curvature", QUALITY[CURVATURE], *FIT, *_COLORED, THREADS)
+@filter_command("curvature")
 def curvature() -> Filter:
     """Compute mean, Gaussian and principal curvatures and directions; one of them becomes the quality.
 
@@ -115,7 +120,7 @@ def curvature() -> Filter:
     return compute_curvature_by_bezier_patch_per_vertex
 
 
-@filter_command("torsion", *FIT, *_COLORED, THREADS)
+@filter_command("torsion")
 def torsion() -> Filter:
     """Set the quality to the principal geodesic torsion (k_max - k_min) / 2.
 
@@ -132,11 +137,7 @@ def torsion() -> Filter:
 
 @filter_command(
     "smooth",
-    *SMOOTHING,
-    QUALITY[SMOOTH],
-    replace(_COLOR, help="Colour all vertices by the quality; needs one."),
-    *_RANGE,
-    THREADS,
+    {_COLOR: replace(_COLOR, help="Colour all vertices by the quality; needs one.")},
     verb="smoothing",
     show=console.print_smoothing,
 )
@@ -154,7 +155,7 @@ def smooth() -> Filter:
     return apply_coord_bezier_patch_smoothing
 
 
-@filter_command("fill-holes", *FILLING, THREADS, verb="filling", show=console.print_holes)
+@filter_command("fill-holes", verb="filling", show=console.print_holes)
 def fill_holes() -> Filter:
     """Fill the holes of a mesh: smooth where the surface is smooth, sharp where it is sharp.
 
@@ -170,7 +171,7 @@ def fill_holes() -> Filter:
 
 
 @app.command(epilog="Example: bezier-filters creases scan.ply lines.ply --picture creases.png")
-@options(*LINES, *FIT, THREADS)
+@options(*_taken("creases"))
 def creases(
     source: Source,
     target: Annotated[Path, typer.Argument(help="Lines to write, a PLY or OBJ file.", metavar="LINES.ply")],

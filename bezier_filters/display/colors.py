@@ -107,10 +107,6 @@ class Palette:
     name: str
     colors: tuple[tuple[float, float, float], ...]
 
-    def positions(self) -> tuple[float, ...]:
-        """Places of the nodes, from 0 to 1."""
-        return tuple(k / (len(self.colors) - 1) for k in range(len(self.colors)))
-
 
 COOL_WARM = Palette("Cool Warm", ((0.23, 0.30, 0.75), (0.90, 0.90, 0.90), (0.75, 0.02, 0.15)))
 """Blue below zero, light grey at zero, red above: told apart with any kind of colour vision, and in every shadow."""
@@ -119,11 +115,6 @@ PAPER = Palette("Paper", ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
 """Of the torsion in Li, Barsky, Jin (2009): red is high, blue medium, green low. Not for red-green colour blindness."""
 
 PALETTES = (COOL_WARM, PAPER)
-
-
-def find_palette(name: str) -> Palette | None:
-    """Palette of a name in any case, or None."""
-    return next((palette for palette in PALETTES if palette.name.lower() == name.lower()), None)
 
 
 def default_colormap(*, signed: bool) -> str:
@@ -138,18 +129,12 @@ def default_colormap(*, signed: bool) -> str:
 
 
 def matplotlib_colormap(name: str, *, signed: bool = False) -> "Colormap":
-    """Colour map for pictures: ``"auto"``, a palette or any of matplotlib's.
-
-    Raises
-    ------
-    KeyError
-        If there is none of this name.
-    """
+    """Colour map for pictures: ``"auto"``, a palette or any of matplotlib's; KeyError if there is none of this name."""
     import matplotlib
     from matplotlib.colors import LinearSegmentedColormap
 
     name = default_colormap(signed=signed) if name == AUTO else name
-    palette = find_palette(name)
+    palette = next((palette for palette in PALETTES if palette.name.lower() == name.lower()), None)
     if palette is not None:
         return LinearSegmentedColormap.from_list(palette.name, list(palette.colors), N=1024)
     known = {key.lower(): key for key in matplotlib.colormaps}

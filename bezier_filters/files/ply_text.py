@@ -52,23 +52,11 @@ def check_line_file(path: str | os.PathLike[str]) -> None:
 def save_lines(
     path: str | os.PathLike[str], points: FloatArray, edges: IntArray, values: FloatArray, colors: FloatArray
 ) -> None:
-    """Write points and the edges between them, whole or not at all.
+    """Write points (k, 3) and edges (e, 2) between them, with a quality (k,) and colours (k, 3) from 0 to 1.
 
     PLY files are text with an element ``edge``, which MeshLab, pymeshlab and Blender read, with the quality and the
     colours of the points; OBJ files have ``l`` lines, which ParaView reads, too, and no quality. Coordinates come back
     exactly.
-
-    Parameters
-    ----------
-    path : path
-        Ends in .ply or .obj.
-    points : (k, 3) float64
-    edges : (e, 2) int32
-        Rows of `points`.
-    values : (k,) float64
-        Quality.
-    colors : (k, 3) float64
-        Red, green, blue from 0 to 1.
     """
     check_line_file(path)
     if Path(path).suffix.lower() == ".ply":

@@ -41,32 +41,21 @@ def compute_selection_by_bezier_crease_per_edge(
     `bezier_filters.find_creases`. pymeshlab lets nobody select single edges from Python, so the filter selects
     vertices: the ends of sharp edges and, where a line runs between vertices, the nearer end of every edge that it
     crosses. The edges themselves are in a new layer named ``creases``, a mesh of edges and no faces that lies on the
-    surface: its quality is the strength of the lines, ridges are red and ravines are blue. The current mesh stays the
-    current one.
+    surface: its quality is the strength of the lines, ridges are red and ravines are blue, and its transform is that of
+    the mesh. The current mesh stays the current one.
 
-    bz_* columns
-        What kind of crease runs at each vertex, and how strong it is; see `FIELDS`.
-
-    The vertex selection is replaced. Nothing else in the MeshSet changes: not the face selection, quality, colours,
-    textures, other attributes or filter script. Running it again adds a layer again.
+    The vertex selection is replaced. Besides that and its own attributes the filter changes nothing else in the
+    MeshSet: not the face selection, quality, colours, textures, other attributes or filter script. Running it again
+    adds a layer again.
 
     Larger neighbourhoods give coarser lines. There are no smooth lines where the patches have a degree below 3.
-
-    Coordinates are used as stored, like in pymeshlab's own filters: the transform matrix is ignored, and the new layer
-    has the same one.
 
     Parameters
     ----------
     ms : pymeshlab.MeshSet
         Its current mesh must have faces.
-    angle, minstrength
-        Which edges and lines are creases; see `LINES`.
-    rings, radius, alpha, degree, smoothness, robust
-        How the patches are fitted; see `FIT`.
     polylines : bool
         Whether the layer of lines is added.
-    threads, progress
-        How the filter runs; see `RUN`.
 
     Returns
     -------
@@ -75,11 +64,6 @@ def compute_selection_by_bezier_crease_per_edge(
         ``strength``, ``length`` and ``points`` (number), the strongest first; ``selected_vertices`` and ``sharp_edges``
         (numbers), ``polylines_id`` (of the new layer, or None), ``status`` (vertices per status name), ``attributes``,
         ``quality`` (None), ``unit``, ``statistics`` and ``seconds`` (read, fit, write). It can be written as JSON.
-
-    Raises
-    ------
-    BezierFilterError, CancelledError
-        If it refuses or is stopped; see `ERRORS`.
 
     Examples
     --------
@@ -108,7 +92,7 @@ def compute_selection_by_bezier_crease_per_edge(
         }
         return Computed(_columns(creases, len(mask)), mask, report, write_more=select_and_add_lines)
 
-    report = run_filter(ms, list(COLUMNS), work, Output(None, False, False, "Turbo", 0.0))
+    report = run_filter(ms, CREASES, work, Output())
     return report | {
         "selected_vertices": current_mesh(ms).selected_vertex_number(),
         "polylines_id": layers[0] if layers else None,

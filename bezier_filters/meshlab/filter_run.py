@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, Report
-from bezier_filters.display.colors import color_range
+from bezier_filters.display.colors import AUTO, color_range
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
-from bezier_filters.fields import Field
+from bezier_filters.fields import Field, column_names, qualities
 from bezier_filters.meshlab.mesh_attributes import (
     check_finite,
     check_writable,
@@ -23,7 +23,7 @@ from bezier_filters.meshlab.mesh_attributes import (
     write_columns,
     write_coordinates,
 )
-from bezier_filters.meshlab.mesh_colors import ColorMap, check_limits, color_by_quality, find_color_map
+from bezier_filters.meshlab.mesh_colors import check_limits, color_by_quality, find_color_map
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
     CurrentMesh,
@@ -38,13 +38,13 @@ Columns = dict[str, FloatArray]
 
 @dataclass(frozen=True)
 class Output:
-    """Where results go: the field for the quality, if any, and the colours, of a given range if there is one."""
+    """Where results go: what users call the field for the quality, if any, and the colours and their range."""
 
-    quality: Field | None
-    onselected: bool
-    color: bool
-    colormap: str
-    percentile: float
+    quality: str | None = None
+    onselected: bool = False
+    color: bool = False
+    colormap: str = AUTO
+    percentile: float = 2.0
     color_range: tuple[float, float] | None = None
 
 
@@ -87,17 +87,8 @@ def _timed(seconds: dict[str, float], name: str) -> Iterator[None]:
     seconds[name] = time.perf_counter() - start
 
 
-def choose_field(name: str | None, fields: dict[str, Field]) -> Field | None:
-    """Field of a name that a user gave as `quality`; None stands for no field."""
-    if name is None:
-        return None
-    if not isinstance(name, str) or name not in fields:
-        raise BezierFilterError(f"quality: got {name!r}, expected {', '.join(map(repr, fields))} or None")
-    return fields[name]
-
-
-def run_filter(ms: MeshSet, names: list[str], work: Work, output: Output) -> Report:
-    """Run a filter that writes the named columns on the current mesh, and return its report.
+def run_filter(ms: MeshSet, name: str, work: Work, output: Output) -> Report:
+    """Run the filter of a command's name, which writes its columns on the current mesh, and return its report.
 
     Raises
     ------
@@ -108,68 +99,67 @@ def run_filter(ms: MeshSet, names: list[str], work: Work, output: Output) -> Rep
     KeyboardInterrupt
         The MeshSet is as it was or, if Ctrl-C came while the results were written, has all of them.
     """
-    _check_coloring(output)
+    field = _chosen_field(output.quality, qualities(name))
+    colormap = _checked_colormap(output, field)
     seconds: dict[str, float] = {}
     with _timed(seconds, "read"):
         mesh = read_current_mesh(ms)
         mask = mesh.selected_vertices() if output.onselected else np.ones(len(mesh.vertices), dtype=np.bool_)
     with preserved_filter_script(ms):
-        check_writable(ms, names)
+        check_writable(ms, column_names(name))
     with _timed(seconds, "fit"):  # nothing in the MeshSet changes meanwhile, so it may be interrupted
         try:
             computed = work(mesh, mask)
         except (InvalidMeshError, InvalidParameterError) as error:
             raise BezierFilterError(str(error)) from error
     check_unchanged(ms, mesh)
-    quality = None if output.quality is None else computed.columns[output.quality.column]
-    limits = _limits(output, quality, computed.known)
+    quality = None if field is None else computed.columns[field.column]
+    limits = _limits(output, field, quality, computed.known)
+    # The normals follow the coordinates, and so they are restored last, by the outer of the two.
+    moves = nullcontext() if computed.vertices is None else coordinates_restored_on_failure(ms)
     with preserved_filter_script(ms):
         columns = _merge(computed.columns, read_columns(ms, computed.columns), mask)
         check_finite(columns)
-        _write(ms, mesh, columns, computed, output, limits, seconds)
+        with restored_on_failure(ms, columns), moves:
+            with _timed(seconds, "write"):
+                if computed.vertices is not None:
+                    write_coordinates(ms, computed.vertices)
+                write_columns(ms, columns)
+                with _vertices_selected(ms, mesh) if output.onselected else nullcontext():
+                    if field is not None:
+                        ms.compute_scalar_by_function_per_vertex(q=field.column, onselected=output.onselected)
+                    if computed.normals:
+                        ms.compute_normal_by_function_per_vertex(**computed.normals, onselected=output.onselected)
+            if limits is not None:
+                with _timed(seconds, "color"):
+                    color_by_quality(ms, *limits, colormap)
+            if computed.write_more is not None:
+                computed.write_more()
     report: Report = computed.report | {
         "attributes": list(columns),
-        "quality": None if output.quality is None else output.quality.quality,
-        "unit": None if output.quality is None else output.quality.unit,
+        "quality": output.quality,
+        "unit": None if field is None else field.unit,
         "statistics": None if quality is None else _statistics(quality[computed.known]),
         "seconds": seconds,
     }
-    if limits is not None:
-        report |= {"color_range": list(limits), "colormap": _color_map(output).name}
-    return report
+    return report if limits is None else report | {"color_range": list(limits), "colormap": colormap}
 
 
-def _write(
-    ms: MeshSet,
-    mesh: CurrentMesh,
-    columns: Columns,
-    computed: Computed,
-    output: Output,
-    limits: tuple[float, float] | None,
-    seconds: dict[str, float],
-) -> None:
-    """Write everything; if that fails, put back what can be put back."""
-    moves = nullcontext() if computed.vertices is None else coordinates_restored_on_failure(ms)
-    # The normals follow the coordinates, and so they are restored last, by the outer of the two.
-    with restored_on_failure(ms, columns), moves:
-        with _timed(seconds, "write"):
-            if computed.vertices is not None:
-                write_coordinates(ms, computed.vertices)
-            write_columns(ms, columns)
-            with _vertices_selected(ms, mesh) if output.onselected else nullcontext():
-                _write_quality_and_normals(ms, computed, output)
-        if limits is not None:
-            with _timed(seconds, "color"):
-                color_by_quality(ms, *limits, _color_map(output).name)
-        if computed.write_more is not None:
-            computed.write_more()
+def _chosen_field(name: str | None, fields: dict[str, Field]) -> Field | None:
+    """Field of a name that a user gave as `quality`; None stands for no field."""
+    if name is None:
+        return None
+    if not isinstance(name, str) or name not in fields:
+        raise BezierFilterError(f"quality: got {name!r}, expected {', '.join(map(repr, fields))} or None")
+    return fields[name]
 
 
-def _check_coloring(output: Output) -> None:
+def _checked_colormap(output: Output, field: Field | None) -> str:
+    """Name of the colour map, after a look at all that is said of colours if there shall be some."""
     if not output.color:
-        return
-    _color_map(output)
-    if output.quality is None:
+        return output.colormap
+    name = find_color_map(output.colormap, signed=field is not None and field.signed).name
+    if field is None:
         raise BezierFilterError("color: got True with quality=None, expected a quality to colour by")
     if output.color_range is not None:
         check_limits(*output.color_range)
@@ -177,19 +167,18 @@ def _check_coloring(output: Output) -> None:
         color_range(np.empty(0), signed=False, percentile=output.percentile)
     except InvalidParameterError as error:
         raise BezierFilterError(str(error)) from error
+    return name
 
 
-def _color_map(output: Output) -> ColorMap:
-    return find_color_map(output.colormap, signed=output.quality is not None and output.quality.signed)
-
-
-def _limits(output: Output, quality: FloatArray | None, known: BoolArray) -> tuple[float, float] | None:
+def _limits(
+    output: Output, field: Field | None, quality: FloatArray | None, known: BoolArray
+) -> tuple[float, float] | None:
     """Values of the first and the last colour, or None if nothing is coloured."""
-    if not output.color or output.quality is None or quality is None:
+    if not output.color or field is None or quality is None:
         return None
     if output.color_range is not None:
         return output.color_range
-    limits = color_range(quality, signed=output.quality.signed, percentile=output.percentile, mask=known)
+    limits = color_range(quality, signed=field.signed, percentile=output.percentile, mask=known)
     check_limits(*limits)
     return limits
 
@@ -217,15 +206,6 @@ def _vertices_selected(ms: MeshSet, mesh: CurrentMesh) -> Iterator[None]:
         yield
     finally:
         ms.set_selection_none(allfaces=False, allverts=True)
-
-
-def _write_quality_and_normals(ms: MeshSet, computed: Computed, output: Output) -> None:
-    if output.quality is not None:
-        ms.compute_scalar_by_function_per_vertex(
-            q=output.quality.column, normalize=False, map=False, onselected=output.onselected
-        )
-    if computed.normals:
-        ms.compute_normal_by_function_per_vertex(**computed.normals, onselected=output.onselected)
 
 
 def _statistics(values: FloatArray) -> dict[str, float] | None:

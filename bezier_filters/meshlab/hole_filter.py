@@ -57,22 +57,16 @@ def meshing_close_holes_by_bezier_patch(
     texture has a name with spaces, or two have the same, they show none. Vertex and face normals are those of the
     faces. If no hole is filled, nothing changes.
 
-    Coordinates are used as stored, like in pymeshlab's own filters: the transform matrix is ignored.
-
     Parameters
     ----------
     ms : pymeshlab.MeshSet
         Its current mesh must have faces.
-    method, maxholesize, maxperimeter, maxdiameter, outerrims, creases, noise, alpha
-        Which holes are filled, and how; see `FILLING`.
     onselected : bool
         Fill only holes with a selected vertex on their rim or, if no vertex is selected, with a vertex of a
         selected face.
     newfaceselected : bool
         Whether the new faces, and nothing else, are selected afterwards. MeshLab's filters act on selected faces
         alone if there are any.
-    threads, progress
-        How the filter runs; see `RUN`.
 
     Returns
     -------
@@ -85,11 +79,6 @@ def meshing_close_holes_by_bezier_patch(
         ``perimeter``, ``diameter``, ``islands``, ``is_outer_rim``, ``parts``, ``crease_edges``, ``new_vertices`` and
         ``new_faces`` (numbers), ``rim_error`` (0), ``rim_dihedral`` (mean angle along the rim, degrees) and
         ``self_intersections``; see `bezier_filters.HoleReport`. It can be written as JSON.
-
-    Raises
-    ------
-    BezierFilterError, CancelledError
-        If it refuses or is stopped; see `ERRORS`.
 
     Examples
     --------

@@ -58,13 +58,9 @@ def read_columns(ms: MeshSet, names: Iterable[str]) -> dict[str, FloatArray]:
 
 
 def check_writable(ms: MeshSet, names: Iterable[str]) -> None:
-    """Refuse a mesh whose attributes would make writing the named columns fail, or worse.
+    """Refuse a mesh on which writing the named columns would fail, or end in a segmentation fault.
 
-    Raises
-    ------
-    BezierFilterError
-        If a name is taken by a point attribute (adding a scalar one would end in a segmentation
-        fault), or some attribute's name breaks pymeshlab's expressions.
+    It would where a name is taken by a point attribute, or some attribute's name breaks pymeshlab's expressions.
     """
     mesh = current_mesh(ms)
     for name in (*names, *CARRIERS, LEFTOVER, KEPT_LEFTOVER):
@@ -85,7 +81,11 @@ def _check_names(ms: MeshSet, mesh: Mesh) -> None:
             return
         culprits = hidden
     except RuntimeError:  # how pymeshlab reports names that are no identifiers
-        culprits = [name for name in _listed_attributes(ms) if not _is_legal(mesh, name)] or ["(not listed)"]
+        culprits = [
+            name
+            for name in _listed_attributes(ms)
+            if not (_LEGAL_NAME.fullmatch(name) and _has_attribute(mesh, name))  # fit for expressions, and a true name
+        ] or ["(not listed)"]
     finally:
         # A filter that failed leaves a reference to its MeshSet behind, and loading a mesh after the end of that
         # MeshSet crashes (SIGSEGV or bad_alloc, every time). Any filter that succeeds mends it; this one does nothing.
@@ -102,11 +102,6 @@ def _listed_attributes(ms: MeshSet) -> list[str]:
     return [key[len("__ca_vs__") :] for key in keys if key.startswith(("__ca_vs__", "__ca_vp__"))]
 
 
-def _is_legal(mesh: Mesh, listed: str) -> bool:
-    """Whether a listed name is a true one, and fit for expressions."""
-    return _LEGAL_NAME.fullmatch(listed) is not None and _has_attribute(mesh, listed)
-
-
 def _has_attribute(mesh: Mesh, name: str) -> bool:
     return scalar_attribute(mesh, name) is not None or _has_point_attribute(mesh, name)
 
@@ -120,13 +115,7 @@ def _has_point_attribute(mesh: Mesh, name: str) -> bool:
 
 
 def check_finite(columns: Mapping[str, FloatArray]) -> None:
-    """Refuse values that are not finite: pymeshlab's colour filters abort the process on NaN.
-
-    Raises
-    ------
-    BezierFilterError
-        Naming the first such column.
-    """
+    """Refuse values that are not finite: pymeshlab's colour filters abort the process on NaN."""
     for name, values in columns.items():
         count = int(np.count_nonzero(~np.isfinite(values)))
         if count:
@@ -138,11 +127,6 @@ def write_columns(ms: MeshSet, columns: Mapping[str, FloatArray]) -> None:
 
     Call `check_writable` first. Nothing else of the mesh changes, except that overwriting leaves
     the attribute `LEFTOVER`. Columns that hold these very bits already are left alone.
-
-    Raises
-    ------
-    BezierFilterError
-        If a value is not finite or a length is not n; then nothing is written.
     """
     check_finite(columns)
     mesh = current_mesh(ms)
@@ -256,20 +240,9 @@ def _drop_carriers(ms: MeshSet) -> None:
 
 
 def write_coordinates(ms: MeshSet, vertices: FloatArray) -> None:
-    """Set the coordinates of the current mesh, and its normals to unit normals of the new faces.
+    """Set the coordinates of the current mesh, (n, 3), and its normals to unit normals of the new faces.
 
     Everything else stays, except that the id of the next layer skips one.
-
-    Parameters
-    ----------
-    ms : pymeshlab.MeshSet
-    vertices : (n, 3) float64
-        Finite, one row for each vertex of the current mesh.
-
-    Raises
-    ------
-    BezierFilterError
-        If pymeshlab did not take the coordinates over bit for bit.
     """
     mesh = current_mesh(ms)
     wanted = mesh.id()

@@ -15,43 +15,19 @@ from bezier_filters.runtime.atomic import atomic_write
 
 @dataclass(frozen=True)
 class ColorMap:
-    """A colour map of pymeshlab, or a palette of ours.
-
-    Attributes
-    ----------
-    name : str
-        pymeshlab's name of it, or ours.
-    transfer_function : bool
-        Which of pymeshlab's two filters has it.
-    red_is_low : bool
-        Whether pymeshlab gives low values the red end.
-    palette : Palette, optional
-        Colours that pymeshlab reads from a file.
-    """
+    """A colour map of pymeshlab, which has two filters for them, or a palette of ours, which it reads from a file."""
 
     name: str
     transfer_function: bool = False
-    red_is_low: bool = False
     palette: Palette | None = None
 
 
+_RED_IS_LOW = ("RGB", "French RGB")  # pymeshlab gives low values their red end
 # The transfer function "RGB" is missing: it is the first map again, with darker colours in between.
+_TRANSFER_FUNCTIONS = ("Meshlab RGB", "French RGB", "Red Scale", "Green Scale", "Blue Scale", "Grey Scale", "Flat")
 COLOR_MAPS = (
-    ColorMap("RGB", red_is_low=True),
-    ColorMap("Viridis"),
-    ColorMap("Plasma"),
-    ColorMap("Cividis"),
-    ColorMap("Turbo"),
-    ColorMap("RdPu"),
-    ColorMap("Meshlab RGB", transfer_function=True),
-    ColorMap("French RGB", transfer_function=True, red_is_low=True),
-    ColorMap("Red Scale", transfer_function=True),
-    ColorMap("Green Scale", transfer_function=True),
-    ColorMap("Blue Scale", transfer_function=True),
-    ColorMap("Grey Scale", transfer_function=True),
-    ColorMap("Flat", transfer_function=True),
-    ColorMap("Saw 4", transfer_function=True),
-    ColorMap("Saw 8", transfer_function=True),
+    *(ColorMap(name) for name in ("RGB", "Viridis", "Plasma", "Cividis", "Turbo", "RdPu")),
+    *(ColorMap(name, transfer_function=True) for name in (*_TRANSFER_FUNCTIONS, "Saw 4", "Saw 8")),
     *(ColorMap(palette.name, palette=palette) for palette in PALETTES),
 )
 COLOR_MAP_NAMES = tuple(color_map.name for color_map in COLOR_MAPS)
@@ -114,7 +90,7 @@ def color_by_quality(ms: MeshSet, low: float, high: float, colormap: str = AUTO)
         raise BezierFilterError("the mesh has no quality to colour by; compute one first")
     if not np.isfinite(mesh.vertex_scalar_array()).all():  # NaN aborts the process
         raise BezierFilterError("the quality of the mesh is not finite everywhere, so it cannot be coloured")
-    if not color_map.red_is_low:
+    if color_map.name not in _RED_IS_LOW:
         _apply(ms, color_map, low, high)
         return
     ms.compute_scalar_by_function_per_vertex(q="-q", onselected=False)

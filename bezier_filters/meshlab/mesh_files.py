@@ -70,17 +70,9 @@ def format_support(path: str | os.PathLike[str]) -> FormatSupport:
 
 
 def load_mesh(path: str | os.PathLike[str]) -> MeshSet:
-    """Load a file of any format that pymeshlab reads.
+    """Load a file of any format that pymeshlab reads; its mesh has a vertex at least, and may be a point cloud.
 
-    Returns
-    -------
-    pymeshlab.MeshSet
-        Its current mesh has at least one vertex; it may be a point cloud.
-
-    Raises
-    ------
-    BezierFilterError
-        If there is no such file, or it is empty, damaged or of unknown format; the message has one line.
+    What is wrong with a file, a `BezierFilterError` says in one line.
     """
     path = Path(path)
     if not path.is_file():

@@ -87,19 +87,9 @@ def grow_mesh(ms: MeshSet, growth: Growth, *, select: bool) -> Grown:
     """Add vertices and faces to the current mesh, which becomes a new layer with a new id.
 
     Old vertices and faces stay the first, in their order. Label, transform, textures, colours, quality, selection and
-    custom attributes stay; vertex and face normals are those of the faces. If anything fails, the MeshSet is as
-    it was but for the id of the next new layer.
-
-    Parameters
-    ----------
-    ms : pymeshlab.MeshSet
-    growth : Growth
-    select : bool
-        Whether exactly the new faces are selected afterwards, rather than what was.
-
-    Returns
-    -------
-    Grown
+    custom attributes stay; vertex and face normals are those of the faces. Afterwards what was selected is selected or,
+    if `select` says so, exactly the new faces. If anything fails, the MeshSet is as it was but for the id of the next
+    new layer.
     """
     old = current_mesh(ms)
     wanted, label, transform = old.id(), old.label(), np.array(old.transform_matrix())
@@ -115,7 +105,10 @@ def grow_mesh(ms: MeshSet, growth: Growth, *, select: bool) -> Grown:
         numbers = np.zeros_like(vertices)
         numbers[:, 0] = np.arange(len(vertices))
         write_coordinates(ms, numbers[: old.vertex_number()])
-        textured = _add_patch(ms, old, growth, numbers, texture)
+        patch = _patch(old, growth, numbers)
+        textured = texture is not None and _load_patch(ms, patch, texture)
+        if not textured:
+            ms.add_mesh(patch, "new faces", set_as_current=False)
         ms.set_current_mesh(copy)
         ms.generate_by_merging_visible_meshes(
             mergevisible=True, deletelayer=True, mergevertices=True, alsounreferenced=True
@@ -127,7 +120,8 @@ def grow_mesh(ms: MeshSet, growth: Growth, *, select: bool) -> Grown:
         for prefix, name, values in attributes:
             getattr(grown, f"add_{_ATTRIBUTES[prefix][0]}")(values, name)
         if select:
-            _select_faces_from(ms, old.face_number())
+            ms.set_selection_none(allfaces=True, allverts=True)
+            ms.compute_selection_by_condition_per_face(condselect=f"fi >= {old.face_number()}")
         ms.set_matrix(transformmatrix=transform, freeze=False)
         grown.set_label(label)
         merged = grown.id()
@@ -200,15 +194,6 @@ def _texture(ms: MeshSet, old: Mesh, growth: Growth, vertices: FloatArray) -> _T
     return _Texture(coordinates.reshape(-1, 2), numbers[like], {name: old.texture(name) for name in names})
 
 
-def _add_patch(ms: MeshSet, old: Mesh, growth: Growth, numbers: FloatArray, texture: _Texture | None) -> bool:
-    """Add the new faces as a layer, and say whether they show a texture."""
-    patch = _patch(old, growth, numbers)
-    if texture is not None and _load_patch(ms, patch, texture):
-        return True
-    ms.add_mesh(patch, "new faces", set_as_current=False)
-    return False
-
-
 def _patch(old: Mesh, growth: Growth, numbers: FloatArray) -> Mesh:
     """The new faces as a mesh of their own, with the colours and quality of what they are like."""
     used, local = np.unique(growth.faces, return_inverse=True)
@@ -227,29 +212,12 @@ def _patch(old: Mesh, growth: Growth, numbers: FloatArray) -> Mesh:
     return Mesh(numbers[used], local.reshape(-1, 3).astype(np.int32), **options)
 
 
-def _select_faces_from(ms: MeshSet, first: int) -> None:
-    ms.set_selection_none(allfaces=True, allverts=True)
-    ms.compute_selection_by_condition_per_face(condselect=f"fi >= {first}")
-
-
 def wedge_coordinates(corners: FloatArray, triangles: FloatArray, coordinates: FloatArray) -> FloatArray:
-    """Texture coordinates for the corners of new faces: those of the nearest points on the old faces beside them.
+    """Texture coordinates (f, 3, 2) for corners (f, 3, 3) of new faces: those of the nearest points on old triangles.
 
+    The triangles (f, 3, 3), with coordinates (f, 3, 2), are those that new faces resemble, beside which they lie.
     What is shown on new faces is then what lies on old ones, never a part of the texture that belongs to nothing or to
     something else, and where a new face shares an edge with its old one, both show the same there.
-
-    Parameters
-    ----------
-    corners : (f, 3, 3) float64
-        Of the new faces.
-    triangles : (f, 3, 3) float64
-        The old face that each one resembles.
-    coordinates : (f, 3, 2) float64
-        Texture coordinates at its corners.
-
-    Returns
-    -------
-    (f, 3, 2) float64
 
     Examples
     --------

@@ -66,13 +66,7 @@ class CurrentMesh:
     face_selection: BoolArray
 
     def selected_vertices(self) -> BoolArray:
-        """Selected vertices or, if there is none, the vertices of the selected faces; shape (n,).
-
-        Raises
-        ------
-        BezierFilterError
-            If nothing is selected.
-        """
+        """Selected vertices or, if there is none, the vertices of the selected faces; (n,), never none."""
         if self.vertex_selection.any():
             return self.vertex_selection
         if not self.face_selection.any():
@@ -86,13 +80,7 @@ class CurrentMesh:
 
 
 def current_mesh(ms: MeshSet) -> Mesh:
-    """Return the current mesh of a MeshSet: a live reference, valid until layers change.
-
-    Raises
-    ------
-    BezierFilterError
-        If there is no current mesh.
-    """
+    """Return the current mesh of a MeshSet: a live reference, valid until layers change."""
     if not isinstance(ms, pymeshlab.MeshSet):
         raise BezierFilterError(f"ms: got {type(ms).__name__}, expected a pymeshlab.MeshSet")
     try:
@@ -102,13 +90,7 @@ def current_mesh(ms: MeshSet) -> Mesh:
 
 
 def read_current_mesh(ms: MeshSet) -> CurrentMesh:
-    """Copy the arrays of the current mesh, which may be a point cloud.
-
-    Raises
-    ------
-    BezierFilterError
-        If there is no current mesh, or it has no vertices.
-    """
+    """Copy the arrays of the current mesh, which may be a point cloud."""
     mesh = current_mesh(ms)
     if not mesh.is_compact():
         mesh.compact()
@@ -125,13 +107,7 @@ def read_current_mesh(ms: MeshSet) -> CurrentMesh:
 
 
 def check_unchanged(ms: MeshSet, mesh: CurrentMesh) -> None:
-    """Refuse to write to another mesh than the one that was read: callbacks and threads can change it.
-
-    Raises
-    ------
-    BezierFilterError
-        If another mesh is the current one, or it has other vertices or faces than before.
-    """
+    """Refuse to write to another mesh than the one that was read: callbacks and threads can change it."""
     now = current_mesh(ms)
     same = (now.id(), now.vertex_number(), now.face_number()) == (mesh.id, len(mesh.vertices), len(mesh.faces))
     # NaN compares as equal: whether that is refused is for others to say.
@@ -141,20 +117,6 @@ def check_unchanged(ms: MeshSet, mesh: CurrentMesh) -> None:
 
 def absolute_length(length: Length | None, vertices: FloatArray, name: str) -> float | None:
     """A length that may be a percentage of the diagonal of the bounding box, as in pymeshlab.
-
-    Parameters
-    ----------
-    length : pymeshlab.PercentageValue, pymeshlab.PureValue or float, optional
-        The length; anything else is returned as it is.
-    vertices : (n, 3) float64
-        Coordinates that the box encloses, at least one.
-    name : str
-        Of the parameter, for messages.
-
-    Raises
-    ------
-    BezierFilterError
-        If the length is text.
 
     Examples
     --------
@@ -191,21 +153,8 @@ def former_filter_names() -> dict[str, str]:
 def topological_measures(vertices: FloatArray, faces: IntArray) -> Report:
     """What pymeshlab's ``get_topological_measures`` says of a mesh given as arrays.
 
-    On a MeshSet that filter clears the selection, so it runs on a MeshSet of its own.
-
-    Parameters
-    ----------
-    vertices : (n, 3) float64
-        Coordinates.
-    faces : (m, 3) int32
-        Triangles.
-
-    Returns
-    -------
-    dict
-        pymeshlab's entries, among them ``boundary_edges``, ``connected_components_number``, ``genus``,
-        ``is_mesh_two_manifold``, ``number_holes`` and ``unreferenced_vertices``. Genus and number of
-        holes are -1 where non-manifold parts leave them undefined; the rim of an open sheet is a hole.
+    On a MeshSet that filter clears the selection, so it runs on a MeshSet of its own. Genus and number of
+    holes are -1 where non-manifold parts leave them undefined; the rim of an open sheet is a hole.
     """
     with one_at_a_time():
         scratch = MeshSet()

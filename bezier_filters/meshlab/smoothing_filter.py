@@ -3,13 +3,12 @@
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, Report
-from bezier_filters.fields import SMOOTH, column_names, columns, qualities
-from bezier_filters.meshlab.filter_run import Computed, Output, choose_field, run_filter
+from bezier_filters.fields import SMOOTH, columns
+from bezier_filters.meshlab.filter_run import Computed, Output, run_filter
 from bezier_filters.meshlab.meshset import BezierFilterError, CurrentMesh, Length, MeshSet, absolute_length
 from bezier_filters.parameters import documented
 from bezier_filters.runtime.parallel import Progress
-from bezier_filters.smoothing.smooth import smooth
-from bezier_filters.smoothing.smoothing_options import SmoothedBorders, SmoothingMethod
+from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, smooth
 from bezier_filters.smoothing.smoothing_result import SmoothingResult
 
 
@@ -38,31 +37,17 @@ def apply_coord_bezier_patch_smoothing(
     By default nothing is to be chosen: the noise is learned from the mesh, and what has none stays as it
     is; round parts are smoothed like a scan, edges and corners are kept sharp. See `bezier_filters.smooth`.
 
-    The vertices move, and vertex and face normals are those of the new faces.
-
-    bz_* columns
-        How far each vertex moved, and where edges were kept; see `FIELDS`.
-
-    Attributes of other filters, such as ``bz_k_min``, stay as they are and describe the mesh before. Nothing else
-    in the MeshSet changes: not its selections, colours (unless asked for), textures or filter script; the id of the
-    next new layer skips one.
-
-    Coordinates are used as stored, like in pymeshlab's own filters: the transform matrix is ignored.
+    The vertices move, and vertex and face normals are those of the new faces. Attributes of other filters, such as
+    ``bz_k_min``, stay as they are and describe the mesh before. Besides its own attributes the filter changes nothing
+    else in the MeshSet: not the selections, colours (unless asked for), textures or filter script; the id of the next
+    new layer skips one.
 
     Parameters
     ----------
     ms : pymeshlab.MeshSet
         Its current mesh must have faces.
-    method, iterations, noise, borders, keepvolume, rings, alpha
-        How the mesh is smoothed; see `SMOOTHING`.
-    quality
-        What the vertex quality becomes; see `QUALITY`.
     onselected : bool
         Only selected vertices move, or, if there are none, the vertices of the selected faces.
-    color, colormap, percentile, colorrange
-        How the vertices are coloured; see `COLORS`.
-    threads, progress
-        How the filter runs; see `RUN`.
 
     Returns
     -------
@@ -74,11 +59,6 @@ def apply_coord_bezier_patch_smoothing(
         ``attributes`` (names written), ``quality``, ``unit``, ``statistics`` (min, median, max and mean of
         the quality), ``seconds`` (read, fit, write, color) and, if coloured, ``color_range`` and
         ``colormap``. It can be written as JSON.
-
-    Raises
-    ------
-    BezierFilterError, CancelledError
-        If it refuses or is stopped; see `ERRORS`.
 
     Examples
     --------
@@ -115,9 +95,7 @@ def apply_coord_bezier_patch_smoothing(
         )
         return Computed(columns(SMOOTH, result), mask, _report(mesh, result), vertices=result.vertices)
 
-    field = choose_field(quality, qualities(SMOOTH))
-    output = Output(field, onselected, color, colormap, percentile, colorrange)
-    return run_filter(ms, column_names(SMOOTH), work, output)
+    return run_filter(ms, SMOOTH, work, Output(quality, onselected, color, colormap, percentile, colorrange))
 
 
 def _report(mesh: CurrentMesh, result: SmoothingResult) -> Report:

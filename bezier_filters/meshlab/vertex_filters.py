@@ -1,8 +1,8 @@
 """The filters that write the geometry of vertices into a MeshSet: normals, curvature and torsion by Bezier patches.
 
 Like the other filters they follow pymeshlab's manner: named ``verb_what_by_how_per_element``, keyword arguments, in
-place on the current mesh, a dict as result. Where their docstrings say "see `FIT`", the tables in `fields` and
-`parameters` have the text, and `documented` puts it there.
+place on the current mesh, a dict as result. What their docstrings do not say, the tables in `fields` and `parameters`
+do; `documented` puts it there.
 """
 
 from dataclasses import asdict, dataclass
@@ -13,8 +13,8 @@ from bezier_filters.arrays import BoolArray, FloatArray, Report
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.fit_options import Automatic
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
-from bezier_filters.fields import CURVATURE, NORMALS, PREFIX, TORSION, column_names, columns, qualities
-from bezier_filters.meshlab.filter_run import Computed, Output, choose_field, run_filter
+from bezier_filters.fields import CURVATURE, NORMALS, PREFIX, TORSION, columns
+from bezier_filters.meshlab.filter_run import Computed, Output, run_filter
 from bezier_filters.meshlab.meshset import CurrentMesh, Length, MeshSet, absolute_length
 from bezier_filters.parameters import documented
 from bezier_filters.patches.smoothness import Smoothness
@@ -60,42 +60,6 @@ def compute_normal_by_bezier_patch_per_vertex(
     The normals have unit length and point to the side from which the faces are counter-clockwise, or
     in a point cloud to that of the previous normals. Vertices where nothing could be fitted keep theirs.
 
-    bz_* columns
-        Normals, their standard errors and how the fits went are kept; see `FIELDS`.
-
-    Where there is no estimate, columns hold 0. Nothing else in the MeshSet changes: not its
-    selections, colours (unless asked for), textures, other attributes or filter script. Running it again
-    overwrites the columns and leaves an attribute ``outlierScore`` of zeros.
-
-    Coordinates are used as stored, like in pymeshlab's own filters: the transform matrix is ignored.
-
-    Parameters
-    ----------
-    ms : pymeshlab.MeshSet
-        Its current mesh may be a point cloud, whose vertex normals tell the outside where they are
-        not zero (see `estimate_vertex_geometry`).
-    rings, radius, alpha, degree, smoothness, robust
-        How the patches are fitted; see `FIT`.
-    quality
-        What the vertex quality becomes; see `QUALITY`.
-    onselected : bool
-        Only selected vertices get new normals, quality and columns; if there are none, the vertices of
-        the selected faces. The others keep theirs, or get 0 where a column or the quality is new.
-    color, colormap, percentile, colorrange
-        How the vertices are coloured; see `COLORS`.
-    threads, progress
-        How the filter runs; see `RUN`.
-
-    Returns
-    -------
-    dict
-        What was fitted and written; see `ESTIMATE`.
-
-    Raises
-    ------
-    BezierFilterError, CancelledError
-        If it refuses or is stopped; see `ERRORS`.
-
     Examples
     --------
     >>> from pymeshlab import MeshSet
@@ -108,8 +72,7 @@ def compute_normal_by_bezier_patch_per_vertex(
     True
     """
     fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, threads, progress)
-    field = choose_field(quality, qualities(NORMALS))
-    return _run(ms, NORMALS, fit, Output(field, onselected, color, colormap, percentile, colorrange))
+    return _run(ms, NORMALS, fit, Output(quality, onselected, color, colormap, percentile, colorrange))
 
 
 @documented(CURVATURE)
@@ -136,42 +99,6 @@ def compute_curvature_by_bezier_patch_per_vertex(
     Curvatures are positive on a convex body with outward normals, as in pymeshlab, and have the unit
     1/length; the Gaussian curvature has 1/length^2.
 
-    bz_* columns
-        Every curvature, its directions and how the fits went are kept; see `FIELDS`.
-
-    Where there is no estimate, columns hold 0. Nothing else in the MeshSet changes: not its normals,
-    selections, colours (unless asked for), textures, other attributes or filter script. Running it again
-    overwrites the columns and leaves an attribute ``outlierScore`` of zeros.
-
-    Coordinates are used as stored, like in pymeshlab's own filters: the transform matrix is ignored.
-
-    Parameters
-    ----------
-    ms : pymeshlab.MeshSet
-        Its current mesh may be a point cloud, whose vertex normals tell the outside where they are
-        not zero (see `estimate_vertex_geometry`).
-    rings, radius, alpha, degree, smoothness, robust
-        How the patches are fitted; see `FIT`.
-    quality
-        What the vertex quality becomes; see `QUALITY`.
-    onselected : bool
-        Only selected vertices get new quality and columns; if there are none, the vertices of the
-        selected faces. The others keep theirs, or get 0 where a column or the quality is new.
-    color, colormap, percentile, colorrange
-        How the vertices are coloured; see `COLORS`.
-    threads, progress
-        How the filter runs; see `RUN`.
-
-    Returns
-    -------
-    dict
-        What was fitted and written; see `ESTIMATE`.
-
-    Raises
-    ------
-    BezierFilterError, CancelledError
-        If it refuses or is stopped; see `ERRORS`.
-
     Examples
     --------
     >>> from pymeshlab import MeshSet
@@ -184,8 +111,7 @@ def compute_curvature_by_bezier_patch_per_vertex(
     True
     """
     fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, threads, progress)
-    field = choose_field(quality, qualities(CURVATURE))
-    return _run(ms, CURVATURE, fit, Output(field, onselected, color, colormap, percentile, colorrange))
+    return _run(ms, CURVATURE, fit, Output(quality, onselected, color, colormap, percentile, colorrange))
 
 
 @documented(TORSION)
@@ -212,40 +138,6 @@ def compute_torsion_by_bezier_patch_per_vertex(
     of the geodesics through a vertex; -t_max is the smallest. They are reached along the two bisectors
     of the principal directions.
 
-    bz_* columns
-        The torsion, its directions and how the fits went are kept; see `FIELDS`.
-
-    Where there is no estimate, columns hold 0. Nothing else in the MeshSet changes: not its normals,
-    selections, colours (unless asked for), textures, other attributes or filter script. Running it again
-    overwrites the columns and leaves an attribute ``outlierScore`` of zeros.
-
-    Coordinates are used as stored, like in pymeshlab's own filters: the transform matrix is ignored.
-
-    Parameters
-    ----------
-    ms : pymeshlab.MeshSet
-        Its current mesh may be a point cloud, whose vertex normals tell the outside where they are
-        not zero (see `estimate_vertex_geometry`).
-    rings, radius, alpha, degree, smoothness, robust
-        How the patches are fitted; see `FIT`.
-    onselected : bool
-        Only selected vertices get new quality and columns; if there are none, the vertices of the
-        selected faces. The others keep theirs, or get 0 where a column or the quality is new.
-    color, colormap, percentile, colorrange
-        How the vertices are coloured; see `COLORS`.
-    threads, progress
-        How the filter runs; see `RUN`.
-
-    Returns
-    -------
-    dict
-        What was fitted and written; see `ESTIMATE`.
-
-    Raises
-    ------
-    BezierFilterError, CancelledError
-        If it refuses or is stopped; see `ERRORS`.
-
     Examples
     --------
     >>> from pymeshlab import MeshSet
@@ -256,8 +148,7 @@ def compute_torsion_by_bezier_patch_per_vertex(
     True
     """
     fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, threads, progress)
-    (field,) = qualities(TORSION).values()
-    return _run(ms, TORSION, fit, Output(field, onselected, color, colormap, percentile, colorrange))
+    return _run(ms, TORSION, fit, Output("torsion", onselected, color, colormap, percentile, colorrange))
 
 
 def _run(ms: MeshSet, name: str, fit: FitArguments, output: Output) -> Report:
@@ -277,7 +168,7 @@ def _run(ms: MeshSet, name: str, fit: FitArguments, output: Output) -> Report:
         report = {"status": geometry.status_counts(), "fit": asdict(geometry.fit) | {"parts": parts}}
         return Computed(found, geometry.status <= worst, report, normals=normals)
 
-    return run_filter(ms, column_names(name), work, output)
+    return run_filter(ms, name, work, output)
 
 
 def fit_mesh(mesh: CurrentMesh, mask: BoolArray, fit: FitArguments) -> VertexGeometry:

@@ -32,22 +32,7 @@ class DemoStep:
 
 
 def run_demo(folder: Path, mesh: Path | None = None, *, size: tuple[int, int] = (480, 480)) -> Iterator[DemoStep]:
-    """Write the files of the demonstration one by one; the picture comes with the last step.
-
-    Parameters
-    ----------
-    folder : Path
-        Where the files go; made if it does not exist.
-    mesh : Path, optional
-        Any mesh file; by default the bunny that pymeshlab ships.
-    size : (int, int)
-        Width and height of one image of the picture in pixels.
-
-    Yields
-    ------
-    DemoStep
-        After each PLY file.
-    """
+    """Write the files of the demonstration one by one, of the bunny by default; the picture comes with the last."""
     mesh = mesh or shipped_bunny()
     folder.mkdir(parents=True, exist_ok=True)
     panels = []

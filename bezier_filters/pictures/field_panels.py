@@ -1,7 +1,7 @@
 """Panels of what there is to show: the fields that mesh files carry, with their names and units, and creases."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.display.colors import color_range, round_limits
 from bezier_filters.errors import FieldFileError, InvalidParameterError
 from bezier_filters.feature_lines.crease_lines import COLORS, Creases
-from bezier_filters.fields import FIELDS, PREFIX
+from bezier_filters.fields import FIELDS, PREFIX, Field
 from bezier_filters.files.field_files import read_fields
 from bezier_filters.meshlab.mesh_files import load_mesh
 from bezier_filters.meshlab.meshset import current_mesh
@@ -23,16 +23,6 @@ _KNOWN = {field.column: field for field in FIELDS}
 _GREY = 0.75
 _GREY_BELOW_LINES = 0.85
 _SIDES = 12  # of tubes
-
-
-@dataclass(frozen=True)
-class ShownField:
-    """A field of a file: its values (n,), and what a legend says of it."""
-
-    values: FloatArray
-    label: str
-    unit: str
-    signed: bool
 
 
 @dataclass(frozen=True)
@@ -57,8 +47,8 @@ class MeshFile:
     columns: dict[str, FloatArray]
     colors: FloatArray | None
 
-    def field(self, name: str) -> ShownField | None:
-        """Field of a name, or None. A quality that equals a column of ours has the label and unit of that."""
+    def field(self, name: str) -> Field | None:
+        """What a legend says of a field, None if it is not there. A quality that equals a column of ours is that."""
         if name not in self.columns:
             return None
         values = self.columns[name]
@@ -67,9 +57,9 @@ class MeshFile:
             same = (key for key, column in self.columns.items() if key in _KNOWN and np.array_equal(column, values))
             known = next((_KNOWN[key] for key in same), None)
         if known is not None:
-            return ShownField(values, known.label, known.unit or NO_UNIT, known.signed)
-        signed = bool(values.min() < 0 < values.max())
-        return ShownField(values, name.removeprefix(PREFIX).replace("_", " "), "unit unknown", signed)
+            return replace(known, unit=known.unit or NO_UNIT)
+        label = name.removeprefix(PREFIX).replace("_", " ")
+        return Field(name, label, "unit unknown", (), signed=bool(values.min() < 0 < values.max()))
 
     def names(self) -> list[str]:
         """What can be shown."""
@@ -77,13 +67,7 @@ class MeshFile:
 
 
 def read_mesh_file(path: Path) -> MeshFile:
-    """Read a mesh with its fields.
-
-    Raises
-    ------
-    BezierFilterError
-        If the file cannot be read.
-    """
+    """Read a mesh with its fields."""
     ms = load_mesh(path)
     mesh = current_mesh(ms)
     vertices = np.array(mesh.vertex_matrix(), dtype=np.float64)
@@ -117,9 +101,9 @@ def field_limits(
     """Colour range of a field, the same for all files."""
     if limits is not None:
         return limits
-    fields = [field for file in files if (field := file.field(name)) is not None]
-    values = np.concatenate([field.values for field in fields])
-    return round_limits(*color_range(values, signed=fields[0].signed, percentile=percentile))
+    values = np.concatenate([file.columns[name] for file in files if name in file.columns])
+    signed = next(field.signed for file in files if (field := file.field(name)) is not None)
+    return round_limits(*color_range(values, signed=signed, percentile=percentile))
 
 
 def field_panels(
@@ -131,27 +115,9 @@ def field_panels(
     limits: tuple[float, float] | None = None,
     histogram: bool = False,
 ) -> list[Panel]:
-    """One panel per file of a field with the same colours; files without it show their shape.
+    """One panel per file of a field with the same colours; files without it show their shape, every face in grey.
 
-    Parameters
-    ----------
-    files : sequence of MeshFile
-        What is shown.
-    name : str
-        ``quality``, a ``bz_*`` column, ``color``, or ``shape``: every face in grey.
-    colormap : str
-        As for `Panel`.
-    percentile : float
-        Percentage of the values that may lie beyond each end of the colours.
-    limits : (float, float), optional
-        Ends of the colours, instead.
-    histogram : bool
-        Whether the colour bar has a histogram of the values above it.
-
-    Raises
-    ------
-    InvalidParameterError
-        If no file has such a field; the message lists those that there are.
+    A field is ``quality``, a ``bz_*`` column, ``color`` or ``shape``; one that no file has is refused.
     """
     check_field(files, name)
     if any(name in file.columns for file in files):
@@ -164,7 +130,7 @@ def field_panels(
                 Panel(
                     file.vertices,
                     file.faces,
-                    field.values,
+                    file.columns[name],
                     label=field.label,
                     unit=field.unit,
                     colormap=colormap,

@@ -150,13 +150,7 @@ def _checked(
 
 
 def check_picture(path: str | os.PathLike[str]) -> None:
-    """Refuse a file name that does not end in .png: that of a mesh would be lost.
-
-    Raises
-    ------
-    InvalidParameterError
-        With what it should be.
-    """
+    """Refuse a file name that does not end in .png: that of a mesh would be lost."""
     if Path(path).suffix.lower() != ".png":
         raise InvalidParameterError(f"picture: got {str(path)!r}, expected a file name that ends in .png")
 

@@ -213,21 +213,7 @@ def view_of(panel: Panel, axes: FloatArray) -> View:
 def draw(panel: Panel, views: Sequence[View], *, scale: float, background: str) -> list[Image]:
     """Draw a panel from several sides with parallel projection, without title and colour bar.
 
-    Parameters
-    ----------
-    panel : Panel
-        What is drawn.
-    views : sequence of View
-        From where.
-    scale : float
-        Pixels per unit of length.
-    background : str
-        Colour behind the mesh.
-
-    Returns
-    -------
-    list of (height, width, 3) uint8
-        One image per view, as large as the mesh and a margin of `MARGIN` pixels.
+    The scale is in pixels per unit of length; every image is as large as the mesh and a margin of `MARGIN` pixels.
     """
     import pyvista
 
@@ -310,13 +296,7 @@ def _photograph(plotter: Any, view: View, center: FloatArray, scale: float) -> I
 
 
 def check_display() -> None:
-    """Refuse to open a window where there is no display.
-
-    Raises
-    ------
-    RenderingUnavailableError
-        With the remedy: `render` writes a picture.
-    """
+    """Refuse to open a window where there is no display."""
     if sys.platform in ("win32", "darwin") or os.environ.get("WAYLAND_DISPLAY"):
         return
     display = os.environ.get("DISPLAY")
@@ -335,22 +315,7 @@ def check_display() -> None:
 
 
 def show_panels(panels: Sequence[Panel], *, columns: int | None = None, up: str = "auto") -> None:
-    """Open a window with the panels side by side, which turn together, until it is closed.
-
-    Parameters
-    ----------
-    panels : sequence of Panel
-        What is shown.
-    columns : int, optional
-        Panels in a row; by default all.
-    up : str
-        Axis that points up, as for `render_panels`.
-
-    Raises
-    ------
-    RenderingUnavailableError
-        If there is no display, or pyvista or matplotlib is missing.
-    """
+    """Open a window with the panels side by side, which turn together, until it is closed."""
     require_libraries()
     check_display()
     window(panels, columns=columns, up=up).show()

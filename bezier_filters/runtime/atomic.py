@@ -21,26 +21,8 @@ def atomic_write(path: str | os.PathLike[str], *, lasting: bool = True) -> Itera
     file gets the usual permissions (umask), a replaced one keeps its own, and a symbolic link
     stays a link.
 
-    Writers that name further files after the first one (OBJ and its MTL) are not covered.
-
-    Parameters
-    ----------
-    path : path
-        File to write or replace.
-    lasting : bool
-        Whether to wait until the file is on the disk, so that it will be there after a power cut, too.
-
-    Yields
-    ------
-    Path
-        Path to write to; there is no file yet.
-
-    Raises
-    ------
-    FileNotFoundError
-        The directory of `path` does not exist, or the block wrote no file.
-    OSError
-        `path` exists and is not a regular file, or the disk became full.
+    Writers that name further files after the first one (OBJ and its MTL) are not covered. What is `lasting` is on the
+    disk at the end, and will be there after a power cut, too.
 
     Examples
     --------

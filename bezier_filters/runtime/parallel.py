@@ -24,13 +24,7 @@ CHUNK = 4096
 
 
 def thread_count(threads: int | None) -> int:
-    """Threads to use: the argument, else BEZIER_FILTERS_THREADS, else all usable cores.
-
-    Raises
-    ------
-    InvalidParameterError
-        If the argument or the variable is not a positive integer.
-    """
+    """Threads to use: the argument, else BEZIER_FILTERS_THREADS, else all usable cores."""
     if threads is None:
         text = os.environ.get(THREADS_VARIABLE)
         if text is None:
@@ -63,25 +57,10 @@ def run_in_chunks(
     progress: Progress | None = None,
     chunk: int | None = None,
 ) -> None:
-    """Cover range(total) with chunks.
+    """Cover range(total) with chunks, long enough to hide the call, short enough to share and to cancel.
 
-    Parameters
-    ----------
-    make_task : callable
-        Called once per thread; the task it returns may own work space.
-    total : int
-        Length of the range.
-    threads : int
-        Number of threads, of which the calling one is the first.
-    progress : callable, optional
-        Called in the calling thread after each of its chunks.
-    chunk : int, optional
-        Length of a chunk: long enough to hide the call, short enough to share and to cancel; `CHUNK` by default.
-
-    Raises
-    ------
-    CancelledError
-        If `progress` returned False. Chunks under way are finished first.
+    `make_task` is called once per thread, the calling one being the first: a task may own work space. The progress is
+    told in the calling thread after each of its chunks; if that cancels, chunks under way are finished first.
     """
     chunk = chunk or CHUNK
     starts = iter(range(0, total, chunk))  # next() on an iterator of ints is atomic: the threads share it

@@ -107,21 +107,8 @@ def run_supervised(code: str, *arguments: str) -> tuple[int, str]:
     """Run code, which calls `serve`, in a child process; return its exit status and why it failed.
 
     Interrupts and requests to end are passed on. The first one ends the work in order, so that temporary files go
-    away; later ones do not disturb that. If this process is killed, the child ends, too.
-
-    Parameters
-    ----------
-    code : str
-        Python code.
-    *arguments : str
-        What it finds in ``sys.argv``.
-
-    Returns
-    -------
-    status : int
-        0, or `FAILED` if there is a reason, or what SystemExit said.
-    reason : str
-        In one line; the caller prints it, because a process that a bad file was read in may not be able to.
+    away; later ones do not disturb that. If this process is killed, the child ends, too. The caller prints the reason,
+    a line, because a process that a bad file was read in may not be able to; the status is `FAILED` then.
     """
     reading, writing = os.pipe()
     # Signals wait until both processes are ready for them; the child begins with this mask.
@@ -187,13 +174,7 @@ def crash_message(status: int, activity: str = "") -> str:
 
 
 def serve(work: Callable[[], str]) -> None:
-    """Do the work of a child process, and end it.
-
-    Parameters
-    ----------
-    work : callable
-        Returns why it failed, or "". It may end with SystemExit, too.
-    """
+    """Do the work of a child process, which returns why it failed, or "", and end that process."""
     global _notes
     _notes = os.dup(0)  # which processes that this one starts do not get
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)

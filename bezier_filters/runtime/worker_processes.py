@@ -23,17 +23,7 @@ _PATIENCE = 10.0
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a job.
-
-    Attributes
-    ----------
-    result : Any
-        What the function returned, or None.
-    error : str
-        Why it failed, in one line, or "".
-    seconds : float
-        How long it took.
-    """
+    """What became of a job: what the function returned or, in one line, why it failed."""
 
     result: Any
     error: str
@@ -45,24 +35,11 @@ def run_in_processes(
 ) -> Generator[tuple[int, Outcome], None, None]:
     """Call a function for every job, each in one of a few processes.
 
+    It is found by its name in a module, and jobs and results go through pipes. BEZIER_FILTERS_THREADS comes before the
+    threads of each worker. Outcomes come as they finish, after the index of the job.
+
     A worker that dies, for example because a library aborts on a damaged file, is replaced. When the iterator is
     closed or an exception such as KeyboardInterrupt goes through it, the workers are ended.
-
-    Parameters
-    ----------
-    function : callable
-        Found by its name in a module; its jobs and results go through pipes.
-    jobs : sequence
-        What it is called with.
-    processes : int
-        Most workers at a time.
-    threads : int
-        That each worker may use, unless BEZIER_FILTERS_THREADS says otherwise.
-
-    Yields
-    ------
-    int, Outcome
-        Index of a job and what became of it, as they finish.
 
     Examples
     --------

@@ -4,8 +4,8 @@
 `smooth_file` those of `bezier_filters.smooth`.
 """
 
-from bezier_filters.scale.disk_estimation import estimate_file
-from bezier_filters.scale.disk_smoothing import smooth_file
-from bezier_filters.scale.sampling import FitOptions
+from bezier_filters.scale.estimate import estimate_file
+from bezier_filters.scale.learn import FitOptions
+from bezier_filters.scale.smooth import smooth_file
 
 __all__ = ["FitOptions", "estimate_file", "smooth_file"]

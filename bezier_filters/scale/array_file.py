@@ -7,12 +7,16 @@ workers are ended when they use more than they were given.
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from bezier_filters.errors import FieldFileError
+
+Values: TypeAlias = NDArray[Any]
+"""Rows of a table: (k,) if there is one column, else (k, columns)."""
+DType: TypeAlias = np.dtype[Any]
 
 
 @dataclass(frozen=True)
@@ -34,7 +38,7 @@ class ArrayFile:
     """
 
     path: Path
-    dtype: np.dtype[Any]
+    dtype: DType
     columns: int
     rows: int
     offset: int = 0
@@ -44,8 +48,8 @@ class ArrayFile:
         """Bytes of a row."""
         return self.dtype.itemsize * self.columns
 
-    def read(self, start: int, stop: int) -> NDArray[Any]:
-        """Rows start .. stop-1, (k,) if there is one column, else (k, columns).
+    def read(self, start: int, stop: int) -> Values:
+        """Rows start .. stop-1.
 
         Raises
         ------
@@ -58,10 +62,16 @@ class ArrayFile:
             raise FieldFileError(f"{self.path} is cut short: row {stop - 1} is not there")
         return found if self.columns == 1 else found.reshape(-1, self.columns)
 
-    def mapped(self, mode: Any = "r") -> Any:
+    def mapped(self, mode: Literal["r", "r+"] = "r") -> Values:
         """The whole table as a memory map, to be dropped soon."""
         shape = (self.rows,) if self.columns == 1 else (self.rows, self.columns)
         return np.memmap(self.path, self.dtype, mode, self.offset, shape)
+
+
+def saved_array(path: Path, values: Values) -> ArrayFile:
+    """Write a table (k, columns) or (k,) to a file."""
+    values.tofile(path)
+    return ArrayFile(path, values.dtype, 1 if values.ndim == 1 else values.shape[1], len(values))
 
 
 def new_array_file(path: Path, dtype: DTypeLike, columns: int, rows: int) -> ArrayFile:

@@ -32,10 +32,10 @@ def run_on_scheduler(
         Index of a job and what became of it, as they finish.
     """
     with running(scheduler, workers=workers, memory_limit=None) as cluster:
-        yield from run_tasks(cluster.ready(), run_command_line, None, list(enumerate(jobs)), workers=workers)
+        yield from run_tasks(cluster.ready(), run_command_line, list(enumerate(jobs)), workers=workers)
 
 
-def run_command_line(_: None, job: tuple[int, Sequence[str]]) -> tuple[int, Outcome]:
+def run_command_line(job: tuple[int, Sequence[str]]) -> tuple[int, Outcome]:
     """What a worker does: a library that aborts on a damaged file, or prints, does it elsewhere."""
     index, arguments = job
     start = time.perf_counter()

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.runtime.lean import lean_njit
+from bezier_filters.runtime.jit import jit
 from bezier_filters.scale.store import Store
 
-FAR = np.uint8(255)
-"""Layer of what was not reached."""
+FAR = 2**31 - 1
+"""Ring of what was not reached: no number of rings comes near it."""
 GROUP = 16
 """Vertices whose surroundings are read together, so that few blocks are held."""
 
@@ -30,28 +30,46 @@ class Part:
         The part.
     keys : (m,) int64
         What the faces are sorted by: the cell of the first corner, then the number in the source.
+    cut : (k,) bool
+        Vertices in the last ring, of which faces may be missing.
     """
 
     ids: IntArray
     mesh: TriangleMesh
     keys: NDArray[np.int64]
+    cut: BoolArray
 
     def local(self, ids: IntArray) -> IntArray:
         """Numbers in the part of vertices of the store that it has."""
         return np.searchsorted(self.ids, ids).astype(np.int32)
 
 
-def part_around(store: Store, seeds: IntArray, rings: int) -> Part:
-    """Some vertices and what lies within some rings, with all faces at the vertices within one ring less.
+@dataclass(frozen=True)
+class TilePart:
+    """A tile with some rings around it: see `Part`; `own` is where the vertices of the tile are."""
 
-    Parameters
-    ----------
-    store : Store
-    seeds : (k,) int32
-        The vertices.
-    rings : int
-        At least 1.
-    """
+    ids: IntArray
+    mesh: TriangleMesh
+    cut: BoolArray
+    own: slice
+
+    def faces_of_tile(self) -> BoolArray:
+        """Faces whose first corner belongs to the tile, (m,): every face of a mesh belongs to one tile."""
+        first = self.mesh.faces[:, 0]
+        result: BoolArray = (first >= self.own.start) & (first < self.own.stop)
+        return result
+
+
+def tile_part(store: Store, tile: int, rings: int) -> TilePart:
+    """See `part_around`."""
+    start, stop = store.layout.tile(tile)
+    part = part_around(store, np.arange(start, stop, dtype=np.int32), rings)
+    first = int(np.searchsorted(part.ids, start))
+    return TilePart(part.ids, part.mesh, part.cut, slice(first, first + stop - start))
+
+
+def part_around(store: Store, seeds: IntArray, rings: int) -> Part:
+    """Some vertices (k,) and what lies within some rings, with all faces at the vertices within one ring less."""
     loaded = _Loaded(store)
     loaded.load(np.unique(seeds >> loaded.bits), with_faces=True)
     loaded.layers[loaded.places(seeds)] = 0
@@ -67,11 +85,20 @@ def part_around_samples(store: Store, samples: IntArray, rings: int, *, threads:
     """The same for vertices from all over the mesh, which are read some at a time."""
     if not len(samples):
         nothing = TriangleMesh(np.empty((0, 3)), np.empty((0, 3), dtype=np.int32))
-        return Part(np.empty(0, dtype=np.int32), nothing, np.empty(0, dtype=np.int64))
+        return Part(np.empty(0, dtype=np.int32), nothing, np.empty(0, dtype=np.int64), np.empty(0, dtype=np.bool_))
     samples = np.sort(samples)
     groups = [samples[k : k + GROUP] for k in range(0, len(samples), GROUP)]
     with ThreadPoolExecutor(threads) as pool:
         return _together(list(pool.map(lambda group: part_around(store, group, rings), groups)))
+
+
+def in_source_order(store: Store, part: Part) -> tuple[IntArray, TriangleMesh]:
+    """A part with its vertices and faces in the order of the source, and which vertices of the store they are."""
+    order = np.argsort(store.sources(part.ids)).astype(np.int32)
+    number = np.empty_like(order)
+    number[order] = np.arange(len(order), dtype=np.int32)
+    of_faces = np.argsort(part.keys & 0xFFFFFFFF)
+    return part.ids[order], TriangleMesh(part.mesh.vertices[order], number[part.mesh.faces[of_faces]])
 
 
 def _together(parts: Sequence[Part]) -> Part:
@@ -80,7 +107,10 @@ def _together(parts: Sequence[Part]) -> Part:
     keys, first_face = np.unique(np.concatenate([part.keys for part in parts]), return_index=True)
     vertices = np.concatenate([part.mesh.vertices for part in parts])[first]
     faces = np.concatenate([part.ids[part.mesh.faces] for part in parts])[first_face]
-    return Part(ids, TriangleMesh(vertices, np.searchsorted(ids, faces).astype(np.int32)), keys)
+    cut = np.ones(len(ids), dtype=np.bool_)
+    for part in parts:
+        cut[np.searchsorted(ids, part.ids[~part.cut])] = False
+    return Part(ids, TriangleMesh(vertices, np.searchsorted(ids, faces).astype(np.int32)), keys, cut)
 
 
 class _Loaded:
@@ -92,7 +122,7 @@ class _Loaded:
         self.count = 0
         self.ptr = store.face_ptr()
         self.vertices: FloatArray = np.empty((0, 3))
-        self.layers: NDArray[np.uint8] = np.empty(0, dtype=np.uint8)
+        self.layers: IntArray = np.empty(0, dtype=np.int32)
         self.faces: IntArray = np.empty((0, 4), dtype=np.int32)
         self.active: IntArray = np.empty(0, dtype=np.int32)  # faces that may still lead on
 
@@ -116,7 +146,7 @@ class _Loaded:
                 faces.append(self.store.faces(int(self.ptr[run[0]]), int(self.ptr[run[-1] + 1])))
         before = len(self.faces)
         self.vertices, self.faces = np.concatenate(vertices), np.concatenate(faces)
-        self.layers = np.append(self.layers, np.full(len(blocks) * size, FAR))
+        self.layers = np.append(self.layers, np.full(len(blocks) * size, FAR, dtype=np.int32))
         self.active = np.append(self.active, np.arange(before, len(self.faces), dtype=np.int32))
 
     def grow(self, k: int) -> IntArray:
@@ -131,9 +161,10 @@ class _Loaded:
         size = 1 << self.bits
         blocks = np.flatnonzero(self.slots >= 0)
         places = ((self.slots[blocks] << self.bits)[:, np.newaxis] + np.arange(size, dtype=np.int32)).ravel()
+        cut = self.layers[places] == rings
         ids = ((blocks << self.bits)[:, np.newaxis] + np.arange(size)).ravel()
         reached = self.layers[places] != FAR
-        places, ids = places[reached], ids[reached].astype(np.int32)
+        places, ids, cut = places[reached], ids[reached].astype(np.int32), cut[reached]
         numbers = np.full(len(self.layers), -1, dtype=np.int32)
         numbers[places] = np.arange(len(places), dtype=np.int32)
         vertices = self.vertices[places]
@@ -146,19 +177,19 @@ class _Loaded:
         is_first = np.ones(count, dtype=np.bool_)  # faces of several blocks come several times
         is_first[1:] = np.diff(keys[order]) > 0
         order = order[is_first]
-        return Part(ids, TriangleMesh(vertices, faces[order]), keys[order])
+        return Part(ids, TriangleMesh(vertices, faces[order]), keys[order], cut)
 
 
-@lean_njit()
-def _layer(bits: int, slots: IntArray, layers: NDArray[np.uint8], i: int) -> int:
-    """Layer of a vertex, 255 if it is unknown."""
+@jit()
+def _layer(bits: int, slots: IntArray, layers: IntArray, i: int) -> int:
+    """Layer of a vertex, `FAR` if it is unknown."""
     slot = slots[i >> bits]
-    return int(layers[(slot << bits) + (i & (1 << bits) - 1)]) if slot >= 0 else 255
+    return int(layers[(slot << bits) + (i & (1 << bits) - 1)]) if slot >= 0 else FAR
 
 
-@lean_njit()
+@jit()
 def _reach(
-    faces: IntArray, active: IntArray, bits: int, slots: IntArray, layers: NDArray[np.uint8], k: int, needed: BoolArray
+    faces: IntArray, active: IntArray, bits: int, slots: IntArray, layers: IntArray, k: int, needed: BoolArray
 ) -> int:
     """Put the unknown corners of active faces with one in layer k into layer k + 1.
 
@@ -167,7 +198,7 @@ def _reach(
     """
     count = 0
     for f in active:
-        nearest, farthest = 255, 0
+        nearest, farthest = FAR, 0
         for c in range(1, 4):
             layer = _layer(bits, slots, layers, faces[f, c])
             nearest, farthest = min(nearest, layer), max(farthest, layer)
@@ -183,17 +214,17 @@ def _reach(
                     needed[i >> bits] = True
                 else:
                     place = (slot << bits) + (i & (1 << bits) - 1)
-                    if layers[place] == 255:
+                    if layers[place] == FAR:
                         layers[place] = k + 1
     return count
 
 
-@lean_njit()
+@jit()
 def _local_faces(
     faces: IntArray,
     bits: int,
     slots: IntArray,
-    layers: NDArray[np.uint8],
+    layers: IntArray,
     rings: int,
     numbers: IntArray,
     cells: IntArray,
@@ -203,7 +234,7 @@ def _local_faces(
     """Write the faces with a corner within rings - 1 layers in local numbers, and their keys; return their number."""
     count = 0
     for f in range(faces.shape[0]):
-        nearest = 255
+        nearest = FAR
         for c in range(1, 4):
             nearest = min(nearest, _layer(bits, slots, layers, faces[f, c]))
         if nearest >= rings:

@@ -5,8 +5,8 @@ and faces in the same order as there, and its sums are the same to the last digi
 """
 
 import math
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,10 @@ from bezier_filters.arrays import IntArray
 from bezier_filters.errors import InvalidMeshError
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.spatial_order import Grid, grid_around, widen_bounds
-from bezier_filters.runtime.lean import lean_njit
+from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import Progress, report, run_in_chunks
-from bezier_filters.scale.array_file import ArrayFile, new_array_file
-from bezier_filters.scale.mesh_source import MeshSource
+from bezier_filters.scale.array_file import ArrayFile, Values, new_array_file
+from bezier_filters.scale.source import MeshSource
 from bezier_filters.scale.store import (
     FACE_PTR,
     FACES,
@@ -40,19 +40,7 @@ LARGEST_BLOCK_BITS = 10
 def build_store(
     source: MeshSource, folder: Path, tile_vertices: int, *, threads: int = 1, progress: Progress | None = None
 ) -> Store:
-    """Make a mesh ready for tiles.
-
-    Parameters
-    ----------
-    source : MeshSource
-    folder : Path
-        Where to; it exists and is empty.
-    tile_vertices : int
-        Vertices of a tile, rounded up to whole blocks.
-    threads : int
-        Number of threads.
-    progress : callable, optional
-        Called with the number of rows that were read, vertices and faces together.
+    """Make a mesh ready for tiles, in an empty folder.
 
     Raises
     ------
@@ -62,10 +50,10 @@ def build_store(
     n, m = source.vertex_count, source.face_count
     passes = _Passes(2 * n + m, progress)
     bits = min(LARGEST_BLOCK_BITS, int(math.log2(tile_vertices)))
-    tile_vertices = -(-tile_vertices >> bits) << bits
     grid = _grid(source, passes)
     low = tuple(float(x) for x in grid.low)
-    layout = Layout(n, m, source.dtype.str, bits, tile_vertices, (low[0], low[1], low[2]), grid.scale, grid.bits)
+    layout = Layout(n, m, source.dtype.str, bits, 0, (low[0], low[1], low[2]), grid.scale, grid.bits)
+    layout = replace(layout, tile_vertices=layout.in_whole_blocks(tile_vertices))
     rank = _sort_vertices(source, folder, grid, threads, passes)
     _sort_faces(source, folder, layout, rank, threads, passes)
     write_manifest(folder, layout, source.fingerprint())
@@ -150,26 +138,26 @@ def _sort_faces(
     ranked.path.unlink()
 
 
-def _renumber(rank: NDArray[Any], faces: IntArray, threads: int) -> None:
+def _renumber(rank: Values, faces: IntArray, threads: int) -> None:
     """Replace vertices of the source by their new numbers."""
     run_in_chunks(lambda: lambda a, b: _look_up(rank, faces, a, b), len(faces), threads=threads, chunk=ROWS >> 5)
 
 
-@lean_njit()
+@jit()
 def _look_up(rank: IntArray, faces: IntArray, start: int, stop: int) -> None:
     for f in range(start, stop):
         for k in range(3):
             faces[f, k] = rank[faces[f, k]]
 
 
-@lean_njit()
+@jit()
 def _count_cells(cells: IntArray, ends: IntArray) -> None:
     """Count the vertices of each cell, one place later."""
     for i in range(cells.shape[0]):
         ends[cells[i] + 1] += 1
 
 
-@lean_njit()
+@jit()
 def _place(cells: IntArray, ends: IntArray, first: int, places: IntArray, order: IntArray) -> None:
     """Append each vertex to those of its cell."""
     for i in range(cells.shape[0]):
@@ -179,7 +167,7 @@ def _place(cells: IntArray, ends: IntArray, first: int, places: IntArray, order:
         order[place] = first + i
 
 
-@lean_njit()
+@jit()
 def _count_faces(faces: IntArray, bits: int, ptr: NDArray[np.int64]) -> None:
     """Count the faces of each block, one place later."""
     for f in range(faces.shape[0]):
@@ -191,7 +179,7 @@ def _count_faces(faces: IntArray, bits: int, ptr: NDArray[np.int64]) -> None:
             ptr[c + 1] += 1
 
 
-@lean_njit()
+@jit()
 def _fill_in_faces(faces: IntArray, first: int, bits: int, ptr: NDArray[np.int64], rows: IntArray) -> None:
     """Append each face to those of its blocks."""
     for f in range(faces.shape[0]):

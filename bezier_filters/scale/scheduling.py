@@ -2,18 +2,21 @@
 
 import contextlib
 import logging
-import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 from bezier_filters.errors import CancelledError, InvalidParameterError
 from bezier_filters.runtime.parallel import Progress, report
 
 Scheduler: TypeAlias = Any
 """None, "threads", "processes", "synchronous", an address such as "tcp://host:8786", or a `distributed.Client`."""
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
 
 LOCAL = ("threads", "processes", "synchronous")
 PIP = 'pip install "bezier-filters[scale]"'
@@ -25,19 +28,12 @@ class LostTaskError(RuntimeError):
     """A task ended several workers; the message names it and says what to do."""
 
 
+@dataclass(frozen=True)
 class Workers:
-    """Where tasks run, from `running`."""
+    """Where tasks run: waits for the workers and gives what `run_tasks` takes; ends those that were started."""
 
-    def __init__(self, scheduler: Callable[[], Scheduler], release: Callable[[], object] = lambda: None) -> None:
-        self._scheduler, self._release = scheduler, release
-
-    def ready(self) -> Scheduler:
-        """Wait for the workers; gives what `run_tasks` takes, a name or a `distributed.Client`."""
-        return self._scheduler()
-
-    def release(self) -> None:
-        """End workers that were started, while other work goes on."""
-        self._release()
+    ready: Callable[[], Scheduler]
+    release: Callable[[], object] = lambda: None
 
 
 @contextlib.contextmanager
@@ -83,7 +79,7 @@ def running(scheduler: Scheduler, *, workers: int, memory_limit: int | None) -> 
         raise InvalidParameterError(f"scheduler: got {scheduler!r}, expected {allowed}")
 
 
-def _start(stack: contextlib.ExitStack, workers: int, memory_limit: int | None) -> Any:
+def _start(stack: contextlib.ExitStack, workers: int, memory_limit: int | None) -> Scheduler:
     """A client of new processes of this machine, which end with the stack."""
     distributed = _import_distributed()
     cluster = distributed.LocalCluster(
@@ -105,14 +101,13 @@ def dashboard(scheduler: Scheduler) -> str:
 
 def run_tasks(
     scheduler: Scheduler,
-    function: Callable[[Any, Any], Any],
-    common: Any,
-    tasks: Sequence[Any],
+    function: Callable[[Task], Result],
+    tasks: Sequence[Task],
     *,
     workers: int = 1,
     progress: Progress | None = None,
-) -> Iterator[Any]:
-    """Call ``function(common, task)`` for every task; what it returns comes in any order.
+) -> Iterator[Result]:
+    """Call a function for every task; what it returns comes in any order.
 
     Tasks of a worker that dies are computed again by another one.
 
@@ -121,11 +116,9 @@ def run_tasks(
     scheduler : str or distributed.Client
         From `running`.
     function : callable
-        Found by its name in a module.
-    common : Any
-        What all tasks need.
+        Workers find it by its name in a module; its first arguments may be bound by `functools.partial`.
     tasks : sequence
-        What they differ in.
+        What it is called with.
     workers : int
         How many run at a time, unless the scheduler knows.
     progress : callable, optional
@@ -140,23 +133,21 @@ def run_tasks(
     """
     report(progress, 0, len(tasks))
     found = (
-        _run_local(scheduler, function, common, tasks, workers)
+        _run_local(scheduler, function, tasks, workers)
         if isinstance(scheduler, str)
-        else _run_distributed(scheduler, function, common, tasks)
+        else _run_distributed(scheduler, function, tasks)
     )
     for done, result in enumerate(found, start=1):
         yield result
         report(progress, done, len(tasks))
 
 
-def _run_local(
-    name: str, function: Callable[[Any, Any], Any], common: Any, tasks: Sequence[Any], workers: int
-) -> Iterator[Any]:
+def _run_local(name: str, function: Callable[[Task], Result], tasks: Sequence[Task], workers: int) -> Iterator[Result]:
     """On Dask's schedulers for one machine, which take all tasks or none: some at a time."""
     dask: Any = import_module("dask")
     step = workers * WITHIN
     for first in range(0, len(tasks), step):
-        calls = [dask.delayed(function, pure=False)(common, task) for task in tasks[first : first + step]]
+        calls = [dask.delayed(function, pure=False)(task) for task in tasks[first : first + step]]
         try:
             yield from dask.compute(*calls, scheduler=name, num_workers=workers, optimize_graph=False)
         except Exception as error:
@@ -167,11 +158,9 @@ def _run_local(
             raise
 
 
-def _run_distributed(
-    client: Any, function: Callable[[Any, Any], Any], common: Any, tasks: Sequence[Any]
-) -> Iterator[Any]:
+def _run_distributed(client: Scheduler, function: Callable[[Task], Result], tasks: Sequence[Task]) -> Iterator[Result]:
     distributed = _import_distributed()
-    futures = client.map(_call, tasks, function=function, common=common, pure=False, key=function.__name__)
+    futures = client.map(function, tasks, pure=False, key="tile")
     named = {future.key: task for future, task in zip(futures, tasks, strict=True)}
     try:
         for future in distributed.as_completed(futures, loop=client.loop):
@@ -190,10 +179,6 @@ def _run_distributed(
             client.cancel(futures)
 
 
-def _call(task: Any, function: Callable[[Any, Any], Any], common: Any) -> Any:
-    return function(common, task)
-
-
 def _import_distributed() -> Any:
     try:
         import dask  # noqa: F401
@@ -201,8 +186,3 @@ def _import_distributed() -> Any:
     except ImportError as error:
         raise ImportError(f"meshes in tiles need Dask: {PIP} ({error})") from error
     return distributed
-
-
-def core_count() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

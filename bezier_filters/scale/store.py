@@ -7,7 +7,6 @@ that the faces at a vertex are all in one place. Tiles are runs of blocks.
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from bezier_filters.errors import FieldFileError
 from bezier_filters.meshes.spatial_order import Grid
 from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.scale.array_file import ArrayFile
+from bezier_filters.scale.source import Fingerprint
 
 FORMAT = 1
 MANIFEST = "store.json"
@@ -65,6 +65,10 @@ class Layout:
         """The grid whose cells the vertices are sorted by."""
         return Grid(np.array(self.low), self.scale, self.bits)
 
+    def in_whole_blocks(self, tile_vertices: int) -> int:
+        """Vertices of a tile, rounded up to whole blocks."""
+        return -(-tile_vertices >> self.block_bits) << self.block_bits
+
     def tile(self, number: int) -> tuple[int, int]:
         """First vertex of a tile, and the one after the last."""
         start = number * self.tile_vertices
@@ -111,13 +115,22 @@ class Store:
         """Coordinates of vertices start .. stop-1, (k, 3)."""
         return self.vertices.read(start, stop).astype(np.float64, copy=False)
 
+    def coordinates_of(self, ids: IntArray) -> FloatArray:
+        """Coordinates of some vertices, (k, 3)."""
+        return self.vertices.mapped()[ids].astype(np.float64)
+
+    def sources(self, ids: IntArray) -> IntArray:
+        """Which vertices of the source some are."""
+        result: IntArray = np.array(self.order.mapped()[ids], dtype=np.int32)
+        return result
+
     def with_vertices(self, path: Path) -> "Store":
         """The same mesh with other coordinates, float64, in spatial order of the old ones."""
         vertices = ArrayFile(path, np.dtype(np.float64), 3, self.layout.vertex_count)
         return replace(self, vertices=vertices)
 
 
-def write_manifest(folder: Path, layout: Layout, fingerprint: list[list[Any]]) -> None:
+def write_manifest(folder: Path, layout: Layout, fingerprint: Fingerprint) -> None:
     """Declare a store to be complete."""
     with atomic_write(folder / MANIFEST) as temporary:
         text = json.dumps({"format": FORMAT, "source": fingerprint, **layout.__dict__}, indent=1)
@@ -129,7 +142,7 @@ def is_store(folder: Path) -> bool:
     return (folder / MANIFEST).is_file()
 
 
-def open_store(folder: Path, fingerprint: list[list[Any]] | None = None) -> Store:
+def open_store(folder: Path, fingerprint: Fingerprint | None = None) -> Store:
     """Open a store.
 
     Parameters

@@ -1,4 +1,9 @@
-"""Polynomials of an operator on a mesh, by the recurrence of Chebyshev.
+"""Low-pass filters of a mesh as polynomials of a Laplacian, by the recurrence of Chebyshev.
+
+The filter of order r and strength s is 1 / (1 + (s L^4)^(r / 4)) of a Laplacian L: for a symmetric L and r = 4, x
+minimises |x - p|^2 + s |L^2 x|^2. Filters of one strength end their pass band at the same place, the steeper the
+higher the order. As a Chebyshev series in L a filter takes some dozen steps, each a mean over neighbours, and the
+steps are the same for all strengths: the scale space of a mesh.
 
 A filter f with f(0) = 1 takes off p - f(L) p = g(L) (L p) with g(x) = (1 - f(x)) / x. So the
 recurrence runs on the differences L p, which are as small as the noise: single precision then has
@@ -6,35 +11,26 @@ an error of some millionths of the noise, and what is constant stays exactly. Fo
 side by side; a step reads every neighbour once and overwrites the polynomial before the last.
 """
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
+from typing import TypeVar
 
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray, RealArray, SingleArray
-from bezier_filters.runtime.lean import inner_njit, lean_njit
+from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 from bezier_filters.smoothing.laplacian import Laplacian
 
 WIDTH = 4
 """Signals that run side by side."""
+ORDER = 4
+"""Of the filters, where nothing else is said."""
+TERMS = 4.6
+"""Of a series, times the square root of half the range of the eigenvalues over the end of the pass band, over the
+sine of half the angle at which the poles of the filter lie: series converge the slower, the nearer these are."""
 
-
-@dataclass(frozen=True)
-class Recurrence:
-    """How far the recurrence has come: what the next step starts from.
-
-    Attributes
-    ----------
-    before, current : (n, 4) float32
-        The last two polynomials of the differences; steps overwrite them.
-    done : int
-        Number of steps that were made.
-    """
-
-    before: SingleArray
-    current: SingleArray
-    done: int = 0
+Signals = TypeVar("Signals", FloatArray, SingleArray)
+MakeStep = Callable[[SingleArray, SingleArray, SingleArray, np.float32, np.float32], RangeTask]
 
 
 def coefficients(response: Callable[[FloatArray], FloatArray], bound: float, terms: int) -> FloatArray:
@@ -52,39 +48,71 @@ def coefficients(response: Callable[[FloatArray], FloatArray], bound: float, ter
     return result
 
 
-def groups_of_signals(signals: RealArray) -> Iterator[tuple[slice, RealArray]]:
-    """Columns of signals (n, c), four at a time, filled up with zeros, and which ones they are."""
-    for first in range(0, signals.shape[1], WIDTH):
-        columns = slice(first, min(first + WIDTH, signals.shape[1]))
-        group = np.zeros((len(signals), WIDTH), signals.dtype)
-        group[:, : columns.stop - first] = signals[:, columns]
-        yield columns, group
+def low_pass_series(strengths: FloatArray, bound: float, order: int = ORDER) -> FloatArray:
+    """Chebyshev coefficients, (terms, strengths), of (1 - f(x)) / x on [0, bound] for the filters f.
+
+    Examples
+    --------
+    >>> rows = low_pass_series(np.array([0.0, 10.0]), 2.0)  # at x = 2, where all polynomials are 1
+    >>> bool(np.allclose(rows.sum(axis=0), [0.0, 0.5 * (1.0 - 1.0 / 161.0)], atol=1e-3))
+    True
+    """
+    edge = max(float(strengths.max()), 1.0) ** -0.25
+    terms = max(8, int(np.ceil(TERMS / np.sin(0.5 * np.pi / order) * np.sqrt(bound / (2.0 * edge)))))
+    scales = strengths**0.25
+
+    def taken(x: FloatArray) -> FloatArray:
+        """The part that a filter takes off, over x."""
+        powers = np.outer(x, scales) ** order
+        result: FloatArray = powers / ((1.0 + powers) * x[:, np.newaxis])
+        return result
+
+    return coefficients(taken, bound, terms)
 
 
-def differences(laplacian: Laplacian, signals: RealArray, *, threads: int = 1) -> Recurrence:
-    """The Laplacian of four signals (n, 4), where the recurrence begins."""
-    result = np.zeros(signals.shape, dtype=np.float32)
-
-    def make_task() -> RangeTask:
-        return lambda start, stop: _differences(*laplacian.arrays, signals, start, stop, result)
-
-    run_in_chunks(make_task, len(signals), threads=threads)
-    return Recurrence(np.zeros_like(result), result)
-
-
-def add_mixtures(
+def low_pass(
     laplacian: Laplacian,
-    state: Recurrence,
-    series: FloatArray,
-    shares: SingleArray,
-    result: SingleArray,
+    signals: Signals,
+    strengths: FloatArray,
+    shares: SingleArray | None = None,
+    order: int = ORDER,
     *,
     threads: int = 1,
-) -> Recurrence:
-    """Add to `result` (n, 4) what the next terms of series (terms, s) make of the signals, mixed with shares (n, s).
+) -> Signals:
+    """Signals (n, c) filtered by mixtures, with shares (n, s), of filters of some strengths and one order.
 
-    Returns the state after them, to go on from with further terms.
+    Without shares there is one filter only.
     """
+    return _filtered(laplacian, signals, low_pass_series(strengths, laplacian.bound, order), shares, threads)
+
+
+def diffuse(laplacian: Laplacian, signals: FloatArray, time: float, *, threads: int = 1) -> FloatArray:
+    """Signals (n, c) after heat flow, exp(-time L): means over the surroundings, some `time` edges squared wide."""
+    bound = laplacian.bound
+    terms = 8 + int(np.ceil(2.0 * np.sqrt(time * bound)))
+    rows = coefficients(lambda x: -np.expm1(-time * x[:, np.newaxis]) / x[:, np.newaxis], bound, terms)
+    return _filtered(laplacian, signals, rows, None, threads)
+
+
+def _filtered(
+    laplacian: Laplacian, signals: Signals, rows: FloatArray, shares: SingleArray | None, threads: int
+) -> Signals:
+    """Four columns at a time, filled up with zeros."""
+    result = signals.copy()
+    mixture = np.ones((len(signals), 1), dtype=np.float32) if shares is None else shares
+    for first in range(0, signals.shape[1], WIDTH):
+        group = np.zeros((len(signals), WIDTH), signals.dtype)
+        count = min(WIDTH, signals.shape[1] - first)
+        group[:, :count] = signals[:, first : first + count]
+        result[:, first : first + count] -= _taken_off(laplacian, group, rows, mixture, threads)[:, :count]
+    return result
+
+
+def _taken_off(
+    laplacian: Laplacian, signals: RealArray, series: FloatArray, shares: SingleArray, threads: int
+) -> SingleArray:
+    """What filters, given by series (terms, s) and mixed by shares (n, s), take off four signals, (n, 4)."""
+    result = np.zeros(signals.shape, dtype=np.float32)
 
     def make_step(
         before: SingleArray, current: SingleArray, row: SingleArray, scale: np.float32, factor: np.float32
@@ -93,23 +121,24 @@ def add_mixtures(
             *laplacian.arrays, scale, factor, before, current, first, last, shares, row, result
         )
 
-    return _run(laplacian, state, series, make_step, threads)
+    _run(laplacian, signals, series, make_step, threads)
+    return result
 
 
 def add_heights(
     laplacian: Laplacian,
-    state: Recurrence,
+    signals: RealArray,
     series: FloatArray,
     directions: SingleArray,
     sums: SingleArray,
     products: SingleArray,
     *,
     threads: int = 1,
-) -> Recurrence:
-    """Add components of what the next terms of each series (terms, s) make of the signals.
+) -> None:
+    """Add components of what each of the filters, given by series (terms, s), takes off four signals.
 
     `sums` (n, s) get the first three signals times the first three columns of `directions` (n, 4), `products` (n, s)
-    the fourth times the fourth. Returns the state after these terms.
+    the fourth times the fourth.
     """
 
     def make_step(
@@ -119,25 +148,26 @@ def add_heights(
             *laplacian.arrays, scale, factor, before, current, first, last, directions, row, sums, products
         )
 
-    return _run(laplacian, state, series, make_step, threads)
+    _run(laplacian, signals, series, make_step, threads)
 
 
-MakeStep = Callable[[SingleArray, SingleArray, SingleArray, np.float32, np.float32], RangeTask]
-
-
-def _run(laplacian: Laplacian, state: Recurrence, series: FloatArray, make_step: MakeStep, threads: int) -> Recurrence:
+def _run(laplacian: Laplacian, signals: RealArray, series: FloatArray, make_step: MakeStep, threads: int) -> None:
     """Make steps with T_0, T_1, ... of A = 2 L / bound - 1: factor 0 for the first, 1 for the second, 2 for others."""
-    before, current = state.before, state.current
+    before, current = np.zeros((2, *signals.shape), dtype=np.float32)
+    run_in_chunks(
+        lambda: lambda start, stop: _differences(*laplacian.arrays, signals, start, stop, current),
+        len(signals),
+        threads=threads,
+    )
     scale = 2.0 / laplacian.bound
-    for k, row in enumerate(series.astype(np.float32), start=state.done):
+    for k, row in enumerate(series.astype(np.float32)):
         task = make_step(before, current, row, np.float32(scale), np.float32(min(k, 2)))
         run_in_chunks(lambda task=task: task, len(current), threads=threads)  # type: ignore[misc]
         if k > 0:
             before, current = current, before
-    return Recurrence(before, current, state.done + len(series))
 
 
-@lean_njit()
+@jit()
 def _differences(
     ptr: IntArray,
     indices: IntArray,
@@ -162,7 +192,7 @@ def _differences(
         result[i, 0], result[i, 1], result[i, 2], result[i, 3] = rate * da, rate * db, rate * dc, rate * dd
 
 
-@inner_njit()
+@inner_jit()
 def _advance(
     ptr: IntArray,
     indices: IntArray,
@@ -194,7 +224,7 @@ def _advance(
     return before[i, 0], before[i, 1], before[i, 2], before[i, 3]
 
 
-@lean_njit(fastmath={"reassoc", "contract"})
+@jit(fastmath={"reassoc", "contract"})
 def _advance_and_mix(
     ptr: IntArray,
     indices: IntArray,
@@ -221,7 +251,7 @@ def _advance_and_mix(
         result[i, 3] += mixed * d
 
 
-@lean_njit()
+@jit()
 def _advance_and_measure(
     ptr: IntArray,
     indices: IntArray,

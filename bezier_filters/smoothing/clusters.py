@@ -3,20 +3,29 @@
 A cluster is a vertex and its neighbours, nine or so vertices. Neighbouring clusters exchange what they hold in
 proportion to the edges between them; a unit of time on them is scaled so that things spread
 as far, on average, as they do on the mesh.
+
+They form in a random order of the vertices, which goes by their numbers in the whole mesh: whether a vertex is a center
+then depends on those a few rings around it (on chains of ever earlier vertices, which are short), and a tile has
+the clusters of the mesh but near where it was cut out. In the order of the vertices it would depend on all before.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from bezier_filters.arrays import FloatArray, IntArray, RealArray, SingleArray
-from bezier_filters.meshes.adjacency import Adjacency
+from bezier_filters.meshes.adjacency import Adjacency, Rows
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.runtime.lean import lean_njit
+from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
+from bezier_filters.smoothing.chebyshev import diffuse
 from bezier_filters.smoothing.laplacian import Laplacian
+from bezier_filters.smoothing.mesh_parts import MeshPart
+from bezier_filters.smoothing.probes import random_bits
+
+CENTERS = 100
+"""Which of the random numbers at vertices say what order clusters form in."""
 
 
 @dataclass(frozen=True)
@@ -29,22 +38,29 @@ class Clusters:
         Number of the cluster that a vertex belongs to.
     sizes : (k,) float64
         Numbers of their vertices.
-    centers : (k,) int32
-        Numbers of the vertices that they have grown from, ascending, in the whole mesh.
     adjacency : Adjacency
         Of the vertices.
+    laplacian : Laplacian
+        How values on clusters spread,
+    pace : float
+        and how much time that takes, per time on the mesh.
     """
 
     of_vertex: IntArray
     sizes: FloatArray
-    centers: IntArray
     adjacency: Adjacency
+    laplacian: Laplacian
+    pace: float
 
     def means(self, values: RealArray) -> FloatArray:
-        """Mean of values at vertices (n,) or (n, c) over each cluster, (k, c)."""
+        """Mean of values at vertices (n, c) over each cluster, (k, c)."""
         sums = np.zeros((len(self.sizes), values.shape[1]))
         _add_up(self.of_vertex, values, sums)
         return sums / self.sizes[:, np.newaxis]
+
+    def diffuse(self, values: FloatArray, time: float, *, threads: int = 1) -> FloatArray:
+        """Values on clusters (k, c), averaged over some `time` squared edges around them."""
+        return diffuse(self.laplacian, values, time * self.pace, threads=threads)
 
     def at_vertices(self, values: FloatArray, *, threads: int = 1) -> SingleArray:
         """Values on clusters (k, c) as means over each vertex and its neighbours, (n, c)."""
@@ -57,72 +73,71 @@ class Clusters:
         run_in_chunks(make_task, len(result), threads=threads)
         return result
 
-    def laplacian(self) -> Laplacian:
-        """How values on clusters spread."""
-        return self._edges()[0]
 
-    def squared_jumps(self, mesh: TriangleMesh) -> FloatArray:
-        """Squared distances to the centers of gravity around each cluster, (k,), once for each edge in between."""
-        _, of_entry, to, counts = self._edges()
-        columns = [np.bincount(self.of_vertex, mesh.vertices[:, k], len(self.sizes)) / self.sizes for k in range(3)]
-        centers = np.column_stack(columns)
-        jumps = counts * np.square(centers[to] - centers[of_entry]).sum(axis=1)
-        result: FloatArray = np.bincount(of_entry, weights=jumps, minlength=len(self.sizes)).astype(np.float64)
-        return result
-
-    def _edges(self) -> tuple[Laplacian, IntArray, IntArray, FloatArray]:
-        """The Laplacian, and for its entries the clusters that they join and the number of edges in between."""
-        rows, count = self.adjacency.vertices, len(self.sizes)
-        start = np.repeat(self.of_vertex, rows.lengths)
-        # All edges between two clusters become one entry of a sparse matrix, with their number.
-        ones = np.ones(len(start), np.float32)
-        edges = csr_array((ones, (start, self.of_vertex[rows.indices])), shape=(count, count))
-        edges.sum_duplicates()
-        degrees = np.maximum(np.bincount(start, minlength=count), 1).astype(np.float64)
-        of_entry = np.repeat(np.arange(count, dtype=np.int32), np.diff(edges.indptr))
-        outer = np.where(edges.indices == of_entry, 0.0, edges.data)
-        leaving = np.bincount(of_entry, weights=outer, minlength=count)
-        weights = outer / np.maximum(leaving, 1.0)[of_entry]
-        laplacian = Laplacian(
-            edges.indptr.astype(np.int32),
-            edges.indices.astype(np.int32),
-            weights.astype(np.float32),
-            (leaving / degrees).astype(np.float32),
-        )
-        return laplacian, of_entry, laplacian.indices, outer
-
-
-def clusters_of(adjacency: Adjacency) -> Clusters:
+def clusters_of(part: MeshPart, pace: float | None = None) -> Clusters:
     """Cluster a mesh.
+
+    Parameters
+    ----------
+    part : MeshPart
+    pace : float, optional
+        That of the whole mesh; by default, of this part.
 
     Examples
     --------
     >>> from bezier_filters.meshes.adjacency import vertex_adjacency
     >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> from bezier_filters.smoothing.mesh_parts import whole_mesh
     >>> from bezier_filters.surfaces import sphere
     >>> ball = sphere(resolution=10)
     >>> mesh = triangle_mesh(ball.vertices, ball.faces)
-    >>> clusters = clusters_of(vertex_adjacency(mesh))
+    >>> clusters = clusters_of(whole_mesh(mesh, vertex_adjacency(mesh)))
     >>> bool(5.0 < clusters.sizes.mean() < 12.0), clusters.sizes.sum() == mesh.vertex_count
     (True, np.True_)
     """
-    rows = adjacency.vertices
+    mesh, adjacency, rows = part.mesh, part.adjacency, part.adjacency.vertices
+    visits = np.argsort(random_bits(part.ids, CENTERS)).astype(np.int32)
+    rank = np.empty_like(visits)
+    rank[visits] = np.arange(len(visits), dtype=np.int32)
     center = np.full(len(rows), -1, dtype=np.int32)
-    find_centers(rows.indptr, rows.indices, np.arange(len(rows), dtype=np.int32), center)
-    join_centers(rows.indptr, rows.indices, center)
-    return numbered(center, adjacency)
+    _find_centers(rows.indptr, rows.indices, visits, center)
+    _join_centers(rows.indptr, rows.indices, rank, center)
+    number = np.cumsum(center == np.arange(len(center)), dtype=np.int32) - np.int32(1)
+    of_vertex, count = number[center], int(number[-1]) + 1 if len(number) else 0
+    sizes = np.bincount(of_vertex, minlength=count).astype(np.float64)
+    # All edges between two clusters become one entry of a sparse matrix, with their number.
+    start = np.repeat(of_vertex, rows.lengths)
+    ones = np.ones(len(start), np.float32)
+    edges = csr_array((ones, (start, of_vertex[rows.indices])), shape=(count, count))
+    edges.sum_duplicates()
+    degrees = np.maximum(np.bincount(start, minlength=count), 1).astype(np.float64)
+    del start, ones
+    of_entry = np.repeat(np.arange(count, dtype=np.int32), np.diff(edges.indptr))
+    outer = np.where(edges.indices == of_entry, 0.0, edges.data)
+    leaving = np.bincount(of_entry, weights=outer, minlength=count)
+    laplacian = Laplacian(
+        edges.indptr.astype(np.int32),
+        edges.indices.astype(np.int32),
+        (outer / np.maximum(leaving, 1.0)[of_entry]).astype(np.float32),
+        (leaving / degrees).astype(np.float32),
+    )
+    if pace is None:
+        pace = _pace(mesh, rows, of_vertex, sizes, edges)
+    return Clusters(of_vertex, sizes, adjacency, laplacian, pace)
 
 
-def numbered(center: IntArray, adjacency: Adjacency) -> Clusters:
-    """The clusters of vertices whose centers are known, (n,)."""
-    centers, places = np.unique(center, return_inverse=True)
-    of_vertex: IntArray = places.astype(np.int32)
-    sizes = np.bincount(of_vertex, minlength=len(centers)).astype(np.float64)
-    return Clusters(of_vertex, sizes, centers.astype(np.int32), adjacency)
+def _pace(mesh: TriangleMesh, rows: Rows, of_vertex: IntArray, sizes: FloatArray, joined: csr_array) -> float:
+    """Time on clusters per time on the mesh: by how far apart vertices are, and centers of gravity."""
+    start = np.repeat(np.arange(len(rows), dtype=np.int32), rows.lengths)
+    squares = np.square(mesh.vertices[rows.indices] - mesh.vertices[start]).sum()
+    middles = np.column_stack([np.bincount(of_vertex, mesh.vertices[:, k], len(sizes)) / sizes for k in range(3)])
+    of_entry = np.repeat(np.arange(len(sizes)), np.diff(joined.indptr))
+    across = joined.data @ np.square(middles[joined.indices] - middles[of_entry]).sum(axis=1)
+    return float(squares / across) if across > 0.0 else 1.0
 
 
-@lean_njit()
-def find_centers(ptr: IntArray | NDArray[np.int64], indices: IntArray, visits: IntArray, center: IntArray) -> None:
+@jit()
+def _find_centers(ptr: IntArray, indices: IntArray, visits: IntArray, center: IntArray) -> None:
     """Make clusters of the vertices whose neighbours are all free yet, with them, visit by visit."""
     for i in visits:
         free = center[i] < 0
@@ -134,20 +149,21 @@ def find_centers(ptr: IntArray | NDArray[np.int64], indices: IntArray, visits: I
                 center[indices[q]] = i
 
 
-@lean_njit()
-def join_centers(ptr: IntArray | NDArray[np.int64], indices: IntArray, center: IntArray) -> None:
-    """Let the others join the cluster of their first neighbour that has one."""
+@jit()
+def _join_centers(ptr: IntArray, indices: IntArray, rank: IntArray, center: IntArray) -> None:
+    """Let the others join the earliest cluster of a neighbour that has one."""
     for i in range(len(center)):
         for q in range(ptr[i], ptr[i + 1]):
             # Those who came late count only as themselves, lest a cluster grow into a chain.
-            if center[i] == -1 and center[indices[q]] >= 0:
-                center[i] = -2 - center[indices[q]]
+            found = center[indices[q]]
+            if found >= 0 and center[i] < 0 and (center[i] == -1 or rank[found] < rank[-2 - center[i]]):
+                center[i] = -2 - found
     for i in range(len(center)):
         if center[i] <= -2:
             center[i] = -2 - center[i]
 
 
-@lean_njit()
+@jit()
 def _add_up(of_vertex: IntArray, values: RealArray, sums: FloatArray) -> None:
     """Add the values at vertices to those of their clusters, in ascending order."""
     for i in range(len(of_vertex)):
@@ -155,7 +171,7 @@ def _add_up(of_vertex: IntArray, values: RealArray, sums: FloatArray) -> None:
             sums[of_vertex[i], c] += values[i, c]
 
 
-@lean_njit()
+@jit()
 def _spread(
     ptr: IntArray,
     indices: IntArray,

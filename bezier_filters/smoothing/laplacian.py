@@ -1,14 +1,15 @@
 """Laplacians of a mesh: how far every vertex is from the mean of its neighbours."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from bezier_filters.arrays import FloatArray, IntArray, SingleArray
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.runtime.lean import lean_njit
+from bezier_filters.meshes.triangles import cotangent_and_area, has_corner
+from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
 Borders = Literal["curve", "fixed", "free"]
@@ -35,89 +36,64 @@ class Laplacian:
         One for each neighbour; those of a row sum to 1, or are all 0.
     rates : (n,) float32
         How fast the vertices move, 1 on a regular mesh; 0 for those that do not.
-    largest_rate : float or None
-        Of the whole mesh, if this is a tile of one.
+    bound : float
+        Twice the largest rate, or more: no eigenvalue is larger (Gershgorin).
     """
 
     indptr: IntArray
     indices: IntArray
     weights: SingleArray
     rates: SingleArray
-    largest_rate: float | None = None
+    bound: float = 2.0
 
     @property
     def arrays(self) -> tuple[IntArray, IntArray, SingleArray, SingleArray]:
         """All of it, as compiled code takes it."""
         return self.indptr, self.indices, self.weights, self.rates
 
-    @property
-    def bound(self) -> float:
-        """No eigenvalue is larger (Gershgorin)."""
-        largest = float(self.rates.max(initial=0.0)) if self.largest_rate is None else self.largest_rate
-        return 2.0 * max(largest, 0.5)
 
-
-@dataclass(frozen=True)
-class LaplacianRule:
-    """How to make a Laplacian of a mesh, or of any tile of it.
-
-    Attributes
-    ----------
-    borders : {"curve", "fixed", "free"}
-        What border vertices do.
-    power : float or None
-        See `cotangent_laplacian`; None for that of umbrellas.
-    unit : float
-        The mean edge, a length.
-    largest_rate : float or None
-        Of the whole mesh, once it is known.
-    """
-
-    borders: Borders
-    power: float | None = None
-    unit: float = 0.0
-    largest_rate: float | None = None
-
-    def of(self, mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> Laplacian:
-        """The Laplacian of a mesh."""
-        if self.power is None:
-            return umbrella_laplacian(mesh, adjacency, self.borders, threads=threads)
-        return cotangent_laplacian(mesh, adjacency, self.borders, self.power, self.unit, threads=threads)
-
-
-def umbrella_laplacian(mesh: TriangleMesh, adjacency: Adjacency, borders: Borders, *, threads: int = 1) -> Laplacian:
+def umbrella_laplacian(
+    mesh: TriangleMesh, adjacency: Adjacency, borders: Borders, *, cut: BoolArray | None = None, threads: int = 1
+) -> Laplacian:
     """Differences from the plain mean of the neighbours.
 
     It depends on the connections alone, not on coordinates and their noise, and evens out the triangles, too.
+    Vertices that are `cut` (n,), because the mesh is part of a larger one, stay.
     """
-    return _laplacian(mesh, adjacency, borders, 0.0, 0.0, threads)
+    return _laplacian(mesh, adjacency, borders, 0.0, 0.0, 1.0, cut, threads)
 
 
 def cotangent_laplacian(
-    mesh: TriangleMesh, adjacency: Adjacency, borders: Borders, power: float, unit: float, *, threads: int = 1
+    mesh: TriangleMesh,
+    adjacency: Adjacency,
+    borders: Borders,
+    power: float,
+    unit: float,
+    *,
+    fastest: float | None = None,
+    cut: BoolArray | None = None,
+    threads: int = 1,
 ) -> Laplacian:
     """Differences from the mean with cotangent weights, which vanish on planes: they move vertices along the normal.
 
-    Parameters
-    ----------
-    mesh : TriangleMesh
-    adjacency : Adjacency
-        Of the same mesh.
-    borders : {"curve", "fixed", "free"}
-        What border vertices do.
-    power : float
-        0 for one rate for all, which goes by edges; 1 for the Laplace-Beltrami operator, which goes by
-        lengths; or between.
-    unit : float
-        The mean edge, a length.
-    threads : int
-        Number of threads.
+    A power of 0 means one rate for all, which goes by edges; 1 the Laplace-Beltrami operator, which goes by lengths, in
+    units of the mean edge, `unit`. Rates are kept within `fastest`, which bounds the eigenvalues; by default
+    within `FASTEST`, and the largest rate that there is bounds them. Vertices that are `cut` stay.
     """
-    return _laplacian(mesh, adjacency, borders, power, unit, threads)
+    result = _laplacian(mesh, adjacency, borders, power, unit, FASTEST if fastest is None else fastest, cut, threads)
+    largest = float(result.rates.max(initial=0.5)) if fastest is None else fastest
+    return replace(result, bound=2.0 * largest)
 
 
 def _laplacian(
-    mesh: TriangleMesh, adjacency: Adjacency, borders: Borders, power: float, unit: float, threads: int
+    mesh: TriangleMesh,
+    adjacency: Adjacency,
+    borders: Borders,
+    power: float,
+    unit: float,
+    fastest: float,
+    cut: BoolArray | None,
+    threads: int,
 ) -> Laplacian:
     """Of cotangent weights if there is a unit."""
     rows, n = adjacency.vertices, mesh.vertex_count
@@ -135,16 +111,19 @@ def _laplacian(
             stop,
             unit,
             power,
+            fastest,
             {"curve": 1, "fixed": 0, "free": 2}[borders],
             weights,
             rates,
         )
 
     run_in_chunks(make_task, n, threads=threads)
+    if cut is not None:
+        rates[cut] = 0.0
     return Laplacian(rows.indptr, rows.indices, weights, rates)
 
 
-@lean_njit()
+@jit()
 def _write_rows(
     vertices: FloatArray,
     faces: IntArray,
@@ -156,6 +135,7 @@ def _write_rows(
     stop: int,
     unit: float,
     power: float,
+    fastest: float,
     borders: int,
     weights: SingleArray,
     rates: SingleArray,
@@ -167,8 +147,7 @@ def _write_rows(
         for q in range(first, last):
             met = 0
             for p in range(face_ptr[i], face_ptr[i + 1]):
-                f = face_indices[p]
-                if indices[q] in (faces[f, 0], faces[f, 1], faces[f, 2]):
+                if has_corner(faces, face_indices[p], indices[q]):
                     met += 1
             weights[q] = 1.0 if met != 1 else -1.0  # a sign marks the border for a moment
             on_border = on_border or met == 1
@@ -186,12 +165,12 @@ def _write_rows(
             weights[q] = weights[q] / total if total > 0.0 else 0.0
         rates[i] = 1.0
         if unit > 0.0 and not on_border:
-            rates[i] = min((total / (4.0 * max(area / (unit * unit), LEAST_AREA))) ** power, FASTEST)
+            rates[i] = min((total / (4.0 * max(area / (unit * unit), LEAST_AREA))) ** power, fastest)
         if total == 0.0 or (on_border and borders == 0):
             rates[i] = 0.0
 
 
-@lean_njit()
+@jit()
 def _add_cotangents(
     vertices: FloatArray,
     faces: IntArray,
@@ -211,19 +190,16 @@ def _add_cotangents(
         f = face_indices[p]
         k = 0 if faces[f, 0] == i else 1 if faces[f, 1] == i else 2
         a, b = faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
-        ux, uy, uz = vertices[a, 0] - vertices[i, 0], vertices[a, 1] - vertices[i, 1], vertices[a, 2] - vertices[i, 2]
-        vx, vy, vz = vertices[b, 0] - vertices[i, 0], vertices[b, 1] - vertices[i, 1], vertices[b, 2] - vertices[i, 2]
-        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-        twice = np.sqrt(nx * nx + ny * ny + nz * nz)
-        area += twice / 6.0
-        if twice == 0.0:
+        at_a, whole = cotangent_and_area(vertices, a, b, i)
+        at_b, _ = cotangent_and_area(vertices, b, i, a)
+        area += whole / 3.0
+        if whole == 0.0:
             continue
-        inner, uu, vv = ux * vx + uy * vy + uz * vz, ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz
         for q in range(first, last):
-            if indices[q] == a:  # opposite is the angle at b
-                weights[q] += 0.5 * (vv - inner) / twice
+            if indices[q] == a:
+                weights[q] += 0.5 * at_b  # the angle opposite
             elif indices[q] == b:
-                weights[q] += 0.5 * (uu - inner) / twice
+                weights[q] += 0.5 * at_a
     for q in range(first, last):
         weights[q] = min(max(weights[q], LEAST_COTANGENT), LARGEST_COTANGENT)
     return area

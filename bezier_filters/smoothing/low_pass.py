@@ -1,25 +1,25 @@
 """The low-pass filter that suits a mesh, vertex by vertex: its Laplacian, its order and its strength.
 
-Which Laplacian and order, and which strength on the whole, is tried out on parts of the mesh (`mesh_parts`).
+Which Laplacian and order, and which strengths there are, is learned from parts of the mesh (`sampled_parts`); which of
+these strengths suit a vertex depends on what is around it.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bezier_filters.arrays import FloatArray
+from bezier_filters.arrays import BoolArray, FloatArray, SingleArray
+from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.smoothing.laplacian import Borders, LaplacianRule
-from bezier_filters.smoothing.low_pass_runs import PointsAndSigns, Signals, bounded, estimates_by, taken_by
-from bezier_filters.smoothing.mesh_parts import SampledParts
-from bezier_filters.smoothing.pieces import Arrays, Domain, Handle, Outcome, Piece
-from bezier_filters.smoothing.risk_stages import local_risks, local_shares
-from bezier_filters.smoothing.scale_space import ORDER, STRENGTHS
-from bezier_filters.smoothing.stein import Estimates
-from bezier_filters.smoothing.whole_mesh import WholeMesh
+from bezier_filters.smoothing.chebyshev import ORDER, WIDTH, Signals, add_heights, low_pass, low_pass_series
+from bezier_filters.smoothing.laplacian import Borders, Laplacian, cotangent_laplacian, umbrella_laplacian
+from bezier_filters.smoothing.noise import NoisyMesh
+from bezier_filters.smoothing.probes import random_signs
+from bezier_filters.smoothing.risk import Estimates, local_risks, local_shares, overall_risks
 
+STRENGTHS: FloatArray = np.concatenate([[0.0], 10.0 ** np.arange(-1.0, 6.1, 0.5)])
+"""Of the filters; 0 leaves everything as it is."""
 POWERS = (0.0, 0.5, 1.0)
 """Of cotangent Laplacians, see `cotangent_laplacian`."""
 ORDERS = (ORDER, 6)
@@ -36,204 +36,227 @@ WEAKER = 2
 """Steps of the strength by which a filter that another one follows is weaker."""
 ENOUGH = 10_000.0
 """Strength of a filter whose normals need no stronger one."""
+FEW = 20_000
+"""Vertices; on smaller meshes, leverages are averaged over more probes."""
 
 
 @dataclass(frozen=True)
-class LowPass:
-    """The filter that was chosen, with the values that it needs at the vertices.
+class Shape:
+    """A mesh without most of its noise, but with the triangles that it has.
 
     Attributes
     ----------
-    umbrella : LaplacianRule
-        Plain means of neighbours.
-    rule : LaplacianRule
-        Of the Laplacian of the filter.
-    order : int
-        Of the filter.
-    strengths : (s,) float64
-        Of the filters that are mixed.
-    shape : Handle
-        "normals" (n, 3) of the smooth surface, and the "shape" (n, 3) that cotangents are those of.
-    mixture : Handle
-        "shares" (n, s) of the filters, and "residuals" and "leverages" (n,) of the mixture, see `Estimates`; the
-        leverages by the probes that chose it.
+    normals : (n, 3) float64
+        Of the smooth surface.
+    vertices : (n, 3) float64
+        The vertices, moved onto the smooth surface along them.
     """
 
-    umbrella: LaplacianRule
-    rule: LaplacianRule
-    order: int
-    strengths: FloatArray
-    shape: Handle
-    mixture: Handle
-
-    def takes_off(self, domain: Domain, signals: Signals, **inputs: Handle) -> Handle:
-        """What the filter takes off signals, "taken" (n, 4)."""
-        inputs |= {"shape": self.shape, "shares": self.mixture}
-        return taken_by(domain, self.rule, self.strengths, signals, self.order, **inputs)
-
-    def weaker(self, domain: Domain) -> "LowPass":
-        """The next weaker filters, for where another one follows that takes off noise, too."""
-        return replace(self, mixture=domain.run(WeakerShares(), mixture=self.mixture).vertices)
-
-    def weak(self) -> "LowPass":
-        """Filters that take off just enough noise for another filter to know signals by."""
-        strengths = self.strengths * (STRENGTHS[1] / STRENGTHS[1 + WEAKER])
-        return replace(self, rule=self.umbrella, order=ORDER, strengths=strengths)
+    normals: FloatArray
+    vertices: FloatArray
 
 
 @dataclass(frozen=True)
-class WeakerShares:
-    """Every filter's share goes to the next weaker one."""
-
-    rings: int = 0
-
-    def __call__(self, piece: Piece, inputs: Mapping[str, Arrays]) -> Outcome:
-        """Shares (n, s)."""
-        shares = inputs["mixture"]["shares"]
-        weaker = np.roll(shares, -1, axis=1)
-        weaker[:, -1] = 0.0
-        weaker[:, 0] += shares[:, 0]
-        return Outcome(vertices={"shares": weaker})
-
-
-@dataclass(frozen=True)
-class Choice:
+class LowPassPlan:
     """What holds for a mesh as a whole.
 
     Attributes
     ----------
-    umbrella : LaplacianRule
-        The umbrella Laplacian.
-    first : int
-        Number of its best strength.
-    rule : LaplacianRule
-        The best Laplacian.
-    order : int
-        The best order of its filters.
-    best : int
-        Number of its best strength.
-    strengths : (s,) float64
-        Those that there are.
-    """
-
-    umbrella: LaplacianRule
-    first: int
-    rule: LaplacianRule
-    order: int
-    best: int
-    strengths: FloatArray
-
-
-def choose_low_pass(
-    parts: SampledParts, sigma: FloatArray, borders: Borders, unit: float, *, threads: int = 1
-) -> Choice:
-    """Find the Laplacian, the order and the strength with the least risk on some parts of a mesh.
-
-    Parameters
-    ----------
-    parts : SampledParts
-    sigma : (k,) float64
-        Standard deviation of the noise around every vertex of the parts, positive lengths.
     borders : {"curve", "fixed"}
         What border vertices do.
     unit : float
         The mean edge, a length.
-    threads : int
-        Number of threads.
+    first : int
+        Number of the best strength with the umbrella Laplacian.
+    power : float or None
+        Of the best Laplacian, see `cotangent_laplacian`; None for that of umbrellas.
+    fastest : float
+        The largest rate of that.
+    order : int
+        The best order of its filters.
+    strengths : (s,) float64
+        Those that are tried around every vertex.
+    used : int
+        How many of them are mixed.
+    overall : (s,) float64
+        Their risks, see `overall_risks`.
     """
-    domain = WholeMesh(parts.mesh, parts.adjacency, threads)
-    levels = {"levels": sigma}
 
-    def risks(rule: LaplacianRule, order: int, shape: Handle, strengths: FloatArray) -> FloatArray:
-        found = estimates_by(domain, rule, order, strengths, surface=shape, shape=shape, levels=levels)
-        return Estimates(found["residuals"], found["leverages"]).mean_risks(parts.core)
-
-    umbrella = bounded(domain, LaplacianRule(borders))
-    rough = {
-        "normals": tangent_planes(parts.mesh, parts.adjacency, threads=threads).normals,
-        "shape": parts.mesh.vertices,
-    }
-    first = int(risks(umbrella, ORDER, rough, STRENGTHS).argmin())
-    shape = _smooth_shape(domain, umbrella, first)
-    strengths = STRENGTHS[: first + STRONGER + 1]
-    cotangents = [bounded(domain, LaplacianRule(borders, power, unit), shape=shape) for power in POWERS]
-    rules = [umbrella, *cotangents]
-    chosen = int(np.argmin([risks(rule, ORDER, shape, strengths).min() for rule in rules]))
-    by_order = np.array([risks(rules[chosen], order, shape, strengths) for order in ORDERS])
-    steepness, best = np.unravel_index(by_order.argmin(), by_order.shape)
-    return Choice(umbrella, first, rules[chosen], ORDERS[steepness], int(best), strengths)
-
-
-def fit_low_pass(domain: Domain, levels: Handle, choice: Choice) -> LowPass:
-    """Find the strengths around every vertex.
-
-    Parameters
-    ----------
-    domain : Domain
-        The mesh, in clusters.
-    levels : Handle
-        "levels" (n,), the standard deviation of the noise around every vertex, positive lengths.
-    choice : Choice
-        What holds for the mesh as a whole.
-    """
-    umbrella = bounded(domain, choice.umbrella)
-    shape = _smooth_shape(domain, umbrella, choice.first)
-    rule = umbrella if choice.rule.power is None else bounded(domain, choice.rule, shape=shape)
-    lowest, seldom, old = choice.best + AROUND, 1.0, list[Handle]()
-    while lowest > 0 and seldom > SELDOM:  # there, even weaker filters may be better
-        domain.free(*old)
-        lowest = max(lowest - 2 * AROUND, 0)
-        strengths = choice.strengths[lowest : choice.best + AROUND + 1]
-        estimates = estimates_by(domain, rule, choice.order, strengths, surface=shape, shape=shape, levels=levels)
-        risks, _ = local_risks(domain, {"one": estimates}, 1.0)
-        found = local_shares(domain, risks)
-        seldom = float(found.sums["first"][0]) / domain.vertex_count
-        old = [estimates, found.vertices, risks]
-    used = int(np.flatnonzero(found.sums["shares"] / domain.vertex_count > RARE)[-1]) + 1
-    mixture = domain.run(Mixture(used), estimates=estimates, shares=found.vertices).vertices
-    domain.free(*old)
-    return LowPass(umbrella, rule, choice.order, strengths[:used], shape, mixture)
+    borders: Borders
+    unit: float
+    first: int
+    power: float | None
+    fastest: float | None
+    order: int
+    strengths: FloatArray
+    used: int
+    overall: FloatArray
 
 
 @dataclass(frozen=True)
-class Mixture:
-    """The filters that are used at all."""
+class LowPass:
+    """The filters of a mesh, mixed as suits every vertex.
 
-    used: int
-    rings: int = 0
+    Attributes
+    ----------
+    borders : {"curve", "fixed"}
+        What border vertices do.
+    laplacian : Laplacian
+        Of the filters.
+    order : int
+        Of the filters.
+    strengths : (s,) float64
+        Of the filters.
+    shares : (n, s) float32
+        Of the filters at each vertex.
+    """
 
-    def __call__(self, piece: Piece, inputs: Mapping[str, Arrays]) -> Outcome:
-        """Shares (n, used), and residuals and leverages (n,) of the mixture."""
-        shares, estimates = inputs["shares"]["shares"][:, : self.used], inputs["estimates"]
-        shares = shares / shares.sum(axis=1, keepdims=True)
-        residuals, leverages = (
-            np.einsum("ns,ns->n", shares, estimates[name][:, : self.used]) for name in ("residuals", "leverages")
+    borders: Borders
+    laplacian: Laplacian
+    order: int
+    strengths: FloatArray
+    shares: SingleArray
+
+    def apply(self, signals: Signals, *, threads: int = 1) -> Signals:
+        """Filter signals (n, c)."""
+        return low_pass(self.laplacian, signals, self.strengths, self.shares, self.order, threads=threads)
+
+    def weaker(self) -> "LowPass":
+        """The next weaker filters, for where another one follows that takes off noise, too."""
+        shares = np.roll(self.shares, -1, axis=1)
+        shares[:, -1] = 0.0
+        shares[:, 0] += self.shares[:, 0]
+        return replace(self, shares=shares)
+
+    def weak(self, umbrella: Laplacian) -> "LowPass":
+        """Filters that take off just enough noise for another filter to know signals by."""
+        strengths = self.strengths * (STRENGTHS[1] / STRENGTHS[1 + WEAKER])
+        return LowPass(self.borders, umbrella, ORDER, strengths, self.shares)
+
+
+@dataclass(frozen=True)
+class FittedLowPass:
+    """The filters that suit a mesh, and what they make of it.
+
+    Attributes
+    ----------
+    filters : LowPass
+    shape : Shape
+        What cotangents are those of.
+    residuals, leverages : (n,) float32
+        Of the mixture, see `Estimates`; the leverages by the probes that chose it.
+    """
+
+    filters: LowPass
+    shape: Shape
+    residuals: SingleArray
+    leverages: SingleArray
+
+
+def learn_low_pass(
+    noisy: NoisyMesh, core: BoolArray, borders: Borders, unit: float, *, threads: int = 1
+) -> tuple[LowPassPlan, FittedLowPass]:
+    """Find the Laplacian, the order and the strengths with the least risk on the `core` of some parts of a mesh.
+
+    `unit` is the mean edge. Returns what holds for the mesh as a whole, and what `fit_low_pass` makes of it there.
+    """
+    mesh, adjacency, cut = noisy.part.mesh, noisy.part.adjacency, noisy.part.cut
+
+    def risks(laplacian: Laplacian, order: int, normals: FloatArray, strengths: FloatArray) -> FloatArray:
+        return _estimates(noisy, laplacian, order, strengths, normals, threads).mean_risks(core)
+
+    umbrella = umbrella_laplacian(mesh, adjacency, borders, cut=cut, threads=threads)
+    rough = tangent_planes(mesh, adjacency, threads=threads).normals
+    first = int(risks(umbrella, ORDER, rough, STRENGTHS).argmin())
+    shape = _smooth_shape(mesh, adjacency, umbrella, first, threads)
+    strengths = STRENGTHS[: first + STRONGER + 1]
+    smooth = TriangleMesh(shape.vertices, mesh.faces)
+    cotangents = [
+        cotangent_laplacian(smooth, adjacency, borders, power, unit, cut=cut, threads=threads) for power in POWERS
+    ]
+    laplacians = [umbrella, *cotangents]
+    chosen = int(np.argmin([risks(one, ORDER, shape.normals, strengths).min() for one in laplacians]))
+    laplacian, power = laplacians[chosen], (None, *POWERS)[chosen]
+    del umbrella, cotangents, laplacians
+    by_order = np.array([risks(laplacian, order, shape.normals, strengths) for order in ORDERS])
+    steepness, best = np.unravel_index(by_order.argmin(), by_order.shape)
+    order = ORDERS[steepness]
+    lowest, seldom = int(best) + AROUND, 1.0
+    while lowest > 0 and seldom > SELDOM:  # there, even weaker filters may be better
+        lowest = max(lowest - 2 * AROUND, 0)
+        tried = strengths[lowest : best + AROUND + 1]
+        estimates = _estimates(noisy, laplacian, order, tried, shape.normals, threads)
+        overall = overall_risks(estimates, core)
+        shares = _shares(noisy, estimates, overall, threads)
+        seldom = float((shares[:, 0] > 0.5).mean())
+    used = int(np.flatnonzero(shares.mean(axis=0, dtype=np.float64) > RARE)[-1]) + 1
+    plan = LowPassPlan(borders, unit, first, power, 0.5 * laplacian.bound, order, tried, used, overall)
+    return plan, _mixture(plan, laplacian, shape, estimates, shares)
+
+
+def fit_low_pass(noisy: NoisyMesh, plan: LowPassPlan, *, threads: int = 1) -> FittedLowPass:
+    """Find the strengths around every vertex of a mesh, or of a tile of one."""
+    mesh, adjacency, cut = noisy.part.mesh, noisy.part.adjacency, noisy.part.cut
+    laplacian = umbrella_laplacian(mesh, adjacency, plan.borders, cut=cut, threads=threads)
+    shape = _smooth_shape(mesh, adjacency, laplacian, plan.first, threads)
+    if plan.power is not None:
+        laplacian = cotangent_laplacian(
+            TriangleMesh(shape.vertices, mesh.faces),
+            adjacency,
+            plan.borders,
+            plan.power,
+            plan.unit,
+            fastest=plan.fastest,
+            cut=cut,
+            threads=threads,
         )
-        return Outcome(vertices={"shares": shares, "residuals": residuals, "leverages": leverages})
+    estimates = _estimates(noisy, laplacian, plan.order, plan.strengths, shape.normals, threads)
+    return _mixture(plan, laplacian, shape, estimates, _shares(noisy, estimates, plan.overall, threads))
 
 
-def _smooth_shape(domain: Domain, umbrella: LaplacianRule, best: int) -> Handle:
+def _shares(noisy: NoisyMesh, estimates: Estimates, overall: FloatArray, threads: int) -> SingleArray:
+    """Of the filters at every vertex, (n, s)."""
+    risks = local_risks(noisy.clusters, estimates, overall, threads=threads)
+    return local_shares(noisy.clusters, risks, noisy.part.vertex_count, threads=threads)
+
+
+def _mixture(
+    plan: LowPassPlan, laplacian: Laplacian, shape: Shape, estimates: Estimates, shares: SingleArray
+) -> FittedLowPass:
+    """The filters that are used at all."""
+    shares = shares[:, : plan.used] / shares[:, : plan.used].sum(axis=1, keepdims=True)
+    residuals, leverages = (
+        np.einsum("ns,ns->n", shares, values[:, : plan.used]) for values in (estimates.residuals, estimates.leverages)
+    )
+    filters = LowPass(plan.borders, laplacian, plan.order, plan.strengths[: plan.used], shares)
+    return FittedLowPass(filters, shape, residuals, leverages)
+
+
+def _estimates(
+    noisy: NoisyMesh, laplacian: Laplacian, order: int, strengths: FloatArray, normals: FloatArray, threads: int
+) -> Estimates:
+    """Residuals and leverages of filters; a leverage is the mean of sign times filtered sign."""
+    vertices, ids = noisy.part.mesh.vertices, noisy.part.ids
+    series = low_pass_series(strengths, laplacian.bound, order)
+    signs = random_signs(ids, 1)
+    directions = np.hstack([normals / noisy.sigma[:, np.newaxis], signs]).astype(np.float32)
+    residuals, taken = np.zeros((2, len(vertices), len(strengths)), dtype=np.float32)
+    add_heights(laplacian, np.hstack([vertices, signs]), series, directions, residuals, taken, threads=threads)
+    probes = 1
+    if noisy.part.vertex_count <= FEW:
+        signs = random_signs(ids, WIDTH, first=1)
+        add_heights(laplacian, signs, series, signs, taken, taken, threads=threads)  # all four go into the same sum
+        probes += WIDTH
+    return Estimates(residuals, np.float32(1.0) - taken / np.float32(probes))
+
+
+def _smooth_shape(mesh: TriangleMesh, adjacency: Adjacency, umbrella: Laplacian, best: int, threads: int) -> Shape:
     """Normals of the vertices after a weak filter, and the mesh after its steps along them.
 
     Without the steps along the surface, which would give the triangles other angles.
     """
-    strength = min(float(STRENGTHS[max(best - WEAKER, 0)]), ENOUGH)
-    taken = taken_by(domain, umbrella, np.array([strength]), PointsAndSigns())
-    result = domain.run(SmoothShape(), smooth=taken).vertices
-    domain.free(taken)
-    return result
-
-
-@dataclass(frozen=True)
-class SmoothShape:
-    """Normals of a smooth mesh, and the mesh moved onto it along them."""
-
-    rings: int = 1
-
-    def __call__(self, piece: Piece, inputs: Mapping[str, Arrays]) -> Outcome:
-        """Normals and coordinates, (n, 3)."""
-        mesh = piece.mesh
-        smooth = mesh.vertices - inputs["smooth"]["taken"][:, :3]
-        normals = tangent_planes(TriangleMesh(smooth, mesh.faces), piece.adjacency, threads=piece.threads).normals
-        heights = np.einsum("ij,ij->i", smooth - mesh.vertices, normals)
-        return Outcome(vertices={"normals": normals, "shape": mesh.vertices + heights[:, np.newaxis] * normals})
+    strength = np.array([min(float(STRENGTHS[max(best - WEAKER, 0)]), ENOUGH)])
+    smooth = low_pass(umbrella, mesh.vertices, strength, threads=threads)
+    normals = tangent_planes(TriangleMesh(smooth, mesh.faces), adjacency, threads=threads).normals
+    heights = np.einsum("ij,ij->i", smooth - mesh.vertices, normals)
+    return Shape(normals, mesh.vertices + heights[:, np.newaxis] * normals)

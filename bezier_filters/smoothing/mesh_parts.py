@@ -8,32 +8,58 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, IntArray
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.runtime.lean import lean_njit
+from bezier_filters.runtime.jit import jit
 
 LARGEST_WHOLE = 60_000
 """Vertices up to which the sample is the whole mesh."""
-PARTS, PART, CORE = 6, 9_000, 6_000
-"""How many parts, of how many vertices, without and with those near their border that only surround the others."""
+PARTS, PART, CORE = 6, 15_000, 6_000
+"""How many parts, of how many vertices, and how many of these are so far inside that the strongest filters do not feel
+where the part was cut out."""
 
 
 @dataclass(frozen=True)
-class SampledParts:
-    """A mesh made of parts of another one.
+class MeshPart:
+    """A mesh that is a part of another one, or all of it.
 
     Attributes
     ----------
     mesh : TriangleMesh
     adjacency : Adjacency
         Of that mesh.
-    vertices : (k,) int32
-        Which vertices of the other mesh they are, ascending.
-    core : (k,) bool
-        Vertices that are not near where a part was cut out.
+    ids : (k,) int32
+        Which vertices of the whole mesh they are.
+    cut : (k,) bool
+        Vertices some of whose faces are missing.
+    vertex_count : int
+        How many vertices the whole mesh has.
     """
 
     mesh: TriangleMesh
     adjacency: Adjacency
-    vertices: IntArray
+    ids: IntArray
+    cut: BoolArray
+    vertex_count: int
+
+
+def whole_mesh(mesh: TriangleMesh, adjacency: Adjacency) -> MeshPart:
+    """All of a mesh."""
+    n = mesh.vertex_count
+    return MeshPart(mesh, adjacency, np.arange(n, dtype=np.int32), np.zeros(n, dtype=np.bool_), n)
+
+
+@dataclass(frozen=True)
+class SampledParts:
+    """Connected parts from all over a mesh.
+
+    Attributes
+    ----------
+    part : MeshPart
+        All of them together.
+    core : (k,) bool
+        Vertices that stand for the mesh as a whole: not those near where a part was cut out.
+    """
+
+    part: MeshPart
     core: BoolArray
 
 
@@ -51,24 +77,28 @@ def sampled_parts(
     adjacency : Adjacency
         Of the same mesh.
     around : sequence of int
-        Vertices that the sample has to hold with what is around them.
+        Vertices that the sample has to hold with what is around them. These do not stand for the mesh as a whole.
     threads : int
         Number of threads.
     """
     n = mesh.vertex_count
     if n <= LARGEST_WHOLE:
-        return SampledParts(mesh, adjacency, np.arange(n, dtype=np.int32), np.ones(n, dtype=np.bool_))
+        return SampledParts(whole_mesh(mesh, adjacency), np.ones(n, dtype=np.bool_))
     core, taken = np.zeros((2, n), np.bool_)
-    for seed in (*part_seeds(n), *around):
+    for seed in part_seeds(n):
         order = _grown(adjacency, seed)
         taken[order] = True
         core[core_of(order)] = True
+    for seed in around:
+        taken[_grown(adjacency, seed)] = True
     vertices = np.flatnonzero(taken).astype(np.int32)
     number = np.full(n, -1, dtype=np.int32)
     number[vertices] = np.arange(len(vertices), dtype=np.int32)
     faces = mesh.faces[taken[mesh.faces].all(axis=1)]
     part = TriangleMesh(mesh.vertices[vertices], number[faces])
-    return SampledParts(part, vertex_adjacency(part, threads=threads), vertices, core[vertices])
+    found = vertex_adjacency(part, threads=threads)
+    cut = found.faces.lengths != adjacency.faces.lengths_of(vertices)
+    return SampledParts(MeshPart(part, found, vertices, cut, n), core[vertices])
 
 
 def part_seeds(n: int) -> list[int]:
@@ -126,7 +156,7 @@ class Growth:
         return Growth(self.order, self.depth, count, int(self.depth[done - 1]) if done > self.count else -1)
 
 
-@lean_njit()
+@jit()
 def _grow(
     ptr: IntArray, indices: IntArray, seed: int, seen: BoolArray, order: IntArray, depth: IntArray, count: int
 ) -> tuple[int, int]:
@@ -147,7 +177,7 @@ def _grow(
     return count, done
 
 
-@lean_njit()
+@jit()
 def _next_unseen(seen: BoolArray, after: int) -> int:
     """The next vertex, beginning anew after the last one; -1 if all were seen."""
     n = len(seen)

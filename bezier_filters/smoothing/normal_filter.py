@@ -16,7 +16,8 @@ from bezier_filters.arrays import FloatArray, IntArray, SingleArray
 from bezier_filters.meshes.adjacency import Rows
 from bezier_filters.meshes.frames import face_normal
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.runtime.lean import inner_njit, lean_njit
+from bezier_filters.meshes.triangles import has_corner
+from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
 SMALLEST_VARIANCE = 1e-12
@@ -75,19 +76,8 @@ def filter_normals(
 ) -> NoisyNormals:
     """Replace every normal by its mean with those around it, some rounds.
 
-    Parameters
-    ----------
-    state : NoisyNormals
-        From `noisy_normals` or an earlier call; its arrays are overwritten.
-    faces_at : Rows
-        Faces at each vertex.
-    rounds : int
-        How many times.
-    tolerance : float
-        Difference of two normals, in standard deviations of what noise makes of it, at which a neighbour weighs
-        exp(-1/2).
-    threads : int
-        Number of threads.
+    The arrays of the state are overwritten. A neighbour weighs exp(-1/2) if two normals differ by `tolerance` standard
+    deviations of what noise makes of their difference.
 
     Examples
     --------
@@ -141,7 +131,7 @@ def _write_variances(state: NoisyNormals, faces_at: Rows, tolerance: float, thre
         run_in_chunks(lambda: to_faces, m, threads=threads)
 
 
-@lean_njit()
+@jit()
 def _mean_squares(samples: SingleArray, factor: np.float32, start: int, stop: int, both: SingleArray) -> None:
     for f in range(start, stop):
         total = np.float32(0.0)
@@ -150,7 +140,7 @@ def _mean_squares(samples: SingleArray, factor: np.float32, start: int, stop: in
         both[f, 7] = factor * total / np.float32(samples.shape[1])
 
 
-@lean_njit()
+@jit()
 def _to_vertices(
     face_ptr: IntArray, face_indices: IntArray, both: SingleArray, start: int, stop: int, values: SingleArray
 ) -> None:
@@ -161,7 +151,7 @@ def _to_vertices(
         values[i] = total / np.float32(max(face_ptr[i + 1] - face_ptr[i], 1))
 
 
-@lean_njit()
+@jit()
 def _to_faces(
     faces: IntArray, values: SingleArray, least: np.float32, start: int, stop: int, both: SingleArray
 ) -> None:
@@ -170,7 +160,7 @@ def _to_faces(
         both[f, 7] = max(mean, least)
 
 
-@lean_njit()
+@jit()
 def _write_normals(
     vertices: FloatArray,
     moved: FloatArray,
@@ -208,7 +198,7 @@ def _write_normals(
             samples[f, k, 0], samples[f, k, 1], samples[f, k, 2] = dx - along * x, dy - along * y, dz - along * z
 
 
-@lean_njit()
+@jit()
 def _filter(
     faces: IntArray,
     face_ptr: IntArray,
@@ -265,7 +255,7 @@ def _filter(
             new_samples[f, k, 2] = (z - along * nz) / length
 
 
-@inner_njit()
+@inner_jit()
 def _weight(both: SingleArray, f: int, g: int, first: int) -> np.float32:
     """How much face g counts for face f, by the normals in three columns."""
     dx, dy, dz = (
@@ -280,7 +270,7 @@ def _weight(both: SingleArray, f: int, g: int, first: int) -> np.float32:
     return np.float32(both[g, 3] * result)
 
 
-@inner_njit()
+@inner_jit()
 def _normalise(both: SingleArray, f: int, first: int) -> np.float32:
     """Divide the vector in three columns by its length; return that."""
     x, y, z = both[f, first], both[f, first + 1], both[f, first + 2]
@@ -290,11 +280,10 @@ def _normalise(both: SingleArray, f: int, first: int) -> np.float32:
     return length
 
 
-@inner_njit()
+@inner_jit()
 def _met_before(faces: IntArray, f: int, corner: int, g: int) -> bool:
     """Whether face g has one of the corners of face f before a given one."""
+    result = False
     for k in range(corner):
-        i = faces[f, k]
-        if faces[g, 0] == i or faces[g, 1] == i or faces[g, 2] == i:
-            return True
-    return False
+        result = result or has_corner(faces, g, faces[f, k])
+    return result

@@ -1,6 +1,7 @@
 """Smoothing: the function that users call."""
 
-from typing import Any
+from numbers import Integral, Real
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,13 +13,16 @@ from bezier_filters.estimation.first_call import first_call
 from bezier_filters.kernels.kernel_input import fitted_mesh
 from bezier_filters.learning.learn import learn_surface
 from bezier_filters.learning.plans import Choices
-from bezier_filters.meshes.adjacency import vertex_adjacency
-from bezier_filters.meshes.mesh import takes_arrays, triangle_mesh
+from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
+from bezier_filters.meshes.mesh import TriangleMesh, takes_arrays, triangle_mesh
 from bezier_filters.runtime.parallel import Progress, thread_count
-from bezier_filters.smoothing.smoothing_options import SmoothedBorders, SmoothingMethod, check_smoothing
+from bezier_filters.smoothing.denoise import remove_noise
+from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.smoothing_result import SmoothingResult
-from bezier_filters.smoothing.smoothing_run import Held, Movable, finished, part_of, smoothed
-from bezier_filters.smoothing.whole_mesh import WholeMesh
+from bezier_filters.smoothing.volume import ClosedComponents, component_volumes, movement_around, restore_volumes
+
+SmoothingMethod = Literal["auto", "paper"]
+SmoothedBorders = Literal["curve", "fixed"]
 
 
 @takes_arrays
@@ -105,69 +109,95 @@ def smooth(
     """
     mesh = triangle_mesh(vertices, faces)
     check_smoothing(method, iterations, noise, borders)
-    mask = _checked_mask(selected, mesh.vertex_count)
     threads = thread_count(threads)
-    domain = WholeMesh(mesh, vertex_adjacency(mesh, threads=threads), threads)
-    inputs: dict[str, Any] = {} if mask is None else {"selected": {"selected": mask}}
-    movable = domain.run(Movable(borders == "fixed"), **inputs).vertices
+    adjacency = vertex_adjacency(mesh, threads=threads)
+    movable = _movable(selected, adjacency, borders)
+    points, sharpness = mesh.vertices, np.zeros(mesh.vertex_count)
     with first_call():
-        noise_before = noise if noise is not None else noise_of(domain)
+        noise_before = noise if noise is not None else learn_noise(mesh, adjacency, threads=threads)
+        for k in range(iterations):
+            current, part = TriangleMesh(points, mesh.faces), part_of(progress, k, iterations)
+            if method == "auto":
+                sigma = noise_before if k == 0 else learn_noise(current, adjacency, threads=threads)
+                found = remove_noise(current, adjacency, sigma or 0.0, borders, threads=threads, progress=part)
+                points, sharpness = found.points, np.maximum(sharpness, found.sharpness)
+            else:
+                points = _onto_patches(current, rings, alpha, threads, part)
+            points = np.where(movable[:, np.newaxis], points, mesh.vertices)
+        components = ClosedComponents.of(mesh, adjacency)
+        volumes_before = component_volumes(components, mesh)
+        if components.count and (keep_volume or (keep_volume is None and method == "auto")):
+            amounts = movement_around(mesh, adjacency, points) * movable
+            points = restore_volumes(components, TriangleMesh(points, mesh.faces), volumes_before, amounts)
         if method == "auto":
-            found = smoothed(
-                domain,
-                movable,
-                noise_before,
-                noise_of,
-                borders,
-                iterations=iterations,
-                threads=threads,
-                progress=progress,
-            )
-        else:
-            found = {"points": mesh.vertices}
-            for k in range(iterations):
-                patches = _onto_patches(domain.with_points(found), rings, alpha, part_of(progress, k, iterations))
-                found = domain.run(Held(), found=patches, movable=movable).vertices
-        is_auto = method == "auto"
-        keep_volume = is_auto if keep_volume is None else keep_volume
-        end = finished(domain, found, movable, keep_volume=keep_volume, keep_faces=is_auto)
-        points, volumes = end.points["points"], end.volumes.sum(axis=1)
+            points = repair_flipped_faces(mesh, adjacency, points, threads=threads)
+        smoothed = TriangleMesh(points, mesh.faces)
+        volumes_after = component_volumes(components, smoothed)
+        bad_before, bad_after = (bad_faces(one, adjacency, threads=threads) for one in (mesh, smoothed))
         return SmoothingResult(
             vertices=points,
             displacement=np.linalg.norm(points - mesh.vertices, axis=1),
-            sharpness=found.get("sharpness", np.zeros(mesh.vertex_count)),
+            sharpness=sharpness,
             noise_before=noise_before,
-            noise_after=noise_of(domain.with_points(end.points)),
-            volume_before=float(volumes[0]) if end.volumes.size else None,
-            volume_after=float(volumes[1]) if end.volumes.size else None,
-            flipped_before=end.faces["flipped before"],
-            flipped_after=end.faces["flipped after"],
-            degenerate_before=end.faces["degenerate before"],
-            degenerate_after=end.faces["degenerate after"],
-            new_bad_faces=end.faces["new"],
+            noise_after=learn_noise(smoothed, adjacency, threads=threads),
+            volume_before=float(volumes_before.sum()) if components.count else None,
+            volume_after=float(volumes_after.sum()) if components.count else None,
+            flipped_before=int(bad_before.flipped.sum()),
+            flipped_after=int(bad_after.flipped.sum()),
+            degenerate_before=int(bad_before.degenerate.sum()),
+            degenerate_after=int(bad_after.degenerate.sum()),
+            new_bad_faces=int(bad_after.new_since(bad_before).sum()),
         )
 
 
-def noise_of(domain: WholeMesh) -> float | None:
+def learn_noise(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> float | None:
     """Standard deviation of the noise along the normal, learned from the mesh; None if it is too small."""
-    arrays, adjacency = fitted_mesh(domain.mesh, adjacency=domain.adjacency, creases=True, threads=domain.threads)
-    _, leaf = learn_surface(arrays, adjacency, Choices(), threads=domain.threads)
+    arrays, adjacency = fitted_mesh(mesh, adjacency=adjacency, creases=True, threads=threads)
+    _, leaf = learn_surface(arrays, adjacency, Choices(), threads=threads)
     return None if leaf is None else leaf.surface.sigma
 
 
-def _onto_patches(domain: WholeMesh, rings: int, alpha: float, progress: Progress | None) -> dict[str, FloatArray]:
-    """The paper's smoothing: "points" (n, 3)."""
-    mesh, threads = domain.mesh, domain.threads
+def _onto_patches(mesh: TriangleMesh, rings: int, alpha: float, threads: int, progress: Progress | None) -> FloatArray:
+    """The vertices on their patches, as the paper has it."""
     geometry = estimate_vertex_geometry(
         mesh.vertices, mesh.faces, rings=rings, alpha=alpha, smoothness="paper", threads=threads, progress=progress
     )
-    return {"points": mesh.vertices + geometry.displacements}
+    result: FloatArray = mesh.vertices + geometry.displacements
+    return result
 
 
-def _checked_mask(selected: BoolArray | None, n: int) -> BoolArray | None:
-    if selected is None:
+def part_of(progress: Progress | None, k: int, total: int) -> Progress | None:
+    """Progress of the k-th of several iterations as that of the whole."""
+    if progress is None:
         return None
-    mask = np.asarray(selected)
+    return lambda done, of: progress(k * of + done, total * of)
+
+
+def _movable(selected: BoolArray | None, adjacency: Adjacency, borders: SmoothedBorders) -> BoolArray:
+    """Vertices that may move."""
+    n = len(adjacency.on_boundary)
+    mask = np.ones(n, dtype=np.bool_) if selected is None else np.asarray(selected)
     if mask.shape != (n,) or mask.dtype != np.bool_:
         raise InvalidParameterError(f"selected: got {mask.dtype} of shape {mask.shape}, expected bool of shape ({n},)")
-    return mask
+    return mask & ~adjacency.on_boundary if borders == "fixed" else mask
+
+
+def check_smoothing(method: object, iterations: object, noise: object, borders: object) -> None:
+    """Refuse options that are out of range.
+
+    Raises
+    ------
+    InvalidParameterError
+        It names the parameter.
+    """
+    if method not in ("auto", "paper"):
+        raise InvalidParameterError(f"method: got {method!r}, expected 'auto' or 'paper'")
+    if isinstance(iterations, bool) or not isinstance(iterations, Integral) or iterations < 1:
+        raise InvalidParameterError(f"iterations: got {iterations!r}, expected an integer of 1 or more")
+    is_length = isinstance(noise, Real) and not isinstance(noise, bool) and 0.0 <= float(noise) < np.inf
+    if noise is not None and not is_length:
+        raise InvalidParameterError(f"noise: got {noise!r}, expected a length of 0 or more, or None to learn it")
+    if noise is not None and method == "paper":
+        raise InvalidParameterError("noise: the paper's method does not use it; leave it out")
+    if borders not in ("curve", "fixed"):
+        raise InvalidParameterError(f"borders: got {borders!r}, expected 'curve' or 'fixed'")

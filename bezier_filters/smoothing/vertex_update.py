@@ -5,7 +5,7 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.runtime.lean import lean_njit
+from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import run_in_chunks
 from bezier_filters.smoothing.chebyshev import coefficients
 
@@ -26,22 +26,7 @@ def move_to_normals(
     The first step is linear in the coordinates, b = -A x, and all of them together are the polynomial
     (1 - (1 - A)^rounds) / A of b, which a short Chebyshev series gives: the eigenvalues of A lie in [0, 1].
 
-    Parameters
-    ----------
-    mesh : TriangleMesh
-    adjacency : Adjacency
-        Of the same mesh.
-    normals : (m, 3) float32
-        Unit normals of the faces; those of faces that are zero are ignored.
-    movable : (n,) bool
-        Vertices that may move.
-    threads : int
-        Number of threads.
-
-    Returns
-    -------
-    (n, 3) float32
-        How far each vertex moves.
+    Faces whose normals (m, 3) are zero are ignored; vertices that are not movable (n,) stay. Returns the moves, (n, 3).
     """
     rows, n = adjacency.faces, mesh.vertex_count
     planes = np.zeros((mesh.face_count, 4), dtype=np.float32)
@@ -73,7 +58,7 @@ def move_to_normals(
     return result
 
 
-@lean_njit()
+@jit()
 def _first_step(
     vertices: FloatArray,
     faces: IntArray,
@@ -105,7 +90,7 @@ def _first_step(
         moves[i, 0], moves[i, 1], moves[i, 2] = sx / count, sy / count, sz / count
 
 
-@lean_njit()
+@jit()
 def _heights(faces: IntArray, moves: SingleArray, start: int, stop: int, planes: SingleArray) -> None:
     """Write how far the centers of faces start .. stop-1 move along their normals."""
     third = np.float32(1.0 / 3.0)
@@ -118,7 +103,7 @@ def _heights(faces: IntArray, moves: SingleArray, start: int, stop: int, planes:
         )
 
 
-@lean_njit()
+@jit()
 def _advance(
     face_ptr: IntArray,
     face_indices: IntArray,

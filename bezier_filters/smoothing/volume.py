@@ -1,123 +1,115 @@
-"""Volumes of closed parts of a mesh, and how to keep them."""
+"""Volumes of the closed components of a mesh, and how to keep them."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.meshes.adjacency import Adjacency, closed_components
 from bezier_filters.meshes.frames import face_normal
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.runtime.lean import lean_njit
-from bezier_filters.smoothing.pieces import Arrays, ClosedParts, Domain, Handle, Outcome, Piece
+from bezier_filters.runtime.jit import jit
 
 ROUNDS = 4
 """Of Newton's method; the volume is a polynomial that is nearly linear in a small offset."""
-EXACT = 1e-14
+EXACT = 1e-13
 """Relative error at which it ends early."""
 
 
 @dataclass(frozen=True)
-class Volumes:
-    """What the closed parts enclose, and what they would gain by moving out."""
+class ClosedComponents:
+    """Connected components without a border.
 
+    Attributes
+    ----------
+    of_vertex : (n,) int32
+        Number of the closed component that a vertex belongs to, -1 for others.
+    origins : (c, 3) float64
+        A point of each: its first vertex.
+    """
+
+    of_vertex: IntArray
     origins: FloatArray
-    rings: int = 1
 
-    def __call__(self, piece: Piece, inputs: Mapping[str, Arrays]) -> Outcome:
-        """Sums over the parts."""
-        part = inputs["parts"]["part"]
-        mesh = TriangleMesh(inputs["points"]["points"], piece.mesh.faces) if "points" in inputs else piece.mesh
-        volumes = np.zeros(mesh.vertex_count)
-        _add_volumes(mesh.vertices, mesh.faces, part, self.origins, volumes)
-        sums = {"volume": (part, volumes)}
-        if "amounts" in inputs:
-            _, lengths = _gradient(mesh)
-            sums["gained"] = part, lengths * inputs["amounts"]["amounts"]
-        return Outcome(part_sums=sums)
+    @staticmethod
+    def of(mesh: TriangleMesh, adjacency: Adjacency) -> "ClosedComponents":
+        """Those of a mesh in memory."""
+        of_vertex, first = closed_components(mesh, adjacency)
+        return ClosedComponents(of_vertex, mesh.vertices[first])
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self.origins)
 
 
-@dataclass(frozen=True)
-class Offsets:
-    """Moves vertices along their normals, in proportion to their amounts."""
+def component_volumes(components: ClosedComponents, mesh: TriangleMesh) -> FloatArray:
+    """Volume of every closed component, (c,), positive if its normals point outwards.
 
-    steps: FloatArray
-    """Of the parts, (parts,)."""
-    rings: int = 1
-
-    def __call__(self, piece: Piece, inputs: Mapping[str, Arrays]) -> Outcome:
-        """Coordinates (n, 3)."""
-        points, part, amounts = inputs["points"]["points"], inputs["parts"]["part"], inputs["amounts"]["amounts"]
-        gradient, lengths = _gradient(TriangleMesh(points, piece.mesh.faces))
-        steps = np.where(part >= 0, self.steps[part], 0.0) * amounts
-        factors = np.divide(steps, lengths, out=np.zeros(len(part)), where=lengths > 0.0)
-        return Outcome(vertices={"points": points + factors[:, np.newaxis] * gradient})
-
-
-@dataclass(frozen=True)
-class Amounts:
-    """How far the surroundings of a vertex have moved."""
-
-    rings: int = 1
-
-    def __call__(self, piece: Piece, inputs: Mapping[str, Arrays]) -> Outcome:
-        """Amounts (n,), lengths; 0 for vertices that stay."""
-        rows, n = piece.adjacency.vertices, piece.mesh.vertex_count
-        neighbours = csr_array((np.ones(len(rows.indices), np.float32), rows.indices, rows.indptr), shape=(n, n))
-        moves = inputs["points"]["points"] - piece.mesh.vertices
-        squares = np.einsum("ij,ij->i", moves, moves)
-        amounts = np.sqrt((neighbours @ squares + squares) / (rows.lengths + 1.0)) * inputs["movable"]["movable"]
-        return Outcome(vertices={"amounts": amounts})
-
-
-def part_volumes(domain: Domain, parts: ClosedParts, **points: Handle) -> FloatArray:
-    """Volume of every closed part, positive if its normals point outwards; with its vertices elsewhere, if given.
+    Those of some of the faces add up to that of all.
 
     Examples
     --------
     >>> from bezier_filters.meshes.adjacency import vertex_adjacency
     >>> from bezier_filters.meshes.mesh import triangle_mesh
     >>> from bezier_filters.surfaces import block_with_sharp_edges
-    >>> from bezier_filters.smoothing.whole_mesh import WholeMesh
     >>> block = triangle_mesh(*block_with_sharp_edges(resolution=4))
-    >>> domain = WholeMesh(block, vertex_adjacency(block))
-    >>> part_volumes(domain, domain.closed_parts())
+    >>> component_volumes(ClosedComponents.of(block, vertex_adjacency(block)), block)
     array([0.875])
     """
-    found = domain.run(Volumes(parts.origins), parts=parts.of_vertex, part_count=parts.count, **points)
-    return found.sums["volume"]
+    volumes = np.zeros(components.count)
+    _add_volumes(mesh.vertices, mesh.faces, components.of_vertex, components.origins, volumes)
+    return volumes
 
 
-def with_volumes(domain: Domain, parts: ClosedParts, volumes: FloatArray, points: Handle, amounts: Handle) -> Handle:
-    """Move vertices along their normals, in proportion to given amounts, so that closed parts have given volumes.
+def restore_volumes(
+    components: ClosedComponents, mesh: TriangleMesh, volumes: FloatArray, amounts: FloatArray
+) -> FloatArray:
+    """Coordinates after moves along the normals, in proportion to amounts (n,), that give components volumes (c,).
 
-    Parameters
-    ----------
-    domain : Domain
-    parts : ClosedParts
-        Of the same mesh.
-    volumes : (parts,) float64
-        What the parts are to enclose.
-    points : Handle
-        "points" (n, 3), where the vertices are.
-    amounts : Handle
-        "amounts" (n,), at least 0. A part whose amounts are all 0 stays as it is.
-
-    Returns
-    -------
-    Handle
-        "points" (n, 3).
+    A component whose amounts are all 0 stays as it is.
     """
-    inputs = {"parts": parts.of_vertex, "amounts": amounts}
+    points = mesh.vertices
     for _ in range(ROUNDS):
-        sums = domain.run(Volumes(parts.origins), part_count=parts.count, points=points, **inputs).sums
-        wanted, gained = volumes - sums["volume"], sums["gained"]
+        current = TriangleMesh(points, mesh.faces)
+        wanted = volumes - component_volumes(components, current)
         if not (np.abs(wanted) > EXACT * np.abs(volumes)).any():
             break
-        steps = np.divide(wanted, gained, out=np.zeros(parts.count), where=gained > 0.0)
-        points = domain.run(Offsets(steps), points=points, **inputs).vertices
+        gained = component_gains(components, current, amounts)
+        steps = np.divide(wanted, gained, out=np.zeros(components.count), where=gained > 0.0)
+        points = offset_along_normals(components, current, steps, amounts)
     return points
+
+
+def component_gains(components: ClosedComponents, mesh: TriangleMesh, amounts: FloatArray) -> FloatArray:
+    """What every component gains, per unit, by moving out in proportion to amounts at vertices, (c,)."""
+    _, lengths = _gradient(mesh)
+    inside = components.of_vertex >= 0
+    gains = np.bincount(components.of_vertex[inside], (lengths * amounts)[inside], components.count)
+    return gains.astype(np.float64)
+
+
+def offset_along_normals(
+    components: ClosedComponents, mesh: TriangleMesh, steps: FloatArray, amounts: FloatArray
+) -> FloatArray:
+    """Vertices moved out by the step of their component (c,) times their amount (n,)."""
+    component = components.of_vertex
+    gradient, lengths = _gradient(mesh)
+    distances = np.where(component >= 0, steps[component], 0.0) * amounts
+    factors = np.divide(distances, lengths, out=np.zeros(len(component)), where=lengths > 0.0)
+    result: FloatArray = mesh.vertices + factors[:, np.newaxis] * gradient
+    return result
+
+
+def movement_around(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray) -> FloatArray:
+    """How far the surroundings of a vertex have moved, (n,), lengths."""
+    rows, n = adjacency.vertices, mesh.vertex_count
+    neighbours = csr_array((np.ones(len(rows.indices), np.float32), rows.indices, rows.indptr), shape=(n, n))
+    moves = points - mesh.vertices
+    squares = np.einsum("ij,ij->i", moves, moves)
+    result: FloatArray = np.sqrt((neighbours @ squares + squares) / (rows.lengths + 1.0))
+    return result
 
 
 def _gradient(mesh: TriangleMesh) -> tuple[FloatArray, FloatArray]:
@@ -127,24 +119,21 @@ def _gradient(mesh: TriangleMesh) -> tuple[FloatArray, FloatArray]:
     return gradient, np.sqrt(np.einsum("ij,ij->i", gradient, gradient))
 
 
-@lean_njit()
+@jit()
 def _add_volumes(
     vertices: FloatArray, faces: IntArray, part: IntArray, origins: FloatArray, volumes: FloatArray
 ) -> None:
-    """Add the tetrahedra between faces and a point of their part, so that nothing cancels out far from the origin.
-
-    Those of a face are added at its first corner.
-    """
+    """Add the tetrahedra between faces and a point of their part, so that nothing cancels out far from the origin."""
     for f in range(len(faces)):
         a = faces[f, 0]
         k = part[a]
         if k >= 0:
             x, y, z = face_normal(vertices, faces, f)
             dx, dy, dz = vertices[a, 0] - origins[k, 0], vertices[a, 1] - origins[k, 1], vertices[a, 2] - origins[k, 2]
-            volumes[a] += (dx * x + dy * y + dz * z) / 6.0
+            volumes[k] += (dx * x + dy * y + dz * z) / 6.0
 
 
-@lean_njit()
+@jit()
 def _add_gradient(vertices: FloatArray, faces: IntArray, gradient: FloatArray) -> None:
     """Add the derivative of the volume by every vertex: a third of the vector area around it."""
     for f in range(len(faces)):

@@ -1,4 +1,4 @@
-"""Batches in processes of their own: the real command line on many files."""
+"""Batches: the real command line on many files where processes are the point, and the rest in this one."""
 
 import json
 import os
@@ -12,13 +12,15 @@ from pathlib import Path
 import numpy as np
 import pymeshlab
 import pytest
+from command_line import in_this_process, run
 
 from bezier_filters import read_fields
-from bezier_filters.cli import main
 from bezier_filters.cli.app import app
-from bezier_filters.cli.batch import COMMANDS, Item, run_command, summarize
+from bezier_filters.cli.batch import Item, run_command, summarize
 from bezier_filters.cli.console import print_batch
 from bezier_filters.meshlab.mesh_files import save_mesh
+from bezier_filters.parameters import PARAMETERS
+from bezier_filters.runtime import worker_processes
 from bezier_filters.runtime.worker_processes import run_in_processes
 from bezier_filters.surfaces import block_with_sharp_edges
 
@@ -26,7 +28,7 @@ SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 MODULE = [sys.executable, "-m", "bezier_filters"]
 
 
-def run(*arguments, cwd):
+def run_process(*arguments, cwd):
     return subprocess.run([*MODULE, *map(str, arguments)], capture_output=True, encoding="utf-8", cwd=cwd)
 
 
@@ -48,9 +50,16 @@ def scans(tmp_path):
     return folder
 
 
-def test_bad_files_do_not_stop_the_others_and_the_next_run_goes_on(scans, tmp_path):
+@pytest.fixture
+def without_processes(tmp_path, monkeypatch):
+    """Batches in the folder of the test, in this process."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(worker_processes, "run_in_processes", in_this_process)
+
+
+def test_bad_files_do_not_stop_the_others_and_the_next_run_goes_on(scans, tmp_path, without_processes):
     command = ("batch", "curvature", "scans/**/*.ply", "--out", "out", "--options", "--quality gaussian --no-color")
-    first = run(*command, "--json", cwd=tmp_path)
+    first = run_process(*command, "--json", cwd=tmp_path)
     assert first.returncode == 1
     summary = json.loads(first.stdout)
     good, bad = {"scans/a.ply", "scans/below/a.ply", "scans/z.ply"}, {"scans/empty.ply", "scans/garbage.ply"}
@@ -62,12 +71,12 @@ def test_bad_files_do_not_stop_the_others_and_the_next_run_goes_on(scans, tmp_pa
     assert written == {"a.ply", "below/a.ply", "z.ply"}
 
     single = tmp_path / "single.ply"
-    run("curvature", scans / "below" / "a.ply", single, "--quality", "gaussian", "--no-color", cwd=tmp_path)
+    run("curvature", scans / "below" / "a.ply", single, "--quality", "gaussian", "--no-color")
     np.testing.assert_array_equal(read_fields(single)["quality"], read_fields(tmp_path / "out/below/a.ply")["quality"])
 
     shutil.copy(SAMPLES / "waves.ply", scans / "empty.ply")  # mended
     os.utime(scans / "z.ply")  # changed
-    second = run(*command, cwd=tmp_path)
+    second = run(*command)
     assert second.returncode == 1
     lines = {line.split()[0]: line for line in second.stdout.splitlines()}
     assert "skipped" in lines["scans/a.ply"]
@@ -77,9 +86,12 @@ def test_bad_files_do_not_stop_the_others_and_the_next_run_goes_on(scans, tmp_pa
     assert "curvature: 2 done, 2 skipped, 2 failed" in second.stdout
 
 
-def test_an_interrupted_batch_goes_on_where_it_was(tmp_path):
+FILES = 8
+
+
+def test_an_interrupted_batch_goes_on_where_it_was(tmp_path, without_processes):
     (tmp_path / "scans").mkdir()
-    for k in range(12):
+    for k in range(FILES):
         shutil.copy(SAMPLES / "bumpy_star.ply", tmp_path / "scans" / f"{k:02}.ply")
     command = [*MODULE, "batch", "smooth", "scans/*.ply", "--out", "out", "--jobs", "2"]
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -89,11 +101,11 @@ def test_an_interrupted_batch_goes_on_where_it_was(tmp_path):
     process.send_signal(signal.SIGINT)
     assert process.wait(timeout=60) != 0
     before = {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("out/[!.]*.ply")}
-    assert 0 < len(before) < 12
-    summary = json.loads(run(*command[3:], "--json", cwd=tmp_path).stdout)
-    assert (summary["done"], summary["skipped"], summary["failed"]) == (12 - len(before), len(before), 0)
+    assert 0 < len(before) < FILES
+    summary = json.loads(run(*command[3:], "--json").stdout)
+    assert (summary["done"], summary["skipped"], summary["failed"]) == (FILES - len(before), len(before), 0)
     after = {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("out/*")}
-    assert len(after) == 12
+    assert len(after) == FILES
     assert before.items() <= after.items()
 
 
@@ -107,7 +119,7 @@ REMARKS = {
 }
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", PARAMETERS)
 def test_every_command_does_what_it_does_for_one_file(command, tmp_path, capsys):
     """A cube without one of its octants has 21 edges, here of two or four edges of the mesh."""
     vertices, faces = block_with_sharp_edges(resolution=4)
@@ -123,11 +135,11 @@ def test_every_command_does_what_it_does_for_one_file(command, tmp_path, capsys)
     assert REMARKS[command] in capsys.readouterr().out
 
 
-def test_lines_of_many_files(tmp_path):
+def test_lines_of_many_files(tmp_path, without_processes):
     (tmp_path / "my parts").mkdir()
     for name in ("block.ply", "torus.ply"):
         shutil.copy(SAMPLES / name, tmp_path / "my parts")
-    done = run("batch", "creases", "my parts/*", "--out", "lines", "--suffix", ".obj", cwd=tmp_path)
+    done = run("batch", "creases", "my parts/*", "--out", "lines", "--suffix", ".obj")
     assert "creases: 2 done, 0 skipped, 0 failed" in done.stdout
     assert "\nl 1 2\n" in (tmp_path / "lines" / "block.obj").read_text()
 
@@ -146,15 +158,13 @@ def test_lines_of_many_files(tmp_path):
         (["creases", "a.ply", "--out", "out", "--options", "--picture a.png"], "got --picture, which names one file"),
     ],
 )
-def test_mistakes_are_refused_before_anything_is_done(arguments, message, tmp_path, monkeypatch, capfd):
+def test_mistakes_are_refused_before_anything_is_done(arguments, message, tmp_path, monkeypatch):
     shutil.copy(SAMPLES / "waves.ply", tmp_path / "a.ply")
     (tmp_path / "a.obj").touch()
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["bezier-filters", "batch", *arguments])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 2
-    assert message in " ".join(capfd.readouterr().err.split())
+    result = run("batch", *arguments)
+    assert result.returncode == 2
+    assert message in " ".join(result.stderr.split())
     assert not (tmp_path / "out").exists()
 
 
@@ -176,8 +186,8 @@ def test_two_hundred_files_some_of_them_broken(tmp_path):
             shutil.copy(SAMPLES / names[k % len(names)], target)
         else:
             target.write_text("broken")
-    summary = json.loads(run("batch", "torsion", "scans/*.ply", "--out", "out", "--json", cwd=tmp_path).stdout)
+    summary = json.loads(run_process("batch", "torsion", "scans/*.ply", "--out", "out", "--json", cwd=tmp_path).stdout)
     assert (summary["done"], summary["skipped"], summary["failed"]) == (190, 0, 10)
     assert len(list((tmp_path / "out").iterdir())) == 190
-    summary = json.loads(run("batch", "torsion", "scans/*.ply", "--out", "out", "--json", cwd=tmp_path).stdout)
+    summary = json.loads(run_process("batch", "torsion", "scans/*.ply", "--out", "out", "--json", cwd=tmp_path).stdout)
     assert (summary["done"], summary["skipped"], summary["failed"]) == (0, 190, 10)

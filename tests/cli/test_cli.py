@@ -1,4 +1,4 @@
-"""The real command line in a process of its own."""
+"""The command line: most of it in this process, and the real one in a process of its own."""
 
 import json
 import os
@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pymeshlab
 import pytest
+from command_line import run
 
 from bezier_filters import estimate_vertex_geometry, read_fields
 from bezier_filters._version import __version__
@@ -34,8 +35,9 @@ COMMANDS = [
 ]
 
 
-def run(*arguments, command=(sys.executable, "-m", "bezier_filters")):
-    return subprocess.run([*command, *map(str, arguments)], capture_output=True, text=True)
+def run_process(*arguments, command=(sys.executable, "-m", "bezier_filters"), **options):
+    """The real command line, which starts another interpreter."""
+    return subprocess.run([*command, *map(str, arguments)], capture_output=True, text=True, **options)
 
 
 def load(path):
@@ -73,7 +75,7 @@ def test_the_quality_is_the_field_asked_for(tmp_path):
 
 
 def test_json_is_a_report_and_nothing_else(tmp_path):
-    result = run("curvature", SAMPLES / "waves.ply", tmp_path / "w.ply", "--json")
+    result = run_process("curvature", SAMPLES / "waves.ply", tmp_path / "w.ply", "--json")
     report = json.loads(result.stdout)
     assert sum(report["status"].values()) == load(SAMPLES / "waves.ply").current_mesh().vertex_number()
     assert report["unit"] == "1/length"
@@ -173,16 +175,23 @@ def test_formats_without_quality_are_written_with_a_note(tmp_path):
         (["run", SAMPLES / "waves.ply", SAMPLES / "waves.ply", "out.ply"], "waves.ply: is no filter script"),
     ],
 )
-def test_bad_input_ends_with_one_line_and_status_2(arguments, message, tmp_path):
-    command = [sys.executable, "-m", "bezier_filters", *map(str, arguments)]
-    without_display = {name: value for name, value in os.environ.items() if not name.endswith("DISPLAY")}
-    result = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=without_display)
+def test_bad_input_ends_with_one_line_and_status_2(arguments, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in [name for name in os.environ if name.endswith("DISPLAY")]:
+        monkeypatch.delenv(name)
+    result = run(*arguments)
     assert result.returncode == 2
     assert result.stdout == ""
     assert result.stderr.count("\n") == 1
     assert result.stderr.startswith("bezier-filters: ")
     assert message in result.stderr
     assert not list(tmp_path.glob("out.*"))
+
+
+def test_the_process_ends_with_that_line_and_status(tmp_path):
+    arguments = ["curvature", "missing.ply", "out.ply"]
+    result, expected = run_process(*arguments, cwd=tmp_path), run(*arguments)
+    assert (result.returncode, result.stdout, result.stderr) == (2, "", expected.stderr)
 
 
 def test_numbers_may_be_auto_and_nothing_else(tmp_path):
@@ -223,7 +232,7 @@ def test_a_radius_that_is_neither_is_refused(radius, tmp_path):
 
 def test_wrong_usage_ends_with_status_2():
     assert run("curvature").returncode == 2
-    assert run("no-such-command").returncode == 2
+    assert run_process("no-such-command").returncode == 2
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -231,6 +240,12 @@ def test_help_has_an_example(command):
     result = run(command, "--help")
     assert result.returncode == 0
     assert "Example: bezier-filters" in result.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_help_in_a_process_of_its_own(command):
+    assert run_process(command, "--help").stdout == run(command, "--help").stdout
 
 
 def test_the_shell_completes_commands_and_options():
@@ -246,8 +261,8 @@ def test_the_shell_completes_commands_and_options():
 
 def test_version_by_script_and_by_module():
     script = Path(sys.executable).parent / "bezier-filters"
-    assert run("--version", command=[str(script)]).stdout == f"bezier-filters {__version__}\n"
-    assert run("--version").stdout == f"bezier-filters {__version__}\n"
+    assert run_process("--version", command=[str(script)]).stdout == f"bezier-filters {__version__}\n"
+    assert run_process("--version").stdout == f"bezier-filters {__version__}\n"
 
 
 def test_info_says_what_stands_in_the_way(tmp_path):

@@ -10,9 +10,11 @@ from pathlib import Path
 import pymeshlab
 import pytest
 import typer
+from command_line import in_this_process
 from typer.testing import CliRunner
 
 from bezier_filters.cli.commands import app
+from bezier_filters.runtime import worker_processes
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs" / "filters").glob("*.md"))]
@@ -89,11 +91,17 @@ def folder(tmp_path_factory):
 
 @pytest.mark.parametrize("command", [*found(COMMAND), *in_help()])
 def test_command_runs(command, folder, monkeypatch):
-    """`view` needs a display, completion changes the user's shell, HOST is any machine: their options are parsed."""
+    """`view` needs a display, completion changes the user's shell, HOST is any machine: their options are parsed.
+
+    Processes for tiles and batches are started by other tests, and by the script above.
+    """
     monkeypatch.chdir(folder)
+    monkeypatch.setattr(worker_processes, "run_in_processes", in_this_process)
     arguments = shlex.split(command, comments=True)
     if arguments[0] in ("view", "--install-completion") or "HOST" in command:
         arguments.append("--help")
+    elif arguments[0] == "scale":
+        arguments += ["--scheduler", "synchronous"]
     result = CliRunner().invoke(app, arguments)
     assert result.exception is None
     assert result.exit_code == 0

@@ -15,16 +15,16 @@ from bezier_filters.estimation.vertex_geometry import empty_geometry
 from bezier_filters.fields import ESTIMATES, FIELDS, columns, qualities
 from bezier_filters.meshlab.meshset import PercentageValue, PureValue
 from bezier_filters.meshlab.registration import FILTERS
-from bezier_filters.parameters import COLORS, FILLING, FIT, LENGTH, LINES, QUALITY, RUN, SMOOTHING
+from bezier_filters.parameters import LENGTH, PARAMETERS, QUALITY
 
 ROOT = Path(__file__).parents[2]
 COMMANDS = {
-    "apply_coord_bezier_patch_smoothing": ("smooth", (*SMOOTHING, QUALITY["smooth"], *COLORS, *RUN)),
-    "meshing_close_holes_by_bezier_patch": ("fill-holes", (*FILLING, *RUN)),
-    "compute_normal_by_bezier_patch_per_vertex": ("normals", (*FIT, QUALITY["normals"], *COLORS, *RUN)),
-    "compute_curvature_by_bezier_patch_per_vertex": ("curvature", (*FIT, QUALITY["curvature"], *COLORS, *RUN)),
-    "compute_torsion_by_bezier_patch_per_vertex": ("torsion", (*FIT, *COLORS, *RUN)),
-    "compute_selection_by_bezier_crease_per_edge": ("creases", (*LINES, *FIT, *RUN)),
+    "apply_coord_bezier_patch_smoothing": "smooth",
+    "meshing_close_holes_by_bezier_patch": "fill-holes",
+    "compute_normal_by_bezier_patch_per_vertex": "normals",
+    "compute_curvature_by_bezier_patch_per_vertex": "curvature",
+    "compute_torsion_by_bezier_patch_per_vertex": "torsion",
+    "compute_selection_by_bezier_crease_per_edge": "creases",
 }
 OF_FILTERS_ALONE = {"ms", "onselected", "newfaceselected", "polylines"}
 KINDS = {
@@ -43,9 +43,9 @@ def words(kind):
 
 @pytest.mark.parametrize("function", FILTERS)
 def test_signatures_agree_with_the_table(function):
-    _, table = COMMANDS[function.__name__]
+    table = PARAMETERS[COMMANDS[function.__name__]]
     signature = inspect.signature(function).parameters
-    assert [name for name in signature if name not in OF_FILTERS_ALONE] == [parameter.name for parameter in table]
+    assert signature.keys() - OF_FILTERS_ALONE == {parameter.name for parameter in table}
     hints = get_type_hints(function)
     for parameter in table:
         assert signature[parameter.name].default == parameter.default, parameter
@@ -63,7 +63,7 @@ def test_signatures_agree_with_the_table(function):
 
 @pytest.mark.parametrize("function", FILTERS)
 def test_docstrings_have_every_parameter_and_column(function):
-    name, _ = COMMANDS[function.__name__]
+    name = COMMANDS[function.__name__]
     for parameter in inspect.signature(function).parameters:
         assert re.search(rf"^{parameter} : .*\n    \S", function.__doc__, re.MULTILINE), parameter
     for field in FIELDS:
@@ -74,9 +74,9 @@ def test_docstrings_have_every_parameter_and_column(function):
 
 @pytest.mark.parametrize("function", FILTERS)
 def test_commands_have_every_parameter(function):
-    name, table = COMMANDS[function.__name__]
+    name = COMMANDS[function.__name__]
     options = {option.name: option for option in typer.main.get_command(app).commands[name].params}
-    for parameter in table:
+    for parameter in PARAMETERS[name]:
         if parameter.name != "progress":
             assert options[parameter.name].help == parameter.help or parameter.name == "color"
 

@@ -4,16 +4,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scale_cases import MESHES, assert_same_as_in_memory, clean, noisy, save_arrays, shuffled
+from scale_cases import MESHES, assert_same_as_in_memory, clean, noisy, save_arrays
 
 from bezier_filters import InvalidParameterError, estimate_vertex_geometry, read_fields, smooth
+from bezier_filters.fields import ESTIMATES
 from bezier_filters.fields import columns as columns_of
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.spatial_order import in_spatial_order
 from bezier_filters.scale import FitOptions, estimate_file, smooth_file
-from bezier_filters.scale.halo import part_around, part_around_samples
-from bezier_filters.scale.mesh_source import open_source
+from bezier_filters.scale.halo import part_around
 from bezier_filters.scale.partition import build_store
+from bezier_filters.scale.source import open_source
 from bezier_filters.surfaces import sphere, torus
 
 
@@ -99,6 +100,23 @@ def test_some_columns_can_be_chosen(tmp_path):
     assert read_fields(tmp_path / "out.ply").keys() == {"quality", "bz_k_min", "bz_k_max"}
 
 
+def test_columns_of_all_filters_come_from_one_run(tmp_path):
+    """What is there for each of them, with any quality."""
+    vertices, faces = clean()
+    files, geometry = save_arrays(tmp_path, vertices, faces), estimate_vertex_geometry(vertices, faces)
+    how = {"scheduler": "synchronous", "tile_vertices": 512}
+    report = estimate_file(files, tmp_path / "out.ply", "all", quality="torsion", **how)
+    fields = read_fields(tmp_path / "out.ply")
+    expected = {name: values for one in ESTIMATES for name, values in columns_of(one, geometry).items()}
+    assert set(report["attributes"]) == expected.keys() == fields.keys() - {"quality"}
+    for name, values in (expected | {"quality": geometry.geodesic_torsion}).items():
+        assert np.array_equal(fields[name], values), name
+    estimate_file(files, tmp_path / "some.ply", "normals", columns=["geodesic_torsion", "normal_x", "k_min"], **how)
+    some = read_fields(tmp_path / "some.ply")
+    assert list(some) == ["bz_geodesic_torsion", "bz_normal_x", "bz_k_min"]
+    assert all(np.array_equal(some[name], fields[name]) for name in some)
+
+
 @pytest.mark.parametrize(("name", "iterations"), [("shuffled", 1), ("broken", 1), ("noisy", 3), ("open", 3)])
 def test_smoothing_moves_vertices_as_in_memory(name, iterations, tmp_path):
     vertices, faces = MESHES[name]()
@@ -139,24 +157,6 @@ def test_the_store_has_the_order_of_meshes_in_memory(seed, tile, tmp_path_factor
     assert np.array_equal(store.order.read(0, len(vertices)), ordered.order)
     whole = part_around(store, np.arange(len(vertices), dtype=np.int32), 1)
     assert np.array_equal(whole.mesh.faces, ordered.mesh.faces)
-
-
-@pytest.mark.parametrize("rings", [1, 2, 5])
-def test_a_part_has_all_faces_at_its_inner_vertices(rings, tmp_path):
-    vertices, faces = shuffled(*clean())
-    store = build_store(open_source(save_arrays(tmp_path, vertices, faces)), tmp_path, 256)
-    mesh = in_spatial_order(triangle_mesh(vertices, faces)).mesh
-    seeds = np.arange(256, 512, dtype=np.int32)
-    near = np.zeros(len(vertices), dtype=bool)
-    near[seeds] = True
-    for _ in range(rings - 1):
-        near[mesh.faces[near[mesh.faces].any(axis=1)]] = True
-    expected = mesh.faces[near[mesh.faces].any(axis=1)]
-    for part in (part_around(store, seeds, rings), part_around_samples(store, seeds[::-1], rings)):
-        assert np.array_equal(part.ids, np.union1d(seeds, expected))
-        assert np.array_equal(part.ids[part.mesh.faces], expected)
-        assert np.array_equal(part.mesh.vertices, mesh.vertices[part.ids])
-        assert np.array_equal(part.ids[part.local(seeds)], seeds)
 
 
 @pytest.mark.parametrize(

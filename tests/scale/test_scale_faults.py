@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +16,10 @@ from scale_cases import assert_same_as_in_memory, clean, noisy, save_arrays
 
 from bezier_filters.errors import CancelledError, FieldFileError, InvalidParameterError
 from bezier_filters.scale import FitOptions, estimate_file, smooth_file
-from bezier_filters.scale.mesh_source import open_source
+from bezier_filters.scale.run import check_room
 from bezier_filters.scale.scheduling import LostTaskError, run_tasks, running
-from bezier_filters.scale.tile_results import DamagedTileError, open_tile, tile_path, write_tile
-from bezier_filters.scale.tile_run import check_room
+from bezier_filters.scale.source import open_source
+from bezier_filters.scale.tiles import DamagedTileError, TileReport, open_tile, report_path, tile_path, write_tile
 from bezier_filters.surfaces import bumpy_star
 
 TILES = 9
@@ -44,7 +45,7 @@ def interrupted(files, target, after, **options):
 
 
 def tiles_in(results):
-    return sorted(path.name for path in results.glob("tile-*.bin"))
+    return sorted(path.name for path in results.glob("tile-*.json"))
 
 
 def test_only_unfinished_tiles_are_computed_after_an_interrupt(files, tmp_path):
@@ -72,17 +73,18 @@ def test_a_run_that_is_stopped_while_it_sorts_starts_anew(files, tmp_path):
     assert_same_as_in_memory(report, *clean())
 
 
-@pytest.mark.parametrize("place", [3, -1, None])
-def test_a_damaged_tile_is_named_and_computed_again(place, files, tmp_path):
+@pytest.mark.parametrize("find", [tile_path, report_path])
+@pytest.mark.parametrize("place", [3, 100, -3, None])
+def test_a_damaged_tile_is_named_and_computed_again(find, place, files, tmp_path):
     results = interrupted(files, tmp_path / "out.ply", 8)
-    path = tile_path(results, 5)
+    path = find(results, 5)
     data = bytearray(path.read_bytes())
     if place is None:
         data = data[: len(data) // 2]  # half written
     else:
         data[place] ^= 1
     path.write_bytes(data)
-    with pytest.raises(DamagedTileError, match=r"tile 5 .*tile-000005\.bin"):
+    with pytest.raises(DamagedTileError, match=r"tile 5 .*tile-000005\.npy"):
         open_tile(results, 5)
     done = len(tiles_in(results))
     report = estimate_file(files, tmp_path / "out.ply", resume=True, **OPTIONS)
@@ -94,7 +96,7 @@ def test_a_damaged_tile_is_named_and_computed_again(place, files, tmp_path):
 def test_what_a_killed_process_leaves_is_no_result(files, tmp_path):
     results = interrupted(files, tmp_path / "out.ply", 3)
     done = tiles_in(results)
-    tile_path(results, 7).with_name(".0123456789abcdef.bin").write_bytes(b"BZTILE1\n")
+    tile_path(results, 7).with_name(".0123456789abcdef.npy").write_bytes(b"NUMPY")
     tile_path(results, 8).touch()
     report = estimate_file(files, tmp_path / "out.ply", resume=True, **OPTIONS)
     assert report["computed_tiles"] == TILES - len(done)
@@ -149,14 +151,15 @@ def test_a_folder_with_something_else_is_left_alone(resume, files, tmp_path):
 
 
 def test_a_tile_is_written_whole_or_not_at_all(tmp_path):
-    write_tile(tmp_path, 7, np.arange(6.0), {"tile": 7})
+    report = TileReport(7, 8, {"edges": [3.0]})
+    write_tile(tmp_path, report, np.arange(6.0))
     found = open_tile(tmp_path, 7)
-    assert found.rows.read(2, 5).tolist() == [2.0, 3.0, 4.0]
-    assert found.report == {"tile": 7}
+    assert found.rows()[2:5].tolist() == [2.0, 3.0, 4.0]
+    assert found.report == report
     with pytest.raises(TypeError):  # a report that JSON does not know
-        write_tile(tmp_path, 7, np.zeros(6), {"tile": object()})
-    assert open_tile(tmp_path, 7).rows.read(5, 6).tolist() == [5.0]
-    assert [path.name for path in tmp_path.iterdir()] == ["tile-000007.bin"]
+        write_tile(tmp_path, replace(report, sums={"edges": object()}), np.zeros(6))
+    assert open_tile(tmp_path, 7).rows()[5] == 5.0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["tile-000007.json", "tile-000007.npy"]
 
 
 def test_what_would_fail_in_the_end_is_refused_at_once(files, tmp_path):
@@ -178,7 +181,7 @@ def test_a_stopped_command_goes_on_where_it_was(number, tmp_path):
     command += ["--faces", faces, "--tile-vertices", "256", "--workers", "2", "--json"]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     end = time.monotonic() + 120
-    while len(list(tmp_path.glob("*.tiles/results-*/tile-*"))) < 20 and time.monotonic() < end:
+    while len(list(tmp_path.glob("*.tiles/results-*/tile-*.json"))) < 20 and time.monotonic() < end:
         time.sleep(0.01)
     process.send_signal(number)
     _, said = process.communicate(timeout=60)
@@ -187,7 +190,7 @@ def test_a_stopped_command_goes_on_where_it_was(number, tmp_path):
         assert "give --resume to go on" in said.splitlines()[-1]
     assert not (tmp_path / "out.ply").exists()
     time.sleep(2.0)  # workers notice that they are alone
-    done = len(list(tmp_path.glob("*.tiles/results-*/tile-*")))
+    done = len(list(tmp_path.glob("*.tiles/results-*/tile-*.json")))
     output = subprocess.run([*command, "--resume"], capture_output=True, text=True, check=True).stdout
     report = json.loads(output)
     assert report["computed_tiles"] == report["tiles"] - done < report["tiles"]
@@ -203,7 +206,7 @@ def test_a_task_that_ends_its_workers_is_named(where):
         return task
 
     with running(where, workers=2, memory_limit=None) as cluster, pytest.raises(LostTaskError, match=r"task 5|5, 6"):
-        list(run_tasks(cluster.ready(), end, 1, range(8), workers=2))
+        list(run_tasks(cluster.ready(), partial(end, 1), range(8), workers=2))
 
 
 def test_a_killed_worker_changes_nothing(files, tmp_path):
@@ -227,6 +230,6 @@ def test_a_killed_worker_changes_nothing(files, tmp_path):
     assert report["tiles"] == report["computed_tiles"] == TILES
     assert_same_as_in_memory(report, *clean())
     (results,) = (tmp_path / "out.ply.tiles").glob("results-*")
-    workers = {open_tile(results, tile).report["process"] for tile in range(TILES)}
+    workers = {open_tile(results, tile).report.process for tile in range(TILES)}
     assert workers - {victim}
     assert os.getpid() not in workers

@@ -1,4 +1,4 @@
-"""The automatic smoothing in tiles gives the vertices that it gives in memory, to the last bit."""
+"""The automatic smoothing in tiles moves vertices as in memory, but for a hundredth of the noise."""
 
 import contextlib
 import json
@@ -10,25 +10,25 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import config
-from scale_cases import MESHES, clean, open_sheet, save_arrays, shuffled
+from scale_cases import MESHES, clean, pipe, save_arrays, shuffled
 from typer.testing import CliRunner
 
 from bezier_filters import InvalidParameterError, read_fields, smooth
 from bezier_filters.cli.commands import app
 from bezier_filters.errors import CancelledError
-from bezier_filters.meshes.adjacency import vertex_adjacency
+from bezier_filters.meshes.adjacency import incoherent_vertices, vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
-from bezier_filters.scale import FitOptions, smooth_file
-from bezier_filters.scale import sampled_parts as scale_parts
-from bezier_filters.scale.connections import cluster_centers, label_parts, neighbours_of
-from bezier_filters.scale.mesh_source import open_source
+from bezier_filters.scale import FitOptions, learn, smooth_file
+from bezier_filters.scale.components import labelled_vertices, unite_components
+from bezier_filters.scale.halo import tile_part
+from bezier_filters.scale.learn import sampled_parts_of
 from bezier_filters.scale.partition import build_store
-from bezier_filters.scale.sampled_parts import sampled_parts_of
+from bezier_filters.scale.source import open_source
+from bezier_filters.scale.tiles import TileReport, open_tile, tile_path, write_tile
 from bezier_filters.smoothing import mesh_parts
-from bezier_filters.smoothing.clusters import clusters_of
 from bezier_filters.smoothing.mesh_parts import CORE, LARGEST_WHOLE, PART
-from bezier_filters.smoothing.whole_mesh import WholeMesh
-from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, sphere, waves
+from bezier_filters.smoothing.volume import closed_components
+from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, sphere, torus, waves
 
 compiled = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
 HOW = {"scheduler": "synchronous", "workers": 1}
@@ -39,13 +39,34 @@ def with_noise(vertices, faces, amount=0.2):
     return vertices + np.random.default_rng(5).normal(scale=amount * edge, size=vertices.shape), faces
 
 
+def star(resolution):
+    surface = bumpy_star(resolution=resolution, jitter=0.2)
+    return surface.vertices, surface.faces
+
+
+def sheet(resolution):
+    surface = waves(resolution=resolution)
+    return surface.vertices, surface.faces
+
+
 def several():
     """A block, a ball, a sheet and a lonely vertex, in any order."""
     block, faces = block_with_sharp_edges(resolution=12, jitter=0.2)
-    star, sheet = bumpy_star(resolution=10), waves(resolution=14)
-    n = len(block), len(block) + len(star.vertices)
-    vertices = np.vstack([block, star.vertices + np.array([3, 0, 0]), sheet.vertices - 4.0, [[9.0, 9.0, 9.0]]])
-    return shuffled(*with_noise(vertices, np.vstack([faces, star.faces + n[0], sheet.faces + n[1]])))
+    ball, waved = bumpy_star(resolution=10), waves(resolution=14)
+    n = len(block), len(block) + len(ball.vertices)
+    vertices = np.vstack([block, ball.vertices + np.array([3, 0, 0]), waved.vertices - 4.0, [[9.0, 9.0, 9.0]]])
+    return shuffled(*with_noise(vertices, np.vstack([faces, ball.faces + n[0], waved.faces + n[1]])))
+
+
+def many_components():
+    """Sixty small closed surfaces, in any order."""
+    vertices, faces, n = [], [], 0
+    for k in range(60):
+        surface = bumpy_star(resolution=8 + k % 4) if k % 3 else sphere(resolution=6 + k % 5, jitter=0.2)
+        vertices.append(surface.vertices + np.array([3 * (k % 8), 3 * (k // 8), 0]))
+        faces.append(surface.faces + n)
+        n += len(surface.vertices)
+    return shuffled(*with_noise(np.vstack(vertices), np.vstack(faces)))
 
 
 def ball():
@@ -61,25 +82,52 @@ def far_away():
 
 CASES = MESHES | {
     "several": several,
-    "sharp": lambda: with_noise(*block_with_sharp_edges(resolution=16, jitter=0.2)),
-    "noisy sheet": lambda: shuffled(*with_noise(*open_sheet())),
+    "star": lambda: with_noise(*star(48)),
+    "noisy sheet": lambda: shuffled(*with_noise(*sheet(150))),
+    "block": lambda: with_noise(*block_with_sharp_edges(resolution=48, jitter=0.2)),
+    "large block": lambda: with_noise(*block_with_sharp_edges(resolution=130, jitter=0.2)),
+    "many": many_components,
+    "pipe": lambda: with_noise(*pipe(12, 5200)),
     "far away": far_away,
-    "large": lambda: with_noise(*(lambda s: (s.vertices, s.faces))(bumpy_star(resolution=80, jitter=0.2))),
+    "large": lambda: with_noise(*star(120)),
 }
-QUICK = {"several": 1024, "clean": 1024}
-SLOW = {name: 512 for name in CASES if name not in ("clean", "large")} | {"large": 20_000}
+QUICK = {"several": 1024, "clean": 1024, "pipe": 8192}
+SLOW = {
+    "noisy": 512,
+    "shuffled": 512,
+    "open": 512,
+    "broken": 512,
+    "far away": 512,
+    "star": 2048,
+    "noisy sheet": 2048,
+    "block": 2048,
+    "many": 1024,
+    "large": 30_000,
+    "large block": 20_000,
+}
 
 
-def assert_same(report, expected):
-    """Coordinates and columns, and all that is told."""
-    target = report["output"]
-    fields = read_fields(target)
-    assert np.array_equal(open_source(target).vertices(0, len(expected.vertices)), expected.vertices)
-    assert np.array_equal(fields["bz_displacement"], expected.displacement)
-    assert np.array_equal(fields["quality"], expected.displacement)
-    assert np.array_equal(fields["bz_sharpness"], expected.sharpness)
-    assert report["noise"] == {"before": expected.noise_before, "after": expected.noise_after}
-    assert report["volume"] == {"before": expected.volume_before, "after": expected.volume_after}
+def assert_close(found, expected, most):
+    """Numbers that hardly differ, or are both missing."""
+    assert (found is None) == (expected is None)
+    assert expected is None or abs(found - expected) <= most
+
+
+def assert_near(report, expected):
+    """A hundredth of the noise at any vertex, a thousandth in the root mean square, and what is told."""
+    target, sigma = report["output"], expected.noise_before or 1e-12
+    fields, found = read_fields(target), open_source(target).vertices(0, len(expected.vertices))
+    apart = np.linalg.norm(found - expected.vertices, axis=1) / sigma
+    assert apart.max() <= 0.01
+    assert np.sqrt(np.square(apart).mean()) <= 0.001
+    assert np.abs(fields["bz_displacement"] - expected.displacement).max() <= 0.01 * sigma
+    assert np.array_equal(fields["quality"], fields["bz_displacement"])
+    assert np.abs(fields["bz_sharpness"] - expected.sharpness).max() <= 0.01
+    assert_close(report["noise"]["before"], expected.noise_before, 1e-9 * sigma)
+    assert_close(report["noise"]["after"], expected.noise_after, 0.005 * sigma)
+    for when in ("before", "after"):
+        volume = getattr(expected, f"volume_{when}")
+        assert_close(report["volume"][when], volume, 1e-5 * abs(volume or 0.0))
     assert report["faces"]["flipped before"] == expected.flipped_before
     assert report["faces"]["flipped after"] == expected.flipped_after
     assert report["faces"]["new"] == expected.new_bad_faces == 0
@@ -90,14 +138,37 @@ def assert_same(report, expected):
     ("name", "tile"),
     [*QUICK.items(), *(pytest.param(name, tile, marks=pytest.mark.slow) for name, tile in SLOW.items())],
 )
-def test_vertices_are_those_in_memory_to_the_last_bit(name, tile, tmp_path):
+def test_vertices_move_as_in_memory(name, tile, tmp_path):
     vertices, faces = CASES[name]()
     files = save_arrays(tmp_path, vertices, faces)
     report = smooth_file(files, tmp_path / "out.ply", tile_vertices=tile, **HOW)
     expected = smooth(vertices, faces)
-    assert_same(report, expected)
+    assert_near(report, expected)
     assert (expected.max_displacement > 0.0) == (name not in ("clean", "open", "broken"))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["faces.npy", "out.ply", "vertices.npy"]
+
+
+@compiled
+@pytest.mark.slow
+def test_errors_next_to_borders_of_tiles_are_no_larger_than_inside(tmp_path):
+    """Distances from the true torus, whose tiles have their rings around them and not all of it."""
+    ring = torus(resolution=200, jitter=0.2)
+    rng = np.random.default_rng(0)
+    edge = np.linalg.norm(ring.vertices[ring.faces[:, 0]] - ring.vertices[ring.faces[:, 1]], axis=1).mean()
+    vertices = ring.vertices + 0.2 * edge * rng.standard_normal((len(ring.vertices), 1)) * ring.normals
+    files, target = save_arrays(tmp_path, vertices, ring.faces), tmp_path / "out.ply"
+    report = smooth_file(files, target, tile_vertices=16_384, keep_store=True, **HOW)
+    assert report["halo"] < report["tiles"] - 1.0
+    assert_near(report, smooth(vertices, ring.faces))
+    found = open_source(target).vertices(0, len(vertices))
+    errors = np.einsum("ij,ij->i", found - ring.vertices, ring.normals)
+    tile = np.fromfile(f"{target}.tiles/rank.bin", dtype=np.int32)[ring.faces] // report["tile_vertices"]
+    near = np.zeros(len(vertices), dtype=bool)
+    near[ring.faces[(tile != tile[:, :1]).any(axis=1)]] = True
+    for _ in range(3):
+        near[ring.faces[near[ring.faces].any(axis=1)]] = True
+    assert 0.02 < near.mean() < 0.5
+    assert np.sqrt(np.square(errors[near]).mean()) < 1.1 * np.sqrt(np.square(errors[~near]).mean())
 
 
 @pytest.mark.parametrize(
@@ -111,7 +182,7 @@ def test_vertices_are_those_in_memory_to_the_last_bit(name, tile, tmp_path):
 def test_what_is_hardly_a_mesh_is_as_in_memory(vertices, faces, tmp_path):
     files = save_arrays(tmp_path, vertices, np.array(faces))
     report = smooth_file(files, tmp_path / "out.ply", tile_vertices=256, noise=0.1, **HOW)
-    assert_same(report, smooth(vertices, faces, noise=0.1))
+    assert_near(report, smooth(vertices, faces, noise=0.1))
 
 
 @compiled
@@ -124,83 +195,89 @@ def test_options_do_what_they_do_in_memory(options, tmp_path):
     vertices, faces = several()
     files = save_arrays(tmp_path, vertices, faces)
     report = smooth_file(files, tmp_path / "out.ply", tile_vertices=1024, **HOW, **options)
-    assert_same(report, smooth(vertices, faces, **options))
+    assert_near(report, smooth(vertices, faces, **options))
 
 
 @settings(max_examples=10, deadline=None)
-@given(seed=st.integers(0, 10**6), tile=st.integers(256, 600), crumpled=st.booleans())
-def test_clusters_and_closed_parts_are_those_in_memory(seed, tile, crumpled, tmp_path_factory):
+@given(seed=st.integers(0, 10**6), tile=st.integers(256, 600))
+def test_closed_components_are_those_in_memory(seed, tile, tmp_path_factory):
     vertices, faces = several()
     rng, folder = np.random.default_rng(seed), tmp_path_factory.mktemp("store")
-    faces = faces[rng.random(len(faces)) > rng.choice([0.0, 1e-3])]
-    if crumpled:
-        faces = np.concatenate([faces, rng.integers(0, len(vertices), (20, 3))]).astype(np.int32)
+    faces = faces[rng.random(len(faces)) > rng.choice([0.0, 1e-3, 0.3])]
     mesh = triangle_mesh(*shuffled(vertices, faces))
     store = build_store(open_source(save_arrays(folder, mesh.vertices, mesh.faces)), folder, tile)
-    adjacency, neighbours = vertex_adjacency(mesh), neighbours_of(store)
-    expected, ranks = clusters_of(adjacency), store.rank.read(0, len(vertices))
-    rows = cluster_centers(store, neighbours).read(0, len(vertices))[ranks]
-    assert np.array_equal(rows["label"], expected.centers[expected.of_vertex])
-    is_open = np.zeros(len(vertices), dtype=bool)
-    is_open[ranks] = adjacency.on_boundary | (adjacency.vertices.lengths == 0)
-    parts, firsts = label_parts(store, neighbours, is_open, folder / "parts.bin")
-    if not crumpled:
-        whole = WholeMesh(mesh, adjacency).closed_parts()
-        assert np.array_equal(parts.read(0, len(vertices))["part"][ranks], whole.of_vertex["part"])
-        assert np.array_equal(store.coordinates(0, len(vertices))[firsts], whole.origins)
+    tiles = []
+    for k in range(store.layout.tile_count):
+        part = tile_part(store, k, 1)
+        adjacency = vertex_adjacency(part.mesh)
+        assert not incoherent_vertices(part.mesh.faces, adjacency)[part.own].any()
+        write_tile(folder, TileReport(k, len(part.ids), {}), labelled_vertices(part, adjacency))
+        tiles.append(open_tile(folder, k))
+    found, expected = unite_components(store, tiles), closed_components(mesh, vertex_adjacency(mesh))
+    if not expected.count:
+        assert found is None
+        return
+    assert found.count == expected.count
+    numbers = found.of_vertex.read(0, len(vertices))[store.rank.read(0, len(vertices))]
+    assert np.array_equal(numbers < 0, expected.of_vertex < 0)
+    pairs = np.unique(np.column_stack([numbers, expected.of_vertex]), axis=0)
+    assert len(pairs) == expected.count + (numbers < 0).any()  # the same, in another order
+    ids = np.arange(len(vertices), dtype=np.int32)
+    local, there = found.at(ids[100:300])
+    assert np.array_equal(np.append(there, -1)[local.of_vertex], found.of_vertex.read(100, 300))
+    assert all((store.coordinates(0, len(vertices)) == origin).all(axis=1).any() for origin in local.origins)
 
 
-@pytest.mark.parametrize("scattered", [False, True])
+@pytest.mark.parametrize("shape", ["star", "pieces", "pipe"])
 @pytest.mark.parametrize("size", [600, pytest.param(PART, marks=[compiled, pytest.mark.slow])])
-def test_sampled_parts_are_those_in_memory(size, scattered, tmp_path, monkeypatch):
-    """Also where a mesh falls into many small pieces, so that parts go on and on with the next vertex."""
-    star = bumpy_star(resolution=80 if size == PART else 24)
-    vertices, faces = star.vertices, star.faces
-    if scattered:
+def test_sampled_parts_are_those_in_memory(size, shape, tmp_path, monkeypatch):
+    """Also where a mesh falls into many small pieces, so that parts go on and on, or is long and thin."""
+    vertices, faces = star(80 if size == PART else 24)
+    if shape == "pieces":
         faces = faces[np.random.default_rng(0).random(len(faces)) < 0.2]
+    elif shape == "pipe":
+        vertices, faces = pipe(12, 5200) if size == PART else pipe(3, 1800)
     mesh = triangle_mesh(*shuffled(vertices, faces))
     monkeypatch.setattr(mesh_parts, "CORE", CORE * size // PART)
-    for module in (mesh_parts, scale_parts):
+    for module in (mesh_parts, learn):
         monkeypatch.setattr(module, "PART", size)
         monkeypatch.setattr(module, "LARGEST_WHOLE", LARGEST_WHOLE * size // PART)
-    monkeypatch.setattr(scale_parts, "FIRST_RINGS", 64 if size == PART else 6)
+    monkeypatch.setattr(learn, "FIRST_RINGS", 64 if size == PART else 6)
     assert mesh.vertex_count > LARGEST_WHOLE * size // PART
     store = build_store(open_source(save_arrays(tmp_path, mesh.vertices, mesh.faces)), tmp_path, 8192 * size // PART)
     expected, found = mesh_parts.sampled_parts(mesh, vertex_adjacency(mesh), (17,)), sampled_parts_of(store, (17,))
-    assert len(found.vertices) < mesh.vertex_count
-    assert np.array_equal(found.vertices, expected.vertices)
     assert np.array_equal(found.core, expected.core)
-    assert np.array_equal(found.mesh.vertices, expected.mesh.vertices)
-    assert np.array_equal(found.mesh.faces, expected.mesh.faces)
-
-
-def stopped(files, target, stage, after, **options):
-    """Stop a run in some stage; the folder of its results."""
-
-    def progress(name, done, total):
-        return not (name == stage and done >= after)
-
-    with pytest.raises(CancelledError):
-        smooth_file(files, target, progress=progress, **HOW, **options)
-    assert not target.exists()
-    (results,) = target.with_suffix(".ply.tiles").glob("results-*")
-    return results
+    expected, found = expected.part, found.part
+    assert len(found.ids) < found.vertex_count == mesh.vertex_count
+    for one, other in zip(
+        (found.ids, found.cut, found.mesh.vertices, found.mesh.faces),
+        (expected.ids, expected.cut, expected.mesh.vertices, expected.mesh.faces),
+        strict=True,
+    ):
+        assert np.array_equal(one, other)
 
 
 @compiled
-@pytest.mark.parametrize("stage", ["Shares", pytest.param("Levels", marks=pytest.mark.slow)])
-def test_a_run_goes_on_in_the_stage_it_was_in(stage, tmp_path):
-    """A damaged tile is computed again, if need be with all that it was computed from."""
+@pytest.mark.parametrize("stage", ["measure", "smooth", "finish"])
+def test_a_run_goes_on_in_the_round_it_was_in(stage, tmp_path):
+    """Only what is not there is computed, and a tile that was damaged, in whatever round."""
     vertices, faces = ball()
     files, target = save_arrays(tmp_path, vertices, faces), tmp_path / "out.ply"
-    results = stopped(files, target, "shares", 1, tile_vertices=512)
-    (damaged,) = results.glob(f"*-{stage}/vertices/tile-000001.bin")
+
+    def progress(name, done, total):
+        return name != "write"
+
+    with pytest.raises(CancelledError):
+        smooth_file(files, target, tile_vertices=512, progress=progress, **HOW)
+    assert not target.exists()
+    folders = {"measure": "measure-1", "smooth": "step-1", "finish": "finish"}
+    (results,) = tmp_path.glob(f"out.ply.tiles/results-*/{folders[stage]}")
+    damaged = tile_path(results, 1)
     damaged.write_bytes(damaged.read_bytes()[:-8])
     report = smooth_file(files, target, resume=True, **HOW)
-    assert report["damaged_tiles"] == [f"{damaged.parent.parent.name}: tile 1"]
-    assert (report["computed_tiles"] == report["tiles"]) == (stage == "Levels")
-    assert report["computed_tiles"] > 0
-    assert_same(report, smooth(vertices, faces))
+    assert report["damaged_tiles"] == [1]
+    assert (report["computed_tiles"], report["rounds"]) == (1, 3)
+    assert_near(report, smooth(vertices, faces))
     assert not results.exists()
 
 
@@ -218,7 +295,7 @@ def test_a_killed_worker_changes_nothing(tmp_path):
         victim = next(iter(client.run(os.getpid).values()))
 
         def progress(stage, done, total):
-            if stage == "measuring" and done == 1:
+            if stage == "smooth" and done == 1:
                 with contextlib.suppress(ProcessLookupError):
                     os.kill(victim, signal.SIGKILL)
 
@@ -226,7 +303,7 @@ def test_a_killed_worker_changes_nothing(tmp_path):
         report = smooth_file(files, target, tile_vertices=512, **how)
         with pytest.raises(ProcessLookupError):
             os.kill(victim, 0)
-    assert_same(report, smooth(vertices, faces))
+    assert_near(report, smooth(vertices, faces))
 
 
 @compiled
@@ -235,7 +312,7 @@ def test_the_command_line_smooths(tmp_path):
     arguments = ["scale", "smooth", vertices, tmp_path / "out.ply", "--faces", faces, "--scheduler", "synchronous"]
     result = CliRunner().invoke(app, [*map(str, arguments), "--noise", "0.0", "--borders", "fixed", "--json"])
     assert result.exception is None
-    assert_same(json.loads(result.stdout), smooth(np.load(vertices), np.load(faces), noise=0.0, borders="fixed"))
+    assert_near(json.loads(result.stdout), smooth(np.load(vertices), np.load(faces), noise=0.0, borders="fixed"))
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from bezier_filters.cli import commands
 from bezier_filters.cli.commands import app
 from bezier_filters.errors import FieldFileError
 from bezier_filters.scale import estimate_file
-from bezier_filters.scale.mesh_source import open_source
+from bezier_filters.scale.source import open_source
 
 TORUS = Path(__file__).parents[2] / "sample_meshes" / "torus.ply"
 

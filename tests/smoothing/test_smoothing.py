@@ -7,8 +7,7 @@ from numba import config
 from bezier_filters import CancelledError, InvalidParameterError, estimate_vertex_geometry, smooth
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
-from bezier_filters.smoothing.extent import extent_of
-from bezier_filters.smoothing.whole_mesh import WholeMesh
+from bezier_filters.smoothing.denoise import mean_edge
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, sphere, torus, waves
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
@@ -16,7 +15,7 @@ pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long witho
 
 def edge_of(vertices, faces):
     mesh = triangle_mesh(vertices, faces)
-    return extent_of(WholeMesh(mesh, vertex_adjacency(mesh))).mean_edge
+    return mean_edge(mesh, vertex_adjacency(mesh))
 
 
 def vertex_normals(vertices, faces):

@@ -1,22 +1,20 @@
-"""Volumes of closed parts."""
+"""Volumes of closed components."""
 
 import numpy as np
 import pytest
 
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
-from bezier_filters.smoothing.volume import part_volumes, with_volumes
-from bezier_filters.smoothing.whole_mesh import WholeMesh
+from bezier_filters.smoothing.volume import ClosedComponents, component_volumes, restore_volumes
 from bezier_filters.surfaces import block_with_sharp_edges, sphere, waves
 
 
-def whole(mesh):
-    return WholeMesh(mesh, vertex_adjacency(mesh))
+def components_of(mesh):
+    return ClosedComponents.of(mesh, vertex_adjacency(mesh))
 
 
 def volumes_of(mesh):
-    domain = whole(mesh)
-    return part_volumes(domain, domain.closed_parts())
+    return component_volumes(components_of(mesh), mesh)
 
 
 @pytest.fixture
@@ -29,15 +27,15 @@ def two_bodies_and_a_sheet():
     return triangle_mesh(vertices, np.vstack([faces, ball.faces + n[0], sheet.faces + n[1]])), n
 
 
-def test_closed_parts_are_found(two_bodies_and_a_sheet):
+def test_closed_components_are_found(two_bodies_and_a_sheet):
     mesh, (end_of_block, end_of_ball) = two_bodies_and_a_sheet
-    parts = whole(mesh).closed_parts()
-    assert parts.count == 2
-    of_vertex = parts.of_vertex["part"]
+    components = components_of(mesh)
+    assert components.count == 2
+    of_vertex = components.of_vertex
     assert set(of_vertex[:end_of_block]) == {0}
     assert set(of_vertex[end_of_block:end_of_ball]) == {1}
     assert (of_vertex[end_of_ball:] == -1).all()
-    assert np.array_equal(parts.origins, mesh.vertices[[0, end_of_block]])
+    assert np.array_equal(components.origins, mesh.vertices[[0, end_of_block]])
 
 
 def test_volumes_do_not_depend_on_the_place(two_bodies_and_a_sheet):
@@ -51,16 +49,15 @@ def test_volumes_do_not_depend_on_the_place(two_bodies_and_a_sheet):
 
 def test_volumes_are_reached_where_amounts_allow(two_bodies_and_a_sheet):
     mesh, (end_of_block, _) = two_bodies_and_a_sheet
-    domain = whole(mesh)
-    parts = domain.closed_parts()
+    components = components_of(mesh)
     amounts = np.zeros(mesh.vertex_count)
     amounts[end_of_block:] = 1.0
-    before = part_volumes(domain, parts)
-    points = with_volumes(domain, parts, 1.01 * before, {"points": mesh.vertices}, {"amounts": amounts})
-    after, result = part_volumes(domain, parts, points=points), points["points"]
+    before = component_volumes(components, mesh)
+    result = restore_volumes(components, mesh, 1.01 * before, amounts)
+    after = component_volumes(components, TriangleMesh(result, mesh.faces))
     assert np.allclose(after / before, [1.0, 1.01], rtol=1e-12)
     assert np.array_equal(result[:end_of_block], mesh.vertices[:end_of_block])
-    outside = parts.of_vertex["part"] < 0
+    outside = components.of_vertex < 0
     assert np.array_equal(result[outside], mesh.vertices[outside])
 
 
@@ -72,6 +69,6 @@ def test_meshes_that_enclose_nothing():
     turned = np.vstack([ball.faces[:1, ::-1], ball.faces[1:]])
     for faces in (twice, named_twice, turned, ball.faces[1:], np.zeros((0, 3), dtype=int)):
         mesh = triangle_mesh(ball.vertices, faces)
-        assert whole(mesh).closed_parts().count == 0
+        assert components_of(mesh).count == 0
     mesh = triangle_mesh(sheet.vertices, sheet.faces)
-    assert whole(mesh).closed_parts().count == 0
+    assert components_of(mesh).count == 0

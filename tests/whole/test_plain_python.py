@@ -19,7 +19,7 @@ from bezier_filters import boundary_loops, estimate_vertex_geometry, fill_holes,
 from bezier_filters.files.field_files import read_fields
 from bezier_filters.meshes.self_intersections import cut_faces
 from bezier_filters.scale import estimate_file, smooth_file
-from bezier_filters.scale.mesh_source import open_source
+from bezier_filters.scale.source import open_source
 from bezier_filters.surfaces import block_with_sharp_edges, sphere, waves
 
 pytestmark = [] if config.DISABLE_JIT else [pytest.mark.slow]

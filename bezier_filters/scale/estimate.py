@@ -1,25 +1,25 @@
 """Estimates the geometry of meshes that do not fit into memory, file to file."""
 
 import os
-from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict, replace
-from typing import Any
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 
 import numpy as np
 
-from bezier_filters.errors import InvalidParameterError
-from bezier_filters.estimation.adaptive_fit import SurfaceFit
-from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, empty_geometry
-from bezier_filters.fields import CURVATURE, PREFIX, TORSION, qualities
+from bezier_filters.arrays import FloatArray, Report
+from bezier_filters.estimation.adaptive_fit import SurfaceFit, fit_parts
+from bezier_filters.estimation.fallbacks import fit_with_fallbacks
+from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, empty_geometry
+from bezier_filters.kernels.kernel_input import fitted_mesh
 from bezier_filters.learning.model_tree import leaves
-from bezier_filters.scale.file_run import RunOptions, file_run
-from bezier_filters.scale.mesh_source import SourcePath, open_source
-from bezier_filters.scale.sampling import FitOptions, learn_fit, rings_needed
+from bezier_filters.scale.columns import chosen_columns, columns_of, table_of
+from bezier_filters.scale.halo import tile_part
+from bezier_filters.scale.learn import FitOptions, learn_fit, rings_needed
+from bezier_filters.scale.run import Output, Round, RunOptions, StageProgress, file_run
 from bezier_filters.scale.scheduling import Scheduler, dashboard
-from bezier_filters.scale.tile_results import TileResult
-from bezier_filters.scale.tile_run import Finished, StageProgress, Stages, results_folder, run_job
-from bezier_filters.scale.tile_tasks import QUANTITIES, TileJob, peak_bytes
+from bezier_filters.scale.source import SourcePath, open_source
+from bezier_filters.scale.store import Store
 from bezier_filters.status import FitStatus
 
 
@@ -39,7 +39,7 @@ def estimate_file(
     resume: bool = False,
     keep_store: bool = False,
     progress: StageProgress | None = None,
-) -> dict[str, Any]:
+) -> Report:
     """Normals, curvature or torsion of a mesh of any size: the values of `estimate_vertex_geometry`, in tiles.
 
     The mesh is sorted in space in a folder, the store, and cut into tiles. How to fit is learned from the same
@@ -55,13 +55,13 @@ def estimate_file(
         A binary PLY file of triangles, or NPY files of vertices (n, 3) and faces (m, 3).
     target : path
         PLY file to write: coordinates, quality and columns ``bz_*`` as double, and faces.
-    quantity : {"curvature", "normals", "torsion"}
-        What to estimate; it says which columns there are.
+    quantity : {"curvature", "normals", "torsion", "all"}
+        What to estimate; it says which columns and which quality there are by default.
     quality : str, optional
-        For curvature: mean, gaussian, min, max, curvedness, shape_index or std; mean by default. Torsion is its own
-        quality, normals have none.
+        mean, gaussian, min, max, curvedness, shape_index, std or torsion. By default mean, or torsion if that is
+        the quantity; normals have none.
     columns : sequence of str, optional
-        Columns to write, with or without ``bz_``; all by default.
+        Columns to write, with or without ``bz_``: any of those of the three filters. By default those of the quantity.
     options : FitOptions, optional
         How to fit.
     scheduler : optional
@@ -119,94 +119,99 @@ def estimate_file(
     """
     options = options or FitOptions()
     opened, creases = open_source(source), options.creases
-    chosen_quality, chosen = _columns(quantity, quality, columns)
+    chosen_quality, chosen = chosen_columns(quantity, quality, columns)
     parameters = {"quantity": quantity, "quality": chosen_quality, "columns": chosen, "options": asdict(options)}
     how = RunOptions(scheduler, workers, tile_vertices, memory_limit, store, resume, keep_store, progress)
     row_size = 3 * opened.dtype.itemsize + 8 * (len(chosen) + bool(chosen_quality))
     with file_run(opened, target, how, row_size=row_size, in_store=row_size) as run:
-        mesh = run.mesh
         with run.stages.stage("learn"):
-            fit = learn_fit(mesh, options, threads=run.workers)
-        results = results_folder(mesh, parameters)
-        job = TileJob(
-            mesh.folder.resolve(),
-            results.resolve(),
-            fit,
-            creases,
-            options.robust,
-            quantity,
+            fit = learn_fit(run.store, options, threads=run.workers)
+        with run.stages.stage("start"):
+            link = dashboard(run.cluster.ready())
+        job = EstimateJob(
+            TileFit(run.store, fit, creases, options.robust),
             chosen_quality,
             tuple(chosen),
-            mesh.layout.dtype,
+            run.store.layout.dtype,
         )
-        with run.stages.stage("start"):
-            ready = run.cluster.ready()
-        link = dashboard(ready)
-        with run.stages.stage("fit", link) as report:
-            finished = run_job(ready, mesh, job, workers=run.workers, progress=report)
-        run.write(finished.tiles)
-    return (
-        run.files
-        | {
-            "quantity": quantity,
-            "quality": chosen_quality or None,
-            "attributes": chosen,
-            "fit": asdict(_with_counts(fit, finished.tiles)),
-            "status": _status(finished.tiles),
-            "dashboard": link or None,
-        }
-        | tile_report(finished, mesh.layout.tile_vertices, rings_needed(fit), run.stages)
-    )
-
-
-def tile_report(finished: Finished, tile_vertices: int, rings: int, stages: Stages) -> dict[str, Any]:
-    """What is told of the tiles."""
-    return {
-        "vertices": sum(tile.report["vertices"] for tile in finished.tiles),
-        "tiles": len(finished.tiles),
-        "computed_tiles": finished.computed,
-        "damaged_tiles": list(finished.damaged),
-        "tile_vertices": tile_vertices,
-        "halo_rings": rings,
-        "halo": finished.halo,
-        "tile_seconds": sum(tile.report["seconds"] for tile in finished.tiles),
-        "peak_bytes": {"worker": finished.peak_bytes, "driver": peak_bytes()},
-        "seconds": stages.seconds,
+        done = run.tiles("fit", run.results(parameters), partial(estimate_tile, job), link)
+        run.write(done.tiles)
+    return run.report() | {
+        "quantity": quantity,
+        "quality": chosen_quality or None,
+        "attributes": chosen,
+        "fit": asdict(_with_counts(fit, done)),
+        "status": _status(done),
+        "halo_rings": rings_needed(fit),
+        "dashboard": link or None,
     }
 
 
-def _columns(quantity: str, quality: str | None, columns: Sequence[str] | None) -> tuple[str, list[str]]:
-    """The column that becomes the quality, or "", and those that are written."""
-    if quantity not in QUANTITIES:
-        raise InvalidParameterError(f"quantity: got {quantity!r}, expected one of {', '.join(QUANTITIES)}")
-    there = list(QUANTITIES[quantity](empty_geometry(0)))
-    wanted = there if columns is None else [PREFIX + name.removeprefix(PREFIX) for name in columns]
-    unknown = [name for name in wanted if name not in there]
-    if unknown or len(set(wanted)) < len(wanted):
-        raise InvalidParameterError(f"columns: got {wanted}, expected some of {there}, each once")
-    if quantity != "curvature":
-        if quality is not None:
-            raise InvalidParameterError(f"quality: got {quality!r}, expected None for {quantity}")
-        return qualities(TORSION)["torsion"].column if quantity == TORSION else "", wanted
-    fields = qualities(CURVATURE)
-    if quality is not None and quality not in fields:
-        raise InvalidParameterError(f"quality: got {quality!r}, expected one of {', '.join(fields)}")
-    return fields[quality or "mean"].column, wanted
+@dataclass(frozen=True)
+class TileFit:
+    """How the vertices of a tile are fitted, see `estimate_vertex_geometry`."""
+
+    store: Store
+    fit: SurfaceFit
+    creases: bool
+    robust: bool
 
 
-def _status(tiles: Sequence[TileResult]) -> dict[str, int]:
+@dataclass(frozen=True)
+class EstimateJob:
+    """What is written of the estimate: the column that is the quality, too, columns, and the type of coordinates."""
+
+    fit: TileFit
+    quality: str
+    columns: tuple[str, ...]
+    coordinates: str
+
+
+def estimate_tile(job: EstimateJob, tile: int) -> Output:
+    """What the estimate says of the vertices of a tile, as rows of the file that is written."""
+    found = fit_tile(job.fit, tile)
+    columns = columns_of(found.geometry, [*job.columns, *([job.quality] if job.quality else [])])
+    rows = table_of(found.vertices, columns, job.quality, job.columns, job.coordinates)
+    counts = found.geometry.status_counts()
+    sums = {
+        "status": [float(counts.get(status.name, 0)) for status in FitStatus],
+        "parts": [float(part.vertices) for part in found.choice.parts],
+    }
+    return Output(rows, found.read, sums)
+
+
+@dataclass(frozen=True)
+class FittedTile:
+    """The estimate for the vertices of a tile, and how many had to be read for it."""
+
+    geometry: VertexGeometry
+    choice: FitChoice
+    vertices: FloatArray
+    read: int
+
+
+def fit_tile(job: TileFit, tile: int) -> FittedTile:
+    """Estimate the vertices of a tile: the same values as for the whole mesh."""
+    part = tile_part(job.store, tile, rings_needed(job.fit))
+    arrays, _ = fitted_mesh(part.mesh, creases=job.creases)
+    own = np.arange(part.own.start, part.own.stop, dtype=np.int32)
+    arrays = arrays._replace(origin=np.arange(len(part.ids), dtype=np.int32) - own[0])
+    geometry = empty_geometry(len(own))
+    fit_with_fallbacks(arrays, own, job.fit.attempts, geometry, robust=job.robust)
+    choice = fit_parts(arrays, own, job.fit, geometry, robust=job.robust)
+    return FittedTile(geometry, choice, part.mesh.vertices[own], len(part.ids))
+
+
+def _status(done: Round) -> dict[str, int]:
     """Vertices per status, from best to worst."""
-    counts: Counter[str] = Counter()
-    for tile in tiles:
-        counts.update(tile.report["status"])
-    return {status.name: counts[status.name] for status in FitStatus if counts[status.name]}
+    counts = zip(FitStatus, done.sums("status"), strict=True)
+    return {status.name: int(count) for status, count in counts if count}
 
 
-def _with_counts(fit: SurfaceFit, tiles: Sequence[TileResult]) -> FitChoice:
+def _with_counts(fit: SurfaceFit, done: Round) -> FitChoice:
     """The choice with the number of vertices of each part."""
     if fit.parts is None:
         return fit.choice
-    counts = np.sum([tile.report["parts"] for tile in tiles], axis=0)
-    found = zip(counts, leaves(fit.parts), strict=True)
+    found = zip(done.sums("parts"), leaves(fit.parts), strict=True)
     parts = tuple(FitPart(int(count), part.rings, part.degree, part.noise_sigma) for count, part in found)
     return replace(fit.choice, parts=parts)

@@ -1,5 +1,6 @@
 """Learns how to fit a mesh on disk from the same samples as in memory."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -25,18 +26,22 @@ from bezier_filters.learning.plans import Choices
 from bezier_filters.learning.ring_analysis import RingAnalysis
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.frames import tangent_planes
+from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.patches.smoothness import Smoothness
-from bezier_filters.scale.array_file import new_array_file
-from bezier_filters.scale.halo import part_around, part_around_samples
+from bezier_filters.scale.halo import in_source_order, part_around, part_around_samples, tile_part
 from bezier_filters.scale.store import Store
-from bezier_filters.scale.tile_pieces import in_source_order
+from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, PART, Growth, MeshPart, SampledParts, core_of, part_seeds
 
 CREASE_RINGS = 2
 """Around a vertex, within which faces decide about its plane and its creases."""
 
 MOST_RINGS = 100
 """That tiles may be asked to have around them."""
+FIRST_RINGS, NEXT_RINGS = 64, 4
+"""That are read around a vertex, and around those where there was nothing more to grow to; more if that is too few."""
+NEXT = 2048
+"""Vertices whose surroundings are read together then."""
 
 
 @dataclass(frozen=True)
@@ -79,10 +84,7 @@ def learn_fit(store: Store, options: FitOptions, *, threads: int = 1) -> Surface
     rings, fixed, degrees = options.checked()
 
     def learn(choices: Choices) -> tuple[list[RingAnalysis], Leaf | None]:
-        def sample(rings: int, count: int) -> NeighbourhoodSample:
-            return _sample(store, rings, count, options, threads)
-
-        return learn_from_samples(sample, store.layout.vertex_count, choices, threads=threads)
+        return _learn_surface(store, options, choices, threads)
 
     fit, learned = choose_fit(learn, rings, fixed, degrees)
     if learned is None:
@@ -92,19 +94,20 @@ def learn_fit(store: Store, options: FitOptions, *, threads: int = 1) -> Surface
 
 
 def learn_noise(store: Store, *, threads: int = 1) -> float | None:
-    """Standard deviation of the noise of a mesh along the normal, a length: what `smooth` learns in memory."""
+    """Standard deviation of the noise of a mesh along the normal, a length; None if it is too small to learn it."""
+    _, leaf = _learn_surface(store, FitOptions(), Choices(), threads)
+    return None if leaf is None else leaf.surface.sigma
+
+
+def _learn_surface(
+    store: Store, options: FitOptions, choices: Choices, threads: int
+) -> tuple[list[RingAnalysis], Leaf | None]:
+    """What `learn_surface` learns of a mesh in memory."""
 
     def sample(rings: int, count: int) -> NeighbourhoodSample:
-        centers = _draw(store, count)
-        part = part_around_samples(store, centers, rings + CREASE_RINGS, threads=threads)
-        ids, mesh = in_source_order(store, part)
-        arrays, adjacency = fitted_mesh(mesh, creases=True, threads=threads)
-        order = np.argsort(ids)
-        local = order[np.searchsorted(ids[order], centers)].astype(np.int32)
-        return sample_neighbourhoods(arrays, adjacency, local, rings=rings, most_turned=MOST_TURNED, threads=threads)
+        return _sample(store, rings, count, options, threads)
 
-    _, leaf = learn_from_samples(sample, store.layout.vertex_count, Choices(), threads=threads)
-    return None if leaf is None else leaf.surface.sigma
+    return learn_from_samples(sample, store.layout.vertex_count, choices, threads=threads)
 
 
 def rings_needed(fit: SurfaceFit) -> int:
@@ -141,12 +144,7 @@ def _first_features(store: Store, centers: IntArray, fit: SurfaceFit, options: F
 
 def _draw(store: Store, count: int) -> IntArray:
     """The vertices that would be drawn in memory."""
-
-    def members(numbers: IntArray) -> IntArray:
-        result: IntArray = np.array(store.rank.mapped()[numbers])
-        return result
-
-    every = Population(store.layout.vertex_count, members)
+    every = Population(store.layout.vertex_count, lambda numbers: _ranks(store, numbers))
     return draw_vertices(every, lambda ids: _have_normals(store, ids), lambda: _with_normals(store), count)
 
 
@@ -159,32 +157,93 @@ def _have_normals(store: Store, ids: IntArray) -> BoolArray:
 
 
 def _with_normals(store: Store) -> Population:
-    """All vertices that have a normal, in the order of the source: found out tile by tile, and kept in a file."""
-    layout = store.layout
-    marks = new_array_file(store.folder / "normals.tmp", np.bool_, 1, layout.vertex_count)
-    for tile in range(layout.tile_count):
-        start, stop = layout.tile(tile)
-        part = part_around(store, np.arange(start, stop, dtype=np.int32), 1)
+    """All vertices that have a normal, in the order of the source: found out tile by tile, 9 bytes per vertex."""
+    marks = np.zeros(store.layout.vertex_count, dtype=np.bool_)
+    for tile in range(store.layout.tile_count):
+        part = tile_part(store, tile, 1)
         normals = tangent_planes(part.mesh, vertex_adjacency(part.mesh)).normals
-        first = int(np.searchsorted(part.ids, start))
-        marks.mapped("r+")[start:stop] = normals[first : first + stop - start].any(axis=1)
-    chunk = layout.tile_vertices
-    starts = range(0, layout.vertex_count, chunk)
+        marks[store.sources(part.ids[part.own])] = normals[part.own].any(axis=1)
+    numbers = np.flatnonzero(marks).astype(np.int32)
+    return Population(len(numbers), lambda chosen: _ranks(store, numbers[chosen]))
 
-    def marked(start: int) -> IntArray:
-        """Those of a stretch of the source."""
-        ranks = store.rank.read(start, min(start + chunk, layout.vertex_count))
-        result: IntArray = ranks[marks.mapped()[ranks]]
+
+def sampled_parts_of(store: Store, around: Sequence[int] = (), *, threads: int = 1) -> SampledParts:
+    """The same parts as `smoothing.mesh_parts` finds in memory; vertices are those of the source."""
+    n = store.layout.vertex_count
+    if n <= LARGEST_WHOLE:
+        taken = core = np.arange(n, dtype=np.int32)
+    else:
+        orders = [_grown(store, seed) for seed in part_seeds(n)]
+        core = np.unique(np.concatenate([core_of(order) for order in orders]))
+        taken = np.unique(np.concatenate([*orders, *(_grown(store, seed) for seed in around)]))
+    ids, mesh = in_source_order(store, part_around(store, np.sort(_ranks(store, taken)), 1))
+    is_taken = np.isin(store.sources(ids), taken)
+    number = np.cumsum(is_taken, dtype=np.int32) - np.int32(1)
+    faces = number[mesh.faces[is_taken[mesh.faces].all(axis=1)]]
+    part = TriangleMesh(mesh.vertices[is_taken], faces)
+    adjacency, whole = vertex_adjacency(part, threads=threads), vertex_adjacency(mesh, threads=threads)
+    cut = adjacency.faces.lengths != whole.faces.lengths[is_taken]
+    return SampledParts(MeshPart(part, adjacency, taken, cut, n), np.isin(taken, core))
+
+
+def _grown(store: Store, seed: int) -> IntArray:
+    """Vertices of the source around one, nearest first, and then around the next one that is not among them."""
+    n = store.layout.vertex_count
+    found, following = np.zeros(0, dtype=np.int32), seed
+    seeds, rings = np.array([seed], dtype=np.int32), FIRST_RINGS
+    while len(found) < PART:
+        part = _Surroundings(store, seeds, rings, found)
+        for k in seeds:
+            if part.has_seen(k):
+                continue
+            more = part.around(k, PART - len(found))
+            if more is None:  # they go on further than was read
+                seeds, rings = np.array([k], dtype=np.int32), 2 * rings
+                break
+            found = np.concatenate([found, more])
+            if len(found) == PART:
+                return found
+        else:
+            following = _next_unseen(found, int(seeds[-1]), n)
+            if following < 0:
+                return found
+            seeds, rings = np.arange(following, min(following + NEXT, n), dtype=np.int32), NEXT_RINGS
+    return found
+
+
+class _Surroundings:
+    """Some rings around some vertices of the source, and which of them were met before."""
+
+    def __init__(self, store: Store, seeds: IntArray, rings: int, found: IntArray) -> None:
+        self.rings = rings
+        ids, mesh = in_source_order(store, part_around(store, np.sort(_ranks(store, seeds)), rings))
+        self.numbers = store.sources(ids)
+        self.rows = vertex_adjacency(mesh).vertices
+        self.seen = np.isin(self.numbers, found)
+
+    def has_seen(self, number: int) -> bool:
+        """Whether a vertex was met."""
+        return bool(self.seen[np.searchsorted(self.numbers, number)])
+
+    def around(self, number: int, most: int) -> IntArray | None:
+        """What is connected to a vertex and was not met before; None if that goes on further than is known."""
+        before = self.seen.copy()
+        seed = int(np.searchsorted(self.numbers, number))
+        growth = Growth.of(most).around(self.rows.indptr, self.rows.indices, seed, self.seen)
+        if growth.looked_at >= self.rings:
+            self.seen = before
+            return None
+        result: IntArray = self.numbers[growth.order[: growth.count]]
         return result
 
-    ends = np.cumsum([len(marked(start)) for start in starts])
 
-    def members(numbers: IntArray) -> IntArray:
-        result = np.empty(len(numbers), dtype=np.int32)
-        stretches = np.searchsorted(ends, numbers, side="right")
-        for k in np.unique(stretches):
-            before = int(ends[k - 1]) if k else 0
-            result[stretches == k] = marked(starts[k])[numbers[stretches == k] - before]
-        return result
+def _next_unseen(found: IntArray, after: int, n: int) -> int:
+    """The next vertex, beginning anew after the last one; -1 if all were found."""
+    met = set(found.tolist())
+    return next((k for k in (*range(after + 1, n), *range(after)) if k not in met), -1) if len(met) < n else -1
 
-    return Population(int(ends[-1]), members)
+
+def _ranks(store: Store, numbers: IntArray) -> IntArray:
+    """Where some vertices of the source are in the store."""
+    result: IntArray = np.array(store.rank.mapped()[numbers], dtype=np.int32)
+    return result

@@ -6,14 +6,14 @@ from numba import config
 
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
-from bezier_filters.smoothing.extent import extent_of
+from bezier_filters.smoothing.chebyshev import ORDER, diffuse, low_pass
+from bezier_filters.smoothing.clusters import clusters_of
+from bezier_filters.smoothing.denoise import mean_edge
 from bezier_filters.smoothing.laplacian import cotangent_laplacian, umbrella_laplacian
-from bezier_filters.smoothing.low_pass import ORDERS, choose_low_pass
-from bezier_filters.smoothing.mesh_parts import sampled_parts
-from bezier_filters.smoothing.risk_stages import local_risks, local_shares
-from bezier_filters.smoothing.scale_space import ORDER, diffused, filtered, filtered_evenly
-from bezier_filters.smoothing.stein import Estimates
-from bezier_filters.smoothing.whole_mesh import WholeMesh
+from bezier_filters.smoothing.low_pass import ORDERS, learn_low_pass
+from bezier_filters.smoothing.mesh_parts import whole_mesh
+from bezier_filters.smoothing.noise import NoisyMesh
+from bezier_filters.smoothing.risk import Estimates, local_risks, local_shares, overall_risks
 from bezier_filters.surfaces import bumpy_star, sphere, torus, waves
 
 
@@ -33,7 +33,7 @@ def ball():
     surface = sphere(resolution=6, jitter=0.2)
     mesh = triangle_mesh(surface.vertices, surface.faces)
     adjacency = vertex_adjacency(mesh)
-    return mesh, adjacency, extent_of(WholeMesh(mesh, adjacency)).mean_edge
+    return mesh, adjacency, mean_edge(mesh, adjacency)
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def sheet():
     surface = waves(resolution=12, amplitude=0.0, jitter=0.2)
     mesh = triangle_mesh(surface.vertices, surface.faces)
     adjacency = vertex_adjacency(mesh)
-    return mesh, adjacency, extent_of(WholeMesh(mesh, adjacency)).mean_edge
+    return mesh, adjacency, mean_edge(mesh, adjacency)
 
 
 @pytest.mark.parametrize("power", [None, 0.0, 0.5, 1.0])
@@ -90,11 +90,10 @@ def test_series_are_the_filters_that_they_stand_for(ball, order):
     laplacian = umbrella_laplacian(mesh, adjacency, "curve")
     matrix = dense(laplacian)
     signals = np.random.default_rng(0).standard_normal((mesh.vertex_count, 2))
-    everywhere = np.ones((mesh.vertex_count, 1), dtype=np.float32)
     for strength in (0.0, 1.0, 100.0):
         powers = np.linalg.matrix_power(strength**0.25 * matrix, order)
         expected = np.linalg.solve(np.eye(len(matrix)) + powers, signals)
-        result = filtered(laplacian, signals, np.array([strength]), everywhere, order)
+        result = low_pass(laplacian, signals, np.array([strength]), order=order)
         assert np.abs(result - expected).max() < 1e-3
 
 
@@ -104,7 +103,7 @@ def test_heat_flows_as_long_as_it_should(ball):
     values, vectors = np.linalg.eig(dense(laplacian))
     signals = np.random.default_rng(0).standard_normal((mesh.vertex_count, 2))
     heat = (vectors * np.exp(-5.0 * values)) @ np.linalg.solve(vectors, signals)
-    assert np.abs(diffused(laplacian, signals, 5.0) - heat.real).max() < 1e-6
+    assert np.abs(diffuse(laplacian, signals, 5.0) - heat.real).max() < 1e-6
 
 
 def test_mixtures_are_taken_vertex_by_vertex(ball):
@@ -114,9 +113,9 @@ def test_mixtures_are_taken_vertex_by_vertex(ball):
     shares = np.zeros((mesh.vertex_count, 2), dtype=np.float32)
     half = mesh.vertex_count // 2
     shares[:half, 0], shares[half:, 1] = 1.0, 1.0
-    mixed = filtered(laplacian, mesh.vertices, strengths, shares)
+    mixed = low_pass(laplacian, mesh.vertices, strengths, shares)
     for rows, strength in ((slice(None, half), 1.0), (slice(half, None), 100.0)):
-        assert np.allclose(mixed[rows], filtered_evenly(laplacian, mesh.vertices, strength)[rows], atol=1e-3)
+        assert np.allclose(mixed[rows], low_pass(laplacian, mesh.vertices, np.array([strength]))[rows], atol=1e-3)
 
 
 @pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
@@ -137,41 +136,40 @@ def chosen_order(vertices, normals, faces):
     """The order of the filter that noise of a fifth of the mean edge leads to."""
     clean = triangle_mesh(vertices, faces)
     adjacency = vertex_adjacency(clean)
-    unit = extent_of(WholeMesh(clean, adjacency)).mean_edge
+    unit = mean_edge(clean, adjacency)
     heights = 0.2 * unit * np.random.default_rng(0).standard_normal(len(vertices))
     noisy = triangle_mesh(vertices + heights[:, np.newaxis] * normals, faces)
-    sigma = np.full(len(vertices), 0.2 * unit)
-    return choose_low_pass(sampled_parts(noisy, adjacency), sigma, "curve", unit).order
+    part, everything = whole_mesh(noisy, adjacency), np.ones(len(vertices), dtype=np.bool_)
+    noisy = NoisyMesh(part, clusters_of(part), np.full(len(vertices), 0.2 * unit))
+    return learn_low_pass(noisy, everything, "curve", unit)[0].order
 
 
 def test_what_is_constant_stays(ball):
     mesh, adjacency, _ = ball
     laplacian = umbrella_laplacian(mesh, adjacency, "curve")
-    assert np.array_equal(
-        filtered_evenly(laplacian, np.full((mesh.vertex_count, 5), 1e6), 10.0), np.full((mesh.vertex_count, 5), 1e6)
-    )
+    constant = np.full((mesh.vertex_count, 5), 1e6)
+    assert np.array_equal(low_pass(laplacian, constant, np.array([10.0])), constant)
 
 
 def test_clusters_spread_values_as_far_as_the_mesh_does():
     surface = bumpy_star(resolution=30, jitter=0.25)
     mesh = triangle_mesh(surface.vertices, surface.faces)
     adjacency = vertex_adjacency(mesh)
-    domain = WholeMesh(mesh, adjacency).clustered()
+    clusters = clusters_of(whole_mesh(mesh, adjacency))
     values = np.random.default_rng(0).standard_normal((mesh.vertex_count, 3))
-    on_mesh = diffused(umbrella_laplacian(mesh, adjacency, "free"), values, 100.0)
-    means = domain.diffused({"means": domain.clusters.means(values)}, 100.0)["means"]
-    on_clusters = domain.clusters.at_vertices(means)
+    on_mesh = diffuse(umbrella_laplacian(mesh, adjacency, "free"), values, 100.0)
+    means = clusters.diffuse(clusters.means(values), 100.0)
+    on_clusters = clusters.at_vertices(means)
     assert on_clusters.std() == pytest.approx(on_mesh.std(), rel=0.15)
     assert np.corrcoef(on_mesh.ravel(), on_clusters.ravel())[0, 1] > 0.95
 
 
 def test_clusters_cover_what_is_not_connected():
     square = triangle_mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [5, 5, 5]], [[0, 1, 2], [0, 2, 3]])
-    domain = WholeMesh(square, vertex_adjacency(square)).clustered()
-    clusters = domain.clusters
+    clusters = clusters_of(whole_mesh(square, vertex_adjacency(square)))
     assert sorted(clusters.sizes) == [1.0, 4.0]
     assert np.allclose(clusters.means(np.arange(5.0)[:, np.newaxis])[:, 0], [1.5, 4.0])
-    assert np.isfinite(domain.diffused({"means": np.ones((2, 1))}, 100.0)["means"]).all()
+    assert np.isfinite(clusters.diffuse(np.ones((2, 1)), 100.0)).all()
 
 
 def test_risks_are_those_of_known_estimates():
@@ -188,14 +186,15 @@ def test_risks_are_those_of_known_estimates():
 def test_the_better_estimate_is_taken_where_it_is_better():
     surface = sphere(resolution=30)
     mesh = triangle_mesh(surface.vertices, surface.faces)
-    domain = WholeMesh(mesh, vertex_adjacency(mesh)).clustered()
+    clusters = clusters_of(whole_mesh(mesh, vertex_adjacency(mesh)))
     rng = np.random.default_rng(0)
     noise = rng.standard_normal(mesh.vertex_count)
     north = mesh.vertices[:, 2] > 0.0
     wrong = np.where(north[:, np.newaxis], [0.0, 0.5], [0.5, 0.0])
-    estimates = {"residuals": noise[:, np.newaxis] - wrong, "leverages": np.zeros((mesh.vertex_count, 2))}
-    risks, _ = local_risks(domain, {"one": estimates}, 1.0)
-    shares = local_shares(domain, risks).vertices["shares"]
+    estimates = Estimates(noise[:, np.newaxis] - wrong, np.zeros((mesh.vertex_count, 2)))
+    shares = local_shares(
+        clusters, local_risks(clusters, estimates, overall_risks(estimates, slice(None))), mesh.vertex_count
+    )
     far = np.abs(mesh.vertices[:, 2]) > 0.6
     assert shares[far & north, 0].mean() > 0.9
     assert shares[far & ~north, 1].mean() > 0.9

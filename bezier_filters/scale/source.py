@@ -5,10 +5,9 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bezier_filters.arrays import IntArray
 from bezier_filters.errors import FieldFileError, InvalidMeshError
@@ -21,11 +20,13 @@ from bezier_filters.files.mesh_headers import (
     PlyHeader,
     parse_header,
 )
-from bezier_filters.scale.array_file import ArrayFile
+from bezier_filters.scale.array_file import ArrayFile, DType, Values
 
 SourcePath: TypeAlias = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 """A PLY file, or a pair of NPY files with vertices (n, 3) and faces (m, 3)."""
 
+Fingerprint: TypeAlias = list[list[str | int]]
+"""Of each file name, size, time of the last change and checksum of both ends."""
 MOST = np.iinfo(np.int32).max
 """Vertices or faces that there may be."""
 
@@ -65,14 +66,14 @@ class MeshSource:
         return self.face_rows.rows
 
     @property
-    def dtype(self) -> np.dtype[Any]:
+    def dtype(self) -> DType:
         """Of the coordinates: float32 or float64."""
         rows = self.vertex_rows.dtype
         if self.coordinates:
             return np.result_type(*(rows[name] for name in self.coordinates))
         return rows.newbyteorder("=")
 
-    def vertices(self, start: int, stop: int) -> NDArray[Any]:
+    def vertices(self, start: int, stop: int) -> Values:
         """Coordinates of vertices start .. stop-1, (k, 3)."""
         rows = self.vertex_rows.read(start, stop)
         if self.coordinates:
@@ -105,8 +106,8 @@ class MeshSource:
         result: IntArray = np.ascontiguousarray(rows, dtype=np.int32)
         return result
 
-    def fingerprint(self) -> list[list[Any]]:
-        """Of each file name, size, time of the last change and checksum of both ends: whether it is still the same."""
+    def fingerprint(self) -> Fingerprint:
+        """What tells whether the files are still the same."""
         return [_fingerprint(path) for path in self.paths]
 
 
@@ -198,13 +199,10 @@ def _rows_of(path: Path, header: PlyHeader, element: PlyElement, offset: int) ->
 def _open_npy(path: Path, kinds: str) -> ArrayFile:
     """The table (n, 3) of an NPY file."""
     try:
-        with open(path, "rb") as stream:
-            version = np.lib.format.read_magic(stream)
-            read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-            shape, fortran, dtype = read(stream)
-            offset = stream.tell()
+        table: Values = np.load(path, mmap_mode="r")
     except (ValueError, EOFError) as error:
-        raise FieldFileError(f"{path} is no NPY file: {error}") from error
+        raise FieldFileError(f"{path} is no NPY file, or cut short: {error}") from error
+    dtype, shape, fortran = table.dtype, table.shape, not table.flags.c_contiguous
     expected = dtype.kind in kinds and dtype.kind != "c" and dtype.itemsize in (4, 8)
     if len(shape) != 2 or shape[1] != 3 or fortran or not expected:
         wanted = "float32 or float64" if "f" in kinds else "integers of 4 or 8 bytes"
@@ -212,14 +210,13 @@ def _open_npy(path: Path, kinds: str) -> ArrayFile:
             f"{path}: got {dtype} of shape {shape}{' in Fortran order' * fortran}, expected {wanted} of shape (n, 3), "
             "row after row (numpy.ascontiguousarray)"
         )
-    if path.stat().st_size < offset + shape[0] * 3 * dtype.itemsize:
-        raise FieldFileError(f"{path} is cut short: its header announces shape {shape}")
-    return ArrayFile(path, dtype, 3, shape[0], offset)
+    return ArrayFile(path, dtype, 3, shape[0], path.stat().st_size - table.nbytes)
 
 
-def _columns(rows: NDArray[Any], names: Sequence[str]) -> NDArray[Any]:
+def _columns(rows: Values, names: Sequence[str]) -> Values:
     """Some columns side by side: a view, if that is how they are."""
-    fields: Any = rows.dtype.fields
+    fields = rows.dtype.fields
+    assert fields is not None
     kinds, places = zip(*(fields[name][:2] for name in names), strict=True)
     size = kinds[0].itemsize
     if len(set(kinds)) > 1 or set(np.diff(places)) != {size}:
@@ -227,7 +224,7 @@ def _columns(rows: NDArray[Any], names: Sequence[str]) -> NDArray[Any]:
     return np.ndarray((len(rows), len(names)), kinds[0], rows, places[0], (rows.itemsize, size))
 
 
-def _fingerprint(path: Path) -> list[Any]:
+def _fingerprint(path: Path) -> list[str | int]:
     status = path.stat()
     with open(path, "rb") as stream:
         checksum = zlib.crc32(stream.read(_PROBE))

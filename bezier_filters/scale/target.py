@@ -6,19 +6,18 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bezier_filters._version import __version__
 from bezier_filters.arrays import IntArray
 from bezier_filters.files.mesh_headers import TRIPLE
 from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.runtime.parallel import Progress, report
-from bezier_filters.scale.mesh_source import MeshSource
+from bezier_filters.scale.array_file import DType, Values
+from bezier_filters.scale.source import MeshSource
 from bezier_filters.scale.store import Store
-from bezier_filters.scale.tile_results import TileResult
+from bezier_filters.scale.tiles import Tile
 
 ROWS = 1 << 17
 """Rows that are held at a time."""
@@ -30,30 +29,14 @@ def write_joined(
     path: str | os.PathLike[str],
     source: MeshSource,
     store: Store,
-    tiles: Sequence[TileResult],
+    tiles: Sequence[Tile],
     *,
     threads: int = 1,
     progress: Progress | None = None,
 ) -> None:
-    """Write a binary PLY file with the rows of all tiles as vertices, and the faces of the source.
-
-    Parameters
-    ----------
-    path : path
-        File to write or replace, whole or not at all.
-    source : MeshSource
-        Where the faces come from.
-    store : Store
-        What the tiles are made of.
-    tiles : sequence of TileResult
-        All of them, in order.
-    threads : int
-        Number of threads that collect rows.
-    progress : callable, optional
-        Called with the number of rows written, vertices and faces together.
-    """
+    """Write a binary PLY file with the rows of all tiles, in order, as vertices, and the faces of the source."""
     n, m = source.vertex_count, source.face_count
-    dtype = tiles[0].rows.dtype
+    dtype = tiles[0].rows().dtype
     with atomic_write(Path(path)) as temporary, open(temporary, "wb") as stream:
         stream.write(ply_head(dtype, n, m))
         done = 0
@@ -64,9 +47,9 @@ def write_joined(
                 report(progress, done, n + m)
 
 
-def _in_order(rows: Callable[[int, int], NDArray[Any]], total: int, threads: int) -> Iterator[NDArray[Any]]:
+def _in_order(rows: Callable[[int, int], Values], total: int, threads: int) -> Iterator[Values]:
     """All rows, some at a time: as many as there are threads are being collected ahead."""
-    ahead: deque[Future[NDArray[Any]]] = deque()
+    ahead: deque[Future[Values]] = deque()
     with ThreadPoolExecutor(threads) as pool:
         for start in range(0, total, ROWS):
             ahead.append(pool.submit(rows, start, min(start + ROWS, total)))
@@ -76,28 +59,28 @@ def _in_order(rows: Callable[[int, int], NDArray[Any]], total: int, threads: int
             yield ahead.popleft().result()
 
 
-def _faces(source: MeshSource, start: int, stop: int) -> NDArray[Any]:
+def _faces(source: MeshSource, start: int, stop: int) -> Values:
     """Faces start .. stop-1 of the source as rows of a PLY file."""
     rows = np.empty(stop - start, dtype=FACE)
     rows["corners"], rows["vertex_indices"] = TRIPLE, source.faces(start, stop)
     return rows
 
 
-def gathered(store: Store, tiles: Sequence[TileResult], start: int, stop: int) -> NDArray[Any]:
+def gathered(store: Store, tiles: Sequence[Tile], start: int, stop: int) -> Values:
     """Rows of vertices start .. stop-1 of the source."""
     ranks = store.rank.read(start, stop)
     of_tile = ranks // np.int32(store.layout.tile_vertices)
-    rows = np.empty(len(ranks), dtype=tiles[0].rows.dtype)
+    rows = np.empty(len(ranks), dtype=tiles[0].rows().dtype)
     order: IntArray = np.argsort(of_tile, kind="stable").astype(np.int32)
     ends = np.searchsorted(of_tile[order], np.arange(len(tiles) + 1))
     for tile in np.flatnonzero(np.diff(ends)).tolist():
         these = order[ends[tile] : ends[tile + 1]]
-        table = tiles[tile].rows.mapped()
+        table = tiles[tile].rows()
         rows[these] = table[ranks[these] - tile * store.layout.tile_vertices]
     return rows
 
 
-def ply_head(dtype: np.dtype[Any], n: int, m: int) -> bytes:
+def ply_head(dtype: DType, n: int, m: int) -> bytes:
     """Header of a binary PLY file with n vertices of a type and m triangles of type `FACE`."""
     lines = ["ply", "format binary_little_endian 1.0", f"comment bezier_filters {__version__}", f"element vertex {n}"]
     lines += [f"property {_NAMES[dtype[name].str]} {name}" for name in dtype.names or ()]

@@ -4,8 +4,7 @@ import numpy as np
 
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
-from bezier_filters.smoothing.flips import bad_faces, without_new_flips
-from bezier_filters.smoothing.whole_mesh import WholeMesh
+from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.surfaces import waves
 
 
@@ -20,7 +19,7 @@ def test_moves_that_turn_faces_over_are_taken_back():
     middle = np.linalg.norm(mesh.vertices, axis=1).argmin()
     moved[middle] += [0.5, 0.1, 0.0]  # over its neighbours
     assert bad_faces(TriangleMesh(moved, mesh.faces), adjacency).flipped.any()
-    result = without_new_flips(WholeMesh(mesh, adjacency), {"points": moved})["points"]
+    result = repair_flipped_faces(mesh, adjacency, moved)
     assert not bad_faces(TriangleMesh(result, mesh.faces), adjacency).new_since(before).any()
     far = np.linalg.norm(mesh.vertices, axis=1) > 0.8
     assert np.array_equal(result[far], moved[far])

@@ -1,0 +1,82 @@
+"""Closed components of a mesh on disk: tiles tell which of their vertices hang together, and are then united."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from bezier_filters.arrays import IntArray
+from bezier_filters.meshes.adjacency import Adjacency
+from bezier_filters.scale.array_file import ArrayFile, Values, new_array_file, saved_array
+from bezier_filters.scale.halo import TilePart
+from bezier_filters.scale.store import Store
+from bezier_filters.scale.tiles import Tile
+from bezier_filters.smoothing.volume import ClosedComponents
+
+LABEL = np.dtype([("vertex", "<i4"), ("label", "<i4"), ("open", "?")])
+
+
+@dataclass(frozen=True)
+class StoredComponents:
+    """Closed components of a mesh on disk: number of that of each vertex, -1 for none, and a point of each, (c, 3)."""
+
+    of_vertex: ArrayFile
+    origins: ArrayFile
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return self.origins.rows
+
+    def at(self, ids: IntArray) -> tuple[ClosedComponents, IntArray]:
+        """Those of some vertices, and their numbers here."""
+        numbers = self.of_vertex.mapped()[ids]
+        there = np.unique(numbers[numbers >= 0])
+        local = np.where(numbers >= 0, np.searchsorted(there, numbers), -1).astype(np.int32)
+        return ClosedComponents(local, np.array(self.origins.mapped()[there])), there
+
+
+def labelled_vertices(part: TilePart, adjacency: Adjacency) -> Values:
+    """The vertices of a tile, and then those next to them, with the component that they belong to in this part."""
+    rows = adjacency.vertices
+    graph = csr_array((np.ones(len(rows.indices), np.int8), rows.indices, rows.indptr), shape=(len(rows), len(rows)))
+    found = np.empty(len(rows), dtype=LABEL)
+    found["vertex"], found["label"] = part.ids, connected_components(graph, directed=False)[1]
+    found["open"] = adjacency.on_boundary | (rows.lengths == 0)
+    around = rows.indices[rows.indptr[part.own.start] : rows.indptr[part.own.stop]]
+    around = np.setdiff1d(around, np.arange(part.own.start, part.own.stop, dtype=np.int32))
+    return np.concatenate([found[part.own], found[around]])
+
+
+def unite_components(store: Store, tiles: Sequence[Tile]) -> StoredComponents | None:
+    """The closed components of a mesh, from the `labelled_vertices` of all tiles in order; None if there are none."""
+    n = store.layout.vertex_count
+    result = new_array_file(store.folder / "components.bin", np.int32, 1, n)
+    nodes, ranges = result.mapped("r+"), [store.layout.tile(tile) for tile in range(len(tiles))]
+    open_nodes, links, count = [], [], 0
+    for (start, stop), tile in zip(ranges, tiles, strict=True):
+        rows = np.array(tile.rows())
+        rows["label"] += count
+        own, around = rows[: stop - start], rows[stop - start :]
+        nodes[start:stop] = own["label"]
+        open_nodes.append(np.unique(own["label"][own["open"]]))
+        links.append(around[["vertex", "label"]])
+        count = int(rows["label"].max(initial=count - 1)) + 1
+    there, here = (np.concatenate([link[name] for link in links]) for name in ("vertex", "label"))
+    graph = csr_array((np.ones(len(here), np.int8), (here, nodes[there])), shape=(count, count))
+    total, component = connected_components(graph, directed=False)
+    is_closed = np.ones(total, dtype=np.bool_)
+    is_closed[component[np.concatenate(open_nodes)]] = False
+    number = np.where(is_closed, np.cumsum(is_closed) - 1, -1).astype(np.int32)[component]
+    if not is_closed.any():
+        return None
+    firsts = np.empty(int(is_closed.sum()), dtype=np.int64)
+    for start, stop in reversed(ranges):
+        numbers = number[nodes[start:stop]]
+        nodes[start:stop] = numbers
+        closed = np.flatnonzero(numbers >= 0)[::-1]
+        firsts[numbers[closed]] = start + closed
+    origins = store.vertices.mapped()[firsts].astype(np.float64)
+    return StoredComponents(result, saved_array(store.folder / "origins.bin", origins))

@@ -1,0 +1,290 @@
+"""A run in tiles, from a file to a file: what it begins with, rounds of tasks on all tiles, and what it ends with."""
+
+import hashlib
+import json
+import os
+import shutil
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+
+from bezier_filters._version import __version__
+from bezier_filters.arrays import FloatArray, Report
+from bezier_filters.errors import InvalidParameterError
+from bezier_filters.runtime.parallel import Progress, thread_count
+from bezier_filters.scale.array_file import Values
+from bezier_filters.scale.partition import build_store
+from bezier_filters.scale.scheduling import Scheduler, Workers, run_tasks, running
+from bezier_filters.scale.source import MeshSource
+from bezier_filters.scale.store import Store, is_store, open_store
+from bezier_filters.scale.target import write_joined
+from bezier_filters.scale.tiles import DamagedTileError, Tile, TileReport, open_tile, remove_tile, write_tile
+
+TILE_VERTICES = 1 << 19
+"""Of a tile, if there is memory for it: larger ones have hardly less around them."""
+SMALLEST_TILE = 1 << 8
+BYTES_PER_VERTEX, BYTES_PER_WORKER = 1200, 500_000_000
+"""What a tile takes at most with what surrounds it, and a worker before it has one."""
+MARK = "bezier_filters_store"
+
+StageProgress: TypeAlias = Callable[[str, int, int], bool | None]
+"""``progress(stage, done, total)``; returning False cancels."""
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How a run goes, see `estimate_file`; and how many vertices tiles have if there is memory for them."""
+
+    scheduler: Scheduler = None
+    workers: int | None = None
+    tile_vertices: int | None = None
+    memory_limit: int | None = None
+    store: str | os.PathLike[str] | None = None
+    resume: bool = False
+    keep_store: bool = False
+    progress: StageProgress | None = None
+    largest_tile: int = TILE_VERTICES
+
+
+@dataclass
+class Stages:
+    """Seconds of the stages of a run, and the progress of each."""
+
+    progress: StageProgress | None = None
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def stage(self, name: str, remark: str = "") -> Iterator[Progress | None]:
+        """Time the block; yields the callback that its progress goes to, or None. A remark is shown with the name."""
+        start, progress = time.perf_counter(), self.progress
+        shown = f"{name} {remark}".strip()
+        yield None if progress is None else lambda done, total: progress(shown, done, total)
+        self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+
+@dataclass(frozen=True)
+class Output:
+    """What a task finds out about a tile: rows, and what belongs into the `TileReport`."""
+
+    rows: Values
+    read: int
+    sums: dict[str, list[float]]
+
+
+@dataclass(frozen=True)
+class Work:
+    """What is done with every tile, and the folder for its results."""
+
+    folder: Path
+    compute: Callable[[int], Output]
+
+
+def run_tile(work: Work, tile: int) -> int:
+    """What workers do: compute the results of a tile and write them; its number."""
+    start, cpu_start = time.perf_counter(), time.process_time()
+    found = work.compute(tile)
+    seconds, cpu_seconds = time.perf_counter() - start, time.process_time() - cpu_start
+    report = TileReport(tile, found.read, found.sums, seconds, cpu_seconds, peak_bytes(), os.getpid())
+    write_tile(work.folder, report, found.rows)
+    return tile
+
+
+@dataclass(frozen=True)
+class Round:
+    """All tiles after a round of tasks, in order; how many were computed now, and which were there, but damaged."""
+
+    tiles: tuple[Tile, ...]
+    computed: int
+    damaged: tuple[int, ...]
+
+    def sums(self, name: str) -> FloatArray:
+        """Numbers of all tiles, added up."""
+        result: FloatArray = np.sum([tile.report.sums[name] for tile in self.tiles], axis=0, dtype=np.float64)
+        return result
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run that is under way: what it reads and writes, where tasks run, and the rounds that are done."""
+
+    source: MeshSource
+    target: str | os.PathLike[str]
+    store: Store
+    cluster: Workers
+    stages: Stages
+    workers: int
+    rounds: list[Round] = field(default_factory=list)
+
+    def results(self, parameters: Report) -> Path:
+        """Folder for results with some parameters: others do not get mixed up with them."""
+        text = json.dumps({"version": __version__} | parameters, sort_keys=True)
+        folder = self.store.folder / f"results-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+        folder.mkdir(exist_ok=True)
+        (folder / "parameters.json").write_text(text, encoding="utf-8")
+        return folder
+
+    def tiles(self, stage: str, folder: Path, compute: Callable[[int], Output], remark: str = "") -> Round:
+        """Compute the tiles that are not there yet.
+
+        Raises
+        ------
+        DamagedTileError
+            If a tile was damaged since it was computed.
+        LostTaskError
+            If workers die again and again of the same tile.
+        """
+        count = self.store.layout.tile_count
+        todo, damaged = [], []
+        folder.mkdir(exist_ok=True)
+        for tile in range(count):
+            try:
+                open_tile(folder, tile)
+            except FileNotFoundError:
+                todo.append(tile)
+            except DamagedTileError:
+                todo.append(tile)
+                damaged.append(tile)
+                remove_tile(folder, tile)
+        ready = self.cluster.ready()
+        with self.stages.stage(stage, remark) as progress:
+            work = partial(run_tile, Work(folder, compute))
+            for _ in run_tasks(ready, work, todo, workers=self.workers, progress=progress):
+                pass
+            with ThreadPoolExecutor(self.workers) as pool:
+                tiles = tuple(pool.map(lambda tile: open_tile(folder, tile), range(count)))
+        self.rounds.append(Round(tiles, len(todo), tuple(damaged)))
+        return self.rounds[-1]
+
+    def write(self, tiles: Sequence[Tile]) -> None:
+        """Join the results of all tiles in the target; the workers may end."""
+        self.cluster.release()
+        with self.stages.stage("write") as progress:
+            write_joined(self.target, self.source, self.store, tiles, threads=self.workers, progress=progress)
+
+    def report(self) -> Report:
+        """What is told of files, tiles, time and memory."""
+        reports = [tile.report for done in self.rounds for tile in done.tiles]
+        read = max(sum(tile.report.read for tile in done.tiles) for done in self.rounds)
+        layout = self.store.layout
+        return {
+            "input": [str(path) for path in self.source.paths],
+            "output": os.fspath(self.target),
+            "vertices": layout.vertex_count,
+            "tiles": layout.tile_count,
+            "rounds": len(self.rounds),
+            "computed_tiles": sum(done.computed for done in self.rounds),
+            "damaged_tiles": [tile for done in self.rounds for tile in done.damaged],
+            "tile_vertices": layout.tile_vertices,
+            "halo": read / layout.vertex_count - 1.0,
+            "tile_seconds": sum(report.seconds for report in reports),
+            "peak_bytes": {"worker": max(report.peak_bytes for report in reports), "driver": peak_bytes()},
+            "seconds": self.stages.seconds,
+        }
+
+
+@contextmanager
+def file_run(
+    source: MeshSource, target: str | os.PathLike[str], options: RunOptions, *, row_size: int, in_store: int
+) -> Iterator[Run]:
+    """Sort a mesh on disk and start workers; in the end the store is removed, unless anything went wrong.
+
+    The results take so many bytes per vertex in the target, and in the store.
+
+    Raises
+    ------
+    InvalidParameterError
+        If an option is out of range, or the store is not this run's, or the disk is too small.
+    FieldFileError
+        If the store was made from something else.
+    """
+    if options.workers is not None and options.workers < 1:
+        raise InvalidParameterError(f"workers: got {options.workers}, expected 1 or more, or None for all cores")
+    tile_size(options)  # refused at once if there cannot be any
+    workers, stages = options.workers or thread_count(None), Stages(options.progress)
+    folder = Path(options.store if options.store is not None else f"{os.fspath(target)}.tiles").absolute()
+    if not options.resume:
+        check_room(source, folder, Path(target), row_size, in_store)
+    with running(options.scheduler, workers=workers, memory_limit=options.memory_limit) as cluster:
+        with stages.stage("sort") as progress:
+            store = _opened_store(source, folder, options, workers, progress)
+        yield Run(source, target, store, cluster, stages, workers)
+    if not options.keep_store and (folder / MARK).is_file():
+        shutil.rmtree(folder)
+
+
+def _opened_store(
+    source: MeshSource, folder: Path, options: RunOptions, threads: int, progress: Progress | None
+) -> Store:
+    """The store of an earlier run, with its tiles, if it is to be resumed and is complete, or else a new one."""
+    ours = (folder / MARK).is_file()
+    if folder.exists() and not (ours and options.resume) and (not folder.is_dir() or any(folder.iterdir())):
+        hint = "resume to go on with it, or remove it" if ours else "choose another folder"
+        raise InvalidParameterError(f"store: {folder} is there already; {hint}")
+    wanted = tile_size(options)
+    if ours and is_store(folder):
+        store = open_store(folder, source.fingerprint())
+        there = store.layout.tile_vertices
+        if options.tile_vertices is not None and there != store.layout.in_whole_blocks(wanted):
+            raise InvalidParameterError(
+                f"tile_vertices: got {wanted}, but {folder} has tiles of {there}; give that number, or remove the "
+                "folder to start anew"
+            )
+        return store
+    if ours:  # the mesh was not sorted to the end
+        shutil.rmtree(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / MARK).touch()
+    return build_store(source, folder, wanted, threads=threads, progress=progress)
+
+
+def tile_size(options: RunOptions) -> int:
+    """Vertices per tile, as given or as the memory of a worker allows."""
+    tile_vertices, memory_limit = options.tile_vertices, options.memory_limit
+    if tile_vertices is not None:
+        if tile_vertices < SMALLEST_TILE:
+            raise InvalidParameterError(f"tile_vertices: got {tile_vertices}, expected {SMALLEST_TILE} or more")
+        return tile_vertices
+    if memory_limit is None:
+        return options.largest_tile
+    room = (memory_limit - BYTES_PER_WORKER) // BYTES_PER_VERTEX
+    if room < 1 << 12:
+        raise InvalidParameterError(
+            f"memory_limit: got {memory_limit / 1e9:.2g} GB, expected {(BYTES_PER_WORKER + 1e8) / 1e9:.1f} GB or more"
+        )
+    return min(int(room), options.largest_tile)
+
+
+def check_room(source: MeshSource, folder: Path, target: Path, row_size: int, in_store: int) -> None:
+    """Refuse early what would fail in the end, from the bytes of a vertex in the target, and in the store."""
+    if not target.resolve().parent.is_dir():
+        raise FileNotFoundError(f"cannot write {target}: there is no directory {target.resolve().parent}")
+    n, m = source.vertex_count, source.face_count
+    of_store = (3 * source.dtype.itemsize + 8 + in_store) * n + (16 + 2) * m
+    of_target = row_size * n + 13 * m
+    there = next(path for path in (folder.resolve(), *folder.resolve().parents) if path.exists())
+    same_disk = there.stat().st_dev == target.resolve().parent.stat().st_dev
+    for path, needed in ((there, of_store + of_target * same_disk), (target.resolve().parent, of_target)):
+        free = shutil.disk_usage(path).free
+        if free < needed:
+            raise InvalidParameterError(
+                f"store: {needed / 1e9:.1f} GB are needed below {path}, {free / 1e9:.1f} GB are free; choose another "
+                "folder, or fewer columns"
+            )
+
+
+def peak_bytes() -> int:
+    """The most memory that this process has had so far, 0 where that is not known."""
+    if sys.platform == "win32":
+        return 0
+    import resource
+
+    unit = 1 if sys.platform == "darwin" else 1024
+    return int(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss) * unit

@@ -1,0 +1,372 @@
+"""Smooths meshes that do not fit into memory, file to file."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from bezier_filters.arrays import BoolArray, FloatArray, Report
+from bezier_filters.errors import InvalidParameterError
+from bezier_filters.meshes.adjacency import Adjacency, incoherent_vertices, vertex_adjacency
+from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.runtime.atomic import atomic_write
+from bezier_filters.scale.array_file import ArrayFile, saved_array
+from bezier_filters.scale.columns import DISPLACEMENT, SHARPNESS, table_of
+from bezier_filters.scale.components import StoredComponents, labelled_vertices, unite_components
+from bezier_filters.scale.estimate import TileFit, fit_tile
+from bezier_filters.scale.halo import TilePart, tile_part
+from bezier_filters.scale.learn import FitOptions, learn_fit, learn_noise, rings_needed, sampled_parts_of
+from bezier_filters.scale.run import Output, Run, RunOptions, StageProgress, file_run
+from bezier_filters.scale.scheduling import Scheduler
+from bezier_filters.scale.source import SourcePath, open_source
+from bezier_filters.scale.store import Store
+from bezier_filters.scale.tiles import Tile, open_tile
+from bezier_filters.smoothing.candidates import SHARP_ROUNDS
+from bezier_filters.smoothing.denoise import SmoothingPlan, denoise, learn_plan
+from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
+from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, MeshPart
+from bezier_filters.smoothing.noise import roughness
+from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, check_smoothing
+from bezier_filters.smoothing.volume import (
+    component_gains,
+    component_volumes,
+    movement_around,
+    offset_along_normals,
+)
+
+PAPER = FitOptions(rings=2, alpha=0.8, smoothness="paper")
+"""As ``bezier_filters.smooth(..., method="paper")``."""
+IN_STORE = {"auto": (90, 56), "paper": (0, 64)}
+"""Bytes per vertex in the store, once and for each iteration."""
+FINISH_RINGS = 8
+"""Around a tile, in which faces may turn over for the same reason."""
+LARGEST_TILE = 1 << 20
+"""Vertices: tiles of the automatic smoothing have many rings around them."""
+MEASURE_RINGS = 24
+"""Around a tile, within which something may be rough."""
+FADED, AVERAGED, RINGS_PER_ROUND = 6.0, 14, 1.25
+"""Around a tile there are the rings in which a low-pass filter fades by so many powers of e, those over which risks are
+averaged, and those that a round of filtering the normals reaches across: measured, for a hundredth of the noise."""
+COUNTS = ("flipped before", "flipped after", "degenerate before", "degenerate after", "new")
+"""What is told of the faces."""
+
+
+def smooth_file(
+    source: SourcePath,
+    target: str | os.PathLike[str],
+    method: SmoothingMethod = "auto",
+    *,
+    iterations: int = 1,
+    noise: float | None = None,
+    borders: SmoothedBorders = "curve",
+    keep_volume: bool | None = None,
+    options: FitOptions | None = None,
+    scheduler: Scheduler = None,
+    workers: int | None = None,
+    tile_vertices: int | None = None,
+    memory_limit: int | None = None,
+    store: str | os.PathLike[str] | None = None,
+    resume: bool = False,
+    keep_store: bool = False,
+    progress: StageProgress | None = None,
+) -> Report:
+    """Take the noise off a mesh of any size and keep its shape, its volume and its edges: `smooth` in tiles.
+
+    What holds for the mesh as a whole is learned once, from the same parts as in memory. Then every tile is a task that
+    smooths it, with as many rings around it as the filters reach across, by the same function as a mesh in memory. The
+    vertices are those of ``smooth`` but for a hundredth of the noise at the most, and a thousandth in the root mean
+    square, whatever the tiles and the scheduler. A last round gives closed components their volumes back (to 1e-6).
+
+    ``method="paper"`` moves every vertex onto its patch, all from the old mesh. After the first time that is the same
+    up to rounding, as the tiles keep the order of the mesh before: 1e-12, more where faces join what is far apart.
+
+    Parameters
+    ----------
+    source, target, scheduler, workers, tile_vertices, memory_limit, store, resume, keep_store, progress
+        As in `estimate_file`. The quality of the target is ``bz_displacement``: how far each vertex moved in all. The
+        automatic smoothing writes ``bz_sharpness``, too.
+    method : {"auto", "paper"}
+        How to smooth.
+    iterations : int
+        How many times, at least 1; once is enough for ``"auto"``.
+    noise, borders, keep_volume
+        As in `smooth`, for ``"auto"`` only.
+    options : FitOptions, optional
+        How patches are fitted, for ``"paper"`` only, which by default fits them as the paper does. With others
+        vertices move onto the patches of `estimate_vertex_geometry`; what is left open is learned anew every time.
+
+    Returns
+    -------
+    dict
+        Report, as of `estimate_file`; computed and damaged tiles are those of all rounds.
+
+    Raises
+    ------
+    FieldFileError, InvalidMeshError, InvalidParameterError, ImportError, LostTaskError, CancelledError
+        As `estimate_file`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from bezier_filters import smooth
+    >>> from bezier_filters.surfaces import sphere
+    >>> folder, ball = Path(tempfile.mkdtemp()), sphere(resolution=20)
+    >>> vertices = ball.vertices * (1.0 + 0.01 * np.random.default_rng(0).normal(size=(len(ball.vertices), 1)))
+    >>> np.save(folder / "v.npy", vertices)
+    >>> np.save(folder / "f.npy", ball.faces)
+    >>> files = folder / "v.npy", folder / "f.npy"
+    >>> report = smooth_file(files, folder / "out.ply", tile_vertices=1024, scheduler="synchronous")
+    >>> moved = open_source(folder / "out.ply").vertices(0, len(vertices))
+    >>> bool(np.abs(moved - smooth(vertices, ball.faces).vertices).max() < 0.01 * report["noise"]["before"])
+    True
+    """
+    check_smoothing(method, iterations, noise, borders)
+    if method == "auto" and options is not None:
+        raise InvalidParameterError("options: only method='paper' fits patches; leave it out")
+    if method == "paper" and (borders != "curve" or keep_volume):
+        raise InvalidParameterError("borders, keep_volume: method='paper' in tiles has no such options; leave them out")
+    fit_options = options or PAPER
+    fit_options.checked()
+    opened = open_source(source)
+    how = RunOptions(scheduler, workers, tile_vertices, memory_limit, store, resume, keep_store, progress)
+    if method == "auto":
+        how = replace(how, largest_tile=LARGEST_TILE)
+    once, each = IN_STORE[method]
+    with file_run(opened, target, how, row_size=48, in_store=once + each * iterations) as run:
+        if method == "paper":
+            return _onto_patches(run, iterations, fit_options)
+        return _automatic(run, iterations, noise, borders, keep_volume is not False)
+
+
+def _automatic(run: Run, iterations: int, noise: float | None, borders: SmoothedBorders, keep_volume: bool) -> Report:
+    """The automatic smoothing: a round that measures the mesh, one for every iteration, and one that ends it."""
+    options = {"iterations": iterations, "noise": noise, "borders": borders, "keep_volume": keep_volume}
+    results, mesh = run.results({"quantity": "automatic smoothing"} | options), run.store
+    noise_before = noise if noise is not None else _noise_of(run, mesh)
+    components: StoredComponents | None = None
+    current, folders = mesh, list[Path]()
+    for step in range(iterations):
+        sigma = noise_before if step == 0 else _noise_of(run, current)
+        around = tuple[int, ...]()
+        if step == 0 or mesh.layout.vertex_count > LARGEST_WHOLE:
+            look = partial(measure_tile, current, sigma or 0.0)
+            done = run.tiles("measure", results / f"measure-{step + 1}", look)
+            around = (_roughest(done.tiles),)
+        if step == 0 and mesh.layout.face_count > 0 and not done.sums("incoherent")[0]:
+            components = unite_components(mesh, done.tiles)
+        with run.stages.stage("learn"):
+            parts = sampled_parts_of(current, around, threads=run.workers)
+            plan = learn_plan(parts, sigma or 0.0, borders, threads=run.workers)
+        is_last = step + 1 == iterations
+        job = SmoothJob(mesh, current, plan, borders == "fixed", components if is_last else None)
+        folders.append(results / f"step-{step + 1}")
+        done = run.tiles("smooth", folders[-1], partial(smooth_tile, job))
+        current = mesh.with_vertices(_joined_vertices(folders[-1], done.tiles))
+    steps, volume_before = None, None
+    if components is not None:
+        before, now, gains = _component_sums(done.tiles, ("before", "now", "gains"), components.count)
+        volume_before = float(before.sum())
+        if keep_volume:
+            steps = np.divide(before - now, gains, out=np.zeros(components.count), where=gains > 0.0)
+    of_steps = None if steps is None else saved_array(results / "steps.bin", steps)
+    end_job = FinishJob(mesh, current, tuple(folders), borders == "fixed", components, of_steps)
+    done = run.tiles("finish", results / "finish", partial(finish_tile, end_job))
+    noise_after = _noise_of(run, mesh.with_vertices(_joined_vertices(results / "finish", done.tiles)))
+    run.write(done.tiles)
+    return run.report() | {
+        "iterations": iterations,
+        "quality": DISPLACEMENT,
+        "attributes": [DISPLACEMENT, SHARPNESS],
+        "noise": {"before": noise_before, "after": noise_after},
+        "volume": {"before": volume_before, "after": None if volume_before is None else float(done.sums("volume")[0])},
+        "faces": dict(zip(COUNTS, done.sums("faces").astype(int).tolist(), strict=True)),
+        "halo_rings": rings_around(plan),
+    }
+
+
+def _noise_of(run: Run, store: Store) -> float | None:
+    with run.stages.stage("learn"):
+        return learn_noise(store, threads=run.workers)
+
+
+def _component_sums(tiles: Sequence[Tile], names: Sequence[str], count: int) -> list[FloatArray]:
+    """Sums over all tiles of what these tell of the components that they have faces of."""
+    result = [np.zeros(count) for _ in names]
+    for sums in (tile.report.sums for tile in tiles):
+        for name, total in zip(names, result, strict=True):
+            total[np.array(sums["components"], dtype=np.int64)] += sums[name]
+    return result
+
+
+def _roughest(tiles: Sequence[Tile]) -> int:
+    """The vertex of the source around which the mesh is roughest."""
+    _, vertex = max(tuple(tile.report.sums["roughest"]) for tile in tiles)
+    return int(vertex)
+
+
+def measure_tile(store: Store, sigma: float, tile: int) -> Output:
+    """Which vertices of a tile hang together, and where it is roughest, if the mesh is large."""
+    is_large = store.layout.vertex_count > LARGEST_WHOLE and sigma > 0.0
+    part = tile_part(store, tile, MEASURE_RINGS if is_large else 1)
+    adjacency = vertex_adjacency(part.mesh)
+    found = [0.0, 0.0]
+    if is_large:
+        piece = _mesh_part(store, part, adjacency)
+        values = roughness(piece, sigma)[part.own]
+        place = int(values.argmax())
+        found = [float(values[place]), float(piece.ids[part.own][place])]
+    incoherent = incoherent_vertices(part.mesh.faces, adjacency)[part.own].any()
+    sums = {"roughest": found, "incoherent": [float(incoherent)]}
+    return Output(labelled_vertices(part, adjacency), len(part.ids), sums)
+
+
+def _mesh_part(store: Store, part: TilePart, adjacency: Adjacency) -> MeshPart:
+    return MeshPart(part.mesh, adjacency, store.sources(part.ids), part.cut, store.layout.vertex_count)
+
+
+@dataclass(frozen=True)
+class SmoothJob:
+    """An iteration of the smoothing.
+
+    The mesh before all of them and before this one, the plan (None if there is no noise to speak of), whether borders
+    stay, and the closed components if their volumes are wanted.
+    """
+
+    before: Store
+    mesh: Store
+    plan: SmoothingPlan | None
+    fixed: bool
+    components: StoredComponents | None
+
+
+def smooth_tile(job: SmoothJob, tile: int) -> Output:
+    """Where the vertices of a tile move to, and how sharp edges are there."""
+    part = tile_part(job.mesh, tile, rings_around(job.plan))
+    mesh, own, adjacency = part.mesh, part.own, vertex_adjacency(part.mesh)
+    movable, points, sharpness = _movable(adjacency, job.fixed), mesh.vertices, np.zeros(len(part.ids))
+    if job.plan is not None:
+        found = denoise(_mesh_part(job.mesh, part, adjacency), job.plan)
+        points, sharpness = np.where(movable[:, np.newaxis], found.points, points), found.sharpness
+    rows = table_of(points[own], {SHARPNESS: sharpness[own]}, "", (SHARPNESS,), "<f8")
+    sums: dict[str, list[float]] = {}
+    if job.components is not None:
+        before = TriangleMesh(job.before.coordinates_of(part.ids), mesh.faces)
+        components, numbers = job.components.at(part.ids)
+        amounts = np.zeros(len(points))
+        amounts[own] = (movement_around(before, adjacency, points) * movable)[own]
+        of_tile = mesh.faces[part.faces_of_tile()]
+        sums |= {
+            "components": numbers.tolist(),
+            "before": component_volumes(components, TriangleMesh(before.vertices, of_tile)).tolist(),
+            "now": component_volumes(components, TriangleMesh(points, of_tile)).tolist(),
+            "gains": component_gains(components, TriangleMesh(points, mesh.faces), amounts).tolist(),
+        }
+    return Output(rows, len(part.ids), sums)
+
+
+def rings_around(plan: SmoothingPlan | None) -> int:
+    """Rings around a tile that its vertices depend on, as far as matters."""
+    if plan is None:
+        return 2
+    filters = plan.low_pass
+    # What a filter makes of a vertex fades away edge by edge, which its poles tell.
+    edge = filters.strengths[: filters.used].max() ** -0.25
+    fading = 2.0 * np.sqrt(edge) * np.sin(0.5 * np.pi / filters.order)
+    rounds = (0, 1, *SHARP_ROUNDS)[max(plan.kinds)]
+    return int(np.ceil(FADED / fading + AVERAGED + RINGS_PER_ROUND * rounds))
+
+
+def _movable(adjacency: Adjacency, fixed: bool) -> BoolArray:
+    """Vertices that may move."""
+    return ~adjacency.on_boundary if fixed else np.ones(len(adjacency.on_boundary), dtype=np.bool_)
+
+
+@dataclass(frozen=True)
+class FinishJob:
+    """The end of the smoothing.
+
+    The mesh before and after the iterations, whose results are in some folders, whether borders stay, the closed
+    components, if the faces fit together, and how far each is to move out, times the amounts of its vertices.
+    """
+
+    before: Store
+    smoothed: Store
+    folders: tuple[Path, ...]
+    fixed: bool
+    components: StoredComponents | None
+    steps: ArrayFile | None
+
+
+def finish_tile(job: FinishJob, tile: int) -> Output:
+    """The vertices of a tile as they are written."""
+    part = tile_part(job.before, tile, FINISH_RINGS)
+    mesh, own, adjacency = part.mesh, part.own, vertex_adjacency(part.mesh)
+    points = job.smoothed.coordinates_of(part.ids)
+    components, numbers = (None, None) if job.components is None else job.components.at(part.ids)
+    if components is not None and job.steps is not None and components.count:
+        amounts = movement_around(mesh, adjacency, points) * _movable(adjacency, job.fixed)
+        steps = np.array(job.steps.mapped()[numbers])
+        points = offset_along_normals(components, TriangleMesh(points, mesh.faces), steps, amounts)
+    points = repair_flipped_faces(mesh, adjacency, points)
+    of_tile, moved = part.faces_of_tile(), TriangleMesh(points, mesh.faces)
+    volume = 0.0
+    if components is not None:
+        volume = float(component_volumes(components, TriangleMesh(points, mesh.faces[of_tile])).sum())
+    was, now = bad_faces(mesh, adjacency), bad_faces(moved, adjacency)
+    bad = (was.flipped, now.flipped, was.degenerate, now.degenerate, now.new_since(was))
+    columns = {
+        DISPLACEMENT: np.linalg.norm(points[own] - mesh.vertices[own], axis=1),
+        SHARPNESS: np.max([open_tile(folder, tile).rows()[SHARPNESS] for folder in job.folders], axis=0),
+    }
+    rows = table_of(points[own], columns, DISPLACEMENT, (DISPLACEMENT, SHARPNESS), "<f8")
+    return Output(rows, len(part.ids), {"volume": [volume], "faces": [float(faces[of_tile].sum()) for faces in bad]})
+
+
+@dataclass(frozen=True)
+class PatchJob:
+    """Vertices that move onto their patches: how these are fitted, and the mesh at first."""
+
+    fit: TileFit
+    before: Store
+
+
+def move_tile(job: PatchJob, tile: int) -> Output:
+    """The vertices of a tile on their patches, and how far they are from where they were at first."""
+    found = fit_tile(job.fit, tile)
+    vertices = found.vertices + found.geometry.displacements
+    moved = np.linalg.norm(vertices - job.before.coordinates(*job.before.layout.tile(tile)), axis=1)
+    rows = table_of(vertices, {DISPLACEMENT: moved}, DISPLACEMENT, (DISPLACEMENT,), "<f8")
+    return Output(rows, found.read, {})
+
+
+def _onto_patches(run: Run, iterations: int, options: FitOptions) -> Report:
+    """Every vertex moves to its patch, some times; the report."""
+    current = run.store
+    for step in range(iterations):
+        results = run.results({"quantity": "patches", "options": asdict(options), "step": step})
+        with run.stages.stage("learn"):
+            fit = learn_fit(current, options, threads=run.workers)
+        job = PatchJob(TileFit(current, fit, options.creases, options.robust), run.store)
+        done = run.tiles(f"step {step + 1}", results, partial(move_tile, job))
+        current = run.store.with_vertices(_joined_vertices(results, done.tiles))
+    run.write(done.tiles)
+    return run.report() | {
+        "iterations": iterations,
+        "quality": DISPLACEMENT,
+        "attributes": [DISPLACEMENT],
+        "fit": asdict(fit.choice),
+        "halo_rings": rings_needed(fit),
+    }
+
+
+def _joined_vertices(results: Path, tiles: Sequence[Tile]) -> Path:
+    """One file with the coordinates of all tiles, in the order of the store."""
+    path = results / "vertices.bin"
+    with atomic_write(path) as temporary, open(temporary, "wb") as stream:
+        for tile in tiles:
+            rows = tile.rows()
+            np.column_stack([rows[axis] for axis in "xyz"]).tofile(stream)
+    return path

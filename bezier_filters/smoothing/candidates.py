@@ -1,0 +1,123 @@
+"""Estimates of the surface under the noise, from smooth to sharp.
+
+The first is a low-pass filter. For edges and corners the normals of a more weakly filtered mesh are
+filtered, many times, by means that do not reach across what noise cannot explain, and the
+vertices follow. In between are fewer rounds.
+"""
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from bezier_filters.arrays import FloatArray, SingleArray
+from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.smoothing.laplacian import umbrella_laplacian
+from bezier_filters.smoothing.low_pass import FittedLowPass, LowPass
+from bezier_filters.smoothing.noise import NoisyMesh
+from bezier_filters.smoothing.normal_filter import filter_normals, noisy_normals
+from bezier_filters.smoothing.probes import OTHER_SIGNS, random_signs, white_noise
+from bezier_filters.smoothing.vertex_update import move_to_normals
+
+SMOOTH, GENTLE = 0, 1
+"""Kinds of estimates: the low-pass filter proper, and one round after a slightly weaker one; then the sharp ones."""
+SHARP_ROUNDS = (2, 5, 16)
+"""Numbers of rounds of filtering the normals, after a much weaker filter, at which there are estimates."""
+KINDS = range(2 + len(SHARP_ROUNDS))
+GENTLE_TOLERANCE, SHARP_TOLERANCE = 2.5, 1.5
+"""Of `filter_normals`."""
+PROBE = 0.1
+"""Times sigma: how far vertices are moved to find their leverages."""
+FEWEST_SAMPLED = 60_000
+"""Vertices times samples of the noise, that normals are filtered by."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An estimate of the surface.
+
+    Attributes
+    ----------
+    kind : int
+        Which one it is.
+    moves : (n, 3) float32
+        How far each vertex moves.
+    residuals : (n,) float32
+        Heights of the measured vertices over it, times the standard deviation of the noise.
+    leverages : (n,) float32
+        How far it follows each vertex.
+    """
+
+    kind: int
+    moves: SingleArray
+    residuals: SingleArray
+    leverages: SingleArray
+
+
+def candidates(
+    noisy: NoisyMesh, fitted: FittedLowPass, kinds: Collection[int] = KINDS, *, threads: int = 1
+) -> Iterator[Candidate]:
+    """Estimates, ever sharper ones, of which the first is the low-pass filter's, and others as they are wanted.
+
+    All of them start with more or less of that filter.
+    """
+    part, filters, normals = noisy.part, fitted.filters, fitted.shape.normals.astype(np.float32)
+    signs = random_signs(part.ids, 1, first=OTHER_SIGNS)[:, 0]
+    filtered = filters.apply(np.column_stack([part.mesh.vertices, signs]), threads=threads)
+    leverages = (signs * filtered[:, 3]).astype(np.float32)
+    yield Candidate(SMOOTH, _moves(part.mesh, filtered[:, :3]), fitted.residuals, leverages)
+    del fitted, filtered, leverages  # for large meshes, memory counts
+    sharp = {kind: rounds for kind, rounds in enumerate(SHARP_ROUNDS, start=GENTLE + 1) if kind in kinds}
+    if GENTLE in kinds:
+        yield from _sharp(noisy, filters.weaker(), normals, signs, {GENTLE: 1}, GENTLE_TOLERANCE, threads)
+    if sharp:
+        umbrella = umbrella_laplacian(part.mesh, part.adjacency, filters.borders, cut=part.cut, threads=threads)
+        filters = filters.weak(umbrella)
+        yield from _sharp(noisy, filters, normals, signs, sharp, SHARP_TOLERANCE, threads)
+
+
+def _sharp(
+    noisy: NoisyMesh,
+    filters: LowPass,
+    normals: SingleArray,
+    signs: SingleArray,
+    rounds: dict[int, int],
+    tolerance: float,
+    threads: int,
+) -> Iterator[Candidate]:
+    """Estimates by kind, whose vertices follow normals that were filtered some rounds, after a low-pass filter."""
+    mesh, adjacency, sigma = noisy.part.mesh, noisy.part.adjacency, noisy.sigma
+    start = _moves(mesh, filters.apply(mesh.vertices, threads=threads))
+    samples = filters.apply(_noise_samples(noisy, normals, signs), threads=threads).reshape(mesh.vertex_count, -1, 3)
+    probe = np.float32(PROBE) * samples[:, 0]
+    state = noisy_normals(_moved(mesh, start), _moved(mesh, start + probe), samples, threads=threads)
+    del samples
+    movable, done = ~adjacency.on_boundary, 0  # those at borders stay
+    for kind, total in rounds.items():
+        state = filter_normals(state, adjacency.faces, total - done, tolerance, threads=threads)
+        done = total
+        moves, probed = (
+            first + move_to_normals(_moved(mesh, first), adjacency, goal, movable, threads=threads)
+            for first, goal in ((start, state.normals), (start + probe, state.probed_normals))
+        )
+        residuals = -np.einsum("ij,ij->i", moves, normals) / sigma
+        leverages = np.einsum("ij,ij->i", probed - moves, normals) * signs / (PROBE * sigma)
+        yield Candidate(kind, moves, residuals.astype(np.float32), leverages.astype(np.float32))
+
+
+def _noise_samples(noisy: NoisyMesh, normals: SingleArray, signs: SingleArray) -> SingleArray:
+    """Coordinates of samples of the noise along the normals side by side, (n, 3 k); the first one goes by the signs."""
+    heights = white_noise(noisy.part.ids, int(np.clip(FEWEST_SAMPLED // noisy.part.vertex_count, 2, 6)))
+    heights[:, 0] = signs
+    heights *= noisy.sigma.astype(np.float32)[:, np.newaxis]
+    vectors: SingleArray = heights[:, :, np.newaxis] * normals[:, np.newaxis]
+    return vectors.reshape(len(vectors), -1)
+
+
+def _moves(mesh: TriangleMesh, vertices: FloatArray) -> SingleArray:
+    """How far vertices are from where they were measured."""
+    return (vertices - mesh.vertices).astype(np.float32)
+
+
+def _moved(mesh: TriangleMesh, moves: SingleArray) -> TriangleMesh:
+    return TriangleMesh(mesh.vertices + moves, mesh.faces)

@@ -1,0 +1,114 @@
+"""Triangles that face the wrong way or have no area, and how to have no more of them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.meshes.adjacency import Adjacency
+from bezier_filters.meshes.frames import face_normal, tangent_planes
+from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.runtime.jit import jit
+from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
+
+THINNEST = 1e-7
+"""Twice the area over the squared longest edge, from which down a triangle counts as degenerate."""
+ROUNDS = 60
+"""After which everything is taken back; far more than there have ever been."""
+REACH = 4
+"""Edges from a face that is wrong to vertices that may be the cause; what happens to a vertex depends on a few times as
+many rings around it."""
+
+
+@dataclass(frozen=True)
+class BadFaces:
+    """Faces that are wrong.
+
+    Attributes
+    ----------
+    flipped : (m,) bool
+        More than 90 degrees away from the mean normal of the faces around.
+    degenerate : (m,) bool
+        Without area, practically.
+    """
+
+    flipped: BoolArray
+    degenerate: BoolArray
+
+    def new_since(self, before: "BadFaces") -> BoolArray:
+        """Faces that are wrong in a way in which they were not before, (m,)."""
+        result: BoolArray = (self.flipped & ~before.flipped) | (self.degenerate & ~before.degenerate)
+        return result
+
+
+def bad_faces(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> BadFaces:
+    """Find the wrong faces of a mesh.
+
+    Examples
+    --------
+    >>> from bezier_filters.meshes.adjacency import vertex_adjacency
+    >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> sliver = triangle_mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]])
+    >>> bad_faces(sliver, vertex_adjacency(sliver)).degenerate
+    array([ True])
+    """
+    normals = tangent_planes(mesh, adjacency, threads=threads).normals
+    flipped, degenerate = np.zeros((2, mesh.face_count), dtype=np.bool_)
+
+    def make_task() -> RangeTask:
+        return lambda start, stop: _find(mesh.vertices, mesh.faces, normals, start, stop, flipped, degenerate)
+
+    run_in_chunks(make_task, mesh.face_count, threads=threads)
+    return BadFaces(flipped, degenerate)
+
+
+@jit()
+def _find(
+    vertices: FloatArray,
+    faces: IntArray,
+    around: FloatArray,
+    start: int,
+    stop: int,
+    flipped: BoolArray,
+    degenerate: BoolArray,
+) -> None:
+    """Mark the wrong ones of faces start .. stop-1."""
+    for f in range(start, stop):
+        x, y, z = face_normal(vertices, faces, f)
+        longest, against = 0.0, 0.0
+        for k in range(3):
+            i, j = faces[f, k], faces[f, (k + 1) % 3]
+            squared = 0.0
+            for axis in range(3):
+                squared += (vertices[i, axis] - vertices[j, axis]) ** 2
+            longest = max(longest, squared)
+            against += x * around[i, 0] + y * around[i, 1] + z * around[i, 2]
+        degenerate[f] = np.sqrt(x * x + y * y + z * z) <= THINNEST * longest
+        flipped[f] = against < 0.0 and not degenerate[f]
+
+
+def repair_flipped_faces(
+    mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray, *, threads: int = 1
+) -> FloatArray:
+    """Take back as much of the moves of vertices to points (n, 3) as makes faces of the mesh wrong that were not.
+
+    Returns where the vertices end.
+    """
+    before = bad_faces(mesh, adjacency, threads=threads)
+    rows, share, result = adjacency.vertices, np.ones(mesh.vertex_count), points
+    for _ in range(ROUNDS):
+        new = bad_faces(TriangleMesh(result, mesh.faces), adjacency, threads=threads).new_since(before)
+        if not new.any():
+            return result
+        chosen = np.zeros(mesh.vertex_count, dtype=np.bool_)
+        chosen[mesh.faces[new]] = True
+        # A face whose corners are back where they were is turned by those around it: on through vertices that are
+        # back to the first that are not.
+        spent = np.zeros(mesh.vertex_count, dtype=np.bool_)
+        spent[mesh.faces[new & ~share[mesh.faces].any(axis=1)]] = True
+        for _ in range(REACH):
+            spent[rows.indices[np.repeat(spent & (share == 0.0), rows.lengths)]] = True
+        chosen |= spent
+        share[chosen] = np.where(share[chosen] < 0.1, 0.0, 0.5 * share[chosen])
+        result = mesh.vertices + share[:, np.newaxis] * (points - mesh.vertices)
+    return mesh.vertices.copy()

@@ -1,0 +1,159 @@
+"""Whether the noise of a mesh varies from place to place, and how."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bezier_filters.arrays import BoolArray, FloatArray, SingleArray
+from bezier_filters.meshes.frames import tangent_planes
+from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.smoothing.chebyshev import low_pass
+from bezier_filters.smoothing.clusters import Clusters, clusters_of
+from bezier_filters.smoothing.laplacian import Laplacian, umbrella_laplacian
+from bezier_filters.smoothing.mesh_parts import MeshPart
+from bezier_filters.smoothing.probes import white_noise
+
+WEAK, STRONGER = np.array([1.0]), np.array([10.0])
+"""Strengths of the filters that residuals and normals are taken from."""
+STRONG = np.array([100.0])
+"""Strength of the filter that rough places do not follow."""
+WIDTH = 100.0
+"""Squared edges: the residuals of some 700 vertices are averaged."""
+SPREAD = 2.0
+"""Ratio of high levels to low ones from which on the noise is taken to vary."""
+NO_CREASES = 0.12
+"""Times the mean edge: creases of a mesh without noise look like less noise than this."""
+LEAST = 0.1
+"""Of the highest levels, the lowest."""
+MEAN_ROOT = 0.822
+"""Mean of sqrt(|x|) for a standard normal x."""
+
+
+@dataclass(frozen=True)
+class NoiseLevels:
+    """How much noise there is, and where.
+
+    Attributes
+    ----------
+    sigma : float or None
+        Its standard deviation everywhere, a length; None if it varies.
+    share : float
+        Of the noise, what a weak filter takes off.
+    lowest : float
+        The lowest level that there may be, a length.
+    detail : float
+        Standard deviation of the relief that is left alone, a shorter length.
+    """
+
+    sigma: float | None
+    share: float
+    lowest: float
+    detail: float
+
+    def at(self, roots: SingleArray) -> FloatArray:
+        """Standard deviation of the noise at vertices, (n,)."""
+        levels = np.full(len(roots), self.sigma) if self.sigma is not None else _levels(roots)
+        result: FloatArray = np.sqrt(np.maximum(levels, self.lowest) ** 2 - self.detail**2)
+        return result
+
+
+@dataclass(frozen=True)
+class NoisyMesh:
+    """A mesh, or a part of one, and the noise of its vertices.
+
+    Attributes
+    ----------
+    part : MeshPart
+    clusters : Clusters
+        Of the same mesh.
+    sigma : (n,) float64
+        Standard deviation of the noise around every vertex, positive lengths.
+    """
+
+    part: MeshPart
+    clusters: Clusters
+    sigma: FloatArray
+
+
+def learn_noise_levels(
+    part: MeshPart,
+    clusters: Clusters,
+    core: BoolArray,
+    sigma: float,
+    unit: float,
+    least: float,
+    detail: float,
+    *,
+    threads: int = 1,
+) -> tuple[NoiseLevels, FloatArray]:
+    """What holds for a mesh as a whole, by the `core` of some parts, and the standard deviation of the noise, (n,).
+
+    The noise has the same level everywhere, sigma, unless it clearly varies. Levels are means of what a weak filter
+    takes off, in a way that outliers, such as at edges, matter little to. None is below `least` before the standard
+    deviation of the relief, `detail`, is taken off it; `unit` is the mean edge.
+    """
+    laplacian = _free_laplacian(part, threads)
+    noise = white_noise(part.ids, 1).astype(np.float64)
+    taken = noise - low_pass(laplacian, noise, WEAK, threads=threads)
+    share = float(np.sqrt(np.square(taken[core]).mean()))
+    roots = _roots(part, clusters, laplacian, share, threads)
+    low, high = np.quantile(_levels(roots[core]), (0.1, 0.9))
+    if high < NO_CREASES * unit or high < SPREAD * low:
+        levels = NoiseLevels(sigma, share, least, detail)
+    else:
+        levels = NoiseLevels(None, share, max(least, LEAST * float(high)), detail)
+    return levels, levels.at(roots)
+
+
+def local_sigma(part: MeshPart, clusters: Clusters, levels: NoiseLevels, *, threads: int = 1) -> FloatArray:
+    """Standard deviation of the noise around every vertex, (n,)."""
+    if levels.sigma is not None:
+        return levels.at(np.zeros(len(part.ids), dtype=np.float32))
+    return levels.at(_roots(part, clusters, _free_laplacian(part, threads), levels.share, threads))
+
+
+def roughness(part: MeshPart, sigma: float, *, threads: int = 1) -> FloatArray:
+    """How much more a strong filter takes off around every vertex than a weak one, (n,): most at edges and corners.
+
+    Where a large mesh is roughest, it has to be looked at, lest an edge be smoothed because no sample has met one.
+    It goes by ratios, as the noise itself may vary.
+
+    Parameters
+    ----------
+    part : MeshPart
+        A mesh, or a tile of one with 40 rings around what counts.
+    sigma : float
+        Standard deviation of the noise of the mesh as a whole, a length.
+    threads : int
+        Number of threads.
+    """
+    mesh, clusters, laplacian = part.mesh, clusters_of(part), _free_laplacian(part, threads)
+    smooth = low_pass(laplacian, mesh.vertices, STRONG, threads=threads)
+    normals = tangent_planes(TriangleMesh(smooth, mesh.faces), part.adjacency, threads=threads).normals
+    heights = np.einsum("ij,ij->i", mesh.vertices - smooth, normals)
+    weak = low_pass(laplacian, mesh.vertices, WEAK, threads=threads)
+    roots = np.sqrt(np.abs(np.einsum("ij,ij->i", mesh.vertices - weak, normals)))
+    means = clusters.means(np.column_stack([np.square(heights), roots]))
+    around = clusters.at_vertices(clusters.diffuse(means, WIDTH, threads=threads), threads=threads).astype(np.float64)
+    return around[:, 0] / np.maximum(around[:, 1] ** 4, (LEAST * sigma) ** 2)
+
+
+def _free_laplacian(part: MeshPart, threads: int) -> Laplacian:
+    return umbrella_laplacian(part.mesh, part.adjacency, "free", cut=part.cut, threads=threads)
+
+
+def _roots(part: MeshPart, clusters: Clusters, laplacian: Laplacian, share: float, threads: int) -> SingleArray:
+    """Mean roots around every vertex of what a weak filter takes off, (n,)."""
+    mesh = part.mesh
+    taken = mesh.vertices - low_pass(laplacian, mesh.vertices, WEAK, threads=threads)
+    smooth = low_pass(laplacian, mesh.vertices, STRONGER, threads=threads)
+    normals = tangent_planes(TriangleMesh(smooth, mesh.faces), part.adjacency, threads=threads).normals
+    residuals = np.abs(np.einsum("ij,ij->i", taken, normals))
+    means = clusters.means(np.sqrt(residuals / share)[:, np.newaxis])
+    roots = clusters.at_vertices(clusters.diffuse(means, WIDTH, threads=threads), threads=threads)[:, 0]
+    return np.maximum(roots, np.float32(0.0))
+
+
+def _levels(roots: SingleArray) -> FloatArray:
+    result: FloatArray = np.square(roots.astype(np.float64) / MEAN_ROOT)
+    return result

@@ -1,0 +1,139 @@
+"""How far estimates are from the truth that nobody knows: Stein's unbiased estimate of the risk.
+
+If p = x + noise of variance sigma^2, an estimate f(p) of x has the expected squared error
+
+    |f(p) - x|^2 = |f(p) - p|^2 - n sigma^2 + 2 sigma^2 (sum of the leverages df_i / dp_i)
+
+(Stein, "Estimation of the mean of a multivariate normal distribution", Annals of Statistics
+1981). Single terms of the sum are noisy; means over the surroundings of a vertex tell which of
+several estimates to trust there.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
+from bezier_filters.runtime.jit import jit
+from bezier_filters.smoothing.clusters import Clusters
+
+WIDTH = 100.0
+"""Squared edges over which risks are averaged around a vertex,"""
+VERTICES = 7.26 * WIDTH
+"""so many vertices that is, on a regular mesh: the reciprocal of the sum of their squared weights."""
+DOUBT = 2.0
+"""Times its variance: up to that squared deviation from the mesh as a whole, a local risk is not believed."""
+TEMPERATURE = 0.3
+"""Times sigma^2, divided by the square root of the number of vertices: difference of risks at which the larger one's
+share is exp(-1) times the other's. The overall difference of two risks is known about that well."""
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """Several estimates of the same vertices, in units of the standard deviation of the noise at each.
+
+    Attributes
+    ----------
+    residuals : (n, s) float32
+        Heights of the measured vertices over each estimate.
+    leverages : (n, s) float32
+        How much each estimate follows its own vertex: 1 for no smoothing at all, near 0 for much.
+    """
+
+    residuals: SingleArray
+    leverages: SingleArray
+
+    def means(self, rows: BoolArray | slice = slice(None)) -> tuple[FloatArray, FloatArray]:
+        """Mean squared residual and mean leverage of each estimate, (s,), over all vertices or some."""
+        residuals, leverages = self.residuals[rows], self.leverages[rows]
+        squares = np.einsum("ns,ns->s", residuals, residuals, dtype=np.float64) / max(len(residuals), 1)
+        return squares, leverages.mean(axis=0, dtype=np.float64)
+
+    def mean_risks(self, rows: BoolArray | slice = slice(None)) -> FloatArray:
+        """Mean squared error of each estimate, (s,), over all vertices or some."""
+        squares, leverages = self.means(rows)
+        return squares + 2.0 * leverages - 1.0
+
+
+def overall_risks(estimates: Estimates, rows: BoolArray | slice) -> FloatArray:
+    """Risk of every estimate, (s,), less that of the best one: means over some of the vertices."""
+    risks = estimates.mean_risks(rows)
+    result: FloatArray = risks - risks.min()
+    return result
+
+
+def local_risks(clusters: Clusters, estimates: Estimates, overall: FloatArray, *, threads: int = 1) -> FloatArray:
+    """Risk of every estimate around every cluster, (k, s), less that of the one that is best for the mesh as a whole.
+
+    Where the local difference deviates from the overall one, (s,) from `overall_risks`, by no more than noise may make
+    it do, the latter is taken (after James and Stein).
+    """
+    best, terms = int(overall.argmin()), _mean_terms(clusters, estimates)
+    distances = np.zeros(terms.shape)
+    _add_distances(clusters.of_vertex, estimates.residuals, best, distances)
+    distances /= clusters.sizes[:, np.newaxis]
+    differences = terms - terms[:, [best]]
+    around = clusters.diffuse(np.hstack([differences, distances]), WIDTH, threads=threads)
+    count = len(overall)
+    local = around[:, :count] - overall
+    # A difference of squared residuals has four times the variance of the difference of the estimates.
+    variances = np.maximum(4.0 / VERTICES * around[:, count:], 0.0)
+    squares = np.square(local)
+    believed = np.divide(
+        np.maximum(squares - DOUBT * variances, 0.0), squares, out=np.zeros_like(squares), where=squares > 0.0
+    )
+    result: FloatArray = overall + believed * local
+    return result
+
+
+def _mean_terms(clusters: Clusters, estimates: Estimates) -> FloatArray:
+    """What the risks, plus 1, are the means of, averaged over each cluster, (k, s)."""
+    terms = np.zeros((len(clusters.sizes), estimates.residuals.shape[1]))
+    _add_terms(clusters.of_vertex, estimates.residuals, estimates.leverages, terms)
+    terms /= clusters.sizes[:, np.newaxis]
+    return terms
+
+
+def last_gain(clusters: Clusters, risks: FloatArray) -> float:
+    """Mean of what the last of several estimates gains over all others."""
+    gains = np.maximum(risks[:, :-1].min(axis=1) - risks[:, -1], 0.0)
+    return float(clusters.sizes @ gains) / max(len(clusters.of_vertex), 1)
+
+
+def local_shares(clusters: Clusters, risks: FloatArray, vertex_count: int, *, threads: int = 1) -> SingleArray:
+    """Share of every estimate at every vertex, (n, s), by their risks around it, in a mesh of so many vertices."""
+    temperature = TEMPERATURE / np.sqrt(max(vertex_count, 1))
+    shares: FloatArray = np.exp(-(risks - risks.min(axis=1, keepdims=True)) / temperature)
+    shares /= shares.sum(axis=1, keepdims=True)
+    return clusters.at_vertices(shares, threads=threads)
+
+
+def noise_factor(squares: FloatArray, leverages: FloatArray) -> float:
+    """How much less noise there is if the estimate that predicts best leaves smaller residuals than the noise would.
+
+    Where a surface has edges, noise is easily overestimated until something keeps them.
+
+    Parameters
+    ----------
+    squares, leverages : (s,) float64
+        Mean squared residual and mean leverage of some estimates.
+    """
+    free = 1.0 - leverages
+    best = np.argmin(squares / np.maximum(free, 1e-3) ** 2)
+    return max(min(float(np.sqrt(squares[best] / max(free[best], 1e-3))), 1.0), 1e-3)
+
+
+@jit()
+def _add_terms(of_vertex: IntArray, residuals: SingleArray, leverages: SingleArray, sums: FloatArray) -> None:
+    """Add what the risks, plus 1, are the means of to the sums of each cluster."""
+    for i in range(len(of_vertex)):
+        for s in range(residuals.shape[1]):
+            sums[of_vertex[i], s] += residuals[i, s] * residuals[i, s] + 2.0 * leverages[i, s]
+
+
+@jit()
+def _add_distances(of_vertex: IntArray, residuals: SingleArray, best: int, sums: FloatArray) -> None:
+    """Add squared differences from one of the estimates."""
+    for i in range(len(of_vertex)):
+        for s in range(residuals.shape[1]):
+            sums[of_vertex[i], s] += (residuals[i, s] - residuals[i, best]) ** 2

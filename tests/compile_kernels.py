@@ -1,0 +1,41 @@
+"""Compile what most tests call, in one process: two that start at the same time would both compile all of it."""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from furnished import punched_torus
+from hole_cases import without_faces_near
+
+import bezier_filters as bf
+from bezier_filters import baselines
+from bezier_filters.surfaces import block_with_sharp_edges, torus
+from survivors import keep_survivors
+
+
+def compile_kernels() -> None:
+    """Call every function on meshes as small as they can be."""
+    vertices, faces = punched_torus()
+    for options in ({}, {"robust": True, "conditions": True}, {"radius": 0.5}):
+        bf.estimate_vertex_geometry(vertices, faces, **options)
+    bf.estimate_vertex_geometry(vertices, None)
+    for method in ("auto", "paper"):
+        bf.smooth(vertices, faces, method)
+        bf.fill_holes(vertices, faces, method)
+    block, sides = block_with_sharp_edges(resolution=8)
+    bf.fill_holes(block, without_faces_near(block, sides, np.array([-0.5, -0.5, 0.0]), 0.2))
+    bf.find_creases(block, sides)
+    baselines.razdan_bae(vertices, faces)
+    baselines.ouyang_feng_normals(vertices, faces)
+    ring = torus(resolution=12, jitter=0.3)
+    keep_survivors(ring.vertices, ring.faces, np.arange(len(ring.vertices)) % 2 == 0)
+    with tempfile.TemporaryDirectory() as folder:
+        files = Path(folder, "vertices.npy"), Path(folder, "faces.npy")
+        np.save(files[0], vertices)
+        np.save(files[1], faces)
+        for function in (bf.scale.estimate_file, bf.scale.smooth_file):
+            function(files, Path(folder, "out.ply"), tile_vertices=256, scheduler="synchronous")
+
+
+if __name__ == "__main__":
+    compile_kernels()
