@@ -7,8 +7,8 @@ import numpy as np
 from furnished import punched_torus
 from hole_cases import without_faces_near
 
+import baselines
 import bezier_filters as bf
-from bezier_filters import baselines
 from bezier_filters.surfaces import block_with_sharp_edges, torus
 from survivors import keep_survivors
 
