@@ -223,8 +223,10 @@ def _shares(noisy: NoisyMesh, estimates: Estimates, overall: FloatArray, threads
 def _mixture(
     plan: LowPassPlan, laplacian: Laplacian, shape: Shape, estimates: Estimates, shares: SingleArray
 ) -> FittedLowPass:
-    """The filters that are used at all."""
-    shares = shares[:, : plan.used] / shares[:, : plan.used].sum(axis=1, keepdims=True)
+    """The filters that are used at all; what stronger ones would have goes to the strongest of them."""
+    stronger = shares[:, plan.used :].sum(axis=1)
+    shares = shares[:, : plan.used].copy()
+    shares[:, -1] += stronger
     residuals, leverages = (
         np.einsum("ns,ns->n", shares, values[:, : plan.used]) for values in (estimates.residuals, estimates.leverages)
     )
