@@ -26,6 +26,28 @@ class FundamentalForms:
     N: FloatArray
 
 
+class DerivedCurvatures:
+    """What follows from principal curvatures, for classes that have them."""
+
+    k_min: FloatArray
+    k_max: FloatArray
+
+    @property
+    def mean_curvature(self) -> FloatArray:
+        """Mean curvature H = (k_min + k_max) / 2, shape (n,), 1/length."""
+        return 0.5 * (self.k_min + self.k_max)
+
+    @property
+    def gaussian_curvature(self) -> FloatArray:
+        """Gaussian curvature K = k_min k_max, shape (n,), 1/length^2."""
+        return self.k_min * self.k_max
+
+    @property
+    def geodesic_torsion(self) -> FloatArray:
+        """Principal geodesic torsion t_max = (k_max - k_min) / 2 >= 0, shape (n,), 1/length."""
+        return 0.5 * (self.k_max - self.k_min)
+
+
 @dataclass(frozen=True)
 class PrincipalCurvatures:
     """Principal curvatures (n,), ``k_min <= k_max``, and their unit directions (n, 3).

@@ -188,7 +188,7 @@ def creases(
 ) -> None:
     """Find sharp edges, ridges and ravines, and write them as lines."""
     from bezier_filters.files.ply_text import check_line_file, save_lines
-    from bezier_filters.meshlab.crease_filter import creases_of, described, lines_as_mesh
+    from bezier_filters.meshlab.crease_filter import creases_of, lines_as_mesh, report_of
     from bezier_filters.meshlab.mesh_files import load_mesh
     from bezier_filters.meshlab.meshset import read_current_mesh
     from bezier_filters.meshlab.vertex_filters import FitArguments
@@ -209,12 +209,7 @@ def creases(
 
         panel = crease_panel(mesh.vertices, mesh.faces, found, title=source.name)
         render_panels(picture, [panel], views=view or ["front", "back"])
-    report = {
-        "lines": [described(line) for line in found.lines],
-        "sharp_edges": len(found.sharp_edges),
-        "status": found.geometry.status_counts(),
-        "seconds": {"fit": seconds},
-    }
+    report = report_of(found) | {"seconds": {"fit": seconds}}
     if json:
         shown = None if picture is None else str(picture)
         console.print_json({"input": str(source), "output": str(target), "picture": shown, **report})

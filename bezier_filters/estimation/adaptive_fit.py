@@ -12,7 +12,14 @@ from typing import Literal
 import numpy as np
 
 from bezier_filters.arrays import ByteArray, FloatArray, IntArray
-from bezier_filters.estimation.fallbacks import MORE_RINGS, Attempt, fallback_chain, fit_with_fallbacks, planned_chain
+from bezier_filters.estimation.fallbacks import (
+    MORE_RINGS,
+    Attempt,
+    fallback_chain,
+    fit_with_fallbacks,
+    overall_progress,
+    planned_chain,
+)
 from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, empty_geometry
 from bezier_filters.kernels.kernel_input import KernelMesh
 from bezier_filters.learning.learn import CANDIDATE_RINGS, MOST_TURNED, learn_surface
@@ -73,8 +80,7 @@ class Learned:
     @property
     def centers(self) -> IntArray:
         """The sampled vertices, each once, in ascending order."""
-        result: IntArray = np.unique(np.concatenate([analysis.centers for analysis in self.analyses]))
-        return result
+        return np.unique(np.concatenate([analysis.centers for analysis in self.analyses]))
 
 
 def choose_fit(
@@ -139,18 +145,13 @@ def fit_parts(
     if fit.parts is None:
         return fit.choice
     numbers = _part_numbers(fit.parts, geometry, mesh.origin, ids)
+    at_the_end = overall_progress(progress, len(ids), len(ids))
     parts = []
     for number, part in enumerate(leaves(fit.parts)):
         of_part = ids[numbers == number]
         if part.attempts:
             fit_with_fallbacks(
-                mesh,
-                of_part,
-                part.attempts,
-                geometry,
-                robust=robust,
-                threads=threads,
-                progress=_at_the_end(progress, len(ids)),
+                mesh, of_part, part.attempts, geometry, robust=robust, threads=threads, progress=at_the_end
             )
         else:
             _rescale_errors(geometry, mesh.origin[of_part], *part.error_ratios)
@@ -174,11 +175,6 @@ def _rescale_errors(geometry: VertexGeometry, rows: IntArray, of_normal: float, 
     geometry.normal_std[rows] *= of_normal
     for errors in (geometry.mean_curvature_std, geometry.gaussian_curvature_std):
         errors[rows] *= of_curvature
-
-
-def _at_the_end(progress: Progress | None, total: int) -> Progress | None:
-    """Progress of what comes after the last vertex."""
-    return None if progress is None else lambda *_: progress(total, total)
 
 
 def fit_in_balls(
@@ -222,9 +218,9 @@ def _learn_balls(
     return leaf_of(analyses, Choices(nearest.rings, degrees))
 
 
-def nearest_rings(mesh: KernelMesh, adjacency: Adjacency, radius: float, *, seed: int = 0, threads: int = 1) -> int:
+def nearest_rings(mesh: KernelMesh, adjacency: Adjacency, radius: float, *, threads: int = 1) -> int:
     """Number of rings, as many as can be analysed at most, whose median radius is nearest to a length."""
-    ids = draw_from_mesh(mesh, RADIUS_SAMPLES, seed)
+    ids = draw_from_mesh(mesh, RADIUS_SAMPLES)
     sample = sample_neighbourhoods(
         mesh, adjacency, ids, rings=max(CANDIDATE_RINGS), most_turned=MOST_TURNED, threads=threads
     )
@@ -266,5 +262,4 @@ def _geometric_means(mesh: KernelMesh, values: FloatArray) -> FloatArray:
     for _ in range(SPREADS):
         sums = logarithms + np.bincount(rows, weights=logarithms[mesh.ring_indices], minlength=len(values))
         logarithms = sums / (1 + valences)
-    result: FloatArray = np.exp(logarithms)
-    return result
+    return np.exp(logarithms)

@@ -15,7 +15,7 @@ from bezier_filters.estimation.adaptive_fit import (
     with_parts,
     without_outliers,
 )
-from bezier_filters.estimation.fallbacks import fit_with_fallbacks
+from bezier_filters.estimation.fallbacks import fit_with_fallbacks, overall_progress
 from bezier_filters.estimation.first_call import first_call
 from bezier_filters.estimation.fit_options import Automatic, check_radius, fit_options
 from bezier_filters.estimation.point_cloud import point_cloud
@@ -26,7 +26,7 @@ from bezier_filters.learning.model_tree import Leaf
 from bezier_filters.learning.plans import Choices
 from bezier_filters.learning.ring_analysis import RingAnalysis
 from bezier_filters.meshes.adjacency import Adjacency
-from bezier_filters.meshes.mesh import TriangleMesh, takes_arrays, triangle_mesh
+from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
 from bezier_filters.meshes.spatial_order import in_spatial_order
 from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.patches.smoothness import Smoothness
@@ -139,7 +139,7 @@ def estimate_vertex_geometry(
     outside = _outside(normals, mesh)
     check_radius(radius, rings)
     rings, fixed, degrees = fit_options(rings, alpha, degree, smoothness)
-    mask = None if selected is None else _checked_mask(selected, mesh.vertex_count)
+    mask = None if selected is None else checked_selection(selected, mesh.vertex_count)
     threads = thread_count(threads)
 
     with first_call():
@@ -196,22 +196,12 @@ def _fit(
         return learn_surface(learned_from, adjacency, choices, threads=threads)
 
     fit, learned = choose_fit(learn, rings, fixed, degrees)
-    first = ids if learned is None else _union(ids, learned.centers, len(arrays.vertices))
-    of_wanted = None if progress is None else lambda done, _: progress(min(done, len(ids)), len(ids))
+    first = ids if learned is None or len(ids) == len(arrays.vertices) else np.union1d(ids, learned.centers)
+    of_wanted = overall_progress(progress, 0, len(ids))
     fit_with_fallbacks(arrays, first, fit.attempts, geometry, robust=robust, threads=threads, progress=of_wanted)
     if learned is not None:
         fit = with_parts(fit, learned, lambda centers: first_features(geometry, arrays.origin[centers]))
     return fit_parts(arrays, ids, fit, geometry, robust=robust, threads=threads, progress=progress)
-
-
-def _union(ids: IntArray, others: IntArray, n: int) -> IntArray:
-    """Numbers below n that are in one of two arrays, in ascending order."""
-    if len(ids) == n:
-        return ids
-    present = np.zeros(n, dtype=np.bool_)
-    present[ids] = True
-    present[others] = True
-    return np.flatnonzero(present).astype(np.int32)
 
 
 def _outside(normals: ArrayLike | None, mesh: TriangleMesh) -> FloatArray | None:
@@ -229,13 +219,6 @@ def _outside(normals: ArrayLike | None, mesh: TriangleMesh) -> FloatArray | None
             f"normals: got shape {vectors.shape}, expected finite numbers of shape {mesh.vertices.shape}"
         )
     return vectors
-
-
-def _checked_mask(selected: BoolArray, n: int) -> BoolArray:
-    mask = np.asarray(selected)
-    if mask.shape != (n,) or mask.dtype != np.bool_:
-        raise InvalidParameterError(f"selected: got {mask.dtype} of shape {mask.shape}, expected bool of shape ({n},)")
-    return mask
 
 
 def _clear(geometry: VertexGeometry, rows: BoolArray) -> None:

@@ -115,11 +115,6 @@ def planned_chain(plans: Sequence[FitPlan], chosen: FitPlan, radius: float | Non
         yield replace(attempt, noise=(chosen.normal_noise, chosen.curvature_noise), over_creases=True)
 
 
-def without_faces(attempt: Attempt) -> Attempt:
-    """The attempt for a point cloud, where only the points' normals can tell a fold."""
-    return replace(attempt, most_turned=max(attempt.most_turned, MOST_TURNED))
-
-
 def fit_with_fallbacks(
     mesh: KernelMesh,
     ids: IntArray,
@@ -136,8 +131,8 @@ def fit_with_fallbacks(
     or nearest points, and zero curvature.
     If robust, points far off a fit lose their weight, except in the last resorts, which have too few to tell.
     """
-    if not len(mesh.faces):
-        attempts = [without_faces(attempt) for attempt in attempts]
+    if not len(mesh.faces):  # only the points' normals can tell a fold
+        attempts = [replace(one, most_turned=max(one.most_turned, MOST_TURNED)) for one in attempts]
     has_normal = (mesh.normals != 0.0).any(axis=1)[ids]
     geometry.status[mesh.origin[ids[~has_normal]]] = FitStatus.ISOLATED
     unsettled = _where(has_normal, ids)
@@ -147,7 +142,7 @@ def fit_with_fallbacks(
         concerned = np.array([outcome in attempt.after for outcome in OUTCOMES])[outcomes]
         if not concerned.any():
             continue
-        report = _overall_progress(progress, tried, len(ids))
+        report = overall_progress(progress, tried, len(ids))
         outcomes[concerned] = _run(attempt, mesh, _where(concerned, unsettled), geometry, robust, threads, report)
         tried = len(ids)
         fitted = concerned & (outcomes == FITTED)
@@ -248,8 +243,6 @@ def kernel_fit(attempt: Attempt, *, robust: bool = False) -> KernelFit:
     )
 
 
-def _overall_progress(progress: Progress | None, tried: int, total: int) -> Progress | None:
-    """Progress of one attempt as that of the whole: fallbacks come after the last vertex."""
-    if progress is None:
-        return None
-    return lambda done, _: progress(min(tried + done, total), total)
+def overall_progress(progress: Progress | None, tried: int, total: int) -> Progress | None:
+    """Progress of one attempt as that of the whole: what is tried again comes after the last vertex."""
+    return None if progress is None else lambda done, _: progress(min(tried + done, total), total)

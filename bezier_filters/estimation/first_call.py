@@ -17,9 +17,11 @@ import numpy as np
 from bezier_filters.estimation.fallbacks import QUADRATIC, Attempt, fit_with_fallbacks
 from bezier_filters.estimation.vertex_geometry import empty_geometry
 from bezier_filters.kernels.fit_kernel import fit_in_lanes
-from bezier_filters.kernels.kernel_input import FITTED, KernelMesh, fitted_mesh
+from bezier_filters.kernels.kernel_input import FITTED, fitted_mesh, kernel_mesh
 from bezier_filters.learning.learn import learn_surface
 from bezier_filters.learning.plans import Choices
+from bezier_filters.meshes.adjacency import Adjacency, Rows
+from bezier_filters.meshes.frames import TangentPlanes
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.spatial_order import in_spatial_order
 from bezier_filters.runtime.parallel import thread_count
@@ -77,21 +79,11 @@ def _is_python(executable: str | None) -> bool:
 
 def compile_fit() -> None:
     """Compile the fit, which is half of the work, on a vertex without neighbours."""
-    rows, nothing = np.zeros(2, np.int32), np.zeros(0, np.int32)
-    mesh = KernelMesh(
-        vertices=np.zeros((1, 3)),
-        faces=np.zeros((0, 3), np.int32),
-        face_ptr=rows,
-        face_indices=nothing,
-        ring_ptr=rows,
-        ring_indices=nothing,
-        normals=np.array([[0.0, 0.0, 1.0]]),
-        safe_cosine=np.zeros(1, np.float32),
-        stops=np.zeros(1, np.bool_),
-        origin=np.zeros(1, np.int32),
-    )
+    mesh, nothing = triangle_mesh(np.zeros((1, 3)), []), Rows(np.zeros(2, np.int32), np.zeros(0, np.int32))
+    planes = TangentPlanes(np.array([[0.0, 0.0, 1.0]]), np.zeros(1, np.float32))
+    arrays = kernel_mesh(mesh, Adjacency(nothing, nothing, np.zeros(1, np.bool_)), planes)
     attempt = Attempt(FitStatus.OK, frozenset({FITTED}), 1, QUADRATIC)
-    fit_with_fallbacks(mesh, np.zeros(1, np.int32), [attempt], empty_geometry(1))
+    fit_with_fallbacks(arrays, np.zeros(1, np.int32), [attempt], empty_geometry(1))
 
 
 def compile_the_rest() -> None:

@@ -1,11 +1,10 @@
 """What the user's options leave to the data, and which are refused."""
 
-from numbers import Integral, Real
 from typing import Literal
 
 import numpy as np
 
-from bezier_filters.errors import InvalidParameterError
+from bezier_filters.errors import InvalidParameterError, is_integer, is_real
 from bezier_filters.learning.plans import CANDIDATE_DEGREES
 from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.patches.smoothness import Smoothness
@@ -16,13 +15,7 @@ Automatic = Literal["auto"]
 def fit_options(
     rings: object, alpha: object, degree: object, smoothness: Smoothness
 ) -> tuple[int | Automatic, PatchFit | None, tuple[int, ...]]:
-    """What the user's options leave open: rings, the patch or None, and the degrees if the data choose.
-
-    Raises
-    ------
-    InvalidParameterError
-        If an option is out of range.
-    """
+    """What the user's options leave open: rings, the patch or None, and the degrees if the data choose."""
     if smoothness == "paper":
         rings, alpha = (2 if rings == "auto" else rings), (0.8 if alpha == "auto" else alpha)
     checked = _checked_rings(rings)
@@ -36,7 +29,7 @@ def fit_options(
 def _checked_rings(rings: object) -> int | Automatic:
     if rings == "auto":
         return "auto"
-    if isinstance(rings, bool) or not isinstance(rings, Integral) or rings < 1:
+    if not (is_integer(rings) and rings >= 1):
         raise InvalidParameterError(f"rings: got {rings!r}, expected an integer of 1 or more, or 'auto'")
     return int(rings)
 
@@ -45,7 +38,7 @@ def check_radius(radius: object, rings: object) -> None:
     """Refuse a radius that is no length, or one beside a number of rings."""
     if radius is None:
         return
-    if isinstance(radius, bool) or not isinstance(radius, Real) or not 0.0 < float(radius) < np.inf:
+    if not (is_real(radius) and 0.0 < radius < np.inf):
         raise InvalidParameterError(
             f"radius: got {radius!r}, expected a positive length, or None; percentages are for the filters of a MeshSet"
         )

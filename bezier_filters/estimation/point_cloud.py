@@ -6,8 +6,6 @@ points lie in scan lines or are denser on one side; so all that knows meshes by 
 neighbours works on point clouds.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit
 from scipy.sparse import csr_array
@@ -32,39 +30,26 @@ COCIRCULAR = 1e-6
 """Relative tolerance for points on one circle, all of which become neighbours."""
 
 
-class PointCloud(NamedTuple):
-    """What takes the place of a mesh's connectivity and face normals."""
-
-    adjacency: Adjacency
-    planes: TangentPlanes
-
-
-def point_cloud(mesh: TriangleMesh, normals: FloatArray | None = None, *, threads: int = 1) -> PointCloud:
-    """Neighbours and tangent planes of the vertices of a mesh without faces.
+def point_cloud(
+    mesh: TriangleMesh, normals: FloatArray | None = None, *, threads: int = 1
+) -> tuple[Adjacency, TangentPlanes]:
+    """Neighbours and tangent planes of the vertices of a mesh, whose faces are ignored.
 
     The planes are those of least squares through the nearest points (Hoppe et al., "Surface
     reconstruction from unorganized points", SIGGRAPH 1992). Points at the same place count as one
     neighbour. Points that have no plane, because they are alone or on a line, get zero normals.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        Its faces are ignored.
-    normals : (n, 3) float64, optional
-        Vectors of any length that tell on which side of a point the outside is. Where they are
-        zero, `oriented` decides.
-    threads : int
-        Number of threads.
+    `normals` (n, 3) of any length tell on which side of a point the outside is; where they are zero,
+    `orient_normals` decides.
 
     Examples
     --------
     >>> from bezier_filters.meshes.mesh import triangle_mesh
     >>> from bezier_filters.surfaces import sphere
     >>> ball = sphere()
-    >>> cloud = point_cloud(triangle_mesh(ball.vertices, []))
-    >>> float(cloud.adjacency.vertices.lengths.mean().round(1))
+    >>> adjacency, planes = point_cloud(triangle_mesh(ball.vertices, []))
+    >>> float(adjacency.vertices.lengths.mean().round(1))
     6.0
-    >>> bool((np.einsum("ij,ij->i", cloud.planes.normals, ball.normals) > 0.99).all())
+    >>> bool((np.einsum("ij,ij->i", planes.normals, ball.normals) > 0.99).all())
     True
     """
     first, place_of = _distinct(mesh.vertices)
@@ -78,7 +63,7 @@ def point_cloud(mesh: TriangleMesh, normals: FloatArray | None = None, *, thread
         planes[inward] *= -1.0
     no_faces = Rows(np.zeros(mesh.vertex_count + 1, np.int32), np.empty(0, np.int32))
     adjacency = Adjacency(no_faces, _at_all_points(neighbours, first, place_of), on_boundary[place_of])
-    return PointCloud(adjacency, TangentPlanes(planes, np.full(mesh.vertex_count, 2.0)))
+    return adjacency, TangentPlanes(planes, np.full(mesh.vertex_count, 2.0))
 
 
 def _distinct(points: FloatArray) -> tuple[IntArray, IntArray]:
@@ -95,8 +80,7 @@ def _at_all_points(neighbours: Rows, first: IntArray, place_of: IntArray) -> Row
     """Rows of the places as rows of the points."""
     lengths = neighbours.lengths[place_of]
     indptr = np.append(0, np.cumsum(lengths)).astype(np.int32)
-    within = np.arange(indptr[-1]) - np.repeat(indptr[:-1], lengths)
-    places = neighbours.indices[np.repeat(neighbours.indptr[place_of], lengths) + within]
+    places = neighbours.of(place_of)
     rows = csr_array((np.ones(len(places), dtype=np.int8), first[places], indptr), shape=2 * place_of.shape)
     rows.sort_indices()
     return Rows(indptr, rows.indices.astype(np.int32))
@@ -122,8 +106,7 @@ def _least_squares_normals(points: FloatArray, nearest: IntArray) -> FloatArray:
     squares -= total[:, :, np.newaxis] * total[:, np.newaxis, :] / count
     variances, axes = np.linalg.eigh(squares)
     on_a_line = variances[:, 1] <= THINNEST * variances[:, 2]
-    normals: FloatArray = np.where(on_a_line[:, np.newaxis], 0.0, axes[:, :, 0])
-    return normals
+    return np.where(on_a_line[:, np.newaxis], 0.0, axes[:, :, 0])
 
 
 def _neighbours(

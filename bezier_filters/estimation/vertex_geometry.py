@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.differential_geometry import DerivedCurvatures
 from bezier_filters.display.html_tables import html_table, summary
 from bezier_filters.fields import ESTIMATES, fields_of
 from bezier_filters.status import FitStatus
@@ -67,7 +68,7 @@ class FitChoice:
 
 
 @dataclass(frozen=True, repr=False)
-class VertexGeometry:
+class VertexGeometry(DerivedCurvatures):
     """Differential geometry at the vertices of a mesh; row ``i`` belongs to vertex ``i``.
 
     Curvatures are positive on a convex body with outward normals (MeshLab's sign) and have the
@@ -134,21 +135,6 @@ class VertexGeometry:
         return self.fit.noise_sigma
 
     @property
-    def mean_curvature(self) -> FloatArray:
-        """Mean curvature H = (k_min + k_max) / 2, shape (n,), 1/length."""
-        return 0.5 * (self.k_min + self.k_max)
-
-    @property
-    def gaussian_curvature(self) -> FloatArray:
-        """Gaussian curvature K = k_min k_max, shape (n,), 1/length^2."""
-        return self.k_min * self.k_max
-
-    @property
-    def geodesic_torsion(self) -> FloatArray:
-        """Principal geodesic torsion t_max = (k_max - k_min) / 2 >= 0, shape (n,), 1/length."""
-        return 0.5 * (self.k_max - self.k_min)
-
-    @property
     def curvedness(self) -> FloatArray:
         """Koenderink's curvedness sqrt((k_min^2 + k_max^2) / 2), shape (n,), 1/length."""
         result: FloatArray = np.hypot(self.k_min, self.k_max) * np.sqrt(0.5)
@@ -161,8 +147,7 @@ class VertexGeometry:
         +1 is a convex cap, 0.5 a ridge, 0 a symmetric saddle, -0.5 a rut, -1 a cup. It is 0
         where both curvatures vanish and the index is undefined.
         """
-        result: FloatArray = np.arctan2(self.k_max + self.k_min, self.k_max - self.k_min) * (2.0 / np.pi)
-        return result
+        return np.arctan2(self.k_max + self.k_min, self.k_max - self.k_min) * (2.0 / np.pi)
 
     def torsion_along(self, directions: FloatArray) -> FloatArray:
         """Geodesic torsion of the surface in given tangent directions.

@@ -227,12 +227,9 @@ def find_creases(
         lines += _sharp_lines(mesh, edges, sharp, adjacency.on_boundary, kind)
         lines += _smooth_lines(mesh, edges, geometry, usable, kind, min_strength)
     lines.sort(key=lambda line: -line.strength)
-    found = [np.sort(_edges_along(line), axis=1) for line in lines if line.is_sharp]
-    return Creases(tuple(lines), np.vstack([np.empty((0, 2), dtype=np.int32), *found]), geometry)
-
-
-def _edges_along(line: CreaseLine) -> IntArray:
-    return np.stack([line.edges[:-1, 0], line.edges[1:, 0]], axis=1)
+    along = [np.stack([line.edges[:-1, 0], line.edges[1:, 0]], axis=1) for line in lines if line.is_sharp]
+    sharp_edges = np.sort(np.vstack([np.empty((0, 2), dtype=np.int32), *along]), axis=1)
+    return Creases(tuple(lines), sharp_edges, geometry)
 
 
 def _sharp_lines(

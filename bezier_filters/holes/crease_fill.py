@@ -196,24 +196,18 @@ def groupings(ends: Sequence[CreaseEnd], points: FloatArray) -> list[list[tuple[
     As few ends as possible are left over, and then the curves bend as little as possible. They do not cross. Corners of
     more than three are those where the creases go; three that are all there are always meet in one.
 
-    Parameters
-    ----------
-    ends : sequence of CreaseEnd
-        In the order of the rim.
-    points : (k, 3) float64
-        Where they are.
-
-    Returns
-    -------
-    list of list of tuple
-        Numbers of the ends that belong together; ends that are missing end in the hole.
+    The ends are in the order of the rim, `points` (k, 3) is where they are. Gives the numbers of those that belong
+    together; ends that are missing end in the hole.
     """
     count = len(ends)
     pairs: dict[tuple[int, ...], float] = {
         (i, j): _energy(ends, points, i, j) for i, j in combinations(range(count), 2)
     }
     tangents = np.array([end.tangent for end in ends]).reshape(-1, 3)
-    corners = {group: _corner_energy(points, tangents, list(group)) for group in _possible_corners(count)}
+    # Where there are many ends, only all of them may meet.
+    sizes = range(3, count + 1) if count <= MOST_ENDS else (count,)
+    possible = (group for size in sizes for group in combinations(range(count), size))
+    corners = {group: _corner_energy(points, tangents, list(group)) for group in possible}
     if count == 3:
         corners[0, 1, 2] = min(corners[0, 1, 2], LARGEST_BEND)
     result: list[list[tuple[int, ...]]] = []
@@ -221,13 +215,6 @@ def groupings(ends: Sequence[CreaseEnd], points: FloatArray) -> list[list[tuple[
         if found and found not in result:
             result.append(found)
     return result
-
-
-def _possible_corners(count: int) -> Iterator[tuple[int, ...]]:
-    """Groups of three or more of some ends; where there are many ends, only all of them."""
-    sizes = range(3, count + 1) if count <= MOST_ENDS else range(count, count + 1)
-    for size in sizes:
-        yield from combinations(range(count), size)
 
 
 def _energy(ends: Sequence[CreaseEnd], points: FloatArray, i: int, j: int) -> float:

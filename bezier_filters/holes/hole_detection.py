@@ -12,7 +12,7 @@ from bezier_filters.errors import InvalidParameterError, is_integer, is_real
 from bezier_filters.holes.loops import corner_angles, diameter, edge_lengths, enclosed, plane_axes, vector_area
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.half_edges import border_half_edges, cycles
-from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.mesh import TriangleMesh, checked_selection
 
 RIM_TURNING = pi
 """A loop that turns towards its surface by more than this is an outer rim: half-way from a tube to a flat disk."""
@@ -54,12 +54,8 @@ def find_holes(mesh: TriangleMesh, adjacency: Adjacency) -> list[Hole]:
 
     Where several holes meet at a vertex, each goes on with the next edge around the vertex across the gap. A sheet
     within a hole, near its plane and with the same side up, is an island of that hole; its rim is not listed by
-    itself. If it touches the rim at a vertex, both are one loop, which passes that vertex twice.
-
-    Raises
-    ------
-    InvalidMeshError
-        If an edge at a hole has more than two faces, or two faces that run through it the same way.
+    itself. If it touches the rim at a vertex, both are one loop, which passes that vertex twice. Raises an
+    InvalidMeshError if an edge at a hole has more than two faces, or two that run through it the same way.
 
     Examples
     --------
@@ -185,13 +181,7 @@ def _lies_in(mesh: TriangleMesh, sheet: Hole, hole: Hole) -> bool:
 
 @dataclass(frozen=True)
 class HoleChoice:
-    """Conditions on holes, all of which must hold.
-
-    Raises
-    ------
-    InvalidParameterError
-        If a value is out of range.
-    """
+    """Conditions on holes, all of which must hold; an InvalidParameterError if a value is out of range."""
 
     max_edges: int | None = None
     max_perimeter: float | None = None  # a length
@@ -211,11 +201,7 @@ class HoleChoice:
     def check(self, vertex_count: int, hole_count: int) -> None:
         """Raise an InvalidParameterError if `selected` or `holes` do not fit the mesh."""
         if self.selected is not None:
-            mask = np.asarray(self.selected)
-            if mask.shape != (vertex_count,) or mask.dtype != np.bool_:
-                raise InvalidParameterError(
-                    f"selected: got {mask.dtype} of shape {mask.shape}, expected bool of shape ({vertex_count},)"
-                )
+            checked_selection(self.selected, vertex_count)
         for k in self.holes or ():
             if not (is_integer(k) and 0 <= k < hole_count):
                 raise InvalidParameterError(

@@ -11,13 +11,13 @@ from bezier_filters.display.html_tables import html_table
 from bezier_filters.errors import InvalidParameterError, is_real
 from bezier_filters.holes.fill_methods import FILL_METHODS, FillingMethod
 from bezier_filters.holes.fill_placement import FaceSet, FilledHole, OpenMesh, fill_group, groups_of_boxes, hole_box
-from bezier_filters.holes.hole_detection import Hole, HoleChoice, find_holes
+from bezier_filters.holes.hole_detection import HoleChoice, find_holes
 from bezier_filters.holes.influence_region import influence_region, normals_and_noise
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import takes_arrays, triangle_mesh
 from bezier_filters.meshes.self_intersections import faces_in_boxes
 from bezier_filters.patches.fitting import PatchFit
-from bezier_filters.runtime.parallel import Progress, report, run_in_chunks, thread_count
+from bezier_filters.runtime.parallel import Progress, report, run_kernel, thread_count
 
 
 @dataclass(frozen=True)
@@ -239,7 +239,10 @@ def fill_holes(
     boxes = np.array([hole_box(mesh, hole) for hole in chosen]).reshape(-1, 2, 3)
     near = faces_in_boxes(mesh.vertices, mesh.faces, boxes[:, 0], boxes[:, 1])
     task = OpenMesh(mesh, regions, boxes, near, normals, noise, method, creases, float(alpha))
-    reports = [_left_open(hole, refusal) for hole, refusal in zip(found, refusals, strict=True)]
+    reports = [
+        HoleReport(h.rim, len(h.loops) - 1, h.edge_count, h.perimeter, h.diameter, h.is_outer_rim, reason=refusal)
+        for h, refusal in zip(found, refusals, strict=True)
+    ]
     fills: list[FaceSet] = []
     vertex_count, face_count = mesh.vertex_count, mesh.face_count
     for number, filled in zip(numbers, _filled(task, threads, progress), strict=True):
@@ -274,20 +277,8 @@ def _filled(task: OpenMesh, threads: int, progress: Progress | None) -> list[Fil
             done.extend(group)
 
     of_holes = None if progress is None else lambda _, __: progress(len(done), len(task.regions))
-    run_in_chunks(lambda: fill_groups, len(groups), threads=threads, progress=of_holes, chunk=1)
+    run_kernel(fill_groups, len(groups), threads=threads, progress=of_holes, chunk=1)
     return results
-
-
-def _left_open(hole: Hole, reason: str) -> HoleReport:
-    return HoleReport(
-        rim=hole.rim,
-        islands=len(hole.loops) - 1,
-        edge_count=hole.edge_count,
-        perimeter=hole.perimeter,
-        diameter=hole.diameter,
-        is_outer_rim=hole.is_outer_rim,
-        reason=reason,
-    )
 
 
 def _report_of_fill(

@@ -8,6 +8,7 @@ fitted and not followed.
 """
 
 from dataclasses import dataclass
+from operator import itemgetter
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -51,13 +52,7 @@ class ImplicitSurface:
         return self.scale * values, gradients
 
     def project(self, points: FloatArray, *, threads: int = 1) -> tuple[FloatArray, BoolArray]:
-        """Move points along the gradient to the surface.
-
-        Returns
-        -------
-        (n, 3) float64, (n,) bool
-            Where they end, and which of them are on the surface.
-        """
+        """Move points along the gradient to the surface: where they end, (n, 3), and which of them are on it, (n,)."""
         scaled, found = self._scaled(points), np.zeros(len(points), dtype=np.bool_)
         function = self.centers, self.weights, self.quadratic, self.power
         run_kernel(_project, len(points), scaled, *function, found, threads=threads)
@@ -93,13 +88,9 @@ def fit_implicit_surface(
     if not noisy:
         pilot = _fits(points[::PILOT], normals[::PILOT], offset, POWERS, noisy=False, others=None)
         if len(pilot) == len(POWERS) and abs(pilot[0][0] - pilot[1][0]) > 3 * len(points[::PILOT]):
-            powers = (min(pilot, key=_deviance)[1].power,)
+            powers = (min(pilot, key=itemgetter(0))[1].power,)
     fits = _fits(points, normals, offset, powers, noisy=noisy, others=others)
-    return min(fits, key=_deviance)[1] if fits else None
-
-
-def _deviance(fit: tuple[float, ImplicitSurface]) -> float:
-    return fit[0]
+    return min(fits, key=itemgetter(0))[1] if fits else None
 
 
 def _fits(

@@ -113,8 +113,7 @@ def is_simple(polygon: FloatArray) -> bool:
 def _side(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
     """Positive where c lies to the left of the line from a to b."""
     ab, ac = b - a, c - a
-    result: FloatArray = np.sign(ab[..., 0] * ac[..., 1] - ab[..., 1] * ac[..., 0])
-    return result
+    return np.sign(ab[..., 0] * ac[..., 1] - ab[..., 1] * ac[..., 0])
 
 
 def triangulate_loop(

@@ -27,7 +27,7 @@ Sampler = Callable[[int, int], NeighbourhoodSample]
 
 
 def learn_surface(
-    mesh: KernelMesh, adjacency: Adjacency, choices: Choices, *, threads: int = 1, seed: int = 0
+    mesh: KernelMesh, adjacency: Adjacency, choices: Choices, *, threads: int = 1
 ) -> tuple[list[RingAnalysis], Leaf | None]:
     """Analyse rings of ascending width, and learn one model for all from them.
 
@@ -36,7 +36,7 @@ def learn_surface(
     """
 
     def sample(rings: int, count: int) -> NeighbourhoodSample:
-        ids = draw_from_mesh(mesh, count, seed)
+        ids = draw_from_mesh(mesh, count)
         return sample_neighbourhoods(mesh, adjacency, ids, rings=rings, most_turned=MOST_TURNED, threads=threads)
 
     return learn_from_samples(sample, len(mesh.vertices), choices, threads=threads)

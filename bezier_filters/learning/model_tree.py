@@ -147,8 +147,7 @@ def leaf_numbers(tree: Tree[Kind], features: FloatArray) -> IntArray:
         return np.zeros(len(features), dtype=np.int32)
     low, high = leaf_numbers(tree.low, features), leaf_numbers(tree.high, features)
     is_low: BoolArray = features[:, tree.feature] <= tree.threshold
-    result: IntArray = np.where(is_low, low, high + len(leaves(tree.low))).astype(np.int32)
-    return result
+    return np.where(is_low, low, high + len(leaves(tree.low))).astype(np.int32)
 
 
 def _candidates(root: Leaf, analyses: Sequence[RingAnalysis], features: Features) -> Iterator[tuple[float, int, float]]:

@@ -16,6 +16,8 @@ from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
 CHUNK = 32
 """Neighbourhoods per chunk."""
+MOST_POINTS = 450
+"""Of a neighbourhood that is looked at."""
 
 
 class NeighbourhoodSample(NamedTuple):
@@ -46,17 +48,16 @@ def sample_neighbourhoods(
     *,
     rings: int,
     most_turned: float,
-    most_points: int = 450,
     threads: int = 1,
 ) -> NeighbourhoodSample:
     """Project the neighbourhoods of some vertices, out to a widest ring, onto their tangent planes.
 
-    Rings with a larger share of turned vertices than `most_turned`, or with more than `most_points`, are not usable.
+    Rings with a larger share of turned vertices than `most_turned`, or with more than `MOST_POINTS`, are not usable.
     """
     by_ring = len(ids), rings + 1
     sample = NeighbourhoodSample(
         ids,
-        np.zeros((len(ids), most_points, 3)),
+        np.zeros((len(ids), MOST_POINTS, 3)),
         np.zeros(by_ring, dtype=np.int32),
         np.zeros(by_ring, dtype=np.bool_),
         np.zeros(by_ring, dtype=np.bool_),
@@ -73,12 +74,11 @@ def sample_neighbourhoods(
     return sample
 
 
-def draw_from_mesh(mesh: KernelMesh, count: int, seed: int = 0) -> IntArray:
+def draw_from_mesh(mesh: KernelMesh, count: int) -> IntArray:
     """Up to `count` vertices of a mesh that have a normal, in random order: see `draw_vertices`."""
 
     def has_normal(ids: IntArray) -> BoolArray:
-        result: BoolArray = np.asarray(mesh.normals[ids].any(axis=1))
-        return result
+        return np.asarray(mesh.normals[ids].any(axis=1))
 
     def with_normals() -> Population:
         candidates = vertex_of_row[has_normal(vertex_of_row)]
@@ -87,7 +87,7 @@ def draw_from_mesh(mesh: KernelMesh, count: int, seed: int = 0) -> IntArray:
     vertex_of_row = np.empty_like(mesh.origin)
     vertex_of_row[mesh.origin] = np.arange(len(mesh.origin), dtype=np.int32)
     every = Population(len(vertex_of_row), vertex_of_row.__getitem__)
-    return draw_vertices(every, has_normal, with_normals, count, seed)
+    return draw_vertices(every, has_normal, with_normals, count)
 
 
 def draw_vertices(
@@ -95,7 +95,6 @@ def draw_vertices(
     has_normal: Callable[[IntArray], BoolArray],
     with_normals: Callable[[], Population],
     count: int,
-    seed: int = 0,
 ) -> IntArray:
     """Up to `count` of all vertices that have a normal, in random order.
 
@@ -103,13 +102,12 @@ def draw_vertices(
     turning the mesh does not matter. `with_normals` finds those that have a normal, and is called only if one
     without was drawn from all.
     """
-    generator = np.random.default_rng(seed)
+    generator = np.random.default_rng(0)
     ids = every.members(_one_per_stretch(every.size, count, generator))
     if not has_normal(ids).all():
         candidates = with_normals()
         ids = candidates.members(_one_per_stretch(candidates.size, count, generator))
-    result: IntArray = generator.permutation(ids)
-    return result
+    return generator.permutation(ids)
 
 
 def _one_per_stretch(n: int, count: int, generator: np.random.Generator) -> IntArray:

@@ -95,25 +95,23 @@ class FitEquations:
     noise: FloatArray
 
 
-def fit_equations(
-    ring: RingModel, sigma: float, degree: int, term_prior: FloatArray, weight_radius: float
-) -> FitEquations:
-    """Set up the equations of a fit; see `FitPlan`, but for the weight radius, which is in units of the ring's."""
-    analysis, m = ring.analysis, len(term_prior)
-    if np.isinf(weight_radius) and degree <= analysis.degree:
+def fit_equations(surface: SurfaceModel, ring: RingModel, plan: FitPlan) -> FitEquations:
+    """Set up the equations of a fit."""
+    analysis, m, sigma = ring.analysis, len(plan.term_prior), surface.sigma
+    if np.isinf(plan.weight_radius) and plan.degree <= analysis.degree:
         products = analysis.first_grams[:, :m]
         rest = analysis.rest_grams if analysis.rings <= WEIGHTED_RINGS else products
         noise = sigma**2 * products[..., :m] + ring.unmodelled * rest[:, :m, :m]
     else:
         design = analysis.first_designs
-        ratio = np.square(analysis.first_points).sum(axis=2) / weight_radius**2
-        weighted = design[..., :m] / (1.0 + ratio ** (degree + 1))[..., np.newaxis]
+        ratio = np.square(analysis.first_points).sum(axis=2) / (plan.weight_radius / analysis.radius) ** 2
+        weighted = design[..., :m] / (1.0 + ratio ** (plan.degree + 1))[..., np.newaxis]
         products = weighted.transpose(0, 2, 1) @ design
         variance = sigma**2 + ring.unmodelled * analysis.rest_profile
         noise = weighted.transpose(0, 2, 1) @ (weighted * variance[..., np.newaxis])
     normal_matrices = products[..., :m].copy()
     diagonal = normal_matrices[:, np.arange(m), np.arange(m)]
-    normal_matrices[:, np.arange(m), np.arange(m)] += term_prior + RIDGE * diagonal.max(axis=1, keepdims=True)
+    normal_matrices[:, np.arange(m), np.arange(m)] += plan.term_prior + RIDGE * diagonal.max(axis=1, keepdims=True)
     return FitEquations(normal_matrices, products, noise)
 
 
@@ -217,17 +215,7 @@ def _plan(surface: SurfaceModel, ring: RingModel, degree: int, strength: float =
     """The optimal prior of one degree over one ring, times a factor."""
     # What the degree leaves out acts on the fit much like noise.
     noise = float(ring.analysis.mean_squares[min(degree, ring.analysis.degree)])
-    plan = FitPlan(
-        ring.analysis.rings,
-        degree,
-        float(ring.analysis.sizes.mean()),
-        ring.analysis.radius,
-        _term_prior(ring, degree, strength * noise),
-        np.inf,
-        0.0,
-        0.0,
-    )
-    return _predicted(surface, ring, plan)
+    return _plan_for_noise(surface, ring, degree, strength * noise)
 
 
 def _weighted_plan(surface: SurfaceModel, ring: RingModel, degree: int) -> FitPlan | None:
@@ -235,17 +223,24 @@ def _weighted_plan(surface: SurfaceModel, ring: RingModel, degree: int) -> FitPl
     basis, noise = harmonic_basis(), surface.sigma**2
     # What the degree leaves out, from its variance at the radius downwards like its first term.
     left_out = ring.variances[basis.degrees > degree].sum()
-    power = 2 * degree + 2
-    # noise = left_out r^power
-    near = LEAST_WEIGHT_RADIUS if left_out <= 0.0 else max(LEAST_WEIGHT_RADIUS, (noise / left_out) ** (1.0 / power))
-    if left_out <= 0.0 or near >= 1.0:
+    if left_out <= 0.0:
         return None
-    noise = max(noise, left_out * near**power)
+    power = 2 * degree + 2
+    near = max(LEAST_WEIGHT_RADIUS, (noise / left_out) ** (1.0 / power))  # where noise = left_out r^power
+    if near >= 1.0:
+        return None
+    return _plan_for_noise(surface, ring, degree, max(noise, left_out * near**power), near * ring.analysis.radius)
+
+
+def _plan_for_noise(
+    surface: SurfaceModel, ring: RingModel, degree: int, noise: float, weight_radius: float = np.inf
+) -> FitPlan:
+    """The fit that would be best if heights had this noise, length^2, with the errors that are predicted for it."""
+    points, radius = float(ring.analysis.sizes.mean()), ring.analysis.radius
     prior = _term_prior(ring, degree, noise)
-    radius = ring.analysis.radius
-    points = float(ring.analysis.sizes.mean())
-    plan = FitPlan(ring.analysis.rings, degree, points, radius, prior, near * radius, 0.0, 0.0)
-    return _predicted(surface, ring, plan)
+    return _predicted(
+        surface, ring, FitPlan(ring.analysis.rings, degree, points, radius, prior, weight_radius, 0.0, 0.0)
+    )
 
 
 def _term_prior(ring: RingModel, degree: int, noise: float) -> FloatArray:
@@ -255,13 +250,12 @@ def _term_prior(ring: RingModel, degree: int, noise: float) -> FloatArray:
     said = np.ones(m)
     said[: len(ring.analysis.energies)] = ring.analysis.energies[:m]
     least = np.maximum(noise / (STRONGEST_PRIOR * np.maximum(said, 1e-300)), 1e-300)
-    prior: FloatArray = np.where(basis.degrees[:m] <= FREE_DEGREE, 0.0, noise / np.maximum(ring.variances[:m], least))
-    return prior
+    return np.where(basis.degrees[:m] <= FREE_DEGREE, 0.0, noise / np.maximum(ring.variances[:m], least))
 
 
 def _predicted(surface: SurfaceModel, ring: RingModel, plan: FitPlan) -> FitPlan:
     """A fit with the errors that a model predicts."""
-    slopes, curvatures = squared_errors(_equations(surface, ring, plan), ring.variances)
+    slopes, curvatures = squared_errors(fit_equations(surface, ring, plan), ring.variances)
     return replace(
         plan,
         normal_error=_root(slopes) / ring.analysis.radius,
@@ -276,13 +270,8 @@ def _root(squared_error: float) -> float:
 
 def _calibrated(surface: SurfaceModel, ring: RingModel, plan: FitPlan) -> FitPlan:
     """The plan with the noise that makes its standard errors those that are predicted cautiously."""
-    equations = _equations(surface, ring, plan)
+    equations = fit_equations(surface, ring, plan)
     expected, claimed = squared_errors(equations, ring.cautious), claimed_variances(equations)
     with np.errstate(invalid="ignore", divide="ignore"):
         normal, curvature = (float(np.nan_to_num(np.sqrt(e / c))) for e, c in zip(expected, claimed, strict=True))
     return replace(plan, normal_noise=normal, curvature_noise=curvature)
-
-
-def _equations(surface: SurfaceModel, ring: RingModel, plan: FitPlan) -> FitEquations:
-    weight_radius = plan.weight_radius / ring.analysis.radius
-    return fit_equations(ring, surface.sigma, plan.degree, plan.term_prior, weight_radius)

@@ -98,29 +98,25 @@ class RingAnalysis:
     @cached_property
     def first(self) -> IntArray:
         """The first neighbourhoods, up to `FIRST` of those whose factors are known: T numbers below N."""
-        result: IntArray = np.flatnonzero(self.rows < len(self.factors))[:FIRST].astype(np.int32)
-        return result
+        return np.flatnonzero(self.rows < len(self.factors))[:FIRST].astype(np.int32)
 
     @cached_property
     def first_points(self) -> FloatArray:
         """Parameters x, y of the first neighbourhoods in units of the radius, (T, n, 2); 0 beyond `sizes`."""
         present = np.arange(self.points.shape[1]) < self.sizes[self.first, np.newaxis]
-        result: FloatArray = self.points[self.rows[self.first], :, :2] * (present / self.radius)[..., np.newaxis]
-        return result
+        return self.points[self.rows[self.first], :, :2] * (present / self.radius)[..., np.newaxis]
 
     @cached_property
     def first_designs(self) -> FloatArray:
         """Values of the terms at the points of the first neighbourhoods, (T, n, M); 0 beyond `sizes`."""
         present = np.arange(self.points.shape[1]) < self.sizes[self.first, np.newaxis]
-        result: FloatArray = term_values(*np.moveaxis(self.first_points, 2, 0)) * present[..., np.newaxis]
-        return result
+        return term_values(*np.moveaxis(self.first_points, 2, 0)) * present[..., np.newaxis]
 
     @cached_property
     def first_grams(self) -> FloatArray:
         """Inner products of m and all terms over the points of the first neighbourhoods, (T, m, M)."""
         factors = self.factors[self.rows[self.first]]
-        result: FloatArray = factors[..., : factors.shape[1]].transpose(0, 2, 1) @ factors
-        return result
+        return factors[..., : factors.shape[1]].transpose(0, 2, 1) @ factors
 
     @cached_property
     def rest_profile(self) -> FloatArray:
@@ -136,8 +132,7 @@ class RingAnalysis:
     def rest_grams(self) -> FloatArray:
         """Inner products of all terms over the first points with that profile as a weight, (T, M, M)."""
         design = self.first_designs
-        result: FloatArray = design.transpose(0, 2, 1) @ (design * self.rest_profile[..., np.newaxis])
-        return result
+        return design.transpose(0, 2, 1) @ (design * self.rest_profile[..., np.newaxis])
 
     @cached_property
     def energies(self) -> FloatArray:
@@ -159,13 +154,27 @@ def analyse_rings(
         for start in range(0, len(analysis.rows), CHUNK)
     ]
 
+    basis = harmonic_basis()
+
     def make_task() -> RangeTask:
         work = ring_workspace(max(analysis.points.shape[1] for analysis in analyses))
 
         @np.errstate(all="ignore")  # of lanes without a neighbourhood; compiled code says nothing anyway
         def run(start: int, stop: int) -> None:
-            for chunk in chunks[start:stop]:
-                _analyse(*chunk, work)
+            for analysis, first, last in chunks[start:stop]:
+                analyse_in_lanes(
+                    analysis.points,
+                    analysis.sizes,
+                    1.0 / analysis.radius,
+                    basis.degrees,
+                    basis.groups,
+                    _ROW_STARTS,
+                    work,
+                    first,
+                    last,
+                    analysis.factors,
+                    analysis.sums,
+                )
 
         return run
 
@@ -174,31 +183,12 @@ def analyse_rings(
     return analyses
 
 
-def _analyse(analysis: RingAnalysis, start: int, stop: int, work: "RingWorkspace") -> None:
-    """Fill rows start .. stop-1 of an analysis."""
-    basis = harmonic_basis()
-    analyse_in_lanes(
-        analysis.points,
-        analysis.sizes,
-        1.0 / analysis.radius,
-        basis.degrees,
-        basis.groups,
-        _ROW_STARTS,
-        work,
-        start,
-        stop,
-        analysis.factors,
-        analysis.sums,
-    )
-
-
 def term_values(x: FloatArray, y: FloatArray) -> FloatArray:
     """Values of the terms of `harmonic_basis` at points of any shape (...), (..., M)."""
     exponents = total_degree_space(HIGHEST_DEGREE).exponents
     powers_x, powers_y = (polyvander(axis, HIGHEST_DEGREE) for axis in (x, y))
     monomials = powers_x[..., exponents[:, 0]] * powers_y[..., exponents[:, 1]]
-    result: FloatArray = monomials @ harmonic_basis().monomials
-    return result
+    return monomials @ harmonic_basis().monomials
 
 
 def _prepare(sample: NeighbourhoodSample, rings: int, most: int, vertex_count: int) -> RingAnalysis | None:

@@ -104,14 +104,8 @@ def expected_variance(surplus: FloatArray, by_chance: FloatArray, prior_range: f
     """Mean of a variance v >= 0 whose estimate is normal about it, given the estimate.
 
     Beforehand v is nothing at all or anything, the range of `prior_range` standard errors being as
-    likely as nothing: what rises clearly above chance is believed, and what does not, hardly.
-
-    Parameters
-    ----------
-    surplus, by_chance : (k,) float64
-        Estimates of v and their standard errors.
-    prior_range : float
-        0 if v cannot be nothing.
+    likely as nothing: what rises clearly above chance is believed, and what does not, hardly. It is 0 if v cannot be
+    nothing. `surplus` (k,) are the estimates of v, `by_chance` (k,) their standard errors.
 
     Examples
     --------

@@ -10,7 +10,7 @@ from bezier_filters.arrays import BoolArray, IntArray
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.triangles import next_corner
 from bezier_filters.runtime.jit import inner_jit, jit, variable
-from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
+from bezier_filters.runtime.parallel import RangeTask, run_in_chunks, run_kernel
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ def vertex_adjacency(mesh: TriangleMesh, *, threads: int = 1) -> Adjacency:
         target = indices[indptr[start] : indptr[stop]]
         target[:] = roomy[2 * faces.indptr[start] :][: len(target)]
 
-    run_in_chunks(lambda: move, n, threads=threads)
+    run_kernel(move, n, threads=threads)
     return Adjacency(faces, Rows(indptr, indices), on_boundary)
 
 

@@ -74,13 +74,7 @@ def face_neighbours(faces: IntArray) -> IntArray:
 
 
 def half_edge_twins(mesh: TriangleMesh) -> IntArray:
-    """Opposite half-edges, shape (3 m,), -1 on the boundary.
-
-    Raises
-    ------
-    InvalidMeshError
-        If the mesh is not an oriented manifold along its edges.
-    """
+    """Opposite half-edges, (3 m,), -1 on the boundary; an InvalidMeshError without an oriented manifold along edges."""
     start, end = (side.astype(np.int64) for side in ends_of_half_edges(mesh.faces))
     forward, backward = start * mesh.vertex_count + end, end * mesh.vertex_count + start
     order = np.argsort(forward, kind="stable")

@@ -9,8 +9,8 @@ from typing import NoReturn, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.errors import InvalidMeshError
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
@@ -116,6 +116,14 @@ def triangle_mesh(vertices: ArrayLike, faces: ArrayLike) -> TriangleMesh:
             f"expected 0 to {len(points) - 1} for {len(points)} vertices"
         )
     return TriangleMesh(points, np.ascontiguousarray(triangles, dtype=np.int32))
+
+
+def checked_selection(selected: BoolArray, n: int) -> BoolArray:
+    """A selection of n vertices, (n,), or an InvalidParameterError."""
+    mask = np.asarray(selected)
+    if mask.shape != (n,) or mask.dtype != np.bool_:
+        raise InvalidParameterError(f"selected: got {mask.dtype} of shape {mask.shape}, expected bool of shape ({n},)")
+    return mask
 
 
 def _explain(points: FloatArray) -> NoReturn:

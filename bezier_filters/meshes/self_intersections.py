@@ -133,15 +133,8 @@ def _cells(grid: _Grid, axis: int, least: float, most: float) -> tuple[int, int]
 
 def meeting_box(vertices: FloatArray, faces: IntArray, low: FloatArray, high: FloatArray) -> BoolArray:
     """Whether the bounding boxes of faces meet the box between two corners, each (3,), (m,)."""
-    result = np.empty(len(faces), dtype=np.bool_)
-    _mark_meeting(vertices, faces, low, high, result)
-    return result
-
-
-@jit()
-def _mark_meeting(vertices: FloatArray, faces: IntArray, low: FloatArray, high: FloatArray, result: BoolArray) -> None:
-    for f in range(faces.shape[0]):
-        result[f] = _in_box(vertices, faces[f, 0], faces[f, 1], faces[f, 2], low, high)
+    corners = vertices[faces]
+    return np.asarray(((corners.min(axis=1) <= high) & (corners.max(axis=1) >= low)).all(axis=1), dtype=np.bool_)
 
 
 @inner_jit()

@@ -5,7 +5,7 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, Report
 from bezier_filters.errors import InvalidMeshError
 from bezier_filters.estimation.fit_options import Automatic
-from bezier_filters.feature_lines.crease_lines import COLORS, CreaseLine, Creases, edge_mesh, find_creases
+from bezier_filters.feature_lines.crease_lines import COLORS, Creases, edge_mesh, find_creases
 from bezier_filters.fields import CREASES, column_names
 from bezier_filters.meshlab.filter_run import Columns, Computed, Output, run_filter
 from bezier_filters.meshlab.meshset import CurrentMesh, Length, Mesh, MeshSet, current_mesh
@@ -85,12 +85,7 @@ def compute_selection_by_bezier_crease_per_edge(
             if polylines and creases.lines:
                 layers.append(_add_polylines(ms, creases))
 
-        report = {
-            "status": creases.geometry.status_counts(),
-            "lines": [described(line) for line in creases.lines],
-            "sharp_edges": len(creases.sharp_edges),
-        }
-        return Computed(_columns(creases, len(mask)), mask, report, write_more=select_and_add_lines)
+        return Computed(_columns(creases, len(mask)), mask, report_of(creases), write_more=select_and_add_lines)
 
     report = run_filter(ms, CREASES, work, Output())
     return report | {
@@ -141,13 +136,17 @@ def lines_as_mesh(creases: Creases) -> tuple[FloatArray, IntArray, FloatArray, F
     return points, edges, strengths[line_of_point], colors[line_of_point]
 
 
-def described(line: CreaseLine) -> Report:
-    """A line as a dict of plain values, with a number in the place of its points."""
-    return {
-        "kind": line.kind,
-        "is_sharp": line.is_sharp,
-        "is_closed": line.is_closed,
-        "strength": line.strength,
-        "length": line.length,
-        "points": len(line.points),
-    }
+def report_of(creases: Creases) -> Report:
+    """The creases as plain values, with a number in the place of the points of a line."""
+    lines = [
+        {
+            "kind": line.kind,
+            "is_sharp": line.is_sharp,
+            "is_closed": line.is_closed,
+            "strength": line.strength,
+            "length": line.length,
+            "points": len(line.points),
+        }
+        for line in creases.lines
+    ]
+    return {"lines": lines, "sharp_edges": len(creases.sharp_edges), "status": creases.geometry.status_counts()}

@@ -90,14 +90,8 @@ def _timed(seconds: dict[str, float], name: str) -> Iterator[None]:
 def run_filter(ms: MeshSet, name: str, work: Work, output: Output) -> Report:
     """Run the filter of a command's name, which writes its columns on the current mesh, and return its report.
 
-    Raises
-    ------
-    BezierFilterError
-        If the mesh or a parameter is refused; the MeshSet is as it was.
-    CancelledError
-        If the progress callback returned False; the MeshSet is as it was.
-    KeyboardInterrupt
-        The MeshSet is as it was or, if Ctrl-C came while the results were written, has all of them.
+    After an error or a cancellation the MeshSet is as it was; after Ctrl-C, too, or it has all of the results, if that
+    came while they were written.
     """
     field = _chosen_field(output.quality, qualities(name))
     colormap = _checked_colormap(output, field)

@@ -7,11 +7,12 @@ from dataclasses import asdict
 import numpy as np
 from scipy.spatial import cKDTree
 
-from bezier_filters.arrays import IntArray, Report
+from bezier_filters.arrays import Report
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.holes.fill_methods import FillingMethod
 from bezier_filters.holes.hole_filling import HoleFillingResult, HoleReport, fill_holes
-from bezier_filters.meshlab.mesh_growth import Grown, Growth, grow_mesh
+from bezier_filters.meshes.half_edges import ends_of_half_edges, faces_at_edges
+from bezier_filters.meshlab.mesh_growth import Growth, grow_mesh
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
     CurrentMesh,
@@ -116,10 +117,10 @@ def meshing_close_holes_by_bezier_patch(
         raise BezierFilterError(re.sub("^max_edges", "maxholesize", str(error))) from error
     fitted = time.perf_counter()
     check_unchanged(ms, mesh)
-    grown = Grown([], False)
+    lost_attributes, textured = list[str](), False
     if result.filled:
         with preserved_filter_script(ms):
-            grown = grow_mesh(ms, _growth(mesh, result), select=newfaceselected)
+            lost_attributes, textured = grow_mesh(ms, _growth(mesh, result), select=newfaceselected)
     written = time.perf_counter()
     return {
         "closed_holes": result.filled,
@@ -128,8 +129,8 @@ def meshing_close_holes_by_bezier_patch(
         "new_faces": len(result.faces) - len(mesh.faces),
         "id": ms.current_mesh_id(),
         "noise": result.noise,
-        "lost_attributes": grown.lost_attributes,
-        "textured": grown.textured,
+        "lost_attributes": lost_attributes,
+        "textured": textured,
         "holes": [_described(hole) for hole in result.holes],
         "seconds": {"read": start - begin, "fit": fitted - start, "write": written - fitted},
     }
@@ -145,21 +146,10 @@ def _growth(mesh: CurrentMesh, result: HoleFillingResult) -> Growth:
     centers = mesh.vertices[mesh.faces[beside]].mean(axis=1)
     like_vertex = rim[cKDTree(mesh.vertices[rim]).query(vertices)[1]]
     like_face = beside[cKDTree(centers).query(result.vertices[faces].mean(axis=1))[1]].astype(np.int32)
-    _prefer_neighbours(like_face, faces, mesh.faces, beside)
+    starts, ends = ends_of_half_edges(faces)
+    for across in faces_at_edges(mesh.faces[beside], ends, starts).reshape(-1, 3).T:
+        like_face = np.where(across >= 0, beside[across], like_face)  # an old face that shares an edge
     return Growth(vertices, faces, like_vertex.astype(np.int32), like_face)
-
-
-def _prefer_neighbours(like_face: IntArray, faces: IntArray, old_faces: IntArray, beside: IntArray) -> None:
-    """Let new faces that share an edge with an old one be like that one."""
-    sides = [(0, 1), (1, 2), (2, 0)]
-    owner = {
-        (a, b): face
-        for i, j in sides
-        for face, (a, b) in zip(beside.tolist(), old_faces[beside][:, [i, j]].tolist(), strict=True)
-    }
-    for i, j in sides:
-        for k, (a, b) in enumerate(faces[:, [j, i]].tolist()):
-            like_face[k] = owner.get((a, b), like_face[k])
 
 
 def _described(hole: HoleReport) -> Report:

@@ -49,18 +49,7 @@ SAVE_SUFFIXES = tuple(_FORMATS)
 
 
 def format_support(path: str | os.PathLike[str]) -> FormatSupport:
-    """What a file of this name can hold; the suffix decides, in any case.
-
-    Raises
-    ------
-    BezierFilterError
-        If meshes cannot be saved in this format; the message lists those that can be used.
-
-    Examples
-    --------
-    >>> format_support("bunny.obj").quality
-    False
-    """
+    """What a file of this name can hold; the suffix decides, in any case. Formats that cannot be saved are refused."""
     suffix = Path(path).suffix.lower()
     if suffix not in _FORMATS:
         raise BezierFilterError(

@@ -58,23 +58,6 @@ class Growth:
 
 
 @dataclass(frozen=True)
-class Grown:
-    """What became of what pymeshlab does not keep by itself.
-
-    Attributes
-    ----------
-    lost_attributes : list of str
-        Custom attributes that could not be kept: those whose names pymeshlab does not tell, in the form
-        in which it lists them.
-    textured : bool
-        Whether the new faces show a texture; False also where there is none.
-    """
-
-    lost_attributes: list[str]
-    textured: bool
-
-
-@dataclass(frozen=True)
 class _Texture:
     """Texture coordinates (3 f, 2) of new faces, the number of the texture of each, and all textures by name."""
 
@@ -83,13 +66,16 @@ class _Texture:
     pictures: dict[str, Image]
 
 
-def grow_mesh(ms: MeshSet, growth: Growth, *, select: bool) -> Grown:
+def grow_mesh(ms: MeshSet, growth: Growth, *, select: bool) -> tuple[list[str], bool]:
     """Add vertices and faces to the current mesh, which becomes a new layer with a new id.
 
     Old vertices and faces stay the first, in their order. Label, transform, textures, colours, quality, selection and
     custom attributes stay; vertex and face normals are those of the faces. Afterwards what was selected is selected or,
     if `select` says so, exactly the new faces. If anything fails, the MeshSet is as it was but for the id of the next
     new layer.
+
+    Returns the custom attributes that could not be kept, those whose names pymeshlab does not tell, in the form in
+    which it lists them; and whether the new faces show a texture.
     """
     old = current_mesh(ms)
     wanted, label, transform = old.id(), old.label(), np.array(old.transform_matrix())
@@ -128,7 +114,7 @@ def grow_mesh(ms: MeshSet, growth: Growth, *, select: bool) -> Grown:
         ms.set_current_mesh(wanted)
         ms.delete_current_mesh()
         ms.set_current_mesh(merged)
-    return Grown(lost, textured)
+    return lost, textured
 
 
 @contextmanager

@@ -259,8 +259,6 @@ def parameters_of(function: Callable[..., Any]) -> dict[str, Any]:
 def value_of_type(hint: Any, attributes: Mapping[str, str]) -> Any:
     """Value of a parameter of ours.
 
-    Examples
-    --------
     >>> value_of_type(int | Literal["auto"], {"value": "3"})
     3
     """

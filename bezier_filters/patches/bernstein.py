@@ -12,20 +12,7 @@ from bezier_filters.arrays import FloatArray
 
 
 def bernstein_basis(t: FloatArray, degree: int, order: int = 0) -> FloatArray:
-    """Bernstein polynomials B_0 .. B_degree, or their derivatives, at parameters t.
-
-    Parameters
-    ----------
-    t : (...) float64
-        Parameters; any real number is allowed, [0, 1] is the natural domain.
-    degree : int
-        Polynomial degree, at least 0.
-    order : int
-        Order of the derivative by t.
-
-    Returns
-    -------
-    (..., degree + 1) float64
+    """Bernstein polynomials B_0 .. B_degree, or derivatives of some order, at any real parameters, (..., degree + 1).
 
     Examples
     --------
@@ -41,39 +28,18 @@ def bernstein_basis(t: FloatArray, degree: int, order: int = 0) -> FloatArray:
     i = np.arange(low + 1)
     lowered = np.array([comb(low, k) for k in i], dtype=np.float64) * t**i * (1.0 - t) ** (low - i)
     difference = np.diff(np.eye(degree + 1), n=order, axis=0)
-    basis: FloatArray = perm(degree, order) * lowered @ difference
-    return basis
+    return perm(degree, order) * lowered @ difference
 
 
 def design_matrix(u: FloatArray, v: FloatArray, degree: int, order: tuple[int, int] = (0, 0)) -> FloatArray:
-    """Tensor-product basis B_i(u) B_j(v), or its partial derivative, one row per parameter pair.
-
-    Parameters
-    ----------
-    u, v : (n,) float64
-        Parameters of the n points.
-    degree : int
-        Degree in each of u and v.
-    order : (int, int)
-        Orders of the derivative by u and by v.
-
-    Returns
-    -------
-    (n, (degree + 1)**2) float64
-    """
+    """Tensor-product basis B_i(u) B_j(v), or its derivative of some orders, at n parameters, (n, (degree + 1)**2)."""
     along_u = bernstein_basis(u, degree, order[0])
     along_v = bernstein_basis(v, degree, order[1])
     return (along_u[..., :, np.newaxis] * along_v[..., np.newaxis, :]).reshape(*along_u.shape[:-1], -1)
 
 
 def centred_monomials(degree: int) -> FloatArray:
-    """Matrix from Bernstein coefficients to those of the monomials of s = 2t - 1.
-
-    Returns
-    -------
-    (degree + 1, degree + 1) float64
-        Row a gives the coefficient of s^a.
-    """
+    """Matrix from Bernstein coefficients to those of the monomials of s = 2t - 1: row a gives that of s^a."""
     s = np.polynomial.Polynomial([-1.0, 2.0])
     monomials_in_bernstein = np.empty((degree + 1, degree + 1))
     for a in range(degree + 1):

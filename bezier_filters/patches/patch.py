@@ -89,13 +89,11 @@ class BezierPatch:
 
     def to_local(self, points: FloatArray) -> FloatArray:
         """Local coordinates (x, y, z) of world points, shape (..., 3)."""
-        local: FloatArray = (points - self.origin) @ self.axes.T
-        return local
+        return (points - self.origin) @ self.axes.T
 
     def to_world(self, local: FloatArray) -> FloatArray:
         """World coordinates of local points, shape (..., 3)."""
-        world: FloatArray = local @ self.axes + self.origin
-        return world
+        return local @ self.axes + self.origin
 
     def parameters(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Parameters (u, v), each (...), of the projections of world points (..., 3)."""

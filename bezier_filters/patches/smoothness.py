@@ -5,7 +5,7 @@ should rather not do; what they leave alone (their null space) is fitted without
 """
 
 from math import factorial
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
@@ -36,13 +36,14 @@ def smoothness_matrix(smoothness: Smoothness, degree: int) -> FloatArray:
     InvalidParameterError
         If the name is unknown.
     """
-    if smoothness == "paper":
-        return boundary_second_differences(degree)
-    if smoothness == "third_order":
-        return third_order_coefficients(degree)
-    if smoothness == "twists":
-        return mixed_second_differences(degree)
-    raise InvalidParameterError(f"smoothness: got {smoothness!r}, expected one of {get_args(Smoothness)}")
+    rows = {
+        "third_order": third_order_coefficients,
+        "paper": boundary_second_differences,
+        "twists": mixed_second_differences,
+    }
+    if smoothness not in rows:
+        raise InvalidParameterError(f"smoothness: got {smoothness!r}, expected one of {tuple(rows)}")
+    return rows[smoothness](degree)
 
 
 def boundary_second_differences(degree: int) -> FloatArray:
@@ -78,5 +79,4 @@ def third_order_coefficients(degree: int) -> FloatArray:
     size = degree + 1
     a, b = np.divmod(np.arange(size * size), size)
     weight = np.sqrt([factorial(i) * factorial(j) / factorial(i + j) for i, j in zip(a, b, strict=True)])
-    rows: FloatArray = (weight[:, np.newaxis] * monomials_from_bernstein(degree))[a + b >= 3]
-    return rows
+    return (weight[:, np.newaxis] * monomials_from_bernstein(degree))[a + b >= 3]

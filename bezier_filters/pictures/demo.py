@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
+from bezier_filters.arrays import Report
 from bezier_filters.display.colors import AUTO
 from bezier_filters.fields import CURVATURE, NORMALS, TORSION, Field, qualities
 from bezier_filters.meshlab.mesh_files import load_mesh, save_mesh
@@ -28,7 +28,7 @@ class DemoStep:
 
     field: Field
     path: Path
-    report: dict[str, Any]
+    report: Report
 
 
 def run_demo(folder: Path, mesh: Path | None = None, *, size: tuple[int, int] = (480, 480)) -> Iterator[DemoStep]:
@@ -51,7 +51,7 @@ def picture_path(folder: Path, mesh: Path | None = None) -> Path:
     return folder / f"{(mesh or shipped_bunny()).stem}.png"
 
 
-def _run(ms: MeshSet, field: Field) -> dict[str, Any]:
+def _run(ms: MeshSet, field: Field) -> Report:
     if CURVATURE in field.filters:
         return compute_curvature_by_bezier_patch_per_vertex(ms, quality=field.quality, color=True)
     if TORSION in field.filters:

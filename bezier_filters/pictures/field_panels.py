@@ -27,19 +27,7 @@ _SIDES = 12  # of tubes
 
 @dataclass(frozen=True)
 class MeshFile:
-    """A mesh file as arrays.
-
-    Attributes
-    ----------
-    path : Path
-        Where it is.
-    vertices, faces : (n, 3) float64, (m, 3) int32
-        The mesh.
-    columns : dict of (n,) float64
-        The ``bz_*`` columns and ``quality``, as far as there are any.
-    colors : (n, 4) float64, optional
-        Vertex colours.
-    """
+    """A mesh file as arrays: vertices (n, 3), faces (m, 3), ``bz_*`` columns and ``quality`` (n,), colours (n, 4)."""
 
     path: Path
     vertices: FloatArray

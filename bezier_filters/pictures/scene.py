@@ -153,15 +153,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class View:
-    """A direction of sight on a mesh.
-
-    Attributes
-    ----------
-    axes : (3, 3) float64
-        Rows: the directions right, up and towards the viewer, orthonormal.
-    low, high : (3,) float64
-        Bounds of the mesh in these directions.
-    """
+    """A direction of sight on a mesh: axes right, up and towards the viewer, the rows of a rotation, and its bounds."""
 
     axes: FloatArray
     low: FloatArray

@@ -1,7 +1,14 @@
 """Sample meshes of analytic surfaces with exact normals, curvatures and principal directions."""
 
-from bezier_filters.surfaces.block import block_with_sharp_edges
-from bezier_filters.surfaces.closed import bumpy_star, ellipsoid, red_blood_cell, red_blood_cell_at, sphere, torus
+from bezier_filters.surfaces.closed import (
+    block_with_sharp_edges,
+    bumpy_star,
+    ellipsoid,
+    red_blood_cell,
+    red_blood_cell_at,
+    sphere,
+    torus,
+)
 from bezier_filters.surfaces.patches import HeightFunction, cylinder, height_field, monkey_saddle, punched_patch, waves
 from bezier_filters.surfaces.sampled_surface import SampledSurface
 

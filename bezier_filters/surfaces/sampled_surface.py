@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.differential_geometry import principal_curvatures_of
+from bezier_filters.differential_geometry import DerivedCurvatures, principal_curvatures_of
 
 
 @dataclass(frozen=True)
-class SampledSurface:
+class SampledSurface(DerivedCurvatures):
     """A triangle mesh whose vertices lie on a smooth surface, with the surface's exact geometry.
 
     Curvatures are positive on a convex body with outward normals (MeshLab's sign) and have the
@@ -43,21 +43,6 @@ class SampledSurface:
     k_max: FloatArray
     direction_min: FloatArray
     direction_max: FloatArray
-
-    @property
-    def mean_curvature(self) -> FloatArray:
-        """Mean curvature H = (k_min + k_max) / 2, shape (n,), 1/length."""
-        return 0.5 * (self.k_min + self.k_max)
-
-    @property
-    def gaussian_curvature(self) -> FloatArray:
-        """Gaussian curvature K = k_min k_max, shape (n,), 1/length^2."""
-        return self.k_min * self.k_max
-
-    @property
-    def geodesic_torsion(self) -> FloatArray:
-        """Principal geodesic torsion t_max = (k_max - k_min) / 2 >= 0, shape (n,), 1/length."""
-        return 0.5 * (self.k_max - self.k_min)
 
     @classmethod
     def from_level_set(

@@ -226,8 +226,7 @@ def _lattice_faces(cells: tuple[int, int], counts: tuple[int, ...]) -> IntArray:
     i, j = np.indices(cells).reshape(2, -1)
 
     def vertex(di: int, dj: int) -> IntArray:
-        index: IntArray = ((i + di) % counts[0] * counts[1] + (j + dj) % counts[1]).astype(np.int32)
-        return index
+        return ((i + di) % counts[0] * counts[1] + (j + dj) % counts[1]).astype(np.int32)
 
     a, b, c, d = vertex(0, 0), vertex(1, 0), vertex(1, 1), vertex(0, 1)
     return np.stack([a, b, c, a, c, d], axis=1).reshape(-1, 3)
@@ -265,5 +264,5 @@ def _random_directions(shape: tuple[int, ...], seed: int) -> FloatArray:
 
 def _normalized(vectors: FloatArray) -> FloatArray:
     """Unit vectors along the rows of an array."""
-    unit: FloatArray = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-    return unit
+    result: FloatArray = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    return result

@@ -1,5 +1,7 @@
 """Estimates on points alone: their neighbours, their outside, and the accuracy next to the same points' mesh."""
 
+from collections import namedtuple
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -19,8 +21,11 @@ from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, ellipsoi
 CLOSED = {"sphere": sphere(jitter=0.3), "ellipsoid": ellipsoid(jitter=0.3), "torus": torus(jitter=0.3)}
 
 
+Cloud = namedtuple("Cloud", "adjacency planes")
+
+
 def cloud_of(points, normals=None):
-    return point_cloud(triangle_mesh(points, []), normals)
+    return Cloud(*point_cloud(triangle_mesh(points, []), normals))
 
 
 def noisy(surface, edges, seed=0):
