@@ -63,7 +63,7 @@ def point_cloud(
         planes[inward] *= -1.0
     no_faces = Rows(np.zeros(mesh.vertex_count + 1, np.int32), np.empty(0, np.int32))
     adjacency = Adjacency(no_faces, _at_all_points(neighbours, first, place_of), on_boundary[place_of])
-    return adjacency, TangentPlanes(planes, np.full(mesh.vertex_count, 2.0))
+    return adjacency, TangentPlanes(planes, np.full(mesh.vertex_count, 2.0, np.float32))
 
 
 def _distinct(points: FloatArray) -> tuple[IntArray, IntArray]:
