@@ -85,9 +85,9 @@ def read_fields(path: str | os.PathLike[str]) -> dict[str, FloatArray]:
 def save_fields(path: str | os.PathLike[str], geometry: VertexGeometry) -> None:
     """Save every array of a `VertexGeometry` to a compressed NPZ file, whole or not at all.
 
-    The file has the arrays of the dataclass and the derived ``mean_curvature``,
-    ``gaussian_curvature``, ``geodesic_torsion``, ``curvedness`` and ``shape_index``, under these
-    names and with the units and signs of `VertexGeometry`. `read_fields` and `numpy.load` read it.
+    The file has the arrays of the dataclass and what is derived from them and can be a quality, like
+    ``mean_curvature`` and ``shape_index``, under these names and with the units and signs of `VertexGeometry`.
+    `read_fields` and `numpy.load` read it.
 
     Parameters
     ----------

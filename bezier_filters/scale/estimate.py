@@ -58,8 +58,8 @@ def estimate_file(
     quantity : {"curvature", "normals", "torsion", "all"}
         What to estimate; it says which columns and which quality there are by default.
     quality : str, optional
-        mean, gaussian, min, max, curvedness, shape_index, std or torsion. By default mean, or torsion if that is
-        the quantity; normals have none.
+        Any that a filter has (mean, gaussian, torsion, x, ...; see `bezier_filters.fields`). By default mean, or
+        torsion if that is the quantity; normals have none.
     columns : sequence of str, optional
         Columns to write, with or without ``bz_``: any of those of the three filters. By default those of the quantity.
     options : FitOptions, optional

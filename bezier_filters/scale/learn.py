@@ -8,8 +8,14 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.estimation.adaptive_fit import OUTLIER_REACH as OUTLIER_RINGS
-from bezier_filters.estimation.adaptive_fit import SurfaceFit, choose_fit, first_features, with_parts, without_outliers
+from bezier_filters.estimation.adaptive_fit import (
+    OUTLIER_REACH,
+    SurfaceFit,
+    choose_fit,
+    first_features,
+    with_parts,
+    without_outliers,
+)
 from bezier_filters.estimation.fallbacks import Attempt, fit_with_fallbacks
 from bezier_filters.estimation.fit_options import fit_options
 from bezier_filters.estimation.vertex_geometry import empty_geometry
@@ -123,7 +129,7 @@ def _widest(attempts: list[Attempt]) -> int:
 def _sample(store: Store, rings: int, count: int, options: FitOptions, threads: int) -> NeighbourhoodSample:
     """The neighbourhoods that would be sampled in memory."""
     centers = _draw(store, count)
-    reach = rings + CREASE_RINGS + (OUTLIER_RINGS if options.robust else 0)
+    reach = rings + CREASE_RINGS + (OUTLIER_REACH if options.robust else 0)
     part = part_around_samples(store, centers, reach, threads=threads)
     arrays, adjacency = fitted_mesh(part.mesh, creases=options.creases, threads=threads)
     if options.robust:

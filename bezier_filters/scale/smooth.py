@@ -24,11 +24,10 @@ from bezier_filters.scale.scheduling import Scheduler
 from bezier_filters.scale.source import SourcePath, open_source
 from bezier_filters.scale.store import Store
 from bezier_filters.scale.tiles import Tile, open_tile
-from bezier_filters.smoothing.candidates import SHARP_ROUNDS
-from bezier_filters.smoothing.denoise import SmoothingPlan, denoise, learn_plan
+from bezier_filters.smoothing.denoise import SmoothingPlan, denoise, learn_plan, rings_around
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, MeshPart
-from bezier_filters.smoothing.noise import roughness
+from bezier_filters.smoothing.noise import ROUGHNESS_RINGS, roughness
 from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, check_smoothing
 from bezier_filters.smoothing.volume import (
     component_gains,
@@ -45,11 +44,6 @@ FINISH_RINGS = 8
 """Around a tile, in which faces may turn over for the same reason."""
 LARGEST_TILE = 1 << 20
 """Vertices: tiles of the automatic smoothing have many rings around them."""
-MEASURE_RINGS = 24
-"""Around a tile, within which something may be rough."""
-FADED, AVERAGED, RINGS_PER_ROUND = 6.0, 14, 1.25
-"""Around a tile there are the rings in which a low-pass filter fades by so many powers of e, those over which risks are
-averaged, and those that a round of filtering the normals reaches across: measured, for a hundredth of the noise."""
 COUNTS = ("flipped before", "flipped after", "degenerate before", "degenerate after", "new")
 """What is told of the faces."""
 
@@ -210,7 +204,7 @@ def _roughest(tiles: Sequence[Tile]) -> int:
 def measure_tile(store: Store, sigma: float, tile: int) -> Output:
     """Which vertices of a tile hang together, and where it is roughest, if the mesh is large."""
     is_large = store.layout.vertex_count > LARGEST_WHOLE and sigma > 0.0
-    part = tile_part(store, tile, MEASURE_RINGS if is_large else 1)
+    part = tile_part(store, tile, ROUGHNESS_RINGS if is_large else 1)
     adjacency = vertex_adjacency(part.mesh)
     found = [0.0, 0.0]
     if is_large:
@@ -265,18 +259,6 @@ def smooth_tile(job: SmoothJob, tile: int) -> Output:
             "gains": component_gains(components, TriangleMesh(points, mesh.faces), amounts).tolist(),
         }
     return Output(rows, len(part.ids), sums)
-
-
-def rings_around(plan: SmoothingPlan | None) -> int:
-    """Rings around a tile that its vertices depend on, as far as matters."""
-    if plan is None:
-        return 2
-    filters = plan.low_pass
-    # What a filter makes of a vertex fades away edge by edge, which its poles tell.
-    edge = filters.strengths[: filters.used].max() ** -0.25
-    fading = 2.0 * np.sqrt(edge) * np.sin(0.5 * np.pi / filters.order)
-    rounds = (0, 1, *SHARP_ROUNDS)[max(plan.kinds)]
-    return int(np.ceil(FADED / fading + AVERAGED + RINGS_PER_ROUND * rounds))
 
 
 def _movable(adjacency: Adjacency, fixed: bool) -> BoolArray:

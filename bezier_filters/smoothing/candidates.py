@@ -21,9 +21,11 @@ from bezier_filters.smoothing.vertex_update import move_to_normals
 
 SMOOTH, GENTLE = 0, 1
 """Kinds of estimates: the low-pass filter proper, and one round after a slightly weaker one; then the sharp ones."""
-SHARP_ROUNDS = (2, 5, 16)
-"""Numbers of rounds of filtering the normals, after a much weaker filter, at which there are estimates."""
-KINDS = range(2 + len(SHARP_ROUNDS))
+ROUNDS = (0, 1, 2, 5, 16)
+"""Of filtering the normals, by kind: from the third on after a much weaker filter."""
+SHARPNESS = (0.0, 0.0, 0.33, 0.67, 1.0)
+"""As reported, by kind."""
+KINDS = range(len(ROUNDS))
 GENTLE_TOLERANCE, SHARP_TOLERANCE = 2.5, 1.5
 """Of `filter_normals`."""
 PROBE = 0.1
@@ -67,7 +69,7 @@ def candidates(
     leverages = (signs * filtered[:, 3]).astype(np.float32)
     yield Candidate(SMOOTH, _moves(part.mesh, filtered[:, :3]), fitted.residuals, leverages)
     del fitted, filtered, leverages  # for large meshes, memory counts
-    sharp = {kind: rounds for kind, rounds in enumerate(SHARP_ROUNDS, start=GENTLE + 1) if kind in kinds}
+    sharp = {kind: ROUNDS[kind] for kind in KINDS[GENTLE + 1 :] if kind in kinds}
     if GENTLE in kinds:
         yield from _sharp(noisy, filters.weaker(), normals, signs, {GENTLE: 1}, GENTLE_TOLERANCE, threads)
     if sharp:

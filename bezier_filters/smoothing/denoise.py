@@ -15,7 +15,7 @@ from bezier_filters.arrays import FloatArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.parallel import Progress, report
-from bezier_filters.smoothing.candidates import GENTLE, SMOOTH, Candidate, candidates
+from bezier_filters.smoothing.candidates import GENTLE, ROUNDS, SHARPNESS, SMOOTH, Candidate, candidates
 from bezier_filters.smoothing.clusters import clusters_of
 from bezier_filters.smoothing.laplacian import Borders
 from bezier_filters.smoothing.low_pass import LowPassPlan, fit_low_pass, learn_low_pass
@@ -29,14 +29,9 @@ SMALLEST_NOISE = 1e-4
 """Times the mean edge: below that there is nothing to take off."""
 GAIN = 1e-3
 """Times sigma^2: mean decrease of the risk around a vertex below which a further estimate is left out."""
-SHARPNESS = np.array([0.0, 0.0, 0.33, 0.67, 1.0])
-"""Of the kinds of estimates, as reported."""
-RINGS = 60
-"""Around a tile, that what is done to it depends on.
-
-Vertices of tiles of stars, tori, sheets and blocks are then at most 0.005 sigma away from those of the whole mesh, and
-0.0006 in the root mean square; with 40 rings 0.07 and 0.006.
-"""
+FADED, AVERAGED, RINGS_PER_ROUND = 6.0, 14, 1.25
+"""Around a tile there are the rings in which a low-pass filter fades by so many powers of e, those over which risks are
+averaged, and those that a round of filtering the normals reaches across: measured, for a hundredth of the noise."""
 STEPS = 6
 """Of the progress."""
 
@@ -217,7 +212,7 @@ def denoise(part: MeshPart, plan: SmoothingPlan, *, threads: int = 1, progress: 
     Parameters
     ----------
     part : MeshPart
-        The mesh, or a tile of it with `RINGS` rings around what is wanted.
+        The mesh, or a tile of it with `rings_around` what is wanted.
     plan : SmoothingPlan
         From `learn_plan`.
     threads : int
@@ -245,6 +240,17 @@ def denoise(part: MeshPart, plan: SmoothingPlan, *, threads: int = 1, progress: 
     return result
 
 
+def rings_around(plan: SmoothingPlan | None) -> int:
+    """Rings around a tile that its vertices depend on, as far as matters."""
+    if plan is None:
+        return 2
+    filters = plan.low_pass
+    # What a filter makes of a vertex fades away edge by edge, which its poles tell.
+    edge = filters.strengths[: filters.used].max() ** -0.25
+    fading = 2.0 * np.sqrt(edge) * np.sin(0.5 * np.pi / filters.order)
+    return int(np.ceil(FADED / fading + AVERAGED + RINGS_PER_ROUND * ROUNDS[max(plan.kinds)]))
+
+
 def _normalised(part: MeshPart, center: FloatArray, scale: float) -> MeshPart:
     return replace(part, mesh=TriangleMesh((part.mesh.vertices - center) * scale, part.mesh.faces))
 
@@ -263,4 +269,4 @@ def _mixture(mesh: TriangleMesh, found: list[Candidate], shares: SingleArray | N
     points = mesh.vertices.copy()
     for k, candidate in enumerate(found):
         points += shares[:, [k]] * (candidate.moves / np.float64(scale))  # which may be beyond single precision
-    return Denoised(points, np.einsum("ns,s->n", shares, SHARPNESS[[candidate.kind for candidate in found]]))
+    return Denoised(points, np.einsum("ns,s->n", shares, np.array([SHARPNESS[candidate.kind] for candidate in found])))

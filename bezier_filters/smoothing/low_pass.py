@@ -70,7 +70,7 @@ class LowPassPlan:
         Number of the best strength with the umbrella Laplacian.
     power : float or None
         Of the best Laplacian, see `cotangent_laplacian`; None for that of umbrellas.
-    fastest : float
+    fastest : float or None
         The largest rate of that.
     order : int
         The best order of its filters.

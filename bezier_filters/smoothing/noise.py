@@ -17,6 +17,8 @@ WEAK, STRONGER = np.array([1.0]), np.array([10.0])
 """Strengths of the filters that residuals and normals are taken from."""
 STRONG = np.array([100.0])
 """Strength of the filter that rough places do not follow."""
+ROUGHNESS_RINGS = 24
+"""Around a tile, within which something may be rough."""
 WIDTH = 100.0
 """Squared edges: the residuals of some 700 vertices are averaged."""
 SPREAD = 2.0
@@ -121,7 +123,7 @@ def roughness(part: MeshPart, sigma: float, *, threads: int = 1) -> FloatArray:
     Parameters
     ----------
     part : MeshPart
-        A mesh, or a tile of one with 40 rings around what counts.
+        A mesh, or a tile of one with `ROUGHNESS_RINGS` around what counts.
     sigma : float
         Standard deviation of the noise of the mesh as a whole, a length.
     threads : int

@@ -1,20 +1,19 @@
 """Smoothing: the function that users call."""
 
-from numbers import Integral, Real
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import BoolArray, FloatArray
-from bezier_filters.errors import InvalidParameterError
+from bezier_filters.errors import InvalidParameterError, is_integer, is_real
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.first_call import first_call
 from bezier_filters.kernels.kernel_input import fitted_mesh
 from bezier_filters.learning.learn import learn_surface
 from bezier_filters.learning.plans import Choices
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
-from bezier_filters.meshes.mesh import TriangleMesh, takes_arrays, triangle_mesh
+from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
 from bezier_filters.runtime.parallel import Progress, thread_count
 from bezier_filters.smoothing.denoise import remove_noise
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
@@ -176,9 +175,7 @@ def part_of(progress: Progress | None, k: int, total: int) -> Progress | None:
 def _movable(selected: BoolArray | None, adjacency: Adjacency, borders: SmoothedBorders) -> BoolArray:
     """Vertices that may move."""
     n = len(adjacency.on_boundary)
-    mask = np.ones(n, dtype=np.bool_) if selected is None else np.asarray(selected)
-    if mask.shape != (n,) or mask.dtype != np.bool_:
-        raise InvalidParameterError(f"selected: got {mask.dtype} of shape {mask.shape}, expected bool of shape ({n},)")
+    mask = np.ones(n, dtype=np.bool_) if selected is None else checked_selection(selected, n)
     return mask & ~adjacency.on_boundary if borders == "fixed" else mask
 
 
@@ -192,9 +189,9 @@ def check_smoothing(method: object, iterations: object, noise: object, borders: 
     """
     if method not in ("auto", "paper"):
         raise InvalidParameterError(f"method: got {method!r}, expected 'auto' or 'paper'")
-    if isinstance(iterations, bool) or not isinstance(iterations, Integral) or iterations < 1:
+    if not is_integer(iterations) or iterations < 1:
         raise InvalidParameterError(f"iterations: got {iterations!r}, expected an integer of 1 or more")
-    is_length = isinstance(noise, Real) and not isinstance(noise, bool) and 0.0 <= float(noise) < np.inf
+    is_length = is_real(noise) and 0.0 <= noise < np.inf
     if noise is not None and not is_length:
         raise InvalidParameterError(f"noise: got {noise!r}, expected a length of 0 or more, or None to learn it")
     if noise is not None and method == "paper":

@@ -7,7 +7,7 @@ from test_smoothing import edge_of, face_normals, with_noise
 
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
-from bezier_filters.smoothing.denoise import RINGS, denoise, learn_plan, remove_noise
+from bezier_filters.smoothing.denoise import denoise, learn_plan, remove_noise, rings_around
 from bezier_filters.smoothing.flipped_faces import repair_flipped_faces
 from bezier_filters.smoothing.mesh_parts import MeshPart, sampled_parts, whole_mesh
 from bezier_filters.smoothing.noise import roughness
@@ -54,7 +54,7 @@ def test_parts_with_rings_around_are_smoothed_as_the_whole(make):
     squares = []
     for low, high in ((-np.inf, -0.25), (0.25, np.inf)):
         inner = (mesh.vertices[:, 0] >= low) & (mesh.vertices[:, 0] < high)
-        part = part_around(mesh, adjacency, inner, RINGS)
+        part = part_around(mesh, adjacency, inner, rings_around(plan))
         assert part.cut.any()
         is_inner = inner[part.ids]
         found, expected = denoise(part, plan), part.ids[is_inner]
