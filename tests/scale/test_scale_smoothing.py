@@ -27,7 +27,7 @@ from bezier_filters.scale.source import open_source
 from bezier_filters.scale.tiles import TileReport, open_tile, tile_path, write_tile
 from bezier_filters.smoothing import mesh_parts
 from bezier_filters.smoothing.mesh_parts import CORE, LARGEST_WHOLE, PART
-from bezier_filters.smoothing.volume import closed_components
+from bezier_filters.smoothing.volume import ClosedComponents
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, sphere, torus, waves
 
 compiled = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
@@ -213,7 +213,7 @@ def test_closed_components_are_those_in_memory(seed, tile, tmp_path_factory):
         assert not incoherent_vertices(part.mesh.faces, adjacency)[part.own].any()
         write_tile(folder, TileReport(k, len(part.ids), {}), labelled_vertices(part, adjacency))
         tiles.append(open_tile(folder, k))
-    found, expected = unite_components(store, tiles), closed_components(mesh, vertex_adjacency(mesh))
+    found, expected = unite_components(store, tiles), ClosedComponents.of(mesh, vertex_adjacency(mesh))
     if not expected.count:
         assert found is None
         return
