@@ -173,8 +173,24 @@ def open_store(folder: Path, fingerprint: Fingerprint | None = None) -> Store:
             "remove it to start anew"
         )
     n = layout.vertex_count
-    sizes = {VERTICES: 3 * np.dtype(layout.dtype).itemsize * n, ORDER: 4 * n, RANK: 4 * n}
+    store = Store(folder, layout, ArrayFile(folder / VERTICES, np.dtype(layout.dtype), 3, n))
+    sizes = {VERTICES: n * store.vertices.row_size, ORDER: 4 * n, RANK: 4 * n, FACES: 16 * _face_rows(store)}
     for name, size in sizes.items():
         if not (folder / name).is_file() or (folder / name).stat().st_size != size:
-            raise FieldFileError(f"{folder / name} is damaged or missing; remove the folder")
-    return Store(folder, layout, ArrayFile(folder / VERTICES, np.dtype(layout.dtype), 3, n))
+            raise _damaged(folder / name)
+    return store
+
+
+def _face_rows(store: Store) -> int:
+    """How many rows the file of the faces should have."""
+    try:
+        ptr = store.face_ptr()
+    except (OSError, ValueError, EOFError) as error:
+        raise _damaged(store.folder / FACE_PTR) from error
+    if ptr.shape != (store.layout.block_count + 1,):
+        raise _damaged(store.folder / FACE_PTR)
+    return int(ptr[-1])
+
+
+def _damaged(path: Path) -> FieldFileError:
+    return FieldFileError(f"{path} is damaged or missing; remove the folder")

@@ -132,6 +132,19 @@ def test_a_store_of_another_mesh_is_refused(files, tmp_path):
         estimate_file(files, tmp_path / "out.ply", **OPTIONS)
 
 
+@pytest.mark.parametrize("name", ["vertices.bin", "order.bin", "rank.bin", "faces.bin", "face_ptr.npy"])
+@pytest.mark.parametrize("damage", ["cut short", "empty", "missing"])
+def test_a_store_that_is_damaged_is_named(name, damage, files, tmp_path):
+    interrupted(files, tmp_path / "out.ply", 2)
+    path = tmp_path / "out.ply.tiles" / name
+    if damage == "missing":
+        path.unlink()
+    else:
+        os.truncate(path, 0 if damage == "empty" else path.stat().st_size - 16)
+    with pytest.raises(FieldFileError, match=rf"{name} is damaged or missing; remove the folder$"):
+        estimate_file(files, tmp_path / "out.ply", resume=True, **OPTIONS)
+
+
 def test_other_tiles_are_refused(files, tmp_path):
     interrupted(files, tmp_path / "out.ply", 2)
     with pytest.raises(InvalidParameterError, match=r"^tile_vertices: got 512, .* has tiles of 256"):
