@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,8 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.jit import jit
 from bezier_filters.scale.store import Store
+
+AnyRows = TypeVar("AnyRows", FloatArray, IntArray)
 
 FAR = 2**31 - 1
 """Ring of what was not reached: no number of rings comes near it."""
@@ -114,12 +117,15 @@ def _together(parts: Sequence[Part]) -> Part:
 
 
 class _Loaded:
-    """Blocks that were read, and how far their vertices are from where it began."""
+    """Blocks that were read, and how far their vertices are from where it began.
+
+    Arrays have room for more than there is (`vertex_count`, `face_count`): of many rings each brings few blocks.
+    """
 
     def __init__(self, store: Store) -> None:
         self.store, self.bits = store, store.layout.block_bits
         self.slots = np.full(store.layout.block_count, -1, dtype=np.int32)
-        self.count = 0
+        self.vertex_count = self.face_count = 0
         self.ptr = store.face_ptr()
         self.vertices: FloatArray = np.empty((0, 3))
         self.layers: IntArray = np.empty(0, dtype=np.int32)
@@ -133,21 +139,26 @@ class _Loaded:
 
     def load(self, blocks: IntArray, *, with_faces: bool) -> None:
         """Read blocks that are not there yet."""
-        self.slots[blocks] = self.count + np.arange(len(blocks), dtype=np.int32)
-        self.count += len(blocks)
-        size, n = 1 << self.bits, self.store.layout.vertex_count
-        vertices, faces = [self.vertices], [self.faces]
+        size, n, face_start = 1 << self.bits, self.store.layout.vertex_count, self.face_count
+        self.slots[blocks] = (self.vertex_count >> self.bits) + np.arange(len(blocks), dtype=np.int32)
+        end = self.vertex_count + len(blocks) * size
+        self.vertices = _with_room(self.vertices, self.vertex_count, end)
+        self.layers = _with_room(self.layers, self.vertex_count, end)
+        self.layers[self.vertex_count : end] = FAR
+        if with_faces:
+            more = int((self.ptr[blocks + 1] - self.ptr[blocks]).sum())
+            self.faces = _with_room(self.faces, self.face_count, self.face_count + more)
         for run in np.split(blocks, np.flatnonzero(np.diff(blocks) > 1) + 1):
             start, stop = int(run[0]) * size, (int(run[-1]) + 1) * size
-            vertices.append(self.store.coordinates(start, min(stop, n)))
-            if stop > n:  # the last block is not full
-                vertices.append(np.zeros((stop - n, 3)))
+            place, read = self.vertex_count, min(stop, n) - start
+            self.vertices[place : place + read] = self.store.coordinates(start, start + read)
+            self.vertices[place + read : place + stop - start] = 0.0  # the last block is not full
+            self.vertex_count += stop - start
             if with_faces:
-                faces.append(self.store.faces(int(self.ptr[run[0]]), int(self.ptr[run[-1] + 1])))
-        before = len(self.faces)
-        self.vertices, self.faces = np.concatenate(vertices), np.concatenate(faces)
-        self.layers = np.append(self.layers, np.full(len(blocks) * size, FAR, dtype=np.int32))
-        self.active = np.append(self.active, np.arange(before, len(self.faces), dtype=np.int32))
+                faces = self.store.faces(int(self.ptr[run[0]]), int(self.ptr[run[-1] + 1]))
+                self.faces[self.face_count : self.face_count + len(faces)] = faces
+                self.face_count += len(faces)
+        self.active = np.append(self.active, np.arange(face_start, self.face_count, dtype=np.int32))
 
     def grow(self, k: int) -> IntArray:
         """Reach what shares a face with layer k; return the blocks that are missing for that."""
@@ -165,19 +176,30 @@ class _Loaded:
         ids = ((blocks << self.bits)[:, np.newaxis] + np.arange(size)).ravel()
         reached = self.layers[places] != FAR
         places, ids, cut = places[reached], ids[reached].astype(np.int32), cut[reached]
-        numbers = np.full(len(self.layers), -1, dtype=np.int32)
+        numbers = np.full(self.vertex_count, -1, dtype=np.int32)
         numbers[places] = np.arange(len(places), dtype=np.int32)
         vertices = self.vertices[places]
         self.vertices = np.empty((0, 3))
         cells = self.store.layout.grid.cells(vertices)
-        faces, keys = np.empty((len(self.faces), 3), dtype=np.int32), np.empty(len(self.faces), dtype=np.int64)
-        count = _local_faces(self.faces, self.bits, self.slots, self.layers, rings, numbers, cells, faces, keys)
+        faces, keys = np.empty((self.face_count, 3), dtype=np.int32), np.empty(self.face_count, dtype=np.int64)
+        there = self.faces[: self.face_count]
+        count = _local_faces(there, self.bits, self.slots, self.layers, rings, numbers, cells, faces, keys)
+        del there
         self.faces = np.empty((0, 4), dtype=np.int32)
         order = np.argsort(keys[:count])
         is_first = np.ones(count, dtype=np.bool_)  # faces of several blocks come several times
         is_first[1:] = np.diff(keys[order]) > 0
         order = order[is_first]
         return Part(ids, TriangleMesh(vertices, faces[order]), keys[order], cut)
+
+
+def _with_room(array: AnyRows, used: int, needed: int) -> AnyRows:
+    """An array with some rows at least, half as many again as before where they did not suffice, and the used ones."""
+    if needed <= len(array):
+        return array
+    result = np.empty((max(needed, len(array) * 3 // 2), *array.shape[1:]), dtype=array.dtype)
+    result[:used] = array[:used]
+    return result
 
 
 @jit()
