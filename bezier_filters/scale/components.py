@@ -46,7 +46,7 @@ def labelled_vertices(part: TilePart, adjacency: Adjacency) -> Values:
     found["vertex"], found["label"] = part.ids, connected_components(graph, directed=False)[1]
     found["open"] = adjacency.on_boundary | (rows.lengths == 0)
     around = rows.indices[rows.indptr[part.own.start] : rows.indptr[part.own.stop]]
-    around = np.setdiff1d(around, np.arange(part.own.start, part.own.stop, dtype=np.int32))
+    around = np.unique(around[(around < part.own.start) | (around >= part.own.stop)])
     return np.concatenate([found[part.own], found[around]])
 
 
