@@ -27,7 +27,7 @@ from bezier_filters.scale.tiles import Tile, open_tile
 from bezier_filters.smoothing.denoise import SmoothingPlan, denoise, learn_plan, rings_around
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, MeshPart
-from bezier_filters.smoothing.noise import ROUGHNESS_RINGS, roughness
+from bezier_filters.smoothing.noise import ROUGHNESS_RINGS, roughest, roughness
 from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, check_smoothing
 from bezier_filters.smoothing.volume import (
     component_gains,
@@ -197,8 +197,8 @@ def _component_sums(tiles: Sequence[Tile], names: Sequence[str], count: int) -> 
 
 def _roughest(tiles: Sequence[Tile]) -> int:
     """The vertex of the source around which the mesh is roughest."""
-    _, vertex = max(tuple(tile.report.sums["roughest"]) for tile in tiles)
-    return int(vertex)
+    values, ids = (np.concatenate([tile.report.sums[name] for tile in tiles]) for name in ("roughness", "roughest"))
+    return int(ids[roughest(values, ids.astype(np.int32))[0]])
 
 
 def measure_tile(store: Store, sigma: float, tile: int) -> Output:
@@ -206,14 +206,13 @@ def measure_tile(store: Store, sigma: float, tile: int) -> Output:
     is_large = store.layout.vertex_count > LARGEST_WHOLE and sigma > 0.0
     part = tile_part(store, tile, ROUGHNESS_RINGS if is_large else 1)
     adjacency = vertex_adjacency(part.mesh)
-    found = [0.0, 0.0]
+    values, ids = np.zeros(1), np.zeros(1, dtype=np.int32)
     if is_large:
         piece = _mesh_part(store, part, adjacency)
-        values = roughness(piece, sigma)[part.own]
-        place = int(values.argmax())
-        found = [float(values[place]), float(piece.ids[part.own][place])]
+        values, ids = roughness(piece, sigma)[part.own], piece.ids[part.own]
+    places = roughest(values, ids)
     incoherent = incoherent_vertices(part.mesh.faces, adjacency)[part.own].any()
-    sums = {"roughest": found, "incoherent": [float(incoherent)]}
+    sums = {"roughness": values[places].tolist(), "roughest": ids[places].tolist(), "incoherent": [float(incoherent)]}
     return Output(labelled_vertices(part, adjacency), len(part.ids), sums)
 
 

@@ -20,7 +20,7 @@ from bezier_filters.smoothing.clusters import clusters_of
 from bezier_filters.smoothing.laplacian import Borders
 from bezier_filters.smoothing.low_pass import LowPassPlan, fit_low_pass, learn_low_pass
 from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, MeshPart, SampledParts, sampled_parts, whole_mesh
-from bezier_filters.smoothing.noise import NoiseLevels, NoisyMesh, learn_noise_levels, local_sigma, roughness
+from bezier_filters.smoothing.noise import NoiseLevels, NoisyMesh, learn_noise_levels, local_sigma, roughest, roughness
 from bezier_filters.smoothing.risk import Estimates, last_gain, local_risks, local_shares, noise_factor, overall_risks
 
 DETAIL = 0.01
@@ -126,8 +126,8 @@ def remove_noise(
         Called after each of a few steps.
     """
     whole, around = whole_mesh(mesh, adjacency), tuple[int, ...]()
-    if mesh.vertex_count > LARGEST_WHOLE:
-        around = (int(roughness(whole, sigma, threads=threads).argmax()),)
+    if mesh.vertex_count > LARGEST_WHOLE and sigma > 0.0:
+        around = (int(roughest(roughness(whole, sigma, threads=threads), whole.ids)[0]),)
     parts = sampled_parts(mesh, adjacency, around, threads=threads)
     is_whole = parts.part.mesh is mesh
     learned = _learn(parts, sigma, borders, threads, progress if is_whole else None)

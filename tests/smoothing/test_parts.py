@@ -10,7 +10,7 @@ from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
 from bezier_filters.smoothing.denoise import denoise, learn_plan, remove_noise, rings_around
 from bezier_filters.smoothing.flipped_faces import repair_flipped_faces
 from bezier_filters.smoothing.mesh_parts import MeshPart, sampled_parts, whole_mesh
-from bezier_filters.smoothing.noise import roughness
+from bezier_filters.smoothing.noise import roughest, roughness
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
@@ -76,6 +76,23 @@ def test_the_roughest_place_is_at_the_corners():
     tile = part_around(mesh, part.adjacency, inner, 40)
     rows = inner[tile.ids]
     assert np.allclose(roughness(tile, sigma)[rows], found[tile.ids[rows]], rtol=1e-3)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.03, 0.0])
+def test_what_is_as_rough_is_chosen_alike_from_tiles(share):
+    """Although sums of tiles are others, many are as rough as the roughest, and each tile tells of a few only."""
+    rng, alike, n = np.random.default_rng(0), 0, 20_000
+    for _ in range(50):
+        values, ids = 5.0 - share * rng.random(n), rng.permutation(n).astype(np.int32)
+        expected = roughest(values, ids)[0]
+        rounded, few = values * (1.0 + 1e-5 * rng.standard_normal(n)), []
+        for start in range(0, n, 2000):
+            tile = slice(start, start + 2000)
+            few.extend(start + roughest(rounded[tile], ids[tile]))
+        assert len(few) < 150
+        alike += few[roughest(rounded[few], ids[few])[0]] == expected
+        assert values[expected] >= 0.98 * values.max()
+    assert alike >= 48
 
 
 def test_faces_are_repaired_alike_in_a_part():
