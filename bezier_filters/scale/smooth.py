@@ -42,7 +42,7 @@ IN_STORE = {"auto": (90, 56), "paper": (0, 64)}
 """Bytes per vertex in the store, once and for each iteration."""
 FINISH_RINGS = 8
 """Around a tile, in which faces may turn over for the same reason."""
-LARGEST_TILE = 1 << 20
+LARGEST_TILE = 5 << 18
 """Vertices: tiles of the automatic smoothing have many rings around them."""
 COUNTS = ("flipped before", "flipped after", "degenerate before", "degenerate after", "new")
 """What is told of the faces."""

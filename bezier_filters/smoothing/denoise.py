@@ -29,7 +29,7 @@ SMALLEST_NOISE = 1e-4
 """Times the mean edge: below that there is nothing to take off."""
 GAIN = 1e-3
 """Times sigma^2: mean decrease of the risk around a vertex below which a further estimate is left out."""
-FADED, AVERAGED, RINGS_PER_ROUND = 6.0, 14, 1.25
+FADED, AVERAGED, RINGS_PER_ROUND = 7.0, 14, 1.25
 """Around a tile there are the rings in which a low-pass filter fades by so many powers of e, those over which risks are
 averaged, and those that a round of filtering the normals reaches across: measured, for a hundredth of the noise."""
 STEPS = 6
@@ -245,8 +245,8 @@ def rings_around(plan: SmoothingPlan | None) -> int:
     if plan is None:
         return 2
     filters = plan.low_pass
-    # What a filter makes of a vertex fades away edge by edge, which its poles tell.
-    edge = filters.strengths[: filters.used].max() ** -0.25
+    # What a filter makes of a vertex fades away edge by edge, which its poles tell, slowest where edges are short.
+    edge = filters.strengths[: filters.used].max() ** -0.25 / filters.haste
     fading = 2.0 * np.sqrt(edge) * np.sin(0.5 * np.pi / filters.order)
     return int(np.ceil(FADED / fading + AVERAGED + RINGS_PER_ROUND * ROUNDS[max(plan.kinds)]))
 

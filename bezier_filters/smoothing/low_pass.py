@@ -36,6 +36,8 @@ WEAKER = 2
 """Steps of the strength by which a filter that another one follows is weaker."""
 ENOUGH = 10_000.0
 """Strength of a filter whose normals need no stronger one."""
+AVERAGED = 100.0
+"""Squared edges around a vertex over which rates are averaged."""
 FEW = 20_000
 """Vertices; on smaller meshes, leverages are averaged over more probes."""
 
@@ -72,6 +74,8 @@ class LowPassPlan:
         Of the best Laplacian, see `cotangent_laplacian`; None for that of umbrellas.
     fastest : float or None
         The largest rate of that.
+    haste : float
+        The largest rate on average around a vertex: where edges are short, filters reach across more of them.
     order : int
         The best order of its filters.
     strengths : (s,) float64
@@ -87,6 +91,7 @@ class LowPassPlan:
     first: int
     power: float | None
     fastest: float | None
+    haste: float
     order: int
     strengths: FloatArray
     used: int
@@ -190,7 +195,9 @@ def learn_low_pass(
         shares = _shares(noisy, estimates, overall, threads)
         seldom = float((shares[:, 0] > 0.5).mean())
     used = int(np.flatnonzero(shares.mean(axis=0, dtype=np.float64) > RARE)[-1]) + 1
-    plan = LowPassPlan(borders, unit, first, power, 0.5 * laplacian.bound, order, tried, used, overall)
+    clusters, rates = noisy.clusters, laplacian.rates[:, np.newaxis]
+    haste = max(float(clusters.diffuse(clusters.means(rates), AVERAGED, threads=threads).max()), 1.0)
+    plan = LowPassPlan(borders, unit, first, power, 0.5 * laplacian.bound, haste, order, tried, used, overall)
     return plan, _mixture(plan, laplacian, shape, estimates, shares)
 
 
