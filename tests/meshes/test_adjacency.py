@@ -1,11 +1,12 @@
-"""Rows, rings and components agree with slower ways to find them."""
+"""Rows and components agree with slower ways to find them, on any number of threads."""
 
 import numpy as np
-import pytest
+from face_lists import random_faces
+from hypothesis import given
 
-from bezier_filters import k_rings, triangle_mesh, vertex_adjacency
+from bezier_filters import triangle_mesh, vertex_adjacency
 from bezier_filters.meshes.adjacency import closed_components
-from bezier_filters.meshes.neighbourhoods import rings_around
+from bezier_filters.runtime.parallel import CHUNK
 from bezier_filters.surfaces import punched_patch, sphere, torus
 
 
@@ -20,23 +21,6 @@ def test_some_rows_come_one_after_the_other():
     assert rows.of(ids[:0]).size == 0
 
 
-@pytest.mark.parametrize("rings", [0, 1, 4])
-def test_rings_around_a_vertex_are_its_k_rings(rings):
-    adjacency = adjacency_of(punched_patch())
-    rows = k_rings(adjacency, rings)
-    for seed in (0, 700):
-        found = np.concatenate(rings_around(adjacency.vertices, np.array([seed]), rings))
-        np.testing.assert_array_equal(found, rows.row(seed))
-
-
-def test_rings_around_several_vertices_hold_what_is_nearest_to_any():
-    adjacency = adjacency_of(torus(resolution=12))
-    seeds = np.array([3, 50, 51], dtype=np.int32)
-    within = [np.unique(k_rings(adjacency, k).of(seeds)) for k in range(4)]
-    for k, ring in enumerate(rings_around(adjacency.vertices, seeds, 3)):
-        np.testing.assert_array_equal(np.sort(ring), np.setdiff1d(within[k], within[k - 1] if k else []))
-
-
 def test_components_are_closed_where_every_edge_has_two_faces():
     ball, ring, sheet = sphere(resolution=3), torus(resolution=8), punched_patch()
     shapes = (sheet, ball, ring)
@@ -49,3 +33,37 @@ def test_components_are_closed_where_every_edge_has_two_faces():
     np.testing.assert_array_equal(first, firsts[1:3])
     turned = triangle_mesh(vertices, np.vstack([faces[:-1], faces[-1:, ::-1]]))
     assert (closed_components(turned, vertex_adjacency(turned))[0] == -1).all()
+
+
+@given(random_faces)
+def test_faces_and_boundary_of_any_face_list(faces):
+    adjacency = vertex_adjacency(triangle_mesh(np.zeros((15, 3)), faces))
+    proper = [len(set(face)) == 3 for face in faces.tolist()]
+    for vertex in range(15):
+        expected = [f for f in range(len(faces)) if proper[f] and vertex in faces[f]]
+        assert adjacency.faces.row(vertex).tolist() == expected
+        met = [j for f in expected for j in faces[f].tolist() if j != vertex]
+        assert adjacency.on_boundary[vertex] == any(met.count(j) == 1 for j in met)
+
+
+def test_high_valence_neighbours_are_sorted_and_distinct():
+    n = 500
+    angle = np.linspace(0, 2 * np.pi, n, endpoint=False)
+    vertices = np.vstack([np.zeros(3), np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])])
+    rim = np.arange(1, n + 1)
+    faces = np.column_stack([np.zeros(n, int), rim, np.roll(rim, -1)])[np.random.default_rng(0).permutation(n)]
+    adjacency = vertex_adjacency(triangle_mesh(vertices, faces))
+    np.testing.assert_array_equal(adjacency.vertices.row(0), rim)
+    assert adjacency.on_boundary[1:].all()
+    assert not adjacency.on_boundary[0]
+
+
+def test_adjacency_is_the_same_on_any_number_of_threads():
+    surface = punched_patch(resolution=100)
+    mesh = triangle_mesh(surface.vertices, surface.faces[np.random.default_rng(0).permutation(len(surface.faces))])
+    assert mesh.vertex_count > 2 * CHUNK
+    one, three = vertex_adjacency(mesh), vertex_adjacency(mesh, threads=3)
+    for name in ("faces", "vertices"):
+        for part in ("indptr", "indices"):
+            np.testing.assert_array_equal(getattr(getattr(one, name), part), getattr(getattr(three, name), part))
+    np.testing.assert_array_equal(one.on_boundary, three.on_boundary)

@@ -8,6 +8,8 @@ from test_smoothing import edge_of, face_normals, mean_angle, with_noise
 from bezier_filters import smooth
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.runtime.parallel import CHUNK
+from bezier_filters.smoothing import denoise, mesh_parts
 from bezier_filters.smoothing.mesh_parts import CORE, LARGEST_WHOLE, PART, sampled_parts
 from bezier_filters.smoothing.vertex_update import ROUNDS, move_to_normals
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, sphere
@@ -47,7 +49,7 @@ def test_small_meshes_are_their_own_sample():
 
 @pytest.fixture(scope="module")
 def smoothed(star):
-    """The star and a block beside it, as they were, and with noise that one thread took off, and two."""
+    """The star and a block beside it, as they were, and with noise that was taken off."""
     block, faces = block_with_sharp_edges(resolution=20, jitter=0.2)
     scale = edge_of(star.vertices, star.faces) / edge_of(block, faces)
     clean = np.vstack([star.vertices, block * scale + [5.0, 0.0, 0.0]])
@@ -57,20 +59,35 @@ def smoothed(star):
         np.add.at(normals, both[:, k], face_normals(clean, both))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     noisy = with_noise(clean, both, normals, 0.2)
-    return clean, faces, [smooth(noisy, both, threads=k) for k in (1, 2)]
+    return clean, faces, smooth(noisy, both, threads=2)
 
 
 @compiled
-def test_large_meshes_become_smooth_whatever_the_number_of_threads(star, smoothed):
-    _, _, (one, two) = smoothed
+def test_large_meshes_become_smooth(star, smoothed):
+    _, _, result = smoothed
+    assert mean_angle(result.vertices[: len(star.vertices)], star.vertices, star.faces) < 1.0
+    assert result.volume_ratio == pytest.approx(1.0, abs=1e-9)
+
+
+@compiled
+def test_the_number_of_threads_does_not_matter(monkeypatch):
+    """On a mesh of several chunks of vertices, and with parts that are as much smaller as it is."""
+    share = 5
+    monkeypatch.setattr(mesh_parts, "PART", PART // share)
+    monkeypatch.setattr(mesh_parts, "CORE", CORE // share)
+    for module in (mesh_parts, denoise):
+        monkeypatch.setattr(module, "LARGEST_WHOLE", LARGEST_WHOLE // share)
+    star = bumpy_star(resolution=38, jitter=0.2)
+    assert len(star.vertices) > max(LARGEST_WHOLE // share, 2 * CHUNK)
+    noisy = with_noise(star.vertices, star.faces, star.normals, 0.2)
+    one, two = (smooth(noisy, star.faces, threads=threads) for threads in (1, 2))
     assert np.array_equal(one.vertices, two.vertices)
-    assert mean_angle(one.vertices[: len(star.vertices)], star.vertices, star.faces) < 1.0
-    assert one.volume_ratio == pytest.approx(1.0, abs=1e-9)
+    assert np.array_equal(one.sharpness, two.sharpness)
 
 
 @compiled
 def test_edges_that_no_part_need_have_met_stay_sharp(star, smoothed):
-    clean, faces, (result, _) = smoothed
+    clean, faces, result = smoothed
     rest = slice(len(star.vertices), None)
     assert result.sharpness[rest].mean() > 0.5
     assert mean_angle(result.vertices[rest], clean[rest], faces) < 3.0

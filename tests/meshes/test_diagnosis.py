@@ -1,0 +1,31 @@
+"""The report of what is wrong with a mesh."""
+
+import numpy as np
+import pytest
+
+from bezier_filters import inspect_mesh, triangle_mesh
+
+TETRAHEDRON = ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+
+
+def test_report_counts_every_fault():
+    vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [2, 0, 0], [9, 9, 9]]
+    faces = [[0, 1, 2], [1, 2, 3], [2, 0, 1], [0, 1, 4], [3, 3, 1]]
+    report = inspect_mesh(triangle_mesh(vertices, faces))
+    assert report.unreferenced_vertices == 1
+    assert report.degenerate_faces == 2  # (0, 1, 4) has no area, (3, 3, 1) names 3 twice
+    assert report.duplicate_faces == 1
+    assert report.non_manifold_edges == 2  # 0-1 and 1-2 have three faces
+    assert report.boundary_edges == 4
+    assert report.incoherent_edges == 1  # 0-2 twice in the same direction
+
+
+def test_incoherent_orientation_is_seen():
+    flipped = inspect_mesh(triangle_mesh([*np.eye(3).tolist(), [0, 0, 0]], [[0, 1, 2], [1, 2, 3]]))
+    assert flipped.incoherent_edges == 1
+    assert not flipped.is_coherently_oriented
+    assert inspect_mesh(triangle_mesh(*TETRAHEDRON)).is_coherently_oriented
+
+
+def test_mean_edge_length_counts_each_edge_once():
+    assert inspect_mesh(triangle_mesh(*TETRAHEDRON)).mean_edge_length == pytest.approx((3 + 3 * np.sqrt(2)) / 6)
