@@ -63,7 +63,7 @@ def as_sample(points, rings=3):
     count, size, _ = points.shape
     every = np.ones((count, rings + 1), dtype=np.bool_)
     sizes = np.full((count, rings + 1), size, dtype=np.int32)
-    return NeighbourhoodSample(np.arange(count, dtype=np.int32), points, sizes, every, every)
+    return NeighbourhoodSample(np.arange(count, dtype=np.int32), points, sizes, every, every, np.zeros(count))
 
 
 def analyse_ring(sample, rings, most, threads=1):

@@ -21,7 +21,7 @@ from bezier_filters.estimation.fallbacks import (
     planned_chain,
 )
 from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, empty_geometry
-from bezier_filters.kernels.kernel_input import KernelMesh
+from bezier_filters.kernels.kernel_input import KernelMesh, with_steady_normals
 from bezier_filters.learning.learn import CANDIDATE_RINGS, MOST_TURNED, learn_surface
 from bezier_filters.learning.model_tree import Features, Leaf, Tree, at_leaves, grow, leaf_numbers, leaf_of, leaves
 from bezier_filters.learning.neighbourhood_samples import draw_from_mesh, sample_neighbourhoods
@@ -66,6 +66,7 @@ class SurfaceFit:
 
     choice: FitChoice  # for all of it
     attempts: tuple[Attempt, ...]  # tried in order at every vertex
+    steady: bool = False  # whether frames come from averaged normals, see `with_steady_normals`
     parts: Tree[PartFit] | None = None  # what comes after that, by the features that the first fit shows
 
 
@@ -99,11 +100,13 @@ def choose_fit(
         sigma, chosen = root.surface.sigma, root.chosen
         if fixed is None:
             choice = FitChoice(chosen.rings, chosen.degree, None, sigma)
-            return SurfaceFit(choice, tuple(planned_chain(root.plans, chosen))), Learned(analyses, root, choices)
+            attempts = tuple(planned_chain(root.plans, chosen))
+            return SurfaceFit(choice, attempts, root.surface.noise.heavy), Learned(analyses, root, choices)
     if rings == "auto":
         rings = 2 if root is None else root.chosen.rings
     fit = fixed or PatchFit()
-    return SurfaceFit(FitChoice(rings, fit.degree, fit.alpha, sigma), tuple(fallback_chain(rings, fit))), None
+    choice = FitChoice(rings, fit.degree, fit.alpha, sigma)
+    return SurfaceFit(choice, tuple(fallback_chain(rings, fit)), root is not None and root.surface.noise.heavy), None
 
 
 def with_parts(fit: SurfaceFit, learned: Learned, features: Features) -> SurfaceFit:
@@ -202,6 +205,7 @@ def fit_in_balls(
     else:
         attempts = planned_chain(leaf.plans, leaf.chosen, radius)
         choice = FitChoice(0, leaf.chosen.degree, None, leaf.surface.sigma, radius=radius)
+        mesh = with_steady_normals(mesh, threads=threads) if leaf.surface.noise.heavy else mesh
     fit_with_fallbacks(mesh, ids, list(attempts), geometry, robust=robust, threads=threads, progress=progress)
     return choice
 

@@ -20,7 +20,7 @@ from bezier_filters.estimation.first_call import first_call
 from bezier_filters.estimation.fit_options import Automatic, check_radius, fit_options
 from bezier_filters.estimation.point_cloud import point_cloud
 from bezier_filters.estimation.vertex_geometry import FitChoice, VertexGeometry, empty_geometry
-from bezier_filters.kernels.kernel_input import KernelMesh, fitted_mesh, kernel_mesh
+from bezier_filters.kernels.kernel_input import KernelMesh, fitted_mesh, kernel_mesh, with_steady_normals
 from bezier_filters.learning.learn import learn_surface
 from bezier_filters.learning.model_tree import Leaf
 from bezier_filters.learning.plans import Choices
@@ -196,6 +196,8 @@ def _fit(
         return learn_surface(learned_from, adjacency, choices, threads=threads)
 
     fit, learned = choose_fit(learn, rings, fixed, degrees)
+    if fit.steady:
+        arrays = with_steady_normals(arrays, threads=threads)
     first = ids if learned is None or len(ids) == len(arrays.vertices) else np.union1d(ids, learned.centers)
     of_wanted = overall_progress(progress, 0, len(ids))
     fit_with_fallbacks(arrays, first, fit.attempts, geometry, robust=robust, threads=threads, progress=of_wanted)

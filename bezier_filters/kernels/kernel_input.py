@@ -7,7 +7,7 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.dihedral_angles import sharp_edge_vertices
-from bezier_filters.meshes.frames import TangentPlanes, tangent_planes
+from bezier_filters.meshes.frames import UNBOUNDED, TangentPlanes, steady_normals, tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.spatial_order import SpatialOrder
 
@@ -75,6 +75,12 @@ def fitted_mesh(
     planes = tangent_planes(mesh, adjacency, threads=threads)
     stops = sharp_edge_vertices(mesh, adjacency, planes, threads=threads) if creases else None
     return kernel_mesh(mesh, adjacency, planes, stops, ordered), adjacency
+
+
+def with_steady_normals(mesh: KernelMesh, *, threads: int = 1) -> KernelMesh:
+    """A mesh whose frames come from averages of normals, for noise that leaves single ones without a meaning."""
+    normals = steady_normals(mesh.normals, mesh.ring_ptr, mesh.ring_indices, mesh.stops, threads=threads)
+    return mesh._replace(normals=normals, safe_cosine=np.full(len(normals), UNBOUNDED, dtype=np.float32))
 
 
 class KernelFit(NamedTuple):

@@ -3,9 +3,10 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-from bezier_filters.kernels.kernel_input import KernelMesh
+from bezier_filters.kernels.kernel_input import KernelMesh, with_steady_normals
 from bezier_filters.learning.model_tree import Leaf, best_leaf, leaf_of
 from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample, draw_from_mesh, sample_neighbourhoods
+from bezier_filters.learning.noise_spectrum import learn_noise
 from bezier_filters.learning.plans import Choices
 from bezier_filters.learning.ring_analysis import RingAnalysis, analyse_rings
 from bezier_filters.meshes.adjacency import Adjacency
@@ -22,8 +23,11 @@ USABLE_SHARE = 0.8
 HOPELESS = 10.0
 """Wider rings are not tried once the predicted error has grown by this factor."""
 
-Sampler = Callable[[int, int], NeighbourhoodSample]
-"""Gives neighbourhoods out to some rings of some number of vertices."""
+OFTEN_TURNED, MANY_TURNED = 0.03, 0.0015
+"""Share of the places with a normal near them that turns away, and of all normals: more of both is heavy noise."""
+
+Sampler = Callable[[int, int, bool], NeighbourhoodSample]
+"""Gives neighbourhoods out to some rings of some number of vertices, of a mesh as it is or with steady normals."""
 
 
 def learn_surface(
@@ -35,9 +39,10 @@ def learn_surface(
     usable neighbourhoods, and no model if they allow no plan.
     """
 
-    def sample(rings: int, count: int) -> NeighbourhoodSample:
+    def sample(rings: int, count: int, steady: bool) -> NeighbourhoodSample:
         ids = draw_from_mesh(mesh, count)
-        return sample_neighbourhoods(mesh, adjacency, ids, rings=rings, most_turned=MOST_TURNED, threads=threads)
+        seen = with_steady_normals(mesh, threads=threads) if steady else mesh
+        return sample_neighbourhoods(seen, adjacency, ids, rings=rings, most_turned=MOST_TURNED, threads=threads)
 
     return learn_from_samples(sample, len(mesh.vertices), choices, threads=threads)
 
@@ -47,17 +52,21 @@ def learn_from_samples(
 ) -> tuple[list[RingAnalysis], Leaf | None]:
     """The same for a mesh of which only samples are known.
 
-    ``sampler(rings, count)`` gives neighbourhoods, the same vertices for the same count.
+    ``sampler(rings, count, steady)`` gives neighbourhoods, the same vertices for the same count.
     """
     rings = sorted({*CANDIDATE_RINGS, *(() if choices.rings is None else (choices.rings,))})
     stages = [[k for k in rings if k <= NEAR_RINGS], *([k] for k in rings if k > NEAR_RINGS)]
     analyses: list[RingAnalysis] = []
-    whole, promising = None, True
+    whole, correlated, promising, heavy = None, None, True, False
     for stage in stages:
         if not promising and choices.rings not in stage:
             continue
         count = SAMPLES[2] if stage is stages[0] else SAMPLES[6]
-        sample = sampler(stage[-1], count)
+        sample = sampler(stage[-1], count, heavy)
+        if stage is stages[0] and _turns_normals(sample):
+            steady = sampler(stage[-1], count, True)
+            heavy = not _turns_normals(steady)
+            sample = steady if heavy else sample
         most: dict[int, int] = {}
         for k in stage:
             promising = promising and sample.usable[:, k].sum() >= USABLE_SHARE * sample.clear[:, k].sum()
@@ -66,8 +75,16 @@ def learn_from_samples(
         found = analyse_rings(sample, most, vertex_count=vertex_count, threads=threads)
         if found:
             analyses += found
-            whole = leaf_of(analyses, replace(choices, rings=None))
+            correlated = learn_noise(analyses) if stage is stages[0] else correlated
+            whole = leaf_of(analyses, replace(choices, rings=None), correlated, heavy=heavy)
         if whole is not None:
             errors = [plan.error for plan in whole.plans]
             promising = promising and errors[-1] <= HOPELESS * min(errors)
     return analyses, None if whole is None else best_leaf(whole.surface, whole.plans, choices)
+
+
+def _turns_normals(sample: NeighbourhoodSample) -> bool:
+    """Whether many normals turn away from those around them, and not only at few places, as at thin parts."""
+    if not len(sample.turned):
+        return False
+    return bool(sample.turned.mean() > MANY_TURNED and (sample.turned > 0.0).mean() > OFTEN_TURNED)

@@ -12,6 +12,7 @@ from typing import Generic, TypeAlias, TypeVar
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.learning.plans import Choices, FitPlan, all_plans, best_plan, plan_for, plans_around
 from bezier_filters.learning.ring_analysis import FREE_DEGREE, RingAnalysis
 from bezier_filters.learning.surface_model import SurfaceModel, learn_model
@@ -60,12 +61,15 @@ def _overflows() -> np.errstate:
     return np.errstate(over="ignore", invalid="ignore", divide="ignore")
 
 
-def leaf_of(analyses: Sequence[RingAnalysis], choices: Choices) -> Leaf | None:
-    """One model for all; None if the analyses allow no plan."""
+def leaf_of(
+    analyses: Sequence[RingAnalysis], choices: Choices, correlated: NoiseModel | None = None, *, heavy: bool = False
+) -> Leaf | None:
+    """One model for all; None if the analyses allow no plan. The noise is white unless it is known to be otherwise."""
     if not any(analysis.degree > FREE_DEGREE for analysis in analyses):
         return None
     with _overflows():
-        surface = learn_model(analyses)
+        surface = learn_model(analyses, correlated)
+        surface = replace(surface, noise=replace(surface.noise, heavy=heavy))
         return best_leaf(surface, all_plans(surface, choices.degrees), choices)
 
 
@@ -84,7 +88,7 @@ def part_of(root: Leaf, analyses: Sequence[RingAnalysis], choices: Choices) -> L
     if not any(analysis.degree > FREE_DEGREE for analysis in analyses):
         return None
     with _overflows():
-        surface = learn_model(analyses, root.surface)
+        surface = learn_model(analyses, whole=root.surface)
         own = plans_around(surface, choices.degrees, choices.rings or root.chosen.rings)
         leaf = best_leaf(surface, own, choices)
     others = (plan for plan in root.plans if plan.rings not in {plan.rings for plan in own})

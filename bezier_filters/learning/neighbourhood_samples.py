@@ -16,6 +16,8 @@ from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
 CHUNK = 32
 """Neighbourhoods per chunk."""
+NEAR = 2
+"""Rings in which it is counted how many normals turn away."""
 MOST_POINTS = 450
 """Of a neighbourhood that is looked at."""
 
@@ -31,6 +33,7 @@ class NeighbourhoodSample(NamedTuple):
     clear: BoolArray  # (N, rings + 1): whether the k-ring has no boundary or crease inside
     # (N, rings + 1): whether, in addition, the k-ring projects with at most the allowed share of turned vertices
     usable: BoolArray
+    turned: FloatArray  # (N,): share of the vertices within two edges whose normals turn away; 0 if these are not clear
 
 
 @dataclass(frozen=True)
@@ -61,6 +64,7 @@ def sample_neighbourhoods(
         np.zeros(by_ring, dtype=np.int32),
         np.zeros(by_ring, dtype=np.bool_),
         np.zeros(by_ring, dtype=np.bool_),
+        np.zeros(len(ids)),
     )
     n = len(mesh.vertices)
 
@@ -147,6 +151,8 @@ def _project_sample(
             nx, ny, nz = mean_normal(mesh.normals, members, count)
             if nx == 0.0 and ny == 0.0 and nz == 0.0:
                 continue
+            if k == NEAR:
+                sample.turned[row] = turned_share(mesh.normals, members, count, nx, ny, nz)
             if turned_share(mesh.normals, members, inner, nx, ny, nz) > most_turned:
                 continue
             sample.usable[row, k] = True

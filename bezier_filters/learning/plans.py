@@ -101,14 +101,17 @@ def fit_equations(surface: SurfaceModel, ring: RingModel, plan: FitPlan) -> FitE
     if np.isinf(plan.weight_radius) and plan.degree <= analysis.degree:
         products = analysis.first_grams[:, :m]
         rest = analysis.rest_grams if analysis.rings <= WEIGHTED_RINGS else products
-        noise = sigma**2 * products[..., :m] + ring.unmodelled * rest[:, :m, :m]
+        measured = sigma**2 * products[..., :m] if ring.noise.grams is None else ring.noise.grams[:, :m, :m]
+        noise = measured + ring.unmodelled * rest[:, :m, :m]
     else:
         design = analysis.first_designs
         ratio = np.square(analysis.first_points).sum(axis=2) / (plan.weight_radius / analysis.radius) ** 2
         weighted = design[..., :m] / (1.0 + ratio ** (plan.degree + 1))[..., np.newaxis]
         products = weighted.transpose(0, 2, 1) @ design
-        variance = sigma**2 + ring.unmodelled * analysis.rest_profile
+        variance = (0.0 if ring.noise.covariances is not None else sigma**2) + ring.unmodelled * analysis.rest_profile
         noise = weighted.transpose(0, 2, 1) @ (weighted * variance[..., np.newaxis])
+        if ring.noise.covariances is not None:
+            noise += weighted.transpose(0, 2, 1) @ ring.noise.covariances @ weighted
     normal_matrices = products[..., :m].copy()
     diagonal = normal_matrices[:, np.arange(m), np.arange(m)]
     normal_matrices[:, np.arange(m), np.arange(m)] += plan.term_prior + RIDGE * diagonal.max(axis=1, keepdims=True)
@@ -249,8 +252,12 @@ def _term_prior(ring: RingModel, degree: int, noise: float) -> FloatArray:
     m = basis.up_to(degree)
     said = np.ones(m)
     said[: len(ring.analysis.energies)] = ring.analysis.energies[:m]
-    least = np.maximum(noise / (STRONGEST_PRIOR * np.maximum(said, 1e-300)), 1e-300)
-    return np.where(basis.degrees[:m] <= FREE_DEGREE, 0.0, noise / np.maximum(ring.variances[:m], least))
+    # Correlated noise looks more like terms of low degree than like what fits leave over.
+    likeness = ring.noise.parts / max(float(ring.noise.residuals[min(degree, ring.analysis.degree)]), 1e-300)
+    of_terms = np.full(m, noise)
+    of_terms[: len(likeness)] *= likeness[:m] if ring.noise.grams is not None else 1.0
+    least = np.maximum(of_terms / (STRONGEST_PRIOR * np.maximum(said, 1e-300)), 1e-300)
+    return np.where(basis.degrees[:m] <= FREE_DEGREE, 0.0, of_terms / np.maximum(ring.variances[:m], least))
 
 
 def _predicted(surface: SurfaceModel, ring: RingModel, plan: FitPlan) -> FitPlan:

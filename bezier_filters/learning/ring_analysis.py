@@ -103,14 +103,38 @@ class RingAnalysis:
     @cached_property
     def first_points(self) -> FloatArray:
         """Parameters x, y of the first neighbourhoods in units of the radius, (T, n, 2); 0 beyond `sizes`."""
-        present = np.arange(self.points.shape[1]) < self.sizes[self.first, np.newaxis]
-        return self.points[self.rows[self.first], :, :2] * (present / self.radius)[..., np.newaxis]
+        return self.parameters(self.first)
 
     @cached_property
     def first_designs(self) -> FloatArray:
         """Values of the terms at the points of the first neighbourhoods, (T, n, M); 0 beyond `sizes`."""
-        present = np.arange(self.points.shape[1]) < self.sizes[self.first, np.newaxis]
-        return term_values(*np.moveaxis(self.first_points, 2, 0)) * present[..., np.newaxis]
+        return self.designs(self.first)
+
+    def parameters(self, numbers: IntArray) -> FloatArray:
+        """Parameters x, y of k neighbourhoods in units of the radius, (k, n, 2); 0 beyond `sizes`."""
+        return self.points[self.rows[numbers], :, :2] * (self._present(numbers) / self.radius)[..., np.newaxis]
+
+    def designs(self, numbers: IntArray) -> FloatArray:
+        """Values of the terms at the points of k neighbourhoods, (k, n, M); 0 beyond `sizes`."""
+        return term_values(*np.moveaxis(self.parameters(numbers), 2, 0)) * self._present(numbers)[..., np.newaxis]
+
+    def quadratics(self, numbers: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Points of k neighbourhoods on quadratic fits, (k, n, 3) in units of the radius, and how steep these are.
+
+        The second result is 1 / cos of the slope, (k, n): heights hold so much of noise along the normal.
+        """
+        parameters, design = self.parameters(numbers), self.designs(numbers)[..., : harmonic_basis().up_to(FREE_DEGREE)]
+        heights = self.points[self.rows[numbers], :, 2:] * (self._present(numbers) / self.radius)[..., np.newaxis]
+        transposed = design.transpose(0, 2, 1)
+        a = np.linalg.solve(transposed @ design, transposed @ heights)
+        x, y = parameters[..., 0], parameters[..., 1]
+        # the terms are 1, x, y, x^2 - y^2, 2 x y, x^2 + y^2
+        slope_x = a[:, 1] + 2.0 * ((a[:, 5] + a[:, 3]) * x + a[:, 4] * y)
+        slope_y = a[:, 2] + 2.0 * ((a[:, 5] - a[:, 3]) * y + a[:, 4] * x)
+        return np.concatenate([parameters, design @ a], axis=2), np.sqrt(1.0 + slope_x**2 + slope_y**2)
+
+    def _present(self, numbers: IntArray) -> BoolArray:
+        return np.arange(self.points.shape[1]) < self.sizes[numbers, np.newaxis]
 
     @cached_property
     def first_grams(self) -> FloatArray:

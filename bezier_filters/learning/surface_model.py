@@ -13,6 +13,7 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from bezier_filters.arrays import FloatArray
+from bezier_filters.learning.noise_model import NoiseModel, RingNoise, ring_noise
 from bezier_filters.learning.ring_analysis import FREE_DEGREE, RingAnalysis
 from bezier_filters.patches.harmonics import HIGHEST_DEGREE, harmonic_basis
 
@@ -24,6 +25,8 @@ CAUTIOUS_RANGE = 4.0
 """The same for standard errors, which had better be too large than too small."""
 SURELY = 4.0
 """Standard errors by which one estimate of a variance must be above another to be taken instead."""
+UNSURE = 0.2
+"""Relative standard error of what correlated noise adds to the squares of coefficients."""
 CERTAIN = 30.0
 """Standard errors beyond which an estimate is taken as it is."""
 
@@ -33,6 +36,7 @@ class RingModel:
     """The surface as its k-rings see it."""
 
     analysis: RingAnalysis
+    noise: RingNoise
     # (M,): of the terms, for coordinates in units of the radius, length^2; 0 for the free degrees
     variances: FloatArray
     cautious: FloatArray  # (M,): the same with less doubt that a term is there at all: what may be, for standard errors
@@ -43,27 +47,33 @@ class RingModel:
 class SurfaceModel:
     """Noise and smoothness of a surface, or of a part of it."""
 
-    sigma: float  # standard deviation of the noise of the heights, a length
+    noise: NoiseModel  # of the heights
     by_rings: tuple[RingModel, ...]  # in ascending order of k
 
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of the noise, a length."""
+        return self.noise.sigma
 
-def learn_model(analyses: Sequence[RingAnalysis], whole: SurfaceModel | None = None) -> SurfaceModel:
-    """Find the noise, and the variances that it leaves to the surface, from analyses in ascending order of rings.
 
-    The noise is the smallest residual of a fit of the highest degree: where a neighbourhood is
-    wide enough for degrees beyond, they show as a larger residual. Where a ring says little of a
-    variance, the next wider one, which sees more of the term, is listened to, and the whole of
-    which this is a part, if there is one, with the same rings and possibly wider ones.
+def learn_model(
+    analyses: Sequence[RingAnalysis], correlated: NoiseModel | None = None, whole: SurfaceModel | None = None
+) -> SurfaceModel:
+    """Find the variances that noise leaves to the surface, from analyses in ascending order of rings.
+
+    The noise is `correlated`, or that of the whole of which this is a part at another strength, or white. Where a ring
+    says little of a variance, the next wider one, which sees more of the term, is listened to, and the whole
+    with the same rings and possibly wider ones.
     """
-    reliable = [analysis for analysis in analyses if analysis.rings >= FEWEST_RINGS_FOR_NOISE] or analyses
-    noise = min(analysis.typical_square for analysis in reliable)
+    noise = correlated if correlated is not None and whole is None else _noise(analyses, whole)
     basis = harmonic_basis()
     free = basis.degrees <= FREE_DEGREE
     of_whole = {} if whole is None else {model.analysis.rings: model.variances for model in whole.by_rings}
     models: list[RingModel] = []
     wider_errors = np.zeros(len(free))
     for analysis in reversed(analyses):
-        values, errors = _term_variances(analysis, noise)
+        of_ring = ring_noise(noise, analysis)
+        values, errors = _term_variances(analysis, of_ring.coefficients, noise.white)
         if models:
             scale = (analysis.radius / models[-1].analysis.radius) ** (2.0 * basis.degrees)
             values, errors = _with_hint(values, errors, scale * models[-1].variances, scale * wider_errors)
@@ -76,10 +86,22 @@ def learn_model(analyses: Sequence[RingAnalysis], whole: SurfaceModel | None = N
             for odds in (PRIOR_RANGE, CAUTIOUS_RANGE)
         )
         modelled = float((analysis.sums.unexplained @ believed).sum() / analysis.sums.freedom[:, -1].sum())
-        unmodelled = max(float(analysis.mean_squares[-1]) - noise - modelled, 0.0)
-        models.append(RingModel(analysis, believed, cautious, unmodelled))
+        unmodelled = max(float(analysis.mean_squares[-1]) - of_ring.residuals[-1] - modelled, 0.0)
+        models.append(RingModel(analysis, of_ring, believed, cautious, unmodelled))
         wider_errors = errors
-    return SurfaceModel(float(np.sqrt(noise)), tuple(reversed(models)))
+    return SurfaceModel(noise, tuple(reversed(models)))
+
+
+def _noise(analyses: Sequence[RingAnalysis], whole: SurfaceModel | None) -> NoiseModel:
+    """White noise, or that of the whole times a factor: what explains the smallest residual of the highest degree.
+
+    Where a neighbourhood is wide enough for degrees beyond, they show as a larger residual.
+    """
+    reliable = [analysis for analysis in analyses if analysis.rings >= FEWEST_RINGS_FOR_NOISE] or analyses
+    if whole is not None and whole.noise.sills:
+        expected = {model.analysis.rings: float(model.noise.residuals[-1]) for model in whole.by_rings}
+        return whole.noise.times(min(one.typical_square / expected[one.rings] for one in reliable))
+    return NoiseModel(min(analysis.typical_square for analysis in reliable))
 
 
 def _falling_off(believed: FloatArray, values: FloatArray, errors: FloatArray) -> FloatArray:
@@ -122,7 +144,7 @@ def expected_variance(surplus: FloatArray, by_chance: FloatArray, prior_range: f
     return np.where(certain, np.maximum(surplus, 0.0), believed)
 
 
-def _term_variances(analysis: RingAnalysis, noise: float) -> tuple[FloatArray, FloatArray]:
+def _term_variances(analysis: RingAnalysis, noise: FloatArray, white: float) -> tuple[FloatArray, FloatArray]:
     """Variances of all terms as one ring shows them, and their standard errors, infinite if it does not.
 
     The coefficient of a term follows from a fit of any degree that has it: a low one leaves it
@@ -135,6 +157,8 @@ def _term_variances(analysis: RingAnalysis, noise: float) -> tuple[FloatArray, F
     with np.errstate(divide="ignore", invalid="ignore"):
         values = (squares - noise * counts) / weights
         errors = noise * np.sqrt(2.0 * counts / analysis.independent) / weights
+        if (noise != white).any():
+            errors = np.hypot(errors, UNSURE * (noise - white) * counts / weights)
     surely = np.where(counts > 0.0, values - SURELY * errors, -np.inf)
     best = surely.argmax(axis=0), np.arange(counts.shape[1])
     found = counts[best] > 0.0

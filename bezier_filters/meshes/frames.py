@@ -5,7 +5,7 @@ from math import cos, radians, sin
 
 import numpy as np
 
-from bezier_filters.arrays import FloatArray, IntArray, SingleArray
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.triangles import area_vector
@@ -17,6 +17,10 @@ STEEPEST = radians(89.0)
 FOLD_COSINE, STEEPEST_SINE = cos(STEEPEST), sin(STEEPEST)
 ROUNDING = 2e-7
 """More than a bound up to 2 may lose in single precision."""
+UNBOUNDED = 2.0
+"""More than any cosine: no direction is known to be safe."""
+STEADY_ROUNDS = 4
+"""Of averaging normals that noise has turned."""
 TIE = 1e-6
 """Relative difference below which lengths count as equal: far above rounding, far below irregularity."""
 
@@ -27,7 +31,7 @@ class TangentPlanes:
 
     normals: FloatArray  # (n, 3): mean of the unit normals of the faces at each vertex, normalised; zero without any
     # (n,): if the cosine between a direction and the normal is larger than this, no face at the vertex folds when
-    # projected along that direction; 2 if there is no such bound
+    # projected along that direction; `UNBOUNDED` if none is known
     safe_cosine: SingleArray
 
 
@@ -35,7 +39,7 @@ def tangent_planes(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1
     """Tangent planes from the adjacent unit face normals, as in the paper."""
     of_faces = np.empty((mesh.face_count, 3))
     normals = np.zeros((mesh.vertex_count, 3))
-    safe_cosine = np.full(mesh.vertex_count, 2.0, dtype=np.float32)
+    safe_cosine = np.full(mesh.vertex_count, UNBOUNDED, dtype=np.float32)
     rows = adjacency.faces
     run_kernel(_unit_face_normals, mesh.face_count, mesh.vertices, mesh.faces, of_faces, threads=threads)
     planes = of_faces, rows.indptr, rows.indices, normals, safe_cosine
@@ -146,6 +150,37 @@ def turned_share(normals: FloatArray, members: IntArray, count: int, nx: float, 
         if normals[j, 0] * nx + normals[j, 1] * ny + normals[j, 2] * nz <= FOLD_COSINE:
             turned += 1
     return turned / max(count, 1)
+
+
+def steady_normals(
+    normals: FloatArray, adjacency_ptr: IntArray, neighbours: IntArray, stops: BoolArray, *, threads: int = 1
+) -> FloatArray:
+    """Unit normals (n, 3) averaged over neighbours, `STEADY_ROUNDS` times, but not across vertices that are `stops`.
+
+    Noise of a third of an edge in all directions turns single normals anywhere; what is around them still has one.
+    """
+    for _ in range(STEADY_ROUNDS):
+        before, normals = normals, np.empty_like(normals)
+        run_kernel(_average_normals, len(normals), adjacency_ptr, neighbours, stops, before, normals, threads=threads)
+    return normals
+
+
+@jit()
+def _average_normals(
+    ptr: IntArray, indices: IntArray, stops: BoolArray, before: FloatArray, after: FloatArray, start: int, stop: int
+) -> None:
+    """Mean normals of vertices start .. stop-1 and their neighbours."""
+    for i in range(start, stop):
+        x, y, z = before[i, 0], before[i, 1], before[i, 2]
+        if not stops[i]:
+            for q in range(ptr[i], ptr[i + 1]):
+                j = indices[q]
+                if not stops[j]:
+                    x, y, z = x + before[j, 0], y + before[j, 1], z + before[j, 2]
+        length = np.sqrt(x * x + y * y + z * z)
+        if length < 1e-9:  # they cancel out
+            x, y, z, length = before[i, 0], before[i, 1], before[i, 2], 1.0
+        after[i, 0], after[i, 1], after[i, 2] = x / length, y / length, z / length
 
 
 @inner_jit()

@@ -11,7 +11,7 @@ from bezier_filters.arrays import FloatArray, Report
 from bezier_filters.estimation.adaptive_fit import SurfaceFit, fit_parts
 from bezier_filters.estimation.fallbacks import fit_with_fallbacks
 from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, empty_geometry
-from bezier_filters.kernels.kernel_input import fitted_mesh
+from bezier_filters.kernels.kernel_input import fitted_mesh, with_steady_normals
 from bezier_filters.learning.model_tree import leaves
 from bezier_filters.scale.columns import chosen_columns, columns_of, table_of
 from bezier_filters.scale.halo import tile_part
@@ -194,6 +194,8 @@ def fit_tile(job: TileFit, tile: int) -> FittedTile:
     """Estimate the vertices of a tile: the same values as for the whole mesh."""
     part = tile_part(job.store, tile, rings_needed(job.fit))
     arrays, _ = fitted_mesh(part.mesh, creases=job.creases)
+    if job.fit.steady:
+        arrays = with_steady_normals(arrays)
     own = np.arange(part.own.start, part.own.stop, dtype=np.int32)
     arrays = arrays._replace(origin=np.arange(len(part.ids), dtype=np.int32) - own[0])
     geometry = empty_geometry(len(own))

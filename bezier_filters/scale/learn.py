@@ -19,7 +19,7 @@ from bezier_filters.estimation.adaptive_fit import (
 from bezier_filters.estimation.fallbacks import Attempt, fit_with_fallbacks
 from bezier_filters.estimation.fit_options import fit_options
 from bezier_filters.estimation.vertex_geometry import empty_geometry
-from bezier_filters.kernels.kernel_input import fitted_mesh
+from bezier_filters.kernels.kernel_input import fitted_mesh, with_steady_normals
 from bezier_filters.learning.learn import MOST_TURNED, learn_from_samples
 from bezier_filters.learning.model_tree import Leaf, leaves
 from bezier_filters.learning.neighbourhood_samples import (
@@ -28,10 +28,11 @@ from bezier_filters.learning.neighbourhood_samples import (
     draw_vertices,
     sample_neighbourhoods,
 )
+from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.learning.plans import Choices
 from bezier_filters.learning.ring_analysis import RingAnalysis
 from bezier_filters.meshes.adjacency import vertex_adjacency
-from bezier_filters.meshes.frames import tangent_planes
+from bezier_filters.meshes.frames import STEADY_ROUNDS, tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.patches.smoothness import Smoothness
@@ -99,10 +100,10 @@ def learn_fit(store: Store, options: FitOptions, *, threads: int = 1) -> Surface
     return with_parts(fit, learned, lambda centers: features[np.searchsorted(learned.centers, centers)])
 
 
-def learn_noise(store: Store, *, threads: int = 1) -> float | None:
-    """Standard deviation of the noise of a mesh along the normal, a length; None if it is too small to learn it."""
+def learn_noise(store: Store, *, threads: int = 1) -> NoiseModel | None:
+    """The noise of a mesh along the normal; None if it is too small to learn it."""
     _, leaf = _learn_surface(store, FitOptions(), Choices(), threads)
-    return None if leaf is None else leaf.surface.sigma
+    return None if leaf is None else leaf.surface.noise
 
 
 def _learn_surface(
@@ -110,8 +111,8 @@ def _learn_surface(
 ) -> tuple[list[RingAnalysis], Leaf | None]:
     """What `learn_surface` learns of a mesh in memory."""
 
-    def sample(rings: int, count: int) -> NeighbourhoodSample:
-        return _sample(store, rings, count, options, threads)
+    def sample(rings: int, count: int, steady: bool) -> NeighbourhoodSample:
+        return _sample(store, rings, count, options, steady, threads)
 
     return learn_from_samples(sample, store.layout.vertex_count, choices, threads=threads)
 
@@ -119,21 +120,26 @@ def _learn_surface(
 def rings_needed(fit: SurfaceFit) -> int:
     """How many rings around a vertex its values depend on."""
     chains = [fit.attempts] + ([] if fit.parts is None else [part.attempts for part in leaves(fit.parts)])
-    return _widest([attempt for chain in chains for attempt in chain]) + CREASE_RINGS
+    steady = STEADY_ROUNDS if fit.steady else 0
+    return _widest([attempt for chain in chains for attempt in chain]) + CREASE_RINGS + steady
 
 
 def _widest(attempts: list[Attempt]) -> int:
     return max(attempt.rings for attempt in attempts)
 
 
-def _sample(store: Store, rings: int, count: int, options: FitOptions, threads: int) -> NeighbourhoodSample:
+def _sample(
+    store: Store, rings: int, count: int, options: FitOptions, steady: bool, threads: int
+) -> NeighbourhoodSample:
     """The neighbourhoods that would be sampled in memory."""
     centers = _draw(store, count)
-    reach = rings + CREASE_RINGS + (OUTLIER_REACH if options.robust else 0)
+    reach = rings + CREASE_RINGS + (OUTLIER_REACH if options.robust else 0) + (STEADY_ROUNDS if steady else 0)
     part = part_around_samples(store, centers, reach, threads=threads)
     arrays, adjacency = fitted_mesh(part.mesh, creases=options.creases, threads=threads)
     if options.robust:
         arrays = without_outliers(arrays, threads=threads)
+    if steady:
+        arrays = with_steady_normals(arrays, threads=threads)
     local = part.local(centers)
     sample = sample_neighbourhoods(arrays, adjacency, local, rings=rings, most_turned=MOST_TURNED, threads=threads)
     return sample._replace(centers=centers)
@@ -141,8 +147,11 @@ def _sample(store: Store, rings: int, count: int, options: FitOptions, threads: 
 
 def _first_features(store: Store, centers: IntArray, fit: SurfaceFit, options: FitOptions, threads: int) -> FloatArray:
     """What the first fit shows at some vertices, (k, 2)."""
-    part = part_around_samples(store, centers, _widest(list(fit.attempts)) + CREASE_RINGS, threads=threads)
+    reach = _widest(list(fit.attempts)) + CREASE_RINGS + (STEADY_ROUNDS if fit.steady else 0)
+    part = part_around_samples(store, centers, reach, threads=threads)
     arrays, _ = fitted_mesh(part.mesh, creases=options.creases, threads=threads)
+    if fit.steady:
+        arrays = with_steady_normals(arrays, threads=threads)
     geometry, local = empty_geometry(part.mesh.vertex_count), part.local(centers)
     fit_with_fallbacks(arrays, local, fit.attempts, geometry, robust=options.robust, threads=threads)
     return first_features(geometry, local)

@@ -10,6 +10,7 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, Report
 from bezier_filters.errors import InvalidParameterError
+from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.meshes.adjacency import Adjacency, incoherent_vertices, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.atomic import atomic_write
@@ -28,7 +29,7 @@ from bezier_filters.smoothing.denoise import SmoothingPlan, denoise, learn_plan,
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, MeshPart
 from bezier_filters.smoothing.noise import ROUGHNESS_RINGS, roughest, roughness
-from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, check_smoothing
+from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, check_smoothing, known_noise
 from bezier_filters.smoothing.volume import (
     component_gains,
     component_volumes,
@@ -139,21 +140,23 @@ def _automatic(run: Run, iterations: int, noise: float | None, borders: Smoothed
     """The automatic smoothing: a round that measures the mesh, one for every iteration, and one that ends it."""
     options = {"iterations": iterations, "noise": noise, "borders": borders, "keep_volume": keep_volume}
     results, mesh = run.results({"quantity": "automatic smoothing"} | options), run.store
-    noise_before = noise if noise is not None else _noise_of(run, mesh)
+    known = NoiseModel(0.0) if noise == 0.0 else _noise_of(run, mesh)
+    if noise:
+        known = known_noise(known, noise)
     components: StoredComponents | None = None
     current, folders = mesh, list[Path]()
     for step in range(iterations):
-        sigma = noise_before if step == 0 else _noise_of(run, current)
+        here = (known if step == 0 else _noise_of(run, current)) or NoiseModel(0.0)
         around = tuple[int, ...]()
         if step == 0 or mesh.layout.vertex_count > LARGEST_WHOLE:
-            look = partial(measure_tile, current, sigma or 0.0)
+            look = partial(measure_tile, current, here.sigma)
             done = run.tiles("measure", results / f"measure-{step + 1}", look)
             around = (_roughest(done.tiles),)
         if step == 0 and mesh.layout.face_count > 0 and not done.sums("incoherent")[0]:
             components = unite_components(mesh, done.tiles)
         with run.stages.stage("learn"):
             parts = sampled_parts_of(current, around, threads=run.workers)
-            plan = learn_plan(parts, sigma or 0.0, borders, threads=run.workers)
+            plan = learn_plan(parts, here, borders, threads=run.workers)
         is_last = step + 1 == iterations
         job = SmoothJob(mesh, current, plan, borders == "fixed", components if is_last else None)
         folders.append(results / f"step-{step + 1}")
@@ -168,20 +171,23 @@ def _automatic(run: Run, iterations: int, noise: float | None, borders: Smoothed
     of_steps = None if steps is None else saved_array(results / "steps.bin", steps)
     end_job = FinishJob(mesh, current, tuple(folders), borders == "fixed", components, of_steps)
     done = run.tiles("finish", results / "finish", partial(finish_tile, end_job))
-    noise_after = _noise_of(run, mesh.with_vertices(_joined_vertices(results / "finish", done.tiles)))
+    left = _noise_of(run, mesh.with_vertices(_joined_vertices(results / "finish", done.tiles)))
     run.write(done.tiles)
     return run.report() | {
         "iterations": iterations,
         "quality": DISPLACEMENT,
         "attributes": [DISPLACEMENT, SHARPNESS],
-        "noise": {"before": noise_before, "after": noise_after},
+        "noise": {
+            "before": None if known is None else known.sigma,
+            "after": None if left is None else left.sigma,
+        },
         "volume": {"before": volume_before, "after": None if volume_before is None else float(done.sums("volume")[0])},
         "faces": dict(zip(COUNTS, done.sums("faces").astype(int).tolist(), strict=True)),
         "halo_rings": rings_around(plan),
     }
 
 
-def _noise_of(run: Run, store: Store) -> float | None:
+def _noise_of(run: Run, store: Store) -> NoiseModel | None:
     with run.stages.stage("learn"):
         return learn_noise(store, threads=run.workers)
 

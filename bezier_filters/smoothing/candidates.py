@@ -16,7 +16,7 @@ from bezier_filters.smoothing.laplacian import umbrella_laplacian
 from bezier_filters.smoothing.low_pass import FittedLowPass, LowPass
 from bezier_filters.smoothing.noise import NoisyMesh
 from bezier_filters.smoothing.normal_filter import filter_normals, noisy_normals
-from bezier_filters.smoothing.probes import OTHER_SIGNS, random_signs, white_noise
+from bezier_filters.smoothing.probes import OTHER_SIGNS
 from bezier_filters.smoothing.vertex_update import move_to_normals
 
 SMOOTH, GENTLE = 0, 1
@@ -64,18 +64,19 @@ def candidates(
     All of them start with more or less of that filter.
     """
     part, filters, normals = noisy.part, fitted.filters, fitted.shape.normals.astype(np.float32)
-    signs = random_signs(part.ids, 1, first=OTHER_SIGNS)[:, 0]
+    signs = noisy.probes(1, first=OTHER_SIGNS, threads=threads)[:, 0]
+    squares = noisy.mean_squares(signs[:, np.newaxis], threads=threads)
     filtered = filters.apply(np.column_stack([part.mesh.vertices, signs]), threads=threads)
-    leverages = (signs * filtered[:, 3]).astype(np.float32)
+    leverages = (signs * filtered[:, 3] / squares).astype(np.float32)
     yield Candidate(SMOOTH, _moves(part.mesh, filtered[:, :3]), fitted.residuals, leverages)
     del fitted, filtered, leverages  # for large meshes, memory counts
     sharp = {kind: ROUNDS[kind] for kind in KINDS[GENTLE + 1 :] if kind in kinds}
     if GENTLE in kinds:
-        yield from _sharp(noisy, filters.weaker(), normals, signs, {GENTLE: 1}, GENTLE_TOLERANCE, threads)
+        yield from _sharp(noisy, filters.weaker(), normals, signs, squares, {GENTLE: 1}, GENTLE_TOLERANCE, threads)
     if sharp:
         umbrella = umbrella_laplacian(part.mesh, part.adjacency, filters.borders, cut=part.cut, threads=threads)
         filters = filters.weak(umbrella)
-        yield from _sharp(noisy, filters, normals, signs, sharp, SHARP_TOLERANCE, threads)
+        yield from _sharp(noisy, filters, normals, signs, squares, sharp, SHARP_TOLERANCE, threads)
 
 
 def _sharp(
@@ -83,6 +84,7 @@ def _sharp(
     filters: LowPass,
     normals: SingleArray,
     signs: SingleArray,
+    squares: SingleArray,
     rounds: dict[int, int],
     tolerance: float,
     threads: int,
@@ -90,7 +92,9 @@ def _sharp(
     """Estimates by kind, whose vertices follow normals that were filtered some rounds, after a low-pass filter."""
     mesh, adjacency, sigma = noisy.part.mesh, noisy.part.adjacency, noisy.sigma
     start = _moves(mesh, filters.apply(mesh.vertices, threads=threads))
-    samples = filters.apply(_noise_samples(noisy, normals, signs), threads=threads).reshape(mesh.vertex_count, -1, 3)
+    samples = filters.apply(_noise_samples(noisy, normals, signs, threads), threads=threads).reshape(
+        mesh.vertex_count, -1, 3
+    )
     probe = np.float32(PROBE) * samples[:, 0]
     state = noisy_normals(_moved(mesh, start), _moved(mesh, start + probe), samples, threads=threads)
     del samples
@@ -103,13 +107,13 @@ def _sharp(
             for first, goal in ((start, state.normals), (start + probe, state.probed_normals))
         )
         residuals = -np.einsum("ij,ij->i", moves, normals) / sigma
-        leverages = np.einsum("ij,ij->i", probed - moves, normals) * signs / (PROBE * sigma)
+        leverages = np.einsum("ij,ij->i", probed - moves, normals) * signs / (PROBE * sigma * squares)
         yield Candidate(kind, moves, residuals.astype(np.float32), leverages.astype(np.float32))
 
 
-def _noise_samples(noisy: NoisyMesh, normals: SingleArray, signs: SingleArray) -> SingleArray:
+def _noise_samples(noisy: NoisyMesh, normals: SingleArray, signs: SingleArray, threads: int) -> SingleArray:
     """Coordinates of samples of the noise along the normals side by side, (n, 3 k); the first one goes by the signs."""
-    heights = white_noise(noisy.part.ids, int(np.clip(FEWEST_SAMPLED // noisy.part.vertex_count, 2, 6)))
+    heights = noisy.samples(int(np.clip(FEWEST_SAMPLED // noisy.part.vertex_count, 2, 6)), threads=threads)
     heights[:, 0] = signs
     heights *= noisy.sigma.astype(np.float32)[:, np.newaxis]
     vectors: SingleArray = heights[:, :, np.newaxis] * normals[:, np.newaxis]

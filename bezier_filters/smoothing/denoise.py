@@ -12,15 +12,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, SingleArray
+from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.parallel import Progress, report
 from bezier_filters.smoothing.candidates import GENTLE, ROUNDS, SHARPNESS, SMOOTH, Candidate, candidates
 from bezier_filters.smoothing.clusters import clusters_of
+from bezier_filters.smoothing.correlation import Correlation
 from bezier_filters.smoothing.laplacian import Borders
 from bezier_filters.smoothing.low_pass import LowPassPlan, fit_low_pass, learn_low_pass
 from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, MeshPart, SampledParts, sampled_parts, whole_mesh
-from bezier_filters.smoothing.noise import NoiseLevels, NoisyMesh, learn_noise_levels, local_sigma, roughest, roughness
+from bezier_filters.smoothing.noise import (
+    NoiseLevels,
+    NoisyMesh,
+    free_laplacian,
+    learn_noise_levels,
+    local_sigma,
+    roughest,
+    roughness,
+)
 from bezier_filters.smoothing.risk import Estimates, last_gain, local_risks, local_shares, noise_factor, overall_risks
 
 DETAIL = 0.01
@@ -103,7 +113,7 @@ class Denoised:
 def remove_noise(
     mesh: TriangleMesh,
     adjacency: Adjacency,
-    sigma: float,
+    noise: NoiseModel,
     borders: Borders,
     *,
     threads: int = 1,
@@ -116,8 +126,8 @@ def remove_noise(
     mesh : TriangleMesh
     adjacency : Adjacency
         Of the same mesh.
-    sigma : float
-        Standard deviation of the noise along the normal, a length.
+    noise : NoiseModel
+        Along the normal.
     borders : {"curve", "fixed"}
         Whether border vertices are smoothed along the border, or stay.
     threads : int
@@ -126,11 +136,11 @@ def remove_noise(
         Called after each of a few steps.
     """
     whole, around = whole_mesh(mesh, adjacency), tuple[int, ...]()
-    if mesh.vertex_count > LARGEST_WHOLE and sigma > 0.0:
-        around = (int(roughest(roughness(whole, sigma, threads=threads), whole.ids)[0]),)
+    if mesh.vertex_count > LARGEST_WHOLE and noise.sigma > 0.0:
+        around = (int(roughest(roughness(whole, noise.sigma, threads=threads), whole.ids)[0]),)
     parts = sampled_parts(mesh, adjacency, around, threads=threads)
     is_whole = parts.part.mesh is mesh
-    learned = _learn(parts, sigma, borders, threads, progress if is_whole else None)
+    learned = _learn(parts, noise, borders, threads, progress if is_whole else None)
     if learned is None:
         return Denoised(mesh.vertices.copy(), np.zeros(mesh.vertex_count))
     plan, result = learned
@@ -140,15 +150,15 @@ def remove_noise(
     return denoise(whole, plan, threads=threads, progress=progress)
 
 
-def learn_plan(parts: SampledParts, sigma: float, borders: Borders, *, threads: int = 1) -> SmoothingPlan | None:
+def learn_plan(parts: SampledParts, noise: NoiseModel, borders: Borders, *, threads: int = 1) -> SmoothingPlan | None:
     """Learn what holds for a mesh as a whole.
 
     Parameters
     ----------
     parts : SampledParts
         Parts of the mesh, see `sampled_parts`, of which one should be around its roughest place, see `roughness`.
-    sigma : float
-        Standard deviation of the noise along the normal, a length.
+    noise : NoiseModel
+        Along the normal.
     borders : {"curve", "fixed"}
         Whether border vertices are smoothed along the border, or stay.
     threads : int
@@ -159,15 +169,16 @@ def learn_plan(parts: SampledParts, sigma: float, borders: Borders, *, threads: 
     SmoothingPlan or None
         None if there is no noise that is worth taking off.
     """
-    learned = _learn(parts, sigma, borders, threads, None)
+    learned = _learn(parts, noise, borders, threads, None)
     return None if learned is None else learned[0]
 
 
 def _learn(
-    parts: SampledParts, sigma: float, borders: Borders, threads: int, progress: Progress | None
+    parts: SampledParts, noise: NoiseModel, borders: Borders, threads: int, progress: Progress | None
 ) -> tuple[SmoothingPlan, Denoised] | None:
     """The plan, and what it makes of the parts."""
     vertices, unit = parts.part.mesh.vertices, mean_edge(parts.part.mesh, parts.part.adjacency)
+    sigma = noise.sigma
     if not (sigma > (DETAIL + SMALLEST_NOISE) * unit and unit > 0.0):
         return None
     center = vertices.mean(axis=0)
@@ -177,8 +188,11 @@ def _learn(
     part, sigma, unit = _normalised(parts.part, center, scale), sigma * scale, unit * scale
     clusters = clusters_of(part)
     least, detail = (DETAIL + SMALLEST_NOISE) * unit, DETAIL * unit
-    levels, at_vertices = learn_noise_levels(part, clusters, parts.core, sigma, unit, least, detail, threads=threads)
-    noisy = NoisyMesh(part, clusters, at_vertices)
+    correlation = Correlation.of(noise, unit / scale, part.ids, free_laplacian(part, threads), parts.core)
+    levels, at_vertices = learn_noise_levels(
+        part, clusters, parts.core, sigma, correlation, unit, least, detail, threads=threads
+    )
+    noisy = NoisyMesh(part, clusters, at_vertices, correlation)
     report(progress, 1, STEPS)
     low_pass, fitted = learn_low_pass(noisy, parts.core, borders, unit, threads=threads)
     report(progress, 2, STEPS)
@@ -193,14 +207,16 @@ def _learn(
         less_noise = noise_factor(*_side_by_side(tried, 1.0).means(parts.core))
         estimates = _side_by_side(tried, less_noise)
         these = overall_risks(estimates, parts.core)
-        those = local_risks(clusters, estimates, these, threads=threads)
+        those = local_risks(clusters, estimates, these, correlation.alike, threads=threads)
         if last_gain(clusters, those) > GAIN:
             found, factor, overall, risks = tried, less_noise, these, those
         elif candidate.kind > GENTLE:
             break
     kinds = tuple(candidate.kind for candidate in found)
     plan = SmoothingPlan(center, scale, clusters.pace, levels, low_pass, kinds, factor, overall)
-    shares = None if risks is None else local_shares(clusters, risks, part.vertex_count, threads=threads)
+    shares = None
+    if risks is not None:
+        shares = local_shares(clusters, risks, part.vertex_count, correlation.alike, threads=threads)
     result = _mixture(parts.part.mesh, found, shares, scale)
     report(progress, STEPS, STEPS)
     return plan, result
@@ -222,7 +238,8 @@ def denoise(part: MeshPart, plan: SmoothingPlan, *, threads: int = 1, progress: 
     """
     scaled = _normalised(part, plan.center, plan.scale)
     clusters = clusters_of(scaled, plan.cluster_pace)
-    noisy = NoisyMesh(scaled, clusters, local_sigma(scaled, clusters, plan.noise, threads=threads))
+    at_vertices, alike = local_sigma(scaled, clusters, plan.noise, threads=threads), plan.noise.correlation.alike
+    noisy = NoisyMesh(scaled, clusters, at_vertices, plan.noise.correlation)
     report(progress, 1, STEPS)
     fitted = fit_low_pass(noisy, plan.low_pass, threads=threads)
     report(progress, 2, STEPS)
@@ -233,8 +250,8 @@ def denoise(part: MeshPart, plan: SmoothingPlan, *, threads: int = 1, progress: 
         report(progress, min(2 + candidate.kind, STEPS - 1), STEPS)
     shares = None
     if len(found) > 1:
-        risks = local_risks(clusters, _side_by_side(found, plan.noise_factor), plan.overall, threads=threads)
-        shares = local_shares(clusters, risks, part.vertex_count, threads=threads)
+        risks = local_risks(clusters, _side_by_side(found, plan.noise_factor), plan.overall, alike, threads=threads)
+        shares = local_shares(clusters, risks, part.vertex_count, alike, threads=threads)
     result = _mixture(part.mesh, found, shares, plan.scale)
     report(progress, STEPS, STEPS)
     return result

@@ -15,7 +15,6 @@ from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.smoothing.chebyshev import ORDER, WIDTH, Signals, add_heights, low_pass, low_pass_series
 from bezier_filters.smoothing.laplacian import Borders, Laplacian, cotangent_laplacian, umbrella_laplacian
 from bezier_filters.smoothing.noise import NoisyMesh
-from bezier_filters.smoothing.probes import random_signs
 from bezier_filters.smoothing.risk import Estimates, local_risks, local_shares, overall_risks
 
 STRENGTHS: FloatArray = np.concatenate([[0.0], 10.0 ** np.arange(-1.0, 6.1, 0.5)])
@@ -223,8 +222,9 @@ def fit_low_pass(noisy: NoisyMesh, plan: LowPassPlan, *, threads: int = 1) -> Fi
 
 def _shares(noisy: NoisyMesh, estimates: Estimates, overall: FloatArray, threads: int) -> SingleArray:
     """Of the filters at every vertex, (n, s)."""
-    risks = local_risks(noisy.clusters, estimates, overall, threads=threads)
-    return local_shares(noisy.clusters, risks, noisy.part.vertex_count, threads=threads)
+    alike = noisy.correlation.alike
+    risks = local_risks(noisy.clusters, estimates, overall, alike, threads=threads)
+    return local_shares(noisy.clusters, risks, noisy.part.vertex_count, alike, threads=threads)
 
 
 def _mixture(
@@ -244,19 +244,19 @@ def _mixture(
 def _estimates(
     noisy: NoisyMesh, laplacian: Laplacian, order: int, strengths: FloatArray, normals: FloatArray, threads: int
 ) -> Estimates:
-    """Residuals and leverages of filters; a leverage is the mean of sign times filtered sign."""
-    vertices, ids = noisy.part.mesh.vertices, noisy.part.ids
+    """Residuals and leverages of filters; a leverage is the mean of probe times filtered probe."""
+    vertices = noisy.part.mesh.vertices
     series = low_pass_series(strengths, laplacian.bound, order)
-    signs = random_signs(ids, 1)
+    signs = noisy.probes(1, threads=threads)
     directions = np.hstack([normals / noisy.sigma[:, np.newaxis], signs]).astype(np.float32)
     residuals, taken = np.zeros((2, len(vertices), len(strengths)), dtype=np.float32)
     add_heights(laplacian, np.hstack([vertices, signs]), series, directions, residuals, taken, threads=threads)
-    probes = 1
-    if noisy.part.vertex_count <= FEW:
-        signs = random_signs(ids, WIDTH, first=1)
+    squares = noisy.mean_squares(signs, threads=threads)
+    if noisy.part.vertex_count <= FEW or noisy.correlation.times:
+        signs = noisy.probes(WIDTH, first=1, threads=threads)
         add_heights(laplacian, signs, series, signs, taken, taken, threads=threads)  # all four go into the same sum
-        probes += WIDTH
-    return Estimates(residuals, np.float32(1.0) - taken / np.float32(probes))
+        squares += noisy.mean_squares(signs, threads=threads)
+    return Estimates(residuals, np.float32(1.0) - taken / squares[:, np.newaxis])
 
 
 def _smooth_shape(mesh: TriangleMesh, adjacency: Adjacency, umbrella: Laplacian, best: int, threads: int) -> Shape:

@@ -9,9 +9,10 @@ from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.smoothing.chebyshev import low_pass
 from bezier_filters.smoothing.clusters import Clusters, clusters_of
+from bezier_filters.smoothing.correlation import WHITE, Correlation, correlated_noise, correlated_signs
 from bezier_filters.smoothing.laplacian import Laplacian, umbrella_laplacian
 from bezier_filters.smoothing.mesh_parts import MeshPart
-from bezier_filters.smoothing.probes import random_bits, white_noise
+from bezier_filters.smoothing.probes import random_bits
 
 WEAK, STRONGER = np.array([1.0]), np.array([10.0])
 """Strengths of the filters that residuals and normals are taken from."""
@@ -51,12 +52,15 @@ class NoiseLevels:
         The lowest level that there may be, a length.
     detail : float
         Standard deviation of the relief that is left alone, a shorter length.
+    correlation : Correlation
+        How alike it is at neighbouring vertices.
     """
 
     sigma: float | None
     share: float
     lowest: float
     detail: float
+    correlation: Correlation = WHITE
 
     def at(self, roots: SingleArray) -> FloatArray:
         """Standard deviation of the noise at vertices, (n,)."""
@@ -76,11 +80,32 @@ class NoisyMesh:
         Of the same mesh.
     sigma : (n,) float64
         Standard deviation of the noise around every vertex, positive lengths.
+    correlation : Correlation
+        How alike the noise of neighbouring vertices is.
     """
 
     part: MeshPart
     clusters: Clusters
     sigma: FloatArray
+    correlation: Correlation = WHITE
+
+    def probes(self, columns: int, *, first: int = 0, threads: int = 1) -> SingleArray:
+        """Noise of variance 1, (n, columns): random signs if it is white."""
+        laplacian = free_laplacian(self.part, threads)
+        return correlated_signs(self.part.ids, columns, self.correlation, laplacian, first=first, threads=threads)
+
+    def samples(self, columns: int, *, threads: int = 1) -> SingleArray:
+        """Noise of variance 1 and normal distribution, (n, columns)."""
+        laplacian = free_laplacian(self.part, threads)
+        return correlated_noise(self.part.ids, columns, self.correlation, laplacian, threads=threads)
+
+    def mean_squares(self, probes: SingleArray, *, threads: int = 1) -> SingleArray:
+        """Squares of probes (n, columns) around every vertex, summed over the columns, (n,)."""
+        squares: SingleArray = np.square(probes).sum(axis=1, dtype=np.float32)
+        if not self.correlation.times:
+            return squares
+        around = self.clusters.diffuse(self.clusters.means(squares[:, np.newaxis]), WIDTH, threads=threads)
+        return self.clusters.at_vertices(around, threads=threads)[:, 0]
 
 
 def learn_noise_levels(
@@ -88,6 +113,7 @@ def learn_noise_levels(
     clusters: Clusters,
     core: BoolArray,
     sigma: float,
+    correlation: Correlation,
     unit: float,
     least: float,
     detail: float,
@@ -100,16 +126,16 @@ def learn_noise_levels(
     takes off, in a way that outliers, such as at edges, matter little to. None is below `least` before the standard
     deviation of the relief, `detail`, is taken off it; `unit` is the mean edge.
     """
-    laplacian = _free_laplacian(part, threads)
-    noise = white_noise(part.ids, 1).astype(np.float64)
+    laplacian = free_laplacian(part, threads)
+    noise = correlated_noise(part.ids, 1, correlation, laplacian, threads=threads).astype(np.float64)
     taken = noise - low_pass(laplacian, noise, WEAK, threads=threads)
     share = float(np.sqrt(np.square(taken[core]).mean()))
     roots = _roots(part, clusters, laplacian, share, threads)
     low, high = np.quantile(_levels(roots[core]), (0.1, 0.9))
     if high < NO_CREASES * unit or high < SPREAD * low:
-        levels = NoiseLevels(sigma, share, least, detail)
+        levels = NoiseLevels(sigma, share, least, detail, correlation)
     else:
-        levels = NoiseLevels(None, share, max(least, LEAST * float(high)), detail)
+        levels = NoiseLevels(None, share, max(least, LEAST * float(high)), detail, correlation)
     return levels, levels.at(roots)
 
 
@@ -117,7 +143,7 @@ def local_sigma(part: MeshPart, clusters: Clusters, levels: NoiseLevels, *, thre
     """Standard deviation of the noise around every vertex, (n,)."""
     if levels.sigma is not None:
         return levels.at(np.zeros(len(part.ids), dtype=np.float32))
-    return levels.at(_roots(part, clusters, _free_laplacian(part, threads), levels.share, threads))
+    return levels.at(_roots(part, clusters, free_laplacian(part, threads), levels.share, threads))
 
 
 def roughness(part: MeshPart, sigma: float, *, threads: int = 1) -> FloatArray:
@@ -135,7 +161,7 @@ def roughness(part: MeshPart, sigma: float, *, threads: int = 1) -> FloatArray:
     threads : int
         Number of threads.
     """
-    mesh, clusters, laplacian = part.mesh, clusters_of(part, PACE), _free_laplacian(part, threads)
+    mesh, clusters, laplacian = part.mesh, clusters_of(part, PACE), free_laplacian(part, threads)
     smooth = low_pass(laplacian, mesh.vertices, STRONG, threads=threads)
     normals = tangent_planes(TriangleMesh(smooth, mesh.faces), part.adjacency, threads=threads).normals
     heights = np.einsum("ij,ij->i", mesh.vertices - smooth, normals)
@@ -169,7 +195,8 @@ def roughest(values: FloatArray, ids: IntArray) -> IntArray:
     return near[values[near] > before].astype(np.int32)
 
 
-def _free_laplacian(part: MeshPart, threads: int) -> Laplacian:
+def free_laplacian(part: MeshPart, threads: int) -> Laplacian:
+    """Differences from the mean of all neighbours."""
     return umbrella_laplacian(part.mesh, part.adjacency, "free", cut=part.cut, threads=threads)
 
 

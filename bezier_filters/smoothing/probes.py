@@ -29,18 +29,18 @@ def random_bits(ids: IntArray, stream: int) -> NDArray[np.uint64]:
     return bits ^ (bits >> np.uint64(31))
 
 
-def random_signs(ids: IntArray, columns: int, *, first: int = 0) -> SingleArray:
+def random_signs(ids: IntArray, columns: int, *, first: int = 0, stream: int = 0) -> SingleArray:
     """Random signs, (n, columns), from some column on, of which there are 64."""
-    bits = random_bits(ids, 0)
+    bits = random_bits(ids, stream)
     signs = [bits >> np.uint64(first + k) & np.uint64(1) for k in range(columns)]
     return np.column_stack([2.0 * sign.astype(np.float32) - 1.0 for sign in signs])
 
 
-def white_noise(ids: IntArray, columns: int) -> SingleArray:
+def white_noise(ids: IntArray, columns: int, *, stream: int = 1) -> SingleArray:
     """Numbers of the standard normal distribution, (n, columns), by the transform of Box and Muller."""
     result = np.empty((len(ids), columns), dtype=np.float32)
     for k in range(0, columns, 2):
-        radius, angle = ((random_bits(ids, 1 + k + j) >> np.uint64(11)) * 2.0**-53 for j in range(2))
+        radius, angle = ((random_bits(ids, stream + k + j) >> np.uint64(11)) * 2.0**-53 for j in range(2))
         radius = np.sqrt(-2.0 * np.log1p(-radius))
         result[:, k] = radius * np.cos(2.0 * np.pi * angle)
         result[:, k + 1 : k + 2] = (radius * np.sin(2.0 * np.pi * angle))[:, np.newaxis]

@@ -62,11 +62,13 @@ def overall_risks(estimates: Estimates, rows: BoolArray | slice) -> FloatArray:
     return result
 
 
-def local_risks(clusters: Clusters, estimates: Estimates, overall: FloatArray, *, threads: int = 1) -> FloatArray:
+def local_risks(
+    clusters: Clusters, estimates: Estimates, overall: FloatArray, alike: float = 1.0, *, threads: int = 1
+) -> FloatArray:
     """Risk of every estimate around every cluster, (k, s), less that of the one that is best for the mesh as a whole.
 
     Where the local difference deviates from the overall one, (s,) from `overall_risks`, by no more than noise may make
-    it do, the latter is taken (after James and Stein).
+    it do, the latter is taken (after James and Stein). So many vertices are `alike` that they tell no more than one.
     """
     best, terms = int(overall.argmin()), _mean_terms(clusters, estimates)
     distances = np.zeros(terms.shape)
@@ -77,7 +79,7 @@ def local_risks(clusters: Clusters, estimates: Estimates, overall: FloatArray, *
     count = len(overall)
     local = around[:, :count] - overall
     # A difference of squared residuals has four times the variance of the difference of the estimates.
-    variances = np.maximum(4.0 / VERTICES * around[:, count:], 0.0)
+    variances = np.maximum(4.0 * alike / VERTICES * around[:, count:], 0.0)
     squares = np.square(local)
     believed = np.divide(
         np.maximum(squares - DOUBT * variances, 0.0), squares, out=np.zeros_like(squares), where=squares > 0.0
@@ -100,9 +102,11 @@ def last_gain(clusters: Clusters, risks: FloatArray) -> float:
     return float(clusters.sizes @ gains) / max(len(clusters.of_vertex), 1)
 
 
-def local_shares(clusters: Clusters, risks: FloatArray, vertex_count: int, *, threads: int = 1) -> SingleArray:
+def local_shares(
+    clusters: Clusters, risks: FloatArray, vertex_count: int, alike: float = 1.0, *, threads: int = 1
+) -> SingleArray:
     """Share of every estimate at every vertex, (n, s), by their risks around it, in a mesh of so many vertices."""
-    temperature = TEMPERATURE / np.sqrt(max(vertex_count, 1))
+    temperature = TEMPERATURE / np.sqrt(max(vertex_count / alike, 1.0))
     shares: FloatArray = np.exp(-(risks - risks.min(axis=1, keepdims=True)) / temperature)
     shares /= shares.sum(axis=1, keepdims=True)
     return clusters.at_vertices(shares, threads=threads)

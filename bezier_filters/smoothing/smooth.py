@@ -11,6 +11,7 @@ from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.first_call import first_call
 from bezier_filters.kernels.kernel_input import fitted_mesh
 from bezier_filters.learning.learn import learn_surface
+from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.learning.plans import Choices
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
@@ -113,12 +114,12 @@ def smooth(
     movable = _movable(selected, adjacency, borders)
     points, sharpness = mesh.vertices, np.zeros(mesh.vertex_count)
     with first_call():
-        noise_before = noise if noise is not None else learn_noise(mesh, adjacency, threads=threads)
+        known = _noise_of(mesh, adjacency, noise, threads)
         for k in range(iterations):
             current, part = TriangleMesh(points, mesh.faces), part_of(progress, k, iterations)
             if method == "auto":
-                sigma = noise_before if k == 0 else learn_noise(current, adjacency, threads=threads)
-                found = remove_noise(current, adjacency, sigma or 0.0, borders, threads=threads, progress=part)
+                here = (known if k == 0 else learn_noise(current, adjacency, threads=threads)) or NoiseModel(0.0)
+                found = remove_noise(current, adjacency, here, borders, threads=threads, progress=part)
                 points, sharpness = found.points, np.maximum(sharpness, found.sharpness)
             else:
                 points = _onto_patches(current, rings, alpha, threads, part)
@@ -132,13 +133,14 @@ def smooth(
             points = repair_flipped_faces(mesh, adjacency, points, threads=threads)
         smoothed = TriangleMesh(points, mesh.faces)
         volumes_after = component_volumes(components, smoothed)
+        left = learn_noise(smoothed, adjacency, threads=threads)
         bad_before, bad_after = (bad_faces(one, adjacency, threads=threads) for one in (mesh, smoothed))
         return SmoothingResult(
             vertices=points,
             displacement=np.linalg.norm(points - mesh.vertices, axis=1),
             sharpness=sharpness,
-            noise_before=noise_before,
-            noise_after=learn_noise(smoothed, adjacency, threads=threads),
+            noise_before=None if known is None else known.sigma,
+            noise_after=None if left is None else left.sigma,
             volume_before=float(volumes_before.sum()) if components.count else None,
             volume_after=float(volumes_after.sum()) if components.count else None,
             flipped_before=int(bad_before.flipped.sum()),
@@ -149,11 +151,26 @@ def smooth(
         )
 
 
-def learn_noise(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> float | None:
-    """Standard deviation of the noise along the normal, learned from the mesh; None if it is too small."""
+def learn_noise(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> NoiseModel | None:
+    """The noise along the normal, learned from the mesh; None if it is too small."""
     arrays, adjacency = fitted_mesh(mesh, adjacency=adjacency, creases=True, threads=threads)
     _, leaf = learn_surface(arrays, adjacency, Choices(), threads=threads)
-    return None if leaf is None else leaf.surface.sigma
+    return None if leaf is None else leaf.surface.noise
+
+
+def known_noise(learned: NoiseModel | None, sigma: float) -> NoiseModel:
+    """Noise of a given strength: how alike neighbouring vertices are is learned all the same."""
+    if learned is None or not learned.sills:
+        return NoiseModel(sigma**2)
+    return learned.times(sigma**2 / learned.variance)
+
+
+def _noise_of(mesh: TriangleMesh, adjacency: Adjacency, sigma: float | None, threads: int) -> NoiseModel | None:
+    """The noise, of a given strength if that is known."""
+    if sigma == 0.0:
+        return NoiseModel(0.0)
+    learned = learn_noise(mesh, adjacency, threads=threads)
+    return learned if sigma is None else known_noise(learned, sigma)
 
 
 def _onto_patches(mesh: TriangleMesh, rings: int, alpha: float, threads: int, progress: Progress | None) -> FloatArray:

@@ -6,6 +6,7 @@ from random_neighbourhoods import analyse_ring, as_sample, draw, variances_by_de
 
 from bezier_filters import estimate_vertex_geometry
 from bezier_filters.learning.model_tree import FEWEST_ON_A_SIDE, Leaf, Split, grow, leaf_numbers, leaf_of, leaves
+from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.learning.plans import Choices, FitPlan
 from bezier_filters.learning.surface_model import SurfaceModel
 from bezier_filters.patches.harmonics import harmonic_basis
@@ -79,7 +80,7 @@ def test_no_side_gets_fewer_neighbourhoods_than_a_model_needs():
 
 def test_leaves_are_numbered_from_left_to_right():
     plan = FitPlan(1, 2, 7.0, 1.0, np.zeros(6), np.inf, 0.0, 0.0)
-    a, b, c = (Leaf(SurfaceModel(sigma, ()), (plan,), plan) for sigma in (1.0, 2.0, 3.0))
+    a, b, c = (Leaf(SurfaceModel(NoiseModel(sigma**2), ()), (plan,), plan) for sigma in (1.0, 2.0, 3.0))
     tree = Split(1, 5.0, a, Split(0, 2.0, b, c))
     assert leaves(tree) == [a, b, c]
     features = np.array([[9.0, 5.0], [2.0, 6.0], [2.1, 6.0], [0.0, -1.0]])

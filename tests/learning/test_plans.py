@@ -8,6 +8,7 @@ from random_neighbourhoods import analyse_ring, as_sample, draw, fit_stars, vari
 
 from bezier_filters import FitStatus, estimate_vertex_geometry
 from bezier_filters.learning import plans as plans_module
+from bezier_filters.learning.noise_model import NoiseModel, ring_noise
 from bezier_filters.learning.plans import WEIGHTED_RINGS, FitPlan, all_plans, best_plan, plan_for, ring_plans
 from bezier_filters.learning.surface_model import RingModel, SurfaceModel
 from bezier_filters.surfaces import height_field, sphere
@@ -24,7 +25,8 @@ ROUGH = SMALL**2 * variances_by_degree(1.0, 0.5), 0.01 * SMALL
 def surface_model(points, variances, sigma, rings=3):
     """The model with the true variances."""
     analysis = analyse_ring(as_sample(points, rings), rings, len(points))
-    return SurfaceModel(sigma, (RingModel(analysis, variances, variances, 0.0),))
+    noise = NoiseModel(sigma**2)
+    return SurfaceModel(noise, (RingModel(analysis, ring_noise(noise, analysis), variances, variances, 0.0),))
 
 
 def errors_of_the_kernel(plan, drawn):
@@ -98,7 +100,9 @@ def test_errors_scale_with_the_noise_and_what_it_is_asked_about():
     drawn = draw(50, SIZE, variances, sigma)
     model = surface_model(drawn.points, variances, sigma)
     plan = all_plans(model)[0]
-    twice = SurfaceModel(2.0 * sigma, (replace(model.by_rings[0], variances=4.0 * variances),))
+    noise = NoiseModel(4.0 * sigma**2)
+    ring = replace(model.by_rings[0], noise=ring_noise(noise, model.by_rings[0].analysis), variances=4.0 * variances)
+    twice = SurfaceModel(noise, (ring,))
     assert plan_for(plan, twice).normal_error == pytest.approx(2.0 * plan.normal_error)
     assert plan_for(plan, twice).curvature_error == pytest.approx(2.0 * plan.curvature_error)
     assert plan_for(replace(plan, rings=7), twice) is None

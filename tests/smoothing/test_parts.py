@@ -5,6 +5,7 @@ import pytest
 from numba import config
 from test_smoothing import edge_of, face_normals, with_noise
 
+from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
 from bezier_filters.smoothing.denoise import denoise, learn_plan, remove_noise, rings_around
@@ -47,12 +48,12 @@ def test_parts_with_rings_around_are_smoothed_as_the_whole(make):
     mesh = triangle_mesh(*make())
     adjacency = vertex_adjacency(mesh)
     sigma = 0.2 * edge_of(mesh.vertices, mesh.faces)
-    plan = learn_plan(sampled_parts(mesh, adjacency), sigma, "curve")
+    plan = learn_plan(sampled_parts(mesh, adjacency), NoiseModel(sigma**2), "curve")
     whole = denoise(whole_mesh(mesh, adjacency), plan)
-    learned = remove_noise(mesh, adjacency, sigma, "curve")
+    learned = remove_noise(mesh, adjacency, NoiseModel(sigma**2), "curve")
     assert np.abs(learned.points - whole.points).max() < 1e-5 * sigma  # what learning leaves
     squares = []
-    for low, high in ((-np.inf, -0.25), (0.25, np.inf)):
+    for low, high in ((-np.inf, -0.7), (0.7, np.inf)):
         inner = (mesh.vertices[:, 0] >= low) & (mesh.vertices[:, 0] < high)
         part = part_around(mesh, adjacency, inner, rings_around(plan))
         assert part.cut.any()

@@ -1,0 +1,163 @@
+"""The covariance of the noise along the normal, and what it does to the fits of one ring.
+
+Scanners blur what they measure, so the noise of neighbouring vertices is alike. It counts as a white part and parts
+whose correlation falls off with the distance d as exp(-d^2 / (2 l^2)), as white noise does that was averaged over
+surroundings of width l / sqrt(2).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.learning.ring_analysis import RingAnalysis
+from bezier_filters.patches.harmonics import harmonic_basis
+
+NEARLY_SINGULAR = 1e-10
+"""Of the largest entry of normal equations, what is added to each."""
+LOOKED_AT = 24
+"""Neighbourhoods of a ring over which it is averaged what noise does."""
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """Noise of the heights: the same everywhere, Gaussian, its covariance a function of the distance."""
+
+    white: float  # variance of the part that is independent from vertex to vertex, length^2
+    sills: tuple[float, ...] = ()  # variances of the correlated parts, length^2,
+    lengths: tuple[float, ...] = ()  # and over what distances their correlation falls to exp(-1/2)
+    heavy: bool = False  # whether it turns single normals so far that they mean nothing
+
+    @property
+    def variance(self) -> float:
+        """Of the noise of one vertex, length^2."""
+        return self.white + sum(self.sills)
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of the noise of one vertex, a length."""
+        return float(np.sqrt(self.variance))
+
+    @property
+    def length(self) -> float:
+        """Distance over which the noise is correlated: the mean over its correlated parts; 0 if it is white."""
+        return float(np.dot(self.sills, self.lengths) / sum(self.sills)) if self.sills else 0.0
+
+    def times(self, factor: float) -> "NoiseModel":
+        """The same noise with `factor` times the variance."""
+        return replace(self, white=factor * self.white, sills=tuple(factor * sill for sill in self.sills))
+
+    def covariances(self, points: FloatArray, steepness: FloatArray) -> FloatArray:
+        """Of the heights of the points of neighbourhoods, (T, n, 3) to (T, n, n).
+
+        `steepness` (T, n) is 1 / cos of the slope of the surface there.
+
+        Examples
+        --------
+        >>> points = np.array([[[0.0, 0.0, 0.0], [1.0, 1.0, 0.0]]])
+        >>> NoiseModel(1.0, (2.0,), (1.0,)).covariances(points, np.ones((1, 2))).round(3)
+        array([[[3.   , 0.736],
+                [0.736, 3.   ]]])
+        """
+        squares = squared_distances(points)
+        result = np.zeros(squares.shape)
+        for sill, length in zip(self.sills, self.lengths, strict=True):
+            result += sill * np.exp(-0.5 / length**2 * squares)
+        places = np.arange(points.shape[1])
+        result[:, places, places] += self.white
+        steeper: FloatArray = result * (steepness[:, :, np.newaxis] * steepness[:, np.newaxis])
+        return steeper
+
+
+def squared_distances(points: FloatArray) -> FloatArray:
+    """Between all points of every neighbourhood, (T, n, d) to (T, n, n)."""
+    squares = np.square(points).sum(axis=2)
+    products = points @ points.transpose(0, 2, 1)
+    result: FloatArray = np.maximum(squares[:, :, np.newaxis] + squares[:, np.newaxis] - 2.0 * products, 0.0)
+    return result
+
+
+@dataclass(frozen=True)
+class RingNoise:
+    """What noise does to the fits of one ring, on average.
+
+    T are its first neighbourhoods; degrees d run from 0 to J; m terms, M of them in all and G groups are those of
+    `RingAnalysis`. All are variances, length^2.
+    """
+
+    total: float  # of one vertex
+    covariances: FloatArray | None  # (T, n, n): of the first points; None if the noise is white
+    grams: FloatArray | None  # (T, M, M): design^T covariance design
+    parts: FloatArray  # (m,): of what the heights hold of each term, see `RingSums`
+    residuals: FloatArray  # (J + 1,): mean square that the fit of each degree leaves, per degree of freedom
+    # (J + 1, G): of the coefficients of each degree, over what they would be under white noise of variance 1
+    coefficients: FloatArray
+
+
+def ring_noise(noise: NoiseModel, analysis: RingAnalysis) -> RingNoise:
+    """Find out what noise does to the fits of one ring."""
+    m, by_degree = analysis.sums.parts.shape[1], analysis.sums.term_squares.shape[1:]
+    if not noise.sills:
+        every = noise.white
+        return RingNoise(every, None, None, np.full(m, every), np.full(by_degree[0], every), np.full(by_degree, every))
+    points, steepness = analysis.quadratics(analysis.first)
+    covariances = noise.covariances(analysis.radius * points, steepness)
+    numbers: IntArray = np.arange(min(LOOKED_AT, len(analysis.rows)), dtype=np.int32)
+    design = analysis.designs(numbers)[..., :m]
+    inner = design.transpose(0, 2, 1) @ design
+    _regularise(inner)
+    points, steepness = analysis.quadratics(numbers)
+    outer = design.transpose(0, 2, 1) @ noise.covariances(analysis.radius * points, steepness) @ design
+    parts = _of_parts(inner, outer)
+    sizes = analysis.sizes[numbers]
+    present = np.arange(steepness.shape[1]) < sizes[:, np.newaxis]
+    total = noise.variance * float(np.square(steepness[present]).mean())
+    return RingNoise(
+        noise.variance,
+        covariances,
+        analysis.first_designs.transpose(0, 2, 1) @ covariances @ analysis.first_designs,
+        parts,
+        _of_residuals(analysis.degree, float(sizes.mean()), total, parts),
+        _of_coefficients(analysis, inner, outer),
+    )
+
+
+def _of_parts(inner: FloatArray, outer: FloatArray) -> FloatArray:
+    """Diagonal of Q^T covariance Q for the orthonormal Q of designs, (m,).
+
+    Given are design^T design and design^T covariance design, (k, m, m).
+    """
+    factors = np.linalg.cholesky(inner)
+    half = np.linalg.solve(factors, outer)
+    whole = np.linalg.solve(factors, half.transpose(0, 2, 1))
+    result: FloatArray = np.diagonal(whole, axis1=1, axis2=2).mean(axis=0)
+    return result
+
+
+def _of_residuals(highest: int, points: float, variance: float, parts: FloatArray) -> FloatArray:
+    """Trace of the covariance less what the parts of each degree take of it, per degree of freedom, (J + 1,)."""
+    counts = np.array([harmonic_basis().up_to(degree) for degree in range(highest + 1)])
+    taken = np.array([parts[:count].sum() for count in counts])
+    result: FloatArray = np.maximum(points * variance - taken, 0.0) / np.maximum(points - counts, 1.0)
+    return result
+
+
+def _of_coefficients(analysis: RingAnalysis, inner: FloatArray, outer: FloatArray) -> FloatArray:
+    """See `RingNoise.coefficients`."""
+    basis = harmonic_basis()
+    result = np.zeros(analysis.sums.term_squares.shape[1:])
+    for degree in range(analysis.degree + 1):
+        count = basis.up_to(degree)
+        inverse = np.linalg.inv(inner[:, :count, :count])
+        passed = (inverse @ outer[:, :count, :count] * inverse).sum(axis=2)
+        ratios = (passed / np.diagonal(inverse, axis1=1, axis2=2)).mean(axis=0)
+        groups = basis.groups[:count]
+        sums = np.bincount(groups, weights=np.maximum(ratios, 0.0)) / np.bincount(groups)
+        result[degree, : len(sums)] = sums
+    return result
+
+
+def _regularise(matrices: FloatArray) -> None:
+    """Make singular normal equations solvable."""
+    places = np.arange(matrices.shape[1])
+    matrices[:, places, places] += NEARLY_SINGULAR * matrices[:, places, places].max(axis=1, keepdims=True)

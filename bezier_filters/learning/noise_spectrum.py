@@ -1,0 +1,210 @@
+"""Learns the covariance of the noise: what the residuals and the terms of all rings hold, as noise and shape would.
+
+Noise is everywhere, shape only somewhere; and the wider the ring, the more shape is in it, while noise stays what it
+is. So the mean squares of terms of degree 3 and more and of residuals, over the flattest of the sampled places, are
+explained, ring by ring and degree by degree, as sums of white noise, of noise correlated over some lengths, and of
+shape, each with a variance of its own that is not negative.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import nnls
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.learning.noise_model import LOOKED_AT, NoiseModel, squared_distances
+from bezier_filters.learning.ring_analysis import FREE_DEGREE, RingAnalysis
+from bezier_filters.patches.harmonics import HIGHEST_DEGREE, harmonic_basis
+
+SQUARED_LENGTHS = (0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0)
+"""Over which noise may be correlated, in edges."""
+FLATTEST, MOST = 0.25, 0.6
+"""Shares of the places that are looked at."""
+EVERYWHERE = 2.5
+"""Times the variance of the noise at the flattest places: what most have is the same noise."""
+SHORT = 1.0
+"""Square of a length, in edges, over which noise may be correlated without being partly white."""
+LEAST_WHITE = 1e-3
+"""Share of noise of greater length that is white at least: what is as smooth as nothing that is measured is shape."""
+LEAST_DEGREE = 4
+"""Of the terms that tell how flat a place is."""
+RINGS = (2, 3, 4, 5)
+"""Narrower ones leave too few points; wider ones would take long."""
+MODEL_ERROR = 0.05
+"""Relative standard error of what is expected, beside that of what is observed."""
+MOST_PARTS = 2
+"""Correlated parts of the noise."""
+GAIN = 15.0
+"""Of the deviance, by which a part of the noise must lower it: chance does so by about 1."""
+WORST = 4.0
+"""Deviance per observation up to which the explanation counts as one."""
+STEPS = 12
+"""In which variances and the weights that follow from them settle."""
+FIRST = FREE_DEGREE + 1
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Mean squares that were observed, and what each cause would contribute under variance 1.
+
+    There is an entry for every ring, and there for every degree from 3 to the highest, and for what is left.
+    """
+
+    observed: FloatArray  # (e,)
+    variances: FloatArray  # (e,): of the observed, relative to their squares
+    white: FloatArray  # (e,)
+    correlated: FloatArray  # (e, lengths)
+    shape: FloatArray  # (e, degrees from 3)
+
+
+def learn_noise(analyses: Sequence[RingAnalysis]) -> NoiseModel | None:
+    """The covariance of the noise; None if it is white, or if noise and shape do not explain what there is.
+
+    The flattest places decide, which hold a little less of the noise, too. So if it is hardly less than at most places,
+    it is taken to be the same everywhere, and these say how strong it is.
+
+    Examples
+    --------
+    >>> learn_noise([]) is None
+    True
+    """
+    used = [one for one in analyses if one.rings in RINGS and one.degree >= FIRST]
+    if len(used) < 2:
+        return None
+    widest = used[-1]
+    left = widest.sums.residuals[:, -1] / np.maximum(widest.sums.freedom[:, -1], 1.0)
+    flattest = _explained(used, _flattest(widest, _roughness(widest), FLATTEST), half=True)
+    most = _explained(used, _flattest(widest, left, MOST), half=False)
+    if flattest is None or most is None or most.variance > EVERYWHERE * flattest.variance:
+        return flattest
+    return most
+
+
+def _explained(analyses: Sequence[RingAnalysis], centers: IntArray, *, half: bool) -> NoiseModel | None:
+    """The noise around some vertices, or None as above; by half of the terms, if the others have chosen these."""
+    places = [one.where(np.isin(one.centers, centers)) for one in analyses]
+    used = [one for one in places if one is not None]
+    edge = used[0].radius / used[0].rings if used else 0.0
+    if len(used) < len(analyses) or not edge > 0.0:
+        return None
+    spectrum = Spectrum(
+        *(np.concatenate(part) for part in zip(*(_entries(one, edge, half) for one in used), strict=True))
+    )
+    if not (spectrum.observed > 0.0).all():
+        return None
+    chosen: list[int] = []
+    variances, deviance = _explain(spectrum, chosen)
+    while len(chosen) < MOST_PARTS:
+        others = [k for k in range(len(SQUARED_LENGTHS)) if k not in chosen]
+        tried = [(*_explain(spectrum, [*chosen, k]), k) for k in others]
+        best = min(tried, key=lambda one: one[1])
+        if deviance - best[1] < GAIN:
+            break
+        variances, deviance = best[:2]
+        chosen.append(best[2])
+    white, sills = float(variances[0]) * edge**2, variances[1 : 1 + len(chosen)] * edge**2
+    long = np.array([SQUARED_LENGTHS[k] > SHORT for k in chosen], dtype=np.bool_)
+    if not sills.any() or white < LEAST_WHITE * sills[long].sum() or deviance > WORST * len(spectrum.observed):
+        return None
+    parts = [(float(sill), SQUARED_LENGTHS[k] ** 0.5 * edge) for k, sill in zip(chosen, sills, strict=True) if sill]
+    return NoiseModel(white, tuple(sill for sill, _ in parts), tuple(length for _, length in parts))
+
+
+def _roughness(analysis: RingAnalysis) -> FloatArray:
+    """How much of high terms every neighbourhood holds, (N,).
+
+    It goes by one term of every pair of a frequency, and what is then looked at by the others, which under noise are
+    independent: so noise itself hardly decides where it is looked for.
+    """
+    basis, m = harmonic_basis(), analysis.sums.parts.shape[1]
+    told = _tells(m) & (basis.degrees[:m] >= min(LEAST_DEGREE, analysis.degree))
+    squares = np.square(analysis.sums.parts[:, told])
+    usual = np.median(squares, axis=0)
+    result: FloatArray = (squares / np.maximum(usual, np.finfo(np.float64).tiny)).mean(axis=1)
+    return result
+
+
+def _flattest(analysis: RingAnalysis, measure: FloatArray, share: float) -> IntArray:
+    """Centers of the share of the neighbourhoods where a measure is smallest."""
+    result: IntArray = analysis.centers[measure <= np.quantile(measure, share)]
+    return result
+
+
+def _tells(terms: int) -> BoolArray:
+    """Which terms tell how flat a place is: one of every pair, (terms,)."""
+    groups = harmonic_basis().groups[:terms]
+    result: BoolArray = np.append(False, groups[1:] == groups[:-1])
+    return result
+
+
+def _entries(analysis: RingAnalysis, edge: float, half: bool) -> tuple[FloatArray, ...]:
+    """The entries of a `Spectrum` for one ring."""
+    basis, m = harmonic_basis(), analysis.sums.parts.shape[1]
+    degrees, highest = basis.degrees[:m], analysis.degree
+    looked_at = ~_tells(m) if half else np.ones(m, dtype=np.bool_)
+    by_degree = np.array([looked_at & (degrees == degree) for degree in range(FIRST, highest + 1)], dtype=np.float64)
+    terms = by_degree.sum(axis=1)
+    freedom = float(analysis.sums.freedom[:, -1].sum())
+    observed = by_degree @ np.square(analysis.sums.parts).mean(axis=0) / terms
+    left = analysis.sums.residuals[:, -1].sum() / freedom
+    counts = np.append(terms * len(analysis.centers), freedom) * analysis.independent
+    correlated = _correlated(analysis, by_degree / terms[:, np.newaxis], edge)
+    shape = _shape(analysis, by_degree / terms[:, np.newaxis], edge)
+    return (
+        np.append(observed, left) / edge**2,
+        2.0 / counts + MODEL_ERROR**2,
+        np.ones(len(terms) + 1),
+        correlated,
+        shape,
+    )
+
+
+def _correlated(analysis: RingAnalysis, means: FloatArray, edge: float) -> FloatArray:
+    """What noise of variance 1 and each length contributes, (e, lengths); `means` (degrees, m) average over terms."""
+    m = analysis.sums.parts.shape[1]
+    numbers: IntArray = np.arange(min(LOOKED_AT, len(analysis.rows)), dtype=np.int32)
+    sizes = analysis.sizes[numbers]
+    points, steepness = analysis.quadratics(numbers)
+    points *= analysis.radius / edge
+    orthonormal = np.linalg.qr(analysis.designs(numbers)[..., :m])[0]
+    steepness *= np.arange(points.shape[1]) < sizes[:, np.newaxis]
+    steeper = steepness[..., np.newaxis] * orthonormal
+    total = np.square(steepness).sum(axis=1)
+    squares = squared_distances(points)
+    result = np.zeros((len(means) + 1, len(SQUARED_LENGTHS)))
+    for k, length in enumerate(SQUARED_LENGTHS):
+        correlation = np.exp(-0.5 / length * squares)
+        parts = ((correlation @ steeper) * steeper).sum(axis=1)
+        result[:-1, k] = means @ parts.mean(axis=0)
+        result[-1, k] = ((total - parts.sum(axis=1)) / (sizes - m)).mean()
+    return result
+
+
+def _shape(analysis: RingAnalysis, means: FloatArray, edge: float) -> FloatArray:
+    """What terms of each degree from 3 contribute if each has variance 1 at a distance of an edge, (e, degrees)."""
+    degrees, m = harmonic_basis().degrees, analysis.sums.parts.shape[1]
+    squares = np.square(analysis.factors[analysis.rows[analysis.first]]).mean(axis=0)
+    unexplained = analysis.sums.unexplained.mean(axis=0) / analysis.sums.freedom[:, -1].mean()
+    result = np.zeros((len(means) + 1, HIGHEST_DEGREE - FREE_DEGREE))
+    for degree in range(FIRST, HIGHEST_DEGREE + 1):
+        scale = (analysis.radius / edge) ** (2.0 * degree)
+        result[:-1, degree - FIRST] = scale * (means @ squares[:m, degrees == degree].sum(axis=1))
+        result[-1, degree - FIRST] = scale * unexplained[degrees == degree].sum()
+    return result
+
+
+def _explain(spectrum: Spectrum, lengths: Sequence[int]) -> tuple[FloatArray, float]:
+    """Variances of white noise, of noise of some lengths and of shape, and the deviance that they leave.
+
+    What is observed has errors in proportion to what is expected, which reweighting takes into account.
+    """
+    causes = np.column_stack([spectrum.white, spectrum.correlated[:, list(lengths)], spectrum.shape])
+    expected = spectrum.observed
+    variances = np.zeros(causes.shape[1])
+    for _ in range(STEPS):
+        weights = 1.0 / (expected * np.sqrt(spectrum.variances))
+        variances = nnls(causes * weights[:, np.newaxis], spectrum.observed * weights, maxiter=1000)[0]
+        expected = np.maximum(0.5 * (expected + causes @ variances), np.finfo(np.float64).tiny)
+    misfit = np.square((spectrum.observed - expected) * weights)
+    return variances, float(misfit.sum())
