@@ -17,8 +17,8 @@ from bezier_filters.learning.noise_model import LOOKED_AT, NoiseModel, squared_d
 from bezier_filters.learning.ring_analysis import FREE_DEGREE, RingAnalysis
 from bezier_filters.patches.harmonics import HIGHEST_DEGREE, harmonic_basis
 
-SQUARED_LENGTHS = (0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0)
-"""Over which noise may be correlated, in edges."""
+SQUARED_LENGTHS = tuple(4.0 * 0.5 ** (0.5 * k) for k in range(7, -1, -1))
+"""Over which noise may be correlated, in edges: 0.35 to 4, of which each second one is twice the other."""
 FLATTEST, MOST = 0.25, 0.6
 """Shares of the places that are looked at."""
 EVERYWHERE = 2.5
@@ -58,6 +58,20 @@ class Spectrum:
     shape: FloatArray  # (e, degrees from 3)
 
 
+@dataclass(frozen=True)
+class Contributions:
+    """What causes of variance 1 contribute to the mean squares of one ring: to its m terms, and to what is left.
+
+    Lengths are in units of an edge.
+    """
+
+    edge: float
+    correlated_parts: FloatArray  # (m, lengths)
+    correlated_rest: FloatArray  # (lengths,)
+    shape_parts: FloatArray  # (m, degrees from 3)
+    shape_rest: FloatArray  # (degrees from 3,)
+
+
 def learn_noise(analyses: Sequence[RingAnalysis]) -> NoiseModel | None:
     """The covariance of the noise; None if it is white, or if noise and shape do not explain what there is.
 
@@ -72,30 +86,32 @@ def learn_noise(analyses: Sequence[RingAnalysis]) -> NoiseModel | None:
     used = [one for one in analyses if one.rings in RINGS and one.degree >= FIRST]
     if len(used) < 2:
         return None
-    widest = used[-1]
+    widest, edge = used[-1], used[0].radius / used[0].rings
+    causes = [_contributions(one, edge) for one in used]
+    flattest = _explained(used, causes, _flattest(widest, _roughness(widest), FLATTEST), half=True)
+    if flattest is None:
+        return None
     left = widest.sums.residuals[:, -1] / np.maximum(widest.sums.freedom[:, -1], 1.0)
-    flattest = _explained(used, _flattest(widest, _roughness(widest), FLATTEST), half=True)
-    most = _explained(used, _flattest(widest, left, MOST), half=False)
-    if flattest is None or most is None or most.variance > EVERYWHERE * flattest.variance:
+    most = _explained(used, causes, _flattest(widest, left, MOST), half=False)
+    if most is None or most.variance > EVERYWHERE * flattest.variance:
         return flattest
     return most
 
 
-def _explained(analyses: Sequence[RingAnalysis], centers: IntArray, *, half: bool) -> NoiseModel | None:
+def _explained(
+    analyses: Sequence[RingAnalysis], causes: Sequence[Contributions], centers: IntArray, *, half: bool
+) -> NoiseModel | None:
     """The noise around some vertices, or None as above; by half of the terms, if the others have chosen these."""
     places = [one.where(np.isin(one.centers, centers)) for one in analyses]
-    used = [one for one in places if one is not None]
-    edge = used[0].radius / used[0].rings if used else 0.0
-    if len(used) < len(analyses) or not edge > 0.0:
+    entries = [_entries(one, of, half) for one, of in zip(places, causes, strict=True) if one is not None]
+    if len(entries) < len(analyses):
         return None
-    spectrum = Spectrum(
-        *(np.concatenate(part) for part in zip(*(_entries(one, edge, half) for one in used), strict=True))
-    )
+    spectrum, edge = Spectrum(*(np.concatenate(part) for part in zip(*entries, strict=True))), causes[0].edge
     if not (spectrum.observed > 0.0).all():
         return None
     chosen: list[int] = []
     variances, deviance = _explain(spectrum, chosen)
-    while len(chosen) < MOST_PARTS:
+    while len(chosen) < MOST_PARTS and deviance > GAIN:
         others = [k for k in range(len(SQUARED_LENGTHS)) if k not in chosen]
         tried = [(*_explain(spectrum, [*chosen, k]), k) for k in others]
         best = min(tried, key=lambda one: one[1])
@@ -138,60 +154,61 @@ def _tells(terms: int) -> BoolArray:
     return result
 
 
-def _entries(analysis: RingAnalysis, edge: float, half: bool) -> tuple[FloatArray, ...]:
-    """The entries of a `Spectrum` for one ring."""
-    basis, m = harmonic_basis(), analysis.sums.parts.shape[1]
-    degrees, highest = basis.degrees[:m], analysis.degree
-    looked_at = ~_tells(m) if half else np.ones(m, dtype=np.bool_)
-    by_degree = np.array([looked_at & (degrees == degree) for degree in range(FIRST, highest + 1)], dtype=np.float64)
-    terms = by_degree.sum(axis=1)
-    freedom = float(analysis.sums.freedom[:, -1].sum())
-    observed = by_degree @ np.square(analysis.sums.parts).mean(axis=0) / terms
-    left = analysis.sums.residuals[:, -1].sum() / freedom
-    counts = np.append(terms * len(analysis.centers), freedom) * analysis.independent
-    correlated = _correlated(analysis, by_degree / terms[:, np.newaxis], edge)
-    shape = _shape(analysis, by_degree / terms[:, np.newaxis], edge)
-    return (
-        np.append(observed, left) / edge**2,
-        2.0 / counts + MODEL_ERROR**2,
-        np.ones(len(terms) + 1),
-        correlated,
-        shape,
-    )
+def _contributions(analysis: RingAnalysis, edge: float) -> Contributions:
+    return Contributions(edge, *_of_correlated_noise(analysis, edge), *_of_shape(analysis, edge))
 
 
-def _correlated(analysis: RingAnalysis, means: FloatArray, edge: float) -> FloatArray:
-    """What noise of variance 1 and each length contributes, (e, lengths); `means` (degrees, m) average over terms."""
+def _of_correlated_noise(analysis: RingAnalysis, edge: float) -> tuple[FloatArray, FloatArray]:
+    """Noise of variance 1 and each length."""
     m = analysis.sums.parts.shape[1]
     numbers: IntArray = np.arange(min(LOOKED_AT, len(analysis.rows)), dtype=np.int32)
     sizes = analysis.sizes[numbers]
     points, steepness = analysis.quadratics(numbers)
-    points *= analysis.radius / edge
     orthonormal = np.linalg.qr(analysis.designs(numbers)[..., :m])[0]
     steepness *= np.arange(points.shape[1]) < sizes[:, np.newaxis]
     steeper = steepness[..., np.newaxis] * orthonormal
     total = np.square(steepness).sum(axis=1)
-    squares = squared_distances(points)
-    result = np.zeros((len(means) + 1, len(SQUARED_LENGTHS)))
-    for k, length in enumerate(SQUARED_LENGTHS):
-        correlation = np.exp(-0.5 / length * squares)
-        parts = ((correlation @ steeper) * steeper).sum(axis=1)
-        result[:-1, k] = means @ parts.mean(axis=0)
-        result[-1, k] = ((total - parts.sum(axis=1)) / (sizes - m)).mean()
-    return result
+    squares = squared_distances(points * (analysis.radius / edge))
+    of_parts, of_rest = np.zeros((m, len(SQUARED_LENGTHS))), np.zeros(len(SQUARED_LENGTHS))
+    for first in (-1, -2):
+        correlation = np.exp(-0.5 / SQUARED_LENGTHS[first] * squares)
+        for k in range(len(SQUARED_LENGTHS) + first, -1, -2):
+            parts = ((correlation @ steeper) * steeper).sum(axis=1)
+            of_parts[:, k] = parts.mean(axis=0)
+            of_rest[k] = ((total - parts.sum(axis=1)) / (sizes - m)).mean()
+            correlation *= correlation  # that of half the squared length
+    return of_parts, of_rest
 
 
-def _shape(analysis: RingAnalysis, means: FloatArray, edge: float) -> FloatArray:
-    """What terms of each degree from 3 contribute if each has variance 1 at a distance of an edge, (e, degrees)."""
+def _of_shape(analysis: RingAnalysis, edge: float) -> tuple[FloatArray, FloatArray]:
+    """Terms of each degree from 3 that have variance 1 at the distance of an edge."""
     degrees, m = harmonic_basis().degrees, analysis.sums.parts.shape[1]
     squares = np.square(analysis.factors[analysis.rows[analysis.first]]).mean(axis=0)
     unexplained = analysis.sums.unexplained.mean(axis=0) / analysis.sums.freedom[:, -1].mean()
-    result = np.zeros((len(means) + 1, HIGHEST_DEGREE - FREE_DEGREE))
-    for degree in range(FIRST, HIGHEST_DEGREE + 1):
-        scale = (analysis.radius / edge) ** (2.0 * degree)
-        result[:-1, degree - FIRST] = scale * (means @ squares[:m, degrees == degree].sum(axis=1))
-        result[-1, degree - FIRST] = scale * unexplained[degrees == degree].sum()
-    return result
+    of_degree = np.array([degrees == degree for degree in range(FIRST, HIGHEST_DEGREE + 1)], dtype=np.float64)
+    scales = (analysis.radius / edge) ** (2.0 * np.arange(FIRST, HIGHEST_DEGREE + 1))
+    return squares[:m] @ of_degree.T * scales, of_degree @ unexplained * scales
+
+
+def _entries(analysis: RingAnalysis, of: Contributions, half: bool) -> tuple[FloatArray, ...]:
+    """The entries of a `Spectrum` for one ring: means over the terms of each degree, and what is left."""
+    degrees, m = harmonic_basis().degrees, analysis.sums.parts.shape[1]
+    looked_at = ~_tells(m) if half else np.ones(m, dtype=np.bool_)
+    means = np.array([looked_at & (degrees[:m] == degree) for degree in range(FIRST, analysis.degree + 1)]).astype(
+        float
+    )
+    terms = means.sum(axis=1)
+    means /= terms[:, np.newaxis]
+    freedom = float(analysis.sums.freedom[:, -1].sum())
+    counts = np.append(terms * len(analysis.centers), freedom) * analysis.independent
+    left = analysis.sums.residuals[:, -1].sum() / freedom
+    return (
+        np.append(means @ np.square(analysis.sums.parts).mean(axis=0), left) / of.edge**2,
+        2.0 / counts + MODEL_ERROR**2,
+        np.ones(len(terms) + 1),
+        np.vstack([means @ of.correlated_parts, of.correlated_rest]),
+        np.vstack([means @ of.shape_parts, of.shape_rest]),
+    )
 
 
 def _explain(spectrum: Spectrum, lengths: Sequence[int]) -> tuple[FloatArray, float]:
