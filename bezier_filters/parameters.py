@@ -80,8 +80,9 @@ degree : int or "auto", default "auto"
 smoothness : {{"third_order", "paper"}}, default "third_order"
     What alpha weighs the points against: third_order (consistent) or paper (the method to the letter).
     The curvature of ``"paper"``, that of Li, Barsky, Jin (2009), is biased; see `estimate_vertex_geometry`.
-robust : bool, default False
+robust : bool, optional
     Take weight from points far off their patch, for scans with outliers.
+    By default, where the data show outliers, if rings, alpha or the degree follow from them.
 """)
 COLORS = parameters("""
 color : bool, default False

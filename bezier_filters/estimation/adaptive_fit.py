@@ -44,8 +44,8 @@ OUTLIER_REACH = OUTLIER_RINGS + MORE_RINGS + SPREADS
 GEOMETRIC_MEAN = np.exp(-0.5 * (np.euler_gamma + np.log(2.0)))
 """Of the absolute value of a standard normal variable."""
 
-Learn = Callable[[Choices], tuple[list[RingAnalysis], Leaf | None]]
-"""Learns a surface, as `learning.learn_surface` does."""
+Learn = Callable[[Choices, bool], tuple[list[RingAnalysis], Leaf | None]]
+"""Learns a surface, as `learning.learn_surface` does, as it is or without its outliers."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,7 @@ class SurfaceFit:
     choice: FitChoice  # for all of it
     attempts: tuple[Attempt, ...]  # tried in order at every vertex
     steady: bool = False  # whether frames come from averaged normals, see `with_steady_normals`
+    robust: bool = False  # whether points far off a fit lose their weight
     parts: Tree[PartFit] | None = None  # what comes after that, by the features that the first fit shows
 
 
@@ -85,28 +86,54 @@ class Learned:
 
 
 def choose_fit(
-    learn: Learn, rings: int | Literal["auto"], fixed: PatchFit | None, degrees: tuple[int, ...]
+    learn: Learn,
+    rings: int | Literal["auto"],
+    fixed: PatchFit | None,
+    degrees: tuple[int, ...],
+    robust: bool | None = None,
 ) -> tuple[SurfaceFit, Learned | None]:
     """Choose what the user left open, as far as one choice holds for all.
 
     `rings` or `fixed` are given or left to the data, which may then choose one of the degrees; `learn` is called only
-    if something is left open. The second result is what `with_parts` finds parts from, if there may be any.
+    if something is left open, and fits are `robust` then if there are outliers, unless that is decided. The second
+    result is what `with_parts` finds parts from, if there may be any.
     """
     root, sigma = None, None
     if fixed is None or rings == "auto":
         choices = Choices(None if rings == "auto" else rings, degrees)
-        analyses, root = learn(choices)
+        analyses, root = learn_without_outliers(learn, choices, robust)
+        robust = bool(robust) or (robust is None and root is not None and root.surface.noise.outliers > 0.0)
     if root is not None:
         sigma, chosen = root.surface.sigma, root.chosen
         if fixed is None:
             choice = FitChoice(chosen.rings, chosen.degree, None, sigma)
             attempts = tuple(planned_chain(root.plans, chosen))
-            return SurfaceFit(choice, attempts, root.surface.noise.heavy), Learned(analyses, root, choices)
+            heavy = root.surface.noise.heavy
+            return SurfaceFit(choice, attempts, heavy, bool(robust)), Learned(analyses, root, choices)
     if rings == "auto":
         rings = 2 if root is None else root.chosen.rings
     fit = fixed or PatchFit()
     choice = FitChoice(rings, fit.degree, fit.alpha, sigma)
-    return SurfaceFit(choice, tuple(fallback_chain(rings, fit)), root is not None and root.surface.noise.heavy), None
+    heavy = root is not None and root.surface.noise.heavy
+    return SurfaceFit(choice, tuple(fallback_chain(rings, fit)), heavy, bool(robust)), None
+
+
+def learn_without_outliers(
+    learn: Learn, choices: Choices, robust: bool | None = None
+) -> tuple[list[RingAnalysis], Leaf | None]:
+    """Learn a surface, and if there are outliers or fits are to be robust, what is there without them.
+
+    The share of the outliers stays part of the noise.
+    """
+    analyses, leaf = learn(choices, bool(robust))
+    if robust is not None or leaf is None or not leaf.surface.noise.outliers:
+        return analyses, leaf
+    share = leaf.surface.noise.outliers
+    analyses, leaf = learn(choices, True)
+    if leaf is None:
+        return analyses, None
+    surface = replace(leaf.surface, noise=replace(leaf.surface.noise, outliers=share))
+    return analyses, replace(leaf, surface=surface)
 
 
 def with_parts(fit: SurfaceFit, learned: Learned, features: Features) -> SurfaceFit:
@@ -137,7 +164,6 @@ def fit_parts(
     fit: SurfaceFit,
     geometry: VertexGeometry,
     *,
-    robust: bool = False,
     threads: int = 1,
     progress: Progress | None = None,
 ) -> FitChoice:
@@ -154,7 +180,7 @@ def fit_parts(
         of_part = ids[numbers == number]
         if part.attempts:
             fit_with_fallbacks(
-                mesh, of_part, part.attempts, geometry, robust=robust, threads=threads, progress=at_the_end
+                mesh, of_part, part.attempts, geometry, robust=fit.robust, threads=threads, progress=at_the_end
             )
         else:
             _rescale_errors(geometry, mesh.origin[of_part], *part.error_ratios)

@@ -45,7 +45,7 @@ def estimate_vertex_geometry(
     alpha: float | Automatic = "auto",
     degree: int | Automatic = "auto",
     smoothness: Smoothness = "third_order",
-    robust: bool = False,
+    robust: bool | None = None,
     selected: BoolArray | None = None,
     conditions: bool = False,
     threads: int | None = None,
@@ -94,10 +94,11 @@ def estimate_vertex_geometry(
     smoothness : {"third_order", "paper", "twists"}
         What S penalises: see `smoothness_matrix`. With ``"paper"``, "auto" stands for the paper's
         settings: 2 rings, alpha 0.8, degree 3. With ``"twists"``, `alpha` must be a number.
-    robust : bool
+    robust : bool, optional
         Whether points far off their patch lose their weight (Tukey's biweight), for scans with
         outliers: one vertex in twenty displaced by many times the noise. It takes some two times as long
-        and is slightly less accurate where there are none.
+        and is slightly less accurate where there are none. By default, fits that follow the data are robust where these
+        show outliers.
     selected : (n,) bool, optional
         Vertices to estimate; the others get zeros and `FitStatus.SKIPPED`.
     conditions : bool
@@ -165,7 +166,7 @@ def estimate_vertex_geometry(
                 fixed,
                 degrees,
                 geometry,
-                robust=robust,
+                robust=bool(robust),
                 threads=threads,
                 progress=progress,
             )
@@ -182,7 +183,7 @@ def _fit(
     fixed: PatchFit | None,
     degrees: tuple[int, ...],
     geometry: VertexGeometry,
-    robust: bool,
+    robust: bool | None,
     threads: int,
     progress: Progress | None,
 ) -> FitChoice:
@@ -191,19 +192,19 @@ def _fit(
     The sampled vertices are fitted, too, so that the parts do not depend on `ids`; what is written there means nothing.
     """
 
-    def learn(choices: Choices) -> tuple[list[RingAnalysis], Leaf | None]:
-        learned_from = without_outliers(arrays, threads=threads) if robust else arrays
+    def learn(choices: Choices, without: bool) -> tuple[list[RingAnalysis], Leaf | None]:
+        learned_from = without_outliers(arrays, threads=threads) if without else arrays
         return learn_surface(learned_from, adjacency, choices, threads=threads)
 
-    fit, learned = choose_fit(learn, rings, fixed, degrees)
+    fit, learned = choose_fit(learn, rings, fixed, degrees, robust)
     if fit.steady:
         arrays = with_steady_normals(arrays, threads=threads)
     first = ids if learned is None or len(ids) == len(arrays.vertices) else np.union1d(ids, learned.centers)
     of_wanted = overall_progress(progress, 0, len(ids))
-    fit_with_fallbacks(arrays, first, fit.attempts, geometry, robust=robust, threads=threads, progress=of_wanted)
+    fit_with_fallbacks(arrays, first, fit.attempts, geometry, robust=fit.robust, threads=threads, progress=of_wanted)
     if learned is not None:
         fit = with_parts(fit, learned, lambda centers: first_features(geometry, arrays.origin[centers]))
-    return fit_parts(arrays, ids, fit, geometry, robust=robust, threads=threads, progress=progress)
+    return fit_parts(arrays, ids, fit, geometry, threads=threads, progress=progress)
 
 
 def _outside(normals: ArrayLike | None, mesh: TriangleMesh) -> FloatArray | None:

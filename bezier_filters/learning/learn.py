@@ -7,6 +7,7 @@ from bezier_filters.kernels.kernel_input import KernelMesh, with_steady_normals
 from bezier_filters.learning.model_tree import Leaf, best_leaf, leaf_of
 from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample, draw_from_mesh, sample_neighbourhoods
 from bezier_filters.learning.noise_spectrum import learn_noise
+from bezier_filters.learning.outliers import outlier_share
 from bezier_filters.learning.plans import Choices
 from bezier_filters.learning.ring_analysis import RingAnalysis, analyse_rings
 from bezier_filters.meshes.adjacency import Adjacency
@@ -57,7 +58,7 @@ def learn_from_samples(
     rings = sorted({*CANDIDATE_RINGS, *(() if choices.rings is None else (choices.rings,))})
     stages = [[k for k in rings if k <= NEAR_RINGS], *([k] for k in rings if k > NEAR_RINGS)]
     analyses: list[RingAnalysis] = []
-    whole, correlated, promising, heavy = None, None, True, False
+    whole, correlated, promising, heavy, outliers = None, None, True, False, 0.0
     for stage in stages:
         if not promising and choices.rings not in stage:
             continue
@@ -75,8 +76,9 @@ def learn_from_samples(
         found = analyse_rings(sample, most, vertex_count=vertex_count, threads=threads)
         if found:
             analyses += found
-            correlated = learn_noise(analyses) if stage is stages[0] else correlated
-            whole = leaf_of(analyses, replace(choices, rings=None), correlated, heavy=heavy)
+            if stage is stages[0]:
+                correlated, outliers = learn_noise(analyses), outlier_share(sample)
+            whole = leaf_of(analyses, replace(choices, rings=None), correlated, heavy=heavy, outliers=outliers)
         if whole is not None:
             errors = [plan.error for plan in whole.plans]
             promising = promising and errors[-1] <= HOPELESS * min(errors)

@@ -62,14 +62,19 @@ def _overflows() -> np.errstate:
 
 
 def leaf_of(
-    analyses: Sequence[RingAnalysis], choices: Choices, correlated: NoiseModel | None = None, *, heavy: bool = False
+    analyses: Sequence[RingAnalysis],
+    choices: Choices,
+    correlated: NoiseModel | None = None,
+    *,
+    heavy: bool = False,
+    outliers: float = 0.0,
 ) -> Leaf | None:
     """One model for all; None if the analyses allow no plan. The noise is white unless it is known to be otherwise."""
     if not any(analysis.degree > FREE_DEGREE for analysis in analyses):
         return None
     with _overflows():
         surface = learn_model(analyses, correlated)
-        surface = replace(surface, noise=replace(surface.noise, heavy=heavy))
+        surface = replace(surface, noise=replace(surface.noise, heavy=heavy, outliers=outliers))
         return best_leaf(surface, all_plans(surface, choices.degrees), choices)
 
 

@@ -27,6 +27,7 @@ class NoiseModel:
     sills: tuple[float, ...] = ()  # variances of the correlated parts, length^2,
     lengths: tuple[float, ...] = ()  # and over what distances their correlation falls to exp(-1/2)
     heavy: bool = False  # whether it turns single normals so far that they mean nothing
+    outliers: float = 0.0  # share of the vertices that are far off what is around them
 
     @property
     def variance(self) -> float:

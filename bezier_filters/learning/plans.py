@@ -18,6 +18,7 @@ from bezier_filters.patches.harmonics import harmonic_basis
 from bezier_filters.patches.polynomials import PolynomialSpace, total_degree_space
 
 CANDIDATE_DEGREES = (2, 3, 4, 5, 6)
+THIRD_ORDER = 3
 WEAKER_PRIORS = (0.03, 0.001)
 """The prior takes what a degree leaves out for noise; on regular meshes it cancels out, and less is better."""
 STRONGEST_PRIOR = 1e5
@@ -173,10 +174,12 @@ def _ring_plan(surface: SurfaceModel, ring: RingModel, degrees: Sequence[int]) -
 def ring_plans(surface: SurfaceModel, ring: RingModel, degrees: Sequence[int] = CANDIDATE_DEGREES) -> list[FitPlan]:
     """Plans for one ring: distance weights and every degree that it determines, and weaker priors for the best.
 
-    A single degree is taken as it is: the prior determines what the points do not.
+    A single degree is taken as it is: the prior determines what the points do not. Of several, those below the third
+    are for rings that determine no more: third derivatives, which the prior holds back, cost no accuracy.
     """
     if len(degrees) > 1:
-        degrees = [degree for degree in degrees if degree <= ring.analysis.degree]
+        lowest = min(THIRD_ORDER, ring.analysis.degree)
+        degrees = [degree for degree in degrees if lowest <= degree <= ring.analysis.degree]
     from_the_highest = sorted(degrees, reverse=True)
     plans: list[FitPlan] = []
     if ring.analysis.rings <= WEIGHTED_RINGS:
@@ -202,7 +205,8 @@ def _add_until_much_worse(
 
 
 def best_plan(plans: Sequence[FitPlan]) -> FitPlan:
-    """The plan with the smallest predicted error, as far as that is worth its cost."""
+    """The plan with the smallest predicted error, as far as that is worth its cost; of third order, if there is one."""
+    plans = [plan for plan in plans if plan.degree >= THIRD_ORDER] or plans
     return min(plans, key=lambda plan: plan.error * plan.cost**THRIFT)
 
 

@@ -30,7 +30,7 @@ def compute_selection_by_bezier_crease_per_edge(
     alpha: float | Automatic = "auto",
     degree: int | Automatic = "auto",
     smoothness: Smoothness = "third_order",
-    robust: bool = False,
+    robust: bool | None = None,
     polylines: bool = True,
     threads: int | None = None,
     progress: Progress | None = None,

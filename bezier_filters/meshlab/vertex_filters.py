@@ -31,7 +31,7 @@ class FitArguments:
     alpha: float | Automatic
     degree: int | Automatic
     smoothness: Smoothness
-    robust: bool
+    robust: bool | None
     threads: int | None
     progress: Progress | None
 
@@ -45,7 +45,7 @@ def compute_normal_by_bezier_patch_per_vertex(
     alpha: float | Automatic = "auto",
     degree: int | Automatic = "auto",
     smoothness: Smoothness = "third_order",
-    robust: bool = False,
+    robust: bool | None = None,
     quality: str | None = "angle",
     onselected: bool = False,
     color: bool = False,
@@ -84,7 +84,7 @@ def compute_curvature_by_bezier_patch_per_vertex(
     alpha: float | Automatic = "auto",
     degree: int | Automatic = "auto",
     smoothness: Smoothness = "third_order",
-    robust: bool = False,
+    robust: bool | None = None,
     quality: str | None = "mean",
     onselected: bool = False,
     color: bool = False,
@@ -123,7 +123,7 @@ def compute_torsion_by_bezier_patch_per_vertex(
     alpha: float | Automatic = "auto",
     degree: int | Automatic = "auto",
     smoothness: Smoothness = "third_order",
-    robust: bool = False,
+    robust: bool | None = None,
     onselected: bool = False,
     color: bool = False,
     colormap: str = "auto",

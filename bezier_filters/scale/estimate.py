@@ -129,7 +129,7 @@ def estimate_file(
         with run.stages.stage("start"):
             link = dashboard(run.cluster.ready())
         job = EstimateJob(
-            TileFit(run.store, fit, creases, options.robust),
+            TileFit(run.store, fit, creases),
             chosen_quality,
             tuple(chosen),
             run.store.layout.dtype,
@@ -154,7 +154,6 @@ class TileFit:
     store: Store
     fit: SurfaceFit
     creases: bool
-    robust: bool
 
 
 @dataclass(frozen=True)
@@ -199,8 +198,8 @@ def fit_tile(job: TileFit, tile: int) -> FittedTile:
     own = np.arange(part.own.start, part.own.stop, dtype=np.int32)
     arrays = arrays._replace(origin=np.arange(len(part.ids), dtype=np.int32) - own[0])
     geometry = empty_geometry(len(own))
-    fit_with_fallbacks(arrays, own, job.fit.attempts, geometry, robust=job.robust)
-    choice = fit_parts(arrays, own, job.fit, geometry, robust=job.robust)
+    fit_with_fallbacks(arrays, own, job.fit.attempts, geometry, robust=job.fit.robust)
+    choice = fit_parts(arrays, own, job.fit, geometry)
     return FittedTile(geometry, choice, part.mesh.vertices[own], len(part.ids))
 
 

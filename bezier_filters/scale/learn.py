@@ -13,6 +13,7 @@ from bezier_filters.estimation.adaptive_fit import (
     SurfaceFit,
     choose_fit,
     first_features,
+    learn_without_outliers,
     with_parts,
     without_outliers,
 )
@@ -59,7 +60,7 @@ class FitOptions:
     alpha: float | Literal["auto"] = "auto"
     degree: int | Literal["auto"] = "auto"
     smoothness: Smoothness = "third_order"
-    robust: bool = False
+    robust: bool | None = None
 
     def checked(self) -> tuple[int | Literal["auto"], PatchFit | None, tuple[int, ...]]:
         """What they leave open, see `fit_options`.
@@ -90,10 +91,10 @@ def learn_fit(store: Store, options: FitOptions, *, threads: int = 1) -> Surface
     """
     rings, fixed, degrees = options.checked()
 
-    def learn(choices: Choices) -> tuple[list[RingAnalysis], Leaf | None]:
-        return _learn_surface(store, options, choices, threads)
+    def learn(choices: Choices, without: bool) -> tuple[list[RingAnalysis], Leaf | None]:
+        return _learn_surface(store, options, choices, without, threads)
 
-    fit, learned = choose_fit(learn, rings, fixed, degrees)
+    fit, learned = choose_fit(learn, rings, fixed, degrees, options.robust)
     if learned is None:
         return fit
     features = _first_features(store, learned.centers, fit, options, threads)
@@ -102,17 +103,21 @@ def learn_fit(store: Store, options: FitOptions, *, threads: int = 1) -> Surface
 
 def learn_noise(store: Store, *, threads: int = 1) -> NoiseModel | None:
     """The noise of a mesh along the normal; None if it is too small to learn it."""
-    _, leaf = _learn_surface(store, FitOptions(), Choices(), threads)
+
+    def learn(choices: Choices, without: bool) -> tuple[list[RingAnalysis], Leaf | None]:
+        return _learn_surface(store, FitOptions(), choices, without, threads)
+
+    _, leaf = learn_without_outliers(learn, Choices())
     return None if leaf is None else leaf.surface.noise
 
 
 def _learn_surface(
-    store: Store, options: FitOptions, choices: Choices, threads: int
+    store: Store, options: FitOptions, choices: Choices, without: bool, threads: int
 ) -> tuple[list[RingAnalysis], Leaf | None]:
     """What `learn_surface` learns of a mesh in memory."""
 
     def sample(rings: int, count: int, steady: bool) -> NeighbourhoodSample:
-        return _sample(store, rings, count, options, steady, threads)
+        return _sample(store, rings, count, options, without, steady, threads)
 
     return learn_from_samples(sample, store.layout.vertex_count, choices, threads=threads)
 
@@ -129,14 +134,14 @@ def _widest(attempts: list[Attempt]) -> int:
 
 
 def _sample(
-    store: Store, rings: int, count: int, options: FitOptions, steady: bool, threads: int
+    store: Store, rings: int, count: int, options: FitOptions, without: bool, steady: bool, threads: int
 ) -> NeighbourhoodSample:
     """The neighbourhoods that would be sampled in memory."""
     centers = _draw(store, count)
-    reach = rings + CREASE_RINGS + (OUTLIER_REACH if options.robust else 0) + (STEADY_ROUNDS if steady else 0)
+    reach = rings + CREASE_RINGS + (OUTLIER_REACH if without else 0) + (STEADY_ROUNDS if steady else 0)
     part = part_around_samples(store, centers, reach, threads=threads)
     arrays, adjacency = fitted_mesh(part.mesh, creases=options.creases, threads=threads)
-    if options.robust:
+    if without:
         arrays = without_outliers(arrays, threads=threads)
     if steady:
         arrays = with_steady_normals(arrays, threads=threads)
@@ -153,7 +158,7 @@ def _first_features(store: Store, centers: IntArray, fit: SurfaceFit, options: F
     if fit.steady:
         arrays = with_steady_normals(arrays, threads=threads)
     geometry, local = empty_geometry(part.mesh.vertex_count), part.local(centers)
-    fit_with_fallbacks(arrays, local, fit.attempts, geometry, robust=options.robust, threads=threads)
+    fit_with_fallbacks(arrays, local, fit.attempts, geometry, robust=fit.robust, threads=threads)
     return first_features(geometry, local)
 
 

@@ -10,6 +10,8 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, Report
 from bezier_filters.errors import InvalidParameterError
+from bezier_filters.estimation.adaptive_fit import OUTLIER_REACH, without_outliers
+from bezier_filters.kernels.kernel_input import fitted_mesh
 from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.meshes.adjacency import Adjacency, incoherent_vertices, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
@@ -19,7 +21,7 @@ from bezier_filters.scale.columns import DISPLACEMENT, SHARPNESS, table_of
 from bezier_filters.scale.components import StoredComponents, labelled_vertices, unite_components
 from bezier_filters.scale.estimate import TileFit, fit_tile
 from bezier_filters.scale.halo import TilePart, tile_part
-from bezier_filters.scale.learn import FitOptions, learn_fit, learn_noise, rings_needed, sampled_parts_of
+from bezier_filters.scale.learn import CREASE_RINGS, FitOptions, learn_fit, learn_noise, rings_needed, sampled_parts_of
 from bezier_filters.scale.run import Output, Run, RunOptions, StageProgress, file_run
 from bezier_filters.scale.scheduling import Scheduler
 from bezier_filters.scale.source import SourcePath, open_source
@@ -147,6 +149,9 @@ def _automatic(run: Run, iterations: int, noise: float | None, borders: Smoothed
     current, folders = mesh, list[Path]()
     for step in range(iterations):
         here = (known if step == 0 else _noise_of(run, current)) or NoiseModel(0.0)
+        if here.outliers:
+            cleaned = run.tiles("clean", results / f"clean-{step + 1}", partial(clean_tile, current))
+            current = mesh.with_vertices(_joined_vertices(results / f"clean-{step + 1}", cleaned.tiles))
         around = tuple[int, ...]()
         if step == 0 or mesh.layout.vertex_count > LARGEST_WHOLE:
             look = partial(measure_tile, current, here.sigma)
@@ -220,6 +225,13 @@ def measure_tile(store: Store, sigma: float, tile: int) -> Output:
     incoherent = incoherent_vertices(part.mesh.faces, adjacency)[part.own].any()
     sums = {"roughness": values[places].tolist(), "roughest": ids[places].tolist(), "incoherent": [float(incoherent)]}
     return Output(labelled_vertices(part, adjacency), len(part.ids), sums)
+
+
+def clean_tile(store: Store, tile: int) -> Output:
+    """Where the vertices of a tile are without its outliers."""
+    part = tile_part(store, tile, OUTLIER_REACH + CREASE_RINGS)
+    arrays, _ = fitted_mesh(part.mesh, creases=True)
+    return Output(table_of(without_outliers(arrays).vertices[part.own], {}, "", (), "<f8"), len(part.ids), {})
 
 
 def _mesh_part(store: Store, part: TilePart, adjacency: Adjacency) -> MeshPart:
@@ -336,7 +348,7 @@ def _onto_patches(run: Run, iterations: int, options: FitOptions) -> Report:
         results = run.results({"quantity": "patches", "options": asdict(options), "step": step})
         with run.stages.stage("learn"):
             fit = learn_fit(current, options, threads=run.workers)
-        job = PatchJob(TileFit(current, fit, options.creases, options.robust), run.store)
+        job = PatchJob(TileFit(current, fit, options.creases), run.store)
         done = run.tiles(f"step {step + 1}", results, partial(move_tile, job))
         current = run.store.with_vertices(_joined_vertices(results, done.tiles))
     run.write(done.tiles)

@@ -7,12 +7,15 @@ from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.errors import InvalidParameterError, is_integer, is_real
+from bezier_filters.estimation.adaptive_fit import learn_without_outliers, without_outliers
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.first_call import first_call
 from bezier_filters.kernels.kernel_input import fitted_mesh
 from bezier_filters.learning.learn import learn_surface
+from bezier_filters.learning.model_tree import Leaf
 from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.learning.plans import Choices
+from bezier_filters.learning.ring_analysis import RingAnalysis
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
 from bezier_filters.runtime.parallel import Progress, thread_count
@@ -119,6 +122,9 @@ def smooth(
             current, part = TriangleMesh(points, mesh.faces), part_of(progress, k, iterations)
             if method == "auto":
                 here = (known if k == 0 else learn_noise(current, adjacency, threads=threads)) or NoiseModel(0.0)
+                if here.outliers:  # which no filter takes for noise
+                    arrays, _ = fitted_mesh(current, adjacency=adjacency, creases=True, threads=threads)
+                    current = TriangleMesh(without_outliers(arrays, threads=threads).vertices, mesh.faces)
                 found = remove_noise(current, adjacency, here, borders, threads=threads, progress=part)
                 points, sharpness = found.points, np.maximum(sharpness, found.sharpness)
             else:
@@ -154,14 +160,19 @@ def smooth(
 def learn_noise(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> NoiseModel | None:
     """The noise along the normal, learned from the mesh; None if it is too small."""
     arrays, adjacency = fitted_mesh(mesh, adjacency=adjacency, creases=True, threads=threads)
-    _, leaf = learn_surface(arrays, adjacency, Choices(), threads=threads)
+
+    def learn(choices: Choices, without: bool) -> tuple[list[RingAnalysis], Leaf | None]:
+        learned_from = without_outliers(arrays, threads=threads) if without else arrays
+        return learn_surface(learned_from, adjacency, choices, threads=threads)
+
+    _, leaf = learn_without_outliers(learn, Choices())
     return None if leaf is None else leaf.surface.noise
 
 
 def known_noise(learned: NoiseModel | None, sigma: float) -> NoiseModel:
     """Noise of a given strength: how alike neighbouring vertices are is learned all the same."""
     if learned is None or not learned.sills:
-        return NoiseModel(sigma**2)
+        return NoiseModel(sigma**2, outliers=0.0 if learned is None else learned.outliers)
     return learned.times(sigma**2 / learned.variance)
 
 

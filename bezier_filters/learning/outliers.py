@@ -1,0 +1,76 @@
+"""Whether there are outliers: vertices far off a fit around them whose neighbours are not.
+
+Nothing else looks like that: at edges and where the noise is strong, what lies side by side is far off together.
+"""
+
+import numpy as np
+
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample
+from bezier_filters.learning.ring_analysis import FEWEST_SAMPLES, term_values
+from bezier_filters.patches.harmonics import harmonic_basis
+
+RINGS, DEGREE = 3, 3
+"""Of the fit whose residuals are looked at: as narrow as there are enough points."""
+INNER_RINGS = 2
+"""Where they are looked at: the outermost points pull the fit towards them."""
+PLACES = 150
+"""Neighbourhoods that are looked at."""
+FAR, NEAR = 4.0, 2.0
+"""Standard deviations from which on a residual is large, and up to which those around it are not."""
+MEDIAN = 0.6745
+"""Of the absolute value of a standard normal variable."""
+NEAREST = 5
+"""Points around one."""
+FEW, RARE = 0.008, 0.12
+"""Shares of the vertices that are outliers, and of the places that have one: up to either, chance may be why."""
+LEAST_FREEDOM = 0.05
+"""Share of a point that a fit leaves free, at the least."""
+
+
+def outlier_share(sample: NeighbourhoodSample) -> float:
+    """Share of the vertices that are outliers; 0 if these are too few to be told from chance.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> none = np.zeros((0, 4), dtype=np.int32)
+    >>> outlier_share(NeighbourhoodSample(none[:, 0], np.zeros((0, 9, 3)), none, none > 0, none > 0, np.zeros(0)))
+    0.0
+    """
+    rows = np.flatnonzero(sample.usable[:, RINGS])[:PLACES]
+    if len(rows) < FEWEST_SAMPLES:
+        return 0.0
+    sizes = sample.sizes[rows, RINGS]
+    points = sample.points[rows, : sizes.max()]
+    present = np.arange(points.shape[1]) < sizes[:, np.newaxis]
+    residuals = _residuals(points, present)
+    scales = np.nanmedian(np.where(present, residuals, np.nan), axis=1, keepdims=True) / MEDIAN
+    inner = np.arange(points.shape[1]) < sample.sizes[rows, INNER_RINGS, np.newaxis]
+    around = np.median(np.take_along_axis(residuals[:, np.newaxis], _nearest(points, present), axis=2), axis=2)
+    outliers = inner & (residuals > FAR * scales) & (around < NEAR * scales)
+    share, places = float(outliers.sum() / inner.sum()), float(outliers.any(axis=1).mean())
+    return share if share > FEW and places > RARE else 0.0
+
+
+def _residuals(points: FloatArray, present: FloatArray) -> FloatArray:
+    """Absolute residuals of a fit to each neighbourhood, all of one variance under white noise, (k, n)."""
+    radius = np.sqrt(np.square(points[..., :2]).sum(axis=2).max())
+    design = term_values(points[..., 0] / radius, points[..., 1] / radius)[..., : harmonic_basis().up_to(DEGREE)]
+    orthonormal = np.linalg.qr(design * present[..., np.newaxis])[0]
+    heights = points[..., 2:] * present[..., np.newaxis]
+    left = (heights - orthonormal @ (orthonormal.transpose(0, 2, 1) @ heights))[..., 0]
+    free = 1.0 - np.square(orthonormal).sum(axis=2)
+    result: FloatArray = np.abs(left) / np.sqrt(np.maximum(free, LEAST_FREEDOM))
+    return result
+
+
+def _nearest(points: FloatArray, present: FloatArray) -> IntArray:
+    """The nearest points of every point of a neighbourhood, (k, n, NEAREST)."""
+    flat = points[..., :2]
+    squares = np.square(flat).sum(axis=2)
+    distances = squares[:, np.newaxis] + squares[:, :, np.newaxis] - 2.0 * flat @ flat.transpose(0, 2, 1)
+    places = np.arange(points.shape[1])
+    distances[:, places, places] = np.inf
+    distances = np.where(present[:, np.newaxis], distances, np.inf)
+    return np.argpartition(distances, NEAREST, axis=2)[..., :NEAREST].astype(np.int32)
