@@ -22,7 +22,7 @@ SQUARED_LENGTHS = tuple(4.0 * 0.5 ** (0.5 * k) for k in range(7, -1, -1))
 FLATTEST, MOST = 0.25, 0.6
 """Shares of the places that are looked at."""
 EVERYWHERE = 2.5
-"""Times the variance of the noise at the flattest places: what most have is the same noise."""
+"""Times the correlated variance at the flattest places: up to that, what most places have is the same noise."""
 SHORT = 1.0
 """Square of a length, in edges, over which noise may be correlated without being partly white."""
 LEAST_WHITE = 1e-3
@@ -35,7 +35,7 @@ MODEL_ERROR = 0.05
 """Relative standard error of what is expected, beside that of what is observed."""
 MOST_PARTS = 2
 """Correlated parts of the noise."""
-GAIN = 15.0
+GAIN = 40.0
 """Of the deviance, by which a part of the noise must lower it: chance does so by about 1."""
 WORST = 4.0
 """Deviance per observation up to which the explanation counts as one."""
@@ -93,7 +93,7 @@ def learn_noise(analyses: Sequence[RingAnalysis]) -> NoiseModel | None:
         return None
     left = widest.sums.residuals[:, -1] / np.maximum(widest.sums.freedom[:, -1], 1.0)
     most = _explained(used, causes, _flattest(widest, left, MOST), half=False)
-    if most is None or most.variance > EVERYWHERE * flattest.variance:
+    if most is None or sum(most.sills) > EVERYWHERE * sum(flattest.sills):
         return flattest
     return most
 

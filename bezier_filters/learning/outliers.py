@@ -24,6 +24,10 @@ NEAREST = 5
 """Points around one."""
 FEW, RARE = 0.008, 0.12
 """Shares of the vertices that are outliers, and of the places that have one: up to either, chance may be why."""
+TAIL, OF_NORMAL = 2.0, 0.0455
+"""Standard deviations, and share of a normal distribution beyond them."""
+MOST_OF = 0.4
+"""Share of what there is beyond that which must be outliers: else the noise is heavy everywhere, not outliers in it."""
 LEAST_FREEDOM = 0.05
 """Share of a point that a fit leaves free, at the least."""
 
@@ -50,7 +54,8 @@ def outlier_share(sample: NeighbourhoodSample) -> float:
     around = np.median(np.take_along_axis(residuals[:, np.newaxis], _nearest(points, present), axis=2), axis=2)
     outliers = inner & (residuals > FAR * scales) & (around < NEAR * scales)
     share, places = float(outliers.sum() / inner.sum()), float(outliers.any(axis=1).mean())
-    return share if share > FEW and places > RARE else 0.0
+    tail = float((inner & (residuals > TAIL * scales)).sum() / inner.sum()) - OF_NORMAL
+    return share if share > max(FEW, MOST_OF * tail) and places > RARE else 0.0
 
 
 def _residuals(points: FloatArray, present: FloatArray) -> FloatArray:

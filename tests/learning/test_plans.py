@@ -48,7 +48,7 @@ def test_predicted_errors_are_those_of_the_kernel(variances, sigma, radius, monk
     monkeypatch.setattr(plans_module, "MUCH_WORSE", np.inf)
     drawn = draw(COUNT, SIZE, variances, sigma, radius=radius, seed=4)
     model = surface_model(drawn.points, variances, sigma)
-    plans = ring_plans(model, model.by_rings[0])
+    plans = [*ring_plans(model, model.by_rings[0]), *ring_plans(model, model.by_rings[0], (2,))]
     for plan in plans:
         normal, curvature = errors_of_the_kernel(plan, drawn)
         assert plan.normal_error == pytest.approx(normal, rel=0.15)
@@ -64,11 +64,11 @@ def test_weights_are_tried_where_a_degree_leaves_much_out_and_help_there(monkeyp
     drawn = draw(200, SIZE, *ROUGH)
     plans = ring_plans(model := surface_model(drawn.points, *ROUGH), model.by_rings[0])
     weighted = [plan for plan in plans if np.isfinite(plan.weight_radius)]
-    assert {plan.degree for plan in weighted} == {2, 3, 4, 5, 6}
+    assert {plan.degree for plan in weighted} == {3, 4, 5, 6}
     equal = {plan.degree: plan.error for plan in reversed(plans) if np.isinf(plan.weight_radius)}
     assert all(plan.error < equal[plan.degree] for plan in weighted)
     calm = surface_model(draw(200, SIZE, *CALM).points, *CALM)
-    assert not any(np.isfinite(plan.weight_radius) and plan.degree > 2 for plan in ring_plans(calm, calm.by_rings[0]))
+    assert not any(np.isfinite(plan.weight_radius) and plan.degree > 3 for plan in ring_plans(calm, calm.by_rings[0]))
     wide = surface_model(drawn.points, *ROUGH, rings=WEIGHTED_RINGS + 1)
     assert all(np.isinf(plan.weight_radius) for plan in ring_plans(wide, wide.by_rings[0]))
 
