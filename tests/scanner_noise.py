@@ -27,13 +27,13 @@ def averaged_noise(faces, count, passes, seed=0, columns=1):
     return values / np.sqrt(np.square(values).mean(axis=0))
 
 
-def length_of(faces, count, passes, edges=1.0):
-    """Over how many mean edges the correlation of such noise falls to exp(-1/2).
+def length_of(passes):
+    """Over how many edges the correlation of such noise falls to exp(-1/2).
 
-    A pass keeps a half and moves the other by an edge, in both coordinates together: it adds half a squared edge to
-    the squared width, and two values that were averaged over the same width are alike over sqrt(2) times that.
+    A pass moves one half by an edge: it adds a quarter of a squared edge to the squared width in either coordinate.
+    Values that were averaged over the same width are alike over sqrt(2) times that.
     """
-    return np.sqrt(0.5 * passes * edges)
+    return np.sqrt(0.5 * passes)
 
 
 def along_normals(surface, level, passes, seed=0):
