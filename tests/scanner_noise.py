@@ -1,7 +1,17 @@
-"""Noise as scanners make it, made without the package: white noise that was averaged over rings of neighbours."""
+"""Noise as scanners make it, made without the package: white noise that was averaged over rings of neighbours.
+
+And what the package learns of it.
+"""
 
 import numpy as np
 from scipy.sparse import coo_matrix
+
+from bezier_filters.kernels.kernel_input import fitted_mesh
+from bezier_filters.learning.learn import MOST_TURNED, NEAR_RINGS, SAMPLES
+from bezier_filters.learning.neighbourhood_samples import draw_from_mesh, sample_neighbourhoods
+from bezier_filters.learning.noise_spectrum import learn_noise
+from bezier_filters.learning.ring_analysis import analyse_rings
+from bezier_filters.meshes.mesh import triangle_mesh
 
 
 def ring_means(faces, count):
@@ -47,3 +57,12 @@ def in_all_directions(vertices, faces, level, seed=0):
     return vertices + level * mean_edge_of(vertices, faces) * np.random.default_rng(seed).standard_normal(
         vertices.shape
     )
+
+
+def learned(vertices, faces):
+    """The correlated noise that narrow rings tell of, as in the package; None if it is white."""
+    mesh, adjacency = fitted_mesh(triangle_mesh(vertices, faces), creases=True)
+    ids = draw_from_mesh(mesh, SAMPLES[2])
+    sample = sample_neighbourhoods(mesh, adjacency, ids, rings=NEAR_RINGS, most_turned=MOST_TURNED)
+    rings = {k: SAMPLES[k] for k in range(1, NEAR_RINGS + 1)}
+    return learn_noise(analyse_rings(sample, rings, vertex_count=len(vertices)))

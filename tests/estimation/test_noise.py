@@ -11,7 +11,7 @@ from bezier_filters.surfaces import bumpy_star, ellipsoid, torus
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
 
 SURFACES = {
-    "torus": torus(resolution=40, jitter=0.3),
+    "torus": torus(resolution=36, jitter=0.3),
     "ellipsoid": ellipsoid(resolution=16, jitter=0.2),
     "star": bumpy_star(resolution=20, jitter=0.2),
 }
@@ -19,7 +19,7 @@ SURFACES = {
 
 @pytest.mark.parametrize(
     ("name", "passes", "options"),
-    [("torus", 3, {}), ("ellipsoid", 1, {}), ("torus", 1, {"rings": 4}), ("star", 3, {"rings": 4})],
+    [("torus", 3, {}), ("ellipsoid", 1, {}), ("star", 3, {"rings": 4})],
 )
 def test_intervals_hold_the_truth_under_averaged_noise(name, passes, options):
     """Those of 95 %, for the mean curvature."""

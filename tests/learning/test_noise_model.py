@@ -41,7 +41,7 @@ def analysed(drawn):
 def bent(steep):
     """Neighbourhoods whose slopes and curvatures are of the order of `steep`."""
     variances = np.where((BASIS.degrees == 1) | (BASIS.degrees == 2), steep**2, 0.0)
-    return draw(30, SIZE, variances, 1e-9 * steep)
+    return draw(30, SIZE, variances, 1e-9)
 
 
 def dense_covariance(noise, points):
@@ -68,7 +68,7 @@ def parts_of(noise):
 
 
 @each_noise
-@pytest.mark.parametrize("steep", [1e-6, 0.3])
+@pytest.mark.parametrize("steep", [0.0, 0.3])
 def test_variances_of_fits_are_those_of_explicit_linear_estimators(noise, steep):
     """L Sigma L^T for the least squares estimator L of every degree, and what I - A L leaves."""
     analysis = analysed(bent(steep))
@@ -111,12 +111,12 @@ def test_variances_of_fits_are_those_of_explicit_linear_estimators(noise, steep)
 @each_noise
 def test_noise_that_was_drawn_is_found_by_the_analysis_as_was_foreseen(noise):
     """Means of squares over many neighbourhoods, by the kernel; within four standard errors."""
-    count, small = 1500, 1e-6
+    count, small = 1000, 1e-6
     drawn = with_correlated_noise(draw(count, SIZE, np.zeros(len(BASIS.degrees)), 0.0), noise.times(small**2))
     analysis = analysed(drawn)
     found, sums = ring_noise(noise.times(small**2), analysis), analysis.sums
     assert np.square(sums.parts).mean(axis=0) / found.parts == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / count))
-    assert analysis.mean_squares / found.residuals == pytest.approx(1.0, abs=0.04)
+    assert analysis.mean_squares / found.residuals == pytest.approx(1.0, abs=0.05)
     for degree in range(analysis.degree + 1):
         groups = BASIS.groups[BASIS.up_to(degree) - 1] + 1
         squares = sums.term_squares[:, degree, :groups].sum(axis=0) / sums.term_counts[:, degree, :groups].sum(axis=0)

@@ -3,14 +3,8 @@
 import numpy as np
 import pytest
 from numba import config
-from scanner_noise import along_normals, in_all_directions, length_of, mean_edge_of
+from scanner_noise import along_normals, in_all_directions, learned, length_of, mean_edge_of
 
-from bezier_filters.kernels.kernel_input import fitted_mesh
-from bezier_filters.learning.learn import MOST_TURNED, NEAR_RINGS, SAMPLES
-from bezier_filters.learning.neighbourhood_samples import draw_from_mesh, sample_neighbourhoods
-from bezier_filters.learning.noise_spectrum import learn_noise
-from bezier_filters.learning.ring_analysis import analyse_rings
-from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, cylinder, ellipsoid, sphere, torus, waves
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
@@ -22,15 +16,6 @@ SURFACES = {
     "ellipsoid": ellipsoid(resolution=20, jitter=0.3),
 }
 SEEDS = range(4)
-
-
-def learned(vertices, faces):
-    """From the narrow rings, as in the package."""
-    mesh, adjacency = fitted_mesh(triangle_mesh(vertices, faces), creases=True)
-    ids = draw_from_mesh(mesh, SAMPLES[2])
-    sample = sample_neighbourhoods(mesh, adjacency, ids, rings=NEAR_RINGS, most_turned=MOST_TURNED)
-    rings = {k: SAMPLES[k] for k in range(1, NEAR_RINGS + 1)}
-    return learn_noise(analyse_rings(sample, rings, vertex_count=len(vertices)))
 
 
 def found(surface, passes, level=LEVEL):

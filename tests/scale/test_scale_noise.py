@@ -3,14 +3,10 @@
 import pytest
 from numba import config
 from scale_cases import assert_same_as_in_memory, save_arrays, shuffled
-from scanner_noise import along_normals, in_all_directions
+from scanner_noise import along_normals, in_all_directions, learned
 from test_scale_smoothing import assert_near
 
 from bezier_filters import smooth
-from bezier_filters.kernels.kernel_input import fitted_mesh
-from bezier_filters.learning.learn import learn_surface
-from bezier_filters.learning.plans import Choices
-from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.scale import estimate_file, smooth_file
 from bezier_filters.surfaces import bumpy_star, ellipsoid
 
@@ -20,7 +16,7 @@ HOW = {"scheduler": "synchronous", "workers": 1}
 
 
 def averaged():
-    surface = ellipsoid(resolution=12, jitter=0.2)
+    surface = ellipsoid(resolution=10, jitter=0.2)
     return shuffled(along_normals(surface, 0.1, 3), surface.faces)
 
 
@@ -32,26 +28,20 @@ def heavy():
 CASES = {"averaged": averaged, "heavy": heavy}
 
 
-def noise_in_memory(vertices, faces):
-    arrays, adjacency = fitted_mesh(triangle_mesh(vertices, faces), creases=True)
-    return learn_surface(arrays, adjacency, Choices())[1].surface.noise
-
-
 @pytest.mark.parametrize("name", CASES)
 def test_values_are_those_in_memory_to_the_last_bit(name, tmp_path):
     vertices, faces = CASES[name]()
-    noise = noise_in_memory(vertices, faces)
-    assert (bool(noise.sills), noise.heavy) == (name == "averaged", name == "heavy")
+    assert (learned(vertices, faces) is not None) == (name == "averaged")
     files = save_arrays(tmp_path, vertices, faces)
-    report = estimate_file(files, tmp_path / "out.ply", tile_vertices=512, **HOW)
+    report = estimate_file(files, tmp_path / "out.ply", tile_vertices=400, **HOW)
     assert report["tiles"] > 1
     assert_same_as_in_memory(report, vertices, faces)
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", ["averaged", pytest.param("heavy", marks=pytest.mark.slow)])
 def test_vertices_move_as_in_memory(name, tmp_path):
     vertices, faces = CASES[name]()
-    report = smooth_file(save_arrays(tmp_path, vertices, faces), tmp_path / "out.ply", tile_vertices=512, **HOW)
+    report = smooth_file(save_arrays(tmp_path, vertices, faces), tmp_path / "out.ply", tile_vertices=400, **HOW)
     expected = smooth(vertices, faces)
     assert expected.max_displacement > expected.noise_before
     assert_near(report, expected)
