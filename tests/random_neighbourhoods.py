@@ -1,6 +1,6 @@
 """Neighbourhoods drawn from the model that is learned: random terms of known variances, and noise."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -105,3 +105,16 @@ def fit_stars(drawn, plan):
     outer = low[:, :, None] * low[:, None] * geometry.k_min[centers, None, None]
     outer += high[:, :, None] * high[:, None] * geometry.k_max[centers, None, None]
     return -normals[:, :2] / normals[:, 2:], -outer
+
+
+def with_correlated_noise(drawn, noise, seed=0):
+    """The same neighbourhoods with Gaussian noise of a `NoiseModel` added to the heights, which have to be small."""
+    distances = np.linalg.norm(drawn.points[:, :, np.newaxis, :2] - drawn.points[:, np.newaxis, :, :2], axis=3)
+    covariances = np.zeros(distances.shape) + noise.white * np.eye(distances.shape[1])
+    for sill, length in zip(noise.sills, noise.lengths, strict=True):
+        covariances += sill * np.exp(-(distances**2) / (2.0 * length**2))
+    factors = np.linalg.cholesky(covariances)
+    normal = np.random.default_rng(seed).standard_normal((*distances.shape[:2], 1))
+    points = drawn.points.copy()
+    points[..., 2:] += factors @ normal
+    return replace(drawn, points=points)

@@ -241,11 +241,12 @@ def _learn_balls(
 ) -> Leaf | None:
     """Learn the surface; the chosen plan is that of the rings whose radius is nearest to the one given."""
     wanted = nearest_rings(mesh, adjacency, radius, threads=threads)
-    analyses, _ = learn_surface(mesh, adjacency, Choices(wanted, degrees), threads=threads)
-    if not analyses:
+    analyses, learned = learn_surface(mesh, adjacency, Choices(wanted, degrees), threads=threads)
+    if learned is None:
         return None
     nearest = min(analyses, key=lambda analysis: abs(analysis.radius - radius))
-    return leaf_of(analyses, Choices(nearest.rings, degrees))
+    noise = learned.surface.noise
+    return leaf_of(analyses, Choices(nearest.rings, degrees), noise if noise.sills else None, heavy=noise.heavy)
 
 
 def nearest_rings(mesh: KernelMesh, adjacency: Adjacency, radius: float, *, threads: int = 1) -> int:

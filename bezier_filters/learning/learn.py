@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from bezier_filters.kernels.kernel_input import KernelMesh, with_steady_normals
 from bezier_filters.learning.model_tree import Leaf, best_leaf, leaf_of
 from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample, draw_from_mesh, sample_neighbourhoods
@@ -25,7 +27,9 @@ HOPELESS = 10.0
 """Wider rings are not tried once the predicted error has grown by this factor."""
 
 OFTEN_TURNED, MANY_TURNED = 0.03, 0.0015
-"""Share of the places with a normal near them that turns away, and of all normals: more of both is heavy noise."""
+"""Share of the places with a normal near them that turns away, and of all normals: more of both is heavy noise,"""
+ROUGH = 0.25
+"""if most places are so rough, too: heights of the neighbours over their distances. At knife edges only few are."""
 
 Sampler = Callable[[int, int, bool], NeighbourhoodSample]
 """Gives neighbourhoods out to some rings of some number of vertices, of a mesh as it is or with steady normals."""
@@ -66,7 +70,7 @@ def learn_from_samples(
         sample = sampler(stage[-1], count, heavy)
         if stage is stages[0] and _turns_normals(sample):
             steady = sampler(stage[-1], count, True)
-            heavy = not _turns_normals(steady)
+            heavy = _is_rough(steady) and not _turns_normals(steady)
             sample = steady if heavy else sample
         most: dict[int, int] = {}
         for k in stage:
@@ -90,3 +94,11 @@ def _turns_normals(sample: NeighbourhoodSample) -> bool:
     if not len(sample.turned):
         return False
     return bool(sample.turned.mean() > MANY_TURNED and (sample.turned > 0.0).mean() > OFTEN_TURNED)
+
+
+def _is_rough(sample: NeighbourhoodSample) -> bool:
+    """Whether at most places the neighbours are far off the plane, at the distance that they have."""
+    seen = sample.usable[:, 1:].any(axis=1)
+    is_near = np.arange(sample.points.shape[1]) < sample.sizes[:, 1:2]
+    x, y, z = np.moveaxis(np.square(sample.points).sum(axis=1, where=is_near[..., np.newaxis])[seen], 1, 0)
+    return bool(seen.any() and np.median(z / np.maximum(x + y, np.finfo(np.float64).tiny)) > ROUGH**2)

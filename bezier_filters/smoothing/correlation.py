@@ -15,8 +15,8 @@ from bezier_filters.smoothing.probes import random_signs, white_noise
 
 FIRST_STREAM = 100
 """Of the random bits that correlated noise is made of."""
-SQUARED_EDGE = 1.1
-"""Mean square of the edges of an irregular mesh, over the square of their mean."""
+GRID, LONGEST = 32, 64.0
+"""Of a lattice of triangles, where it is known how alike heat flow makes neighbours: its size, and the largest time."""
 AREA = 0.87
 """Of a mesh per vertex, times the squared mean edge."""
 
@@ -47,13 +47,13 @@ class Correlation:
         """That of a noise, where the mean edge is `unit`, a length, measured at the `core` of a mesh."""
         if not noise.sills:
             return WHITE
-        # Noise averaged twice over surroundings of some variance is alike over twice that.
-        times = tuple((length / unit) ** 2 / SQUARED_EDGE for length in noise.lengths)
+        times = tuple(_time_until_alike(float(np.exp(-0.5 * (unit / length) ** 2))) for length in noise.lengths)
         shares = np.array(noise.sills) / noise.variance
         white = random_signs(ids, 1, stream=FIRST_STREAM)
         spreads = [diffuse(laplacian, white.astype(np.float64), time)[core].std() for time in times]
-        areas = np.pi * np.array(noise.lengths) ** 2 / (AREA * unit**2)
-        alike = float((1.0 - shares.sum()) ** 2 + (shares**2 * areas).sum())
+        curvatures = (unit / np.array(noise.lengths)) ** 2
+        vertices = 2.0 * np.pi / AREA / (curvatures[:, np.newaxis] + curvatures)  # sums of products of two correlations
+        alike = 1.0 + float(shares @ (vertices - 1.0) @ shares)
         scales = tuple(float(np.sqrt(share) / spread) for share, spread in zip(shares, spreads, strict=True))
         return Correlation(float(np.sqrt(noise.white / noise.variance)), times, scales, max(alike, 1.0))
 
@@ -63,6 +63,19 @@ class Correlation:
         for time, scale, other in zip(self.times, self.scales, others, strict=True):
             result += scale * diffuse(laplacian, other.astype(np.float64), time, threads=threads)
         return result.astype(np.float32)
+
+
+def _time_until_alike(correlation: float) -> float:
+    """Of the heat flow, squared edges, after which the noise of neighbours on a lattice of triangles is so alike.
+
+    White noise after a time t is as alike as heat from one vertex is spread after 2 t. Much of that is still at the
+    vertex itself, so neighbours are less alike, for short times, than heat flow on a surface would make them.
+    """
+    x, y = 2.0 * np.pi / GRID * np.mgrid[:GRID, :GRID].reshape(2, -1)
+    means = (np.cos(x) + np.cos(y) + np.cos(x + y)) / 3.0  # of its six neighbours, for every wave
+    times = np.geomspace(1e-4, LONGEST, 256)
+    waves = np.exp(2.0 * np.outer(times, means - 1.0))
+    return float(np.interp(correlation, waves @ means / waves.sum(axis=1), times))
 
 
 WHITE = Correlation()

@@ -2,10 +2,22 @@ import numpy as np
 from compiled import from_python
 from hypothesis import given
 from hypothesis import strategies as st
+from scanner_noise import in_all_directions
 
 from bezier_filters import triangle_mesh, vertex_adjacency
-from bezier_filters.meshes.frames import STEEPEST, face_normal, farthest_direction, folds, mean_normal, tangent_planes
-from bezier_filters.surfaces import block_with_sharp_edges, sphere, waves
+from bezier_filters.kernels.kernel_input import fitted_mesh, with_steady_normals
+from bezier_filters.meshes.frames import (
+    STEADY_ROUNDS,
+    STEEPEST,
+    UNBOUNDED,
+    face_normal,
+    farthest_direction,
+    folds,
+    mean_normal,
+    steady_normals,
+    tangent_planes,
+)
+from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, sphere, waves
 
 directions = st.tuples(*[st.floats(-1, 1)] * 3).map(np.array).filter(lambda d: np.linalg.norm(d) > 0.1)
 
@@ -99,3 +111,71 @@ def test_x_axis_among_equally_far_neighbours_follows_from_the_neighbourhood():
         members = np.arange(6, dtype=np.int32)
         axis = np.array(farthest_direction(points[order] @ turn.T, members, 4, 6, *(turn @ [0.0, 0.0, 1.0])))
         np.testing.assert_allclose(axis, turn @ [0.0, 1.0, 0.0], atol=1e-12)
+
+
+def averaged(normals, adjacency, stops, rounds):
+    """The same as `steady_normals`, vertex by vertex."""
+    for _ in range(rounds):
+        sums = normals.copy()
+        for i in np.flatnonzero(~stops):
+            row = adjacency.vertices.row(i)
+            sums[i] += normals[row[~stops[row]]].sum(axis=0)
+        normals = sums / np.linalg.norm(sums, axis=1, keepdims=True)
+    return normals
+
+
+def test_steady_normals_are_means_over_neighbours_taken_again_and_again():
+    surface = bumpy_star(resolution=8, jitter=0.2)
+    mesh = triangle_mesh(in_all_directions(surface.vertices, surface.faces, 0.4), surface.faces)
+    adjacency = vertex_adjacency(mesh)
+    stops = np.random.default_rng(0).random(mesh.vertex_count) < 0.1
+    normals, rows = tangent_planes(mesh, adjacency).normals, adjacency.vertices
+    before = normals.copy()
+    found = [steady_normals(normals, rows.indptr, rows.indices, stops, threads=threads) for threads in (1, 2)]
+    np.testing.assert_array_equal(*found)
+    np.testing.assert_array_equal(normals, before)
+    np.testing.assert_allclose(found[0], averaged(normals, adjacency, stops, STEADY_ROUNDS), atol=1e-12)
+
+
+def test_steady_normals_are_nearer_to_the_truth_under_noise_that_turns_single_ones():
+    surface = sphere(resolution=16, jitter=0.2)
+    mesh, _ = fitted_mesh(
+        triangle_mesh(in_all_directions(surface.vertices, surface.faces, 0.5), surface.faces), creases=True
+    )
+    steady = with_steady_normals(mesh)
+    before, after = (np.einsum("ij,ij->i", one.normals, surface.normals) for one in (mesh, steady))
+    assert before.min() < 0.0
+    assert after.min() > 0.8
+    assert (steady.safe_cosine == UNBOUNDED).all()
+
+
+def test_steady_normals_do_not_cross_stops():
+    """What happens on one side of the edges of a block leaves the other sides as they are."""
+    vertices, faces = block_with_sharp_edges(resolution=10)
+    mesh, adjacency = fitted_mesh(triangle_mesh(vertices, faces), creases=True)
+    on_top = (vertices[:, 2] > vertices[:, 2].max() - 1e-9) & ~mesh.stops
+    inside = ~on_top & ~mesh.stops
+    assert mesh.stops.any()
+    assert on_top.sum() > 20
+    found = with_steady_normals(mesh).normals
+    np.testing.assert_allclose(found[on_top], np.tile([0.0, 0.0, 1.0], (on_top.sum(), 1)), atol=1e-12)
+    tilted = mesh.normals.copy()
+    tilted[on_top] = [0.6, 0.0, 0.8]
+    others = with_steady_normals(mesh._replace(normals=tilted)).normals
+    np.testing.assert_array_equal(others[inside], found[inside])
+    np.testing.assert_array_equal(others[mesh.stops], found[mesh.stops])
+    np.testing.assert_allclose(others[mesh.stops], mesh.normals[mesh.stops], atol=1e-12)
+    every = steady_normals(
+        tilted, adjacency.vertices.indptr, adjacency.vertices.indices, np.zeros(len(vertices), dtype=np.bool_)
+    )
+    assert np.abs(every[inside] - found[inside]).max() > 0.01, "it is the stops that hold it back"
+
+
+def test_normals_that_cancel_out_stay():
+    """Two triangles back to back, and a vertex without faces."""
+    vertices = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [5.0, 5.0, 5.0]])
+    adjacency = vertex_adjacency(triangle_mesh(vertices, [[0, 1, 2]]))
+    normals = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    rows = adjacency.vertices
+    found = steady_normals(normals, rows.indptr, rows.indices, np.zeros(4, dtype=np.bool_))
+    np.testing.assert_array_equal(found, normals)

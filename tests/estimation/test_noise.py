@@ -1,0 +1,45 @@
+"""Standard errors under noise that is alike at neighbouring vertices."""
+
+import numpy as np
+import pytest
+from numba import config
+from scanner_noise import along_normals, mean_edge_of
+
+from bezier_filters import estimate_vertex_geometry
+from bezier_filters.surfaces import bumpy_star, ellipsoid, torus
+
+pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
+
+SURFACES = {
+    "torus": torus(resolution=36, jitter=0.3),
+    "ellipsoid": ellipsoid(resolution=16, jitter=0.2),
+    "star": bumpy_star(resolution=20, jitter=0.2),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "passes", "options"),
+    [("torus", 3, {}), ("ellipsoid", 1, {}), ("star", 3, {"rings": 4})],
+)
+def test_intervals_hold_the_truth_under_averaged_noise(name, passes, options):
+    """Those of 95 %, for the mean curvature."""
+    surface = SURFACES[name]
+    geometry = estimate_vertex_geometry(along_normals(surface, 0.1, passes), surface.faces, **options)
+    assert geometry.noise_sigma == pytest.approx(0.1 * mean_edge_of(surface.vertices, surface.faces), rel=0.15)
+    error = np.abs(geometry.mean_curvature - surface.mean_curvature)
+    assert 0.85 < (error < 1.96 * geometry.mean_curvature_std).mean() < 0.995
+
+
+def test_averaged_noise_takes_a_wider_fit_than_white_noise_and_has_larger_errors():
+    surface = SURFACES["ellipsoid"]
+    white, averaged = (
+        estimate_vertex_geometry(along_normals(surface, 0.1, passes), surface.faces, rings=4, degree=4)
+        for passes in (0, 3)
+    )
+    ratio = np.median(averaged.mean_curvature_std / white.mean_curvature_std)
+    truth = (
+        np.square(averaged.mean_curvature - surface.mean_curvature).mean()
+        / np.square(white.mean_curvature - surface.mean_curvature).mean()
+    )
+    assert ratio > 1.3
+    assert ratio == pytest.approx(np.sqrt(truth), rel=0.25)

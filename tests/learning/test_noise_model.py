@@ -1,0 +1,229 @@
+"""What correlated noise does to fits, against dense algebra, noise that was drawn, and white noise."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from random_neighbourhoods import (
+    analyse_ring,
+    as_sample,
+    draw,
+    fit_stars,
+    terms_at,
+    variances_by_degree,
+    with_correlated_noise,
+)
+
+from bezier_filters.learning.noise_model import LOOKED_AT, NoiseModel, ring_noise, squared_distances
+from bezier_filters.learning.plans import ring_plans
+from bezier_filters.learning.ring_analysis import FIRST
+from bezier_filters.learning.surface_model import RingModel, SurfaceModel
+from bezier_filters.patches.harmonics import harmonic_basis
+
+BASIS = harmonic_basis()
+SIZE = 40  # points of a 3-ring
+EDGE = 1.0 / 3.0
+NOISES = {
+    "short": NoiseModel(0.3, (0.7,), (0.7 * EDGE,)),
+    "long": NoiseModel(0.05, (0.95,), (1.4 * EDGE,)),
+    "two parts": NoiseModel(0.2, (0.5, 0.3), (0.5 * EDGE, 2.0 * EDGE)),
+}
+each_noise = pytest.mark.parametrize("noise", NOISES.values(), ids=NOISES)
+
+
+def analysed(drawn):
+    return analyse_ring(as_sample(drawn.points), 3, len(drawn.points))
+
+
+def bent(steep):
+    """Neighbourhoods whose slopes and curvatures are of the order of `steep`."""
+    variances = np.where((BASIS.degrees == 1) | (BASIS.degrees == 2), steep**2, 0.0)
+    return draw(30, SIZE, variances, 1e-9)
+
+
+def dense_covariance(noise, points):
+    """Entry by entry, for points (n, 3) whose slopes are those of the quadratic through them."""
+    values = terms_at(points[:, :2])
+    fit = np.linalg.lstsq(values[:, :6], points[:, 2], rcond=None)[0]
+    step = 1e-5
+    slopes = [
+        (terms_at(points[:, :2] + h) - terms_at(points[:, :2] - h))[:, :6] @ fit / (2.0 * step)
+        for h in (np.array([step, 0.0]), np.array([0.0, step]))
+    ]
+    normals = np.column_stack([-slopes[0], -slopes[1], np.ones(len(points))])
+    heights = np.linalg.norm(normals, axis=1)  # of a unit of length along the normal, over the plane
+    result = np.empty((len(points), len(points)))
+    for i, p in enumerate(points):
+        for j, q in enumerate(points):
+            alike = [sill * np.exp(-((p - q) @ (p - q)) / (2.0 * length**2)) for sill, length in parts_of(noise)]
+            result[i, j] = heights[i] * heights[j] * (sum(alike) + (noise.white if i == j else 0.0))
+    return result
+
+
+def parts_of(noise):
+    return zip(noise.sills, noise.lengths, strict=True)
+
+
+@each_noise
+@pytest.mark.parametrize("steep", [0.0, 0.3])
+def test_variances_of_fits_are_those_of_explicit_linear_estimators(noise, steep):
+    """L Sigma L^T for the least squares estimator L of every degree, and what I - A L leaves."""
+    analysis = analysed(bent(steep))
+    m = BASIS.up_to(analysis.degree)
+    found = ring_noise(noise, analysis)
+    parts, residuals, ratios = [], [], []
+    for points in analysis.points[analysis.rows[:LOOKED_AT]] / analysis.radius:
+        sigma = dense_covariance(replace(noise, lengths=tuple(x / analysis.radius for x in noise.lengths)), points)
+        design = terms_at(points[:, :2])[:, :m]
+        orthonormal = np.linalg.qr(design)[0]
+        parts.append(np.diag(orthonormal.T @ sigma @ orthonormal))
+        left, over = [], np.zeros((analysis.degree + 1, m))
+        for degree in range(analysis.degree + 1):
+            count = BASIS.up_to(degree)
+            estimator = np.linalg.pinv(design[:, :count])
+            over[degree, :count] = np.diag(estimator @ sigma @ estimator.T) / np.square(estimator).sum(axis=1)
+            remover = np.eye(SIZE) - design[:, :count] @ estimator
+            left.append(np.trace(remover @ sigma @ remover.T) / (SIZE - count))
+        residuals.append(left)
+        ratios.append(over)
+    np.testing.assert_allclose(found.parts, np.mean(parts, axis=0), rtol=1e-5)
+    np.testing.assert_allclose(found.residuals, np.mean(residuals, axis=0), rtol=1e-5)
+    ratios = np.mean(ratios, axis=0)
+    for degree in range(analysis.degree + 1):
+        for group in range(BASIS.groups[BASIS.up_to(degree) - 1] + 1):
+            expected = ratios[degree, : BASIS.up_to(degree)][BASIS.groups[: BASIS.up_to(degree)] == group].mean()
+            assert found.coefficients[degree, group] == pytest.approx(expected, rel=1e-5)
+    assert found.total == noise.variance
+    np.testing.assert_allclose(
+        found.covariances,
+        [
+            dense_covariance(noise, np.column_stack([points[:, :2], points[:, 2]]))
+            for points in analysis.points[analysis.rows[analysis.first]]
+        ],
+        rtol=1e-5,
+    )
+    assert len(found.covariances) == FIRST
+
+
+@each_noise
+def test_noise_that_was_drawn_is_found_by_the_analysis_as_was_foreseen(noise):
+    """Means of squares over many neighbourhoods, by the kernel; within four standard errors."""
+    count, small = 1000, 1e-6
+    drawn = with_correlated_noise(draw(count, SIZE, np.zeros(len(BASIS.degrees)), 0.0), noise.times(small**2))
+    analysis = analysed(drawn)
+    found, sums = ring_noise(noise.times(small**2), analysis), analysis.sums
+    assert np.square(sums.parts).mean(axis=0) / found.parts == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / count))
+    assert analysis.mean_squares / found.residuals == pytest.approx(1.0, abs=0.05)
+    for degree in range(analysis.degree + 1):
+        groups = BASIS.groups[BASIS.up_to(degree) - 1] + 1
+        squares = sums.term_squares[:, degree, :groups].sum(axis=0) / sums.term_counts[:, degree, :groups].sum(axis=0)
+        assert squares / found.coefficients[degree, :groups] == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / count))
+    spread = found.coefficients[analysis.degree].max() / found.coefficients[analysis.degree][:groups].min()
+    assert spread > 2.0, "white noise would give 1"
+
+
+def models_of(noise, analysis, variances):
+    ring = RingModel(analysis, ring_noise(noise, analysis), variances, variances, 0.0)
+    return SurfaceModel(noise, (ring,))
+
+
+def test_noise_that_reaches_no_neighbour_is_white():
+    """All that is known of it, and the errors that plans predict."""
+    small = 1e-5
+    variances, sigma = small**2 * variances_by_degree(0.3, 0.2), 0.3 * small
+    analysis = analysed(draw(50, SIZE, variances, sigma))
+    white = models_of(NoiseModel(sigma**2), analysis, variances)
+    other = models_of(NoiseModel(0.25 * sigma**2, (0.75 * sigma**2,), (1e-3 * EDGE,)), analysis, variances)
+    plain, found = white.by_rings[0].noise, other.by_rings[0].noise
+    assert plain.grams is None
+    assert plain.covariances is None
+    assert found.total == pytest.approx(plain.total)
+    np.testing.assert_allclose(found.parts, plain.parts, rtol=1e-5)
+    np.testing.assert_allclose(found.residuals, plain.residuals, rtol=1e-5)
+    filled = found.coefficients > 0.0
+    np.testing.assert_allclose(found.coefficients[filled], plain.coefficients[filled], rtol=1e-5)
+    m = analysis.first_grams.shape[1]
+    np.testing.assert_allclose(found.grams[:, :m], sigma**2 * analysis.first_grams, rtol=1e-6, atol=1e-8 * sigma**2)
+    np.testing.assert_allclose(found.covariances, np.broadcast_to(sigma**2 * np.eye(SIZE), found.covariances.shape))
+    ours, theirs = (ring_plans(model, model.by_rings[0]) for model in (other, white))
+    assert any(np.isfinite(plan.weight_radius) for plan in ours)
+    assert [(p.degree, p.weight_radius) for p in ours] == [(p.degree, p.weight_radius) for p in theirs]
+    for one, two in zip(ours, theirs, strict=True):
+        assert one.normal_error == pytest.approx(two.normal_error, rel=1e-5)
+        assert one.curvature_error == pytest.approx(two.curvature_error, rel=1e-5)
+
+
+@each_noise
+def test_errors_that_plans_predict_are_those_of_the_kernel(noise):
+    """For every degree, prior and weight that is tried; that white noise of this strength would do otherwise shows."""
+    small = 1e-5
+    variances, noise = small**2 * variances_by_degree(0.3, 0.2), noise.times(0.09 * small**2)
+    drawn = with_correlated_noise(draw(600, SIZE, variances, 0.0, seed=4), noise)
+    analysis = analysed(drawn)
+    model, white = (models_of(one, analysis, variances) for one in (noise, NoiseModel(noise.variance)))
+    x, y, c, s, r = drawn.coefficients[:, 1:6].T  # slopes; x^2 - y^2, 2 x y and x^2 + y^2
+    slope = np.column_stack([x, y])
+    second = 2.0 * np.array([[r + c, s], [s, r - c]]).transpose(2, 0, 1)
+    for plan in ring_plans(model, model.by_rings[0]):
+        gradients, hessians = fit_stars(drawn, replace(plan, rings=1))
+        assert plan.normal_error == pytest.approx(np.sqrt(np.square(gradients - slope).sum(axis=1).mean()), rel=0.15)
+        assert plan.curvature_error == pytest.approx(
+            np.sqrt(np.square(hessians - second).sum(axis=(1, 2)).mean()), rel=0.15
+        )
+    unaware = min(plan.normal_error for plan in ring_plans(white, white.by_rings[0]))
+    assert min(plan.normal_error for plan in ring_plans(model, model.by_rings[0])) > 1.2 * unaware
+
+
+models = st.builds(
+    lambda white, parts: NoiseModel(white, tuple(p[0] for p in parts), tuple(p[1] for p in parts)),
+    st.floats(1e-3, 10.0),
+    st.lists(st.tuples(st.floats(0.0, 10.0), st.floats(0.01, 10.0)), max_size=3),
+)
+points_of = arrays(np.float64, (2, 7, 3), elements=st.floats(-5.0, 5.0))
+slopes_of = arrays(np.float64, (2, 7), elements=st.floats(1.0, 3.0))
+
+
+@given(noise=models, points=points_of, steepness=slopes_of)
+def test_covariances_are_positive_definite_and_no_correlation_is_above_one(noise, points, steepness):
+    covariances = noise.covariances(points, steepness)
+    np.testing.assert_allclose(covariances, covariances.transpose(0, 2, 1), rtol=1e-9)
+    assert (np.linalg.eigvalsh(covariances) > 0.99 * noise.white - 1e-12 * noise.variance).all()
+    variances = np.diagonal(covariances, axis1=1, axis2=2)
+    np.testing.assert_allclose(variances, noise.variance * steepness**2, rtol=1e-9)
+    bound = np.sqrt(variances[:, :, np.newaxis] * variances[:, np.newaxis])
+    assert (np.abs(covariances) <= bound * (1.0 + 1e-9)).all()
+
+
+@given(noise=models, points=points_of, factor=st.floats(1e-3, 1e3))
+def test_covariances_scale_and_neither_turning_nor_moving_matters(noise, points, factor):
+    level = np.ones(points.shape[:2])
+    expected = noise.covariances(points, level)
+    np.testing.assert_allclose(noise.times(factor).covariances(points, level), factor * expected, rtol=1e-9)
+    larger = replace(noise, lengths=tuple(factor * length for length in noise.lengths))
+    np.testing.assert_allclose(larger.covariances(factor * points, level), expected, rtol=1e-6, atol=1e-9)
+    turn = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]
+    moved = points @ turn + np.array([1.0, -2.0, 3.0])
+    least = min(noise.lengths, default=1.0)
+    np.testing.assert_allclose(noise.covariances(moved, level), expected, atol=1e-12 * noise.variance / least**2)
+
+
+@given(noise=models, factor=st.floats(0.0, 1e6))
+def test_noise_times_a_factor_has_so_much_more_variance_and_the_same_length(noise, factor):
+    noise = replace(noise, heavy=True)
+    more = noise.times(factor)
+    assert more.variance == pytest.approx(factor * noise.variance)
+    assert more.sigma**2 == pytest.approx(more.variance)
+    assert more.lengths == noise.lengths
+    assert more.heavy
+    if sum(noise.sills) > 1e-9 and factor > 1e-3:
+        assert more.length == pytest.approx(noise.length)
+        assert min(noise.lengths) * (1.0 - 1e-9) <= noise.length <= max(noise.lengths) * (1.0 + 1e-9)
+
+
+def test_distances_are_those_of_all_pairs():
+    points = np.random.default_rng(0).standard_normal((3, 6, 3))
+    expected = [[[np.sum((p - q) ** 2) for q in one] for p in one] for one in points]
+    np.testing.assert_allclose(squared_distances(points), expected, atol=1e-12)

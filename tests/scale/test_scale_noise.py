@@ -1,0 +1,47 @@
+"""What is learned of noise is the same in tiles: noise that is alike at neighbours, and noise that turns normals."""
+
+import pytest
+from numba import config
+from scale_cases import assert_same_as_in_memory, save_arrays, shuffled
+from scanner_noise import along_normals, in_all_directions, learned
+from test_scale_smoothing import assert_near
+
+from bezier_filters import smooth
+from bezier_filters.scale import estimate_file, smooth_file
+from bezier_filters.surfaces import bumpy_star, ellipsoid
+
+pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
+
+HOW = {"scheduler": "synchronous", "workers": 1}
+
+
+def averaged():
+    surface = ellipsoid(resolution=10, jitter=0.2)
+    return shuffled(along_normals(surface, 0.1, 3), surface.faces)
+
+
+def heavy():
+    surface = bumpy_star(resolution=15, jitter=0.2)
+    return shuffled(in_all_directions(surface.vertices, surface.faces, 0.5), surface.faces)
+
+
+CASES = {"averaged": averaged, "heavy": heavy}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_values_are_those_in_memory_to_the_last_bit(name, tmp_path):
+    vertices, faces = CASES[name]()
+    assert (learned(vertices, faces) is not None) == (name == "averaged")
+    files = save_arrays(tmp_path, vertices, faces)
+    report = estimate_file(files, tmp_path / "out.ply", tile_vertices=400, **HOW)
+    assert report["tiles"] > 1
+    assert_same_as_in_memory(report, vertices, faces)
+
+
+@pytest.mark.parametrize("name", ["averaged", pytest.param("heavy", marks=pytest.mark.slow)])
+def test_vertices_move_as_in_memory(name, tmp_path):
+    vertices, faces = CASES[name]()
+    report = smooth_file(save_arrays(tmp_path, vertices, faces), tmp_path / "out.ply", tile_vertices=400, **HOW)
+    expected = smooth(vertices, faces)
+    assert expected.max_displacement > expected.noise_before
+    assert_near(report, expected)
