@@ -6,6 +6,7 @@ surroundings of width l / sqrt(2).
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -86,13 +87,31 @@ class RingNoise:
     `RingAnalysis`. All are variances, length^2.
     """
 
-    total: float  # of one vertex
-    covariances: FloatArray | None  # (T, n, n): of the first points; None if the noise is white
-    grams: FloatArray | None  # (T, M, M): design^T covariance design
+    model: NoiseModel
+    analysis: RingAnalysis
     parts: FloatArray  # (m,): of what the heights hold of each term, see `RingSums`
     residuals: FloatArray  # (J + 1,): mean square that the fit of each degree leaves, per degree of freedom
     # (J + 1, G): of the coefficients of each degree, over what they would be under white noise of variance 1
     coefficients: FloatArray
+
+    @cached_property
+    def covariances(self) -> FloatArray | None:
+        """Of the heights of the first points, (T, n, n); None if the noise is white."""
+        if not self.model.sills:
+            return None
+        points, steepness = self.analysis.quadratics(self.analysis.first)
+        return self.model.covariances(self.analysis.radius * points, steepness)
+
+    @cached_property
+    def grams(self) -> FloatArray | None:
+        """design^T covariance design of the first points, (T, M, M); None if the noise is white."""
+        design = self.analysis.first_designs
+        return None if self.covariances is None else design.transpose(0, 2, 1) @ self.covariances @ design
+
+    def of_part(self, model: NoiseModel, analysis: RingAnalysis) -> "RingNoise":
+        """The same for some of the neighbourhoods, where the noise has another strength."""
+        factor = model.variance / self.model.variance
+        return RingNoise(model, analysis, factor * self.parts, factor * self.residuals, factor * self.coefficients)
 
 
 def ring_noise(noise: NoiseModel, analysis: RingAnalysis) -> RingNoise:
@@ -100,9 +119,7 @@ def ring_noise(noise: NoiseModel, analysis: RingAnalysis) -> RingNoise:
     m, by_degree = analysis.sums.parts.shape[1], analysis.sums.term_squares.shape[1:]
     if not noise.sills:
         every = noise.white
-        return RingNoise(every, None, None, np.full(m, every), np.full(by_degree[0], every), np.full(by_degree, every))
-    points, steepness = analysis.quadratics(analysis.first)
-    covariances = noise.covariances(analysis.radius * points, steepness)
+        return RingNoise(noise, analysis, np.full(m, every), np.full(by_degree[0], every), np.full(by_degree, every))
     numbers: IntArray = np.arange(min(LOOKED_AT, len(analysis.rows)), dtype=np.int32)
     design = analysis.designs(numbers)[..., :m]
     inner = design.transpose(0, 2, 1) @ design
@@ -114,9 +131,8 @@ def ring_noise(noise: NoiseModel, analysis: RingAnalysis) -> RingNoise:
     present = np.arange(steepness.shape[1]) < sizes[:, np.newaxis]
     total = noise.variance * float(np.square(steepness[present]).mean())
     return RingNoise(
-        noise.variance,
-        covariances,
-        analysis.first_designs.transpose(0, 2, 1) @ covariances @ analysis.first_designs,
+        noise,
+        analysis,
         parts,
         _of_residuals(analysis.degree, float(sizes.mean()), total, parts),
         _of_coefficients(analysis, inner, outer),

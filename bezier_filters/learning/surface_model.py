@@ -69,10 +69,14 @@ def learn_model(
     basis = harmonic_basis()
     free = basis.degrees <= FREE_DEGREE
     of_whole = {} if whole is None else {model.analysis.rings: model.variances for model in whole.by_rings}
+    rings_of_whole: dict[int, RingNoise] = {}
+    if whole is not None and noise.sills:
+        rings_of_whole = {model.analysis.rings: model.noise for model in whole.by_rings}
     models: list[RingModel] = []
     wider_errors = np.zeros(len(free))
     for analysis in reversed(analyses):
-        of_ring = ring_noise(noise, analysis)
+        known = rings_of_whole.get(analysis.rings)
+        of_ring = ring_noise(noise, analysis) if known is None else known.of_part(noise, analysis)
         values, errors = _term_variances(analysis, of_ring.coefficients, noise.white)
         if models:
             scale = (analysis.radius / models[-1].analysis.radius) ** (2.0 * basis.degrees)

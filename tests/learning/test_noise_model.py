@@ -96,7 +96,7 @@ def test_variances_of_fits_are_those_of_explicit_linear_estimators(noise, steep)
         for group in range(BASIS.groups[BASIS.up_to(degree) - 1] + 1):
             expected = ratios[degree, : BASIS.up_to(degree)][BASIS.groups[: BASIS.up_to(degree)] == group].mean()
             assert found.coefficients[degree, group] == pytest.approx(expected, rel=1e-5)
-    assert found.total == noise.variance
+    assert found.model.variance == noise.variance
     np.testing.assert_allclose(
         found.covariances,
         [
@@ -140,7 +140,7 @@ def test_noise_that_reaches_no_neighbour_is_white():
     plain, found = white.by_rings[0].noise, other.by_rings[0].noise
     assert plain.grams is None
     assert plain.covariances is None
-    assert found.total == pytest.approx(plain.total)
+    assert found.model.variance == pytest.approx(plain.model.variance)
     np.testing.assert_allclose(found.parts, plain.parts, rtol=1e-5)
     np.testing.assert_allclose(found.residuals, plain.residuals, rtol=1e-5)
     filled = found.coefficients > 0.0
