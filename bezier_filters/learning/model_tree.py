@@ -12,7 +12,7 @@ from typing import Generic, TypeAlias, TypeVar
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.learning.noise_model import NoiseModel
+from bezier_filters.learning.noise_model import NoiseModel, known_noise
 from bezier_filters.learning.plans import Choices, FitPlan, all_plans, best_plan, plan_for, plans_around
 from bezier_filters.learning.ring_analysis import FREE_DEGREE, RingAnalysis
 from bezier_filters.learning.surface_model import SurfaceModel, learn_model
@@ -67,6 +67,8 @@ def leaf_of(
     """One model for all; None if the analyses allow no plan. The noise is white unless it is known to be otherwise."""
     if not any(analysis.degree > FREE_DEGREE for analysis in analyses):
         return None
+    if choices.noise is not None:
+        correlated = known_noise(correlated, choices.noise)
     with _overflows():
         surface = learn_model(analyses, correlated)
         surface = replace(surface, noise=replace(surface.noise, heavy=heavy))
@@ -88,7 +90,7 @@ def part_of(root: Leaf, analyses: Sequence[RingAnalysis], choices: Choices) -> L
     if not any(analysis.degree > FREE_DEGREE for analysis in analyses):
         return None
     with _overflows():
-        surface = learn_model(analyses, whole=root.surface)
+        surface = learn_model(analyses, None if choices.noise is None else root.surface.noise, root.surface)
         own = plans_around(surface, choices.degrees, choices.rings or root.chosen.rings)
         leaf = best_leaf(surface, own, choices)
     others = (plan for plan in root.plans if plan.rings not in {plan.rings for plan in own})

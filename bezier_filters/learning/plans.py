@@ -144,6 +144,7 @@ class Choices:
 
     rings: int | None = None  # the one size of neighbourhood that is allowed; None for all
     degrees: tuple[int, ...] = CANDIDATE_DEGREES
+    noise: float | None = None  # its standard deviation, if that is known
 
 
 def all_plans(surface: SurfaceModel, degrees: Sequence[int] = CANDIDATE_DEGREES) -> list[FitPlan]:

@@ -53,7 +53,8 @@ def apply_coord_bezier_patch_smoothing(
     -------
     dict
         ``moved`` (number of vertices), ``displacement`` (mean, rms and max, lengths), ``noise_before`` and
-        ``noise_after`` (standard deviation along the normal, lengths, or None), ``volume_before``,
+        ``noise_after`` (standard deviation along the normal, lengths, or None), ``noise_length`` (over which that
+        before is correlated, or 0), ``noise_heavy`` (whether it turns single normals), ``volume_before``,
         ``volume_after`` (length^3) and ``volume_ratio`` (None if nothing is closed), ``mean_edge``, ``flipped_before``,
         ``flipped_after``, ``degenerate_before``, ``degenerate_after`` and ``new_bad_faces`` (numbers of faces),
         ``attributes`` (names written), ``quality``, ``unit``, ``statistics`` (min, median, max and mean of
@@ -93,15 +94,14 @@ def apply_coord_bezier_patch_smoothing(
             threads=threads,
             progress=progress,
         )
-        return Computed(columns(SMOOTH, result), mask, _report(mesh, result), vertices=result.vertices)
+        return Computed(columns(SMOOTH, result), mask, _report(result), vertices=result.vertices)
 
     return run_filter(ms, SMOOTH, work, Output(quality, onselected, color, colormap, percentile, colorrange))
 
 
-def _report(mesh: CurrentMesh, result: SmoothingResult) -> Report:
-    edges = mesh.vertices[mesh.faces[:, 1]] - mesh.vertices[mesh.faces[:, 0]]
+def _report(result: SmoothingResult) -> Report:
     return {
-        "mean_edge": float(np.linalg.norm(edges, axis=1).mean()),
+        "mean_edge": result.mean_edge,
         "moved": int(np.count_nonzero(result.displacement)),
         "displacement": {
             "mean": result.mean_displacement,
@@ -110,6 +110,8 @@ def _report(mesh: CurrentMesh, result: SmoothingResult) -> Report:
         },
         "noise_before": result.noise_before,
         "noise_after": result.noise_after,
+        "noise_length": result.noise_length,
+        "noise_heavy": result.noise_heavy,
         "volume_before": result.volume_before,
         "volume_after": result.volume_after,
         "volume_ratio": result.volume_ratio,

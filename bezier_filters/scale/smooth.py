@@ -10,7 +10,7 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, Report
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.learning.noise_model import NoiseModel
+from bezier_filters.learning.noise_model import NoiseModel, known_noise
 from bezier_filters.meshes.adjacency import Adjacency, incoherent_vertices, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.atomic import atomic_write
@@ -29,7 +29,7 @@ from bezier_filters.smoothing.denoise import SmoothingPlan, denoise, learn_plan,
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, MeshPart
 from bezier_filters.smoothing.noise import ROUGHNESS_RINGS, roughest, roughness
-from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, check_smoothing, known_noise
+from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, check_smoothing
 from bezier_filters.smoothing.volume import (
     component_gains,
     component_volumes,
@@ -180,6 +180,8 @@ def _automatic(run: Run, iterations: int, noise: float | None, borders: Smoothed
         "noise": {
             "before": None if known is None else known.sigma,
             "after": None if left is None else left.sigma,
+            "length": None if known is None else known.length,
+            "heavy": known is not None and known.heavy,
         },
         "volume": {"before": volume_before, "after": None if volume_before is None else float(done.sums("volume")[0])},
         "faces": dict(zip(COUNTS, done.sums("faces").astype(int).tolist(), strict=True)),

@@ -6,17 +6,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import BoolArray, FloatArray
-from bezier_filters.errors import InvalidParameterError, is_integer, is_real
+from bezier_filters.errors import InvalidParameterError, is_integer
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.first_call import first_call
+from bezier_filters.estimation.fit_options import check_noise
 from bezier_filters.kernels.kernel_input import fitted_mesh
 from bezier_filters.learning.learn import learn_surface
-from bezier_filters.learning.noise_model import NoiseModel
+from bezier_filters.learning.noise_model import NoiseModel, known_noise
 from bezier_filters.learning.plans import Choices
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
 from bezier_filters.runtime.parallel import Progress, thread_count
-from bezier_filters.smoothing.denoise import remove_noise
+from bezier_filters.smoothing.denoise import mean_edge, remove_noise
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.smoothing_result import SmoothingResult
 from bezier_filters.smoothing.volume import ClosedComponents, component_volumes, movement_around, restore_volumes
@@ -141,6 +142,9 @@ def smooth(
             sharpness=sharpness,
             noise_before=None if known is None else known.sigma,
             noise_after=None if left is None else left.sigma,
+            noise_length=None if known is None else known.length,
+            noise_heavy=known is not None and known.heavy,
+            mean_edge=mean_edge(mesh, adjacency),
             volume_before=float(volumes_before.sum()) if components.count else None,
             volume_after=float(volumes_after.sum()) if components.count else None,
             flipped_before=int(bad_before.flipped.sum()),
@@ -156,13 +160,6 @@ def learn_noise(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -
     arrays, adjacency = fitted_mesh(mesh, adjacency=adjacency, creases=True, threads=threads)
     _, leaf = learn_surface(arrays, adjacency, Choices(), threads=threads)
     return None if leaf is None else leaf.surface.noise
-
-
-def known_noise(learned: NoiseModel | None, sigma: float) -> NoiseModel:
-    """Noise of a given strength: how alike neighbouring vertices are is learned all the same."""
-    if learned is None or not learned.sills:
-        return NoiseModel(sigma**2)
-    return learned.times(sigma**2 / learned.variance)
 
 
 def _noise_of(mesh: TriangleMesh, adjacency: Adjacency, sigma: float | None, threads: int) -> NoiseModel | None:
@@ -208,9 +205,7 @@ def check_smoothing(method: object, iterations: object, noise: object, borders: 
         raise InvalidParameterError(f"method: got {method!r}, expected 'auto' or 'paper'")
     if not is_integer(iterations) or iterations < 1:
         raise InvalidParameterError(f"iterations: got {iterations!r}, expected an integer of 1 or more")
-    is_length = is_real(noise) and 0.0 <= noise < np.inf
-    if noise is not None and not is_length:
-        raise InvalidParameterError(f"noise: got {noise!r}, expected a length of 0 or more, or None to learn it")
+    check_noise(noise)
     if noise is not None and method == "paper":
         raise InvalidParameterError("noise: the paper's method does not use it; leave it out")
     if borders not in ("curve", "fixed"):

@@ -1,8 +1,11 @@
 """Smoothing, from known truth: analytic surfaces and a block with sharp edges."""
 
+import re
+
 import numpy as np
 import pytest
 from numba import config
+from scipy.sparse import csr_array
 
 from bezier_filters import CancelledError, InvalidParameterError, estimate_vertex_geometry, smooth
 from bezier_filters.meshes.adjacency import vertex_adjacency
@@ -169,6 +172,35 @@ def test_known_noise_takes_the_place_of_the_learned_one(block):
     result = smooth(noisy, faces, noise=0.0)
     assert np.array_equal(result.vertices, noisy)
     assert result.noise_before == 0.0
+
+
+@pytest.mark.parametrize(
+    ("sigma", "blurred", "in_all_directions", "words"),
+    [
+        (0.2, False, False, r"noise 0\.\d+ edges, independent from vertex to vertex"),
+        (0.2, True, False, r"noise 0\.\d+ edges, correlated over [\d.]+ edges"),
+        (0.5, False, True, r"noise 0\.\d+ edges in all directions, independent from vertex to vertex"),
+        (0.0, False, False, "noise too small to be learned"),
+    ],
+)
+def test_the_result_says_what_the_noise_was_in_words(sigma, blurred, in_all_directions, words):
+    ball = sphere(resolution=40, jitter=0.2)
+    unit, n = edge_of(ball.vertices, ball.faces), len(ball.vertices)
+    noise = np.random.default_rng(0).standard_normal((n, 3 if in_all_directions else 1))
+    if blurred:
+        rows = vertex_adjacency(triangle_mesh(ball.vertices, ball.faces)).vertices
+        links = csr_array((np.ones(len(rows.indices)), rows.indices, rows.indptr), shape=(n, n))
+        means = noise + links @ noise
+        noise = means / means.std()
+    moved = sigma * unit * noise * (1.0 if in_all_directions else ball.normals)
+    result = smooth(ball.vertices + moved, ball.faces)
+    assert re.fullmatch(words, result.noise)
+    assert result.noise_heavy == in_all_directions
+    assert (result.noise_length > 0.5 * unit) == blurred
+    assert result.noise in repr(result)
+    assert result.noise in result._repr_html_()
+    if sigma:
+        assert result.noise_before == pytest.approx(sigma * unit, rel=0.3)
 
 
 def test_the_papers_method_moves_every_vertex_onto_its_patch():
