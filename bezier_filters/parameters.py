@@ -86,6 +86,9 @@ noise : {LENGTH}, optional
     Standard deviation of the noise, a length or a percentage of the diagonal of the bounding box; learned if left out.
     It is that along the normal; the choice and the standard errors follow from it. How far it is correlated is learned
     all the same. Not where both the neighbourhood and alpha are given.
+detail : {LENGTH}, optional
+    Size of the smallest detail to keep: no wider neighbourhoods than this are chosen. A length or a percentage.
+    The percentage is one of the diagonal of the bounding box. The narrowest ring may always be chosen.
 """)
 COLORS = parameters("""
 color : bool, default False
@@ -122,6 +125,9 @@ borders : {{"curve", "fixed"}}, default "curve"
 keepvolume : bool, optional
     Keep the volume that closed parts enclose.
     By default they keep it with ``"auto"``, and with ``"paper"`` not.
+detail : {LENGTH}, optional
+    Size of the smallest detail to keep: waves of this length keep half of their height. A length or a percentage.
+    The percentage is one of the diagonal of the bounding box. It bounds the low-pass filters; only for ``"auto"``.
 rings : int, default 2
     Size of the neighbourhoods in edges; for the paper's method.
 alpha : float, default 0.8

@@ -30,10 +30,11 @@ BigTarget = Annotated[Path, typer.Argument(help="PLY file to write.", metavar="O
 Faces = Annotated[Path | None, typer.Option(help="NPY file of the faces, if the input is one of the vertices.")]
 Columns = Annotated[list[str] | None, typer.Option("--column", help="Column to write; may be repeated.")]
 
-_METHOD, _ITERATIONS, _NOISE, _BORDERS, _VOLUME, *_ = SMOOTHING
+_METHOD, _ITERATIONS, _NOISE, _BORDERS, _VOLUME, _DETAIL, *_ = SMOOTHING
 _TILE_NOISE = replace(_NOISE, kind="float", help="Standard deviation of the noise, a length; learned if left out.")
-_IN_TILES = tuple(parameter for parameter in FIT if parameter.name not in ("radius", "noise"))
-TILE_FIT = (*_IN_TILES, _TILE_NOISE)
+_IN_TILES = tuple(parameter for parameter in FIT if parameter.name not in ("radius", "noise", "detail"))
+_LENGTH_OF_DETAIL = replace(_DETAIL, kind="float", help="Size of the smallest detail to keep, a length.")
+TILE_FIT = (*_IN_TILES, _TILE_NOISE, _LENGTH_OF_DETAIL)
 _PAPER = {"rings": 2, "alpha": 0.8, "smoothness": "paper"}
 PAPER_FIT = [replace(parameter, default=_PAPER.get(parameter.name, parameter.default)) for parameter in _IN_TILES]
 TILES = parameters("""
@@ -83,6 +84,7 @@ def curvature(
     _TILE_NOISE,
     _BORDERS,
     replace(_VOLUME, name="keep_volume"),
+    _LENGTH_OF_DETAIL,
     *PAPER_FIT,
     *TILES,
 )

@@ -101,16 +101,20 @@ def choose_fit(
     fixed: PatchFit | None,
     degrees: tuple[int, ...],
     sigma: float | None = None,
+    detail: float | None = None,
 ) -> tuple[SurfaceFit, Learned | None]:
     """Choose what the user left open, as far as one choice holds for all.
 
     `rings` or `fixed` are given or left to the data, which may then choose one of the degrees; `learn` is called only
-    if something is left open. `sigma` is the standard deviation of the noise, if that is known. The second result is
-    what `with_parts` finds parts from, if there may be any.
+    if something is left open. `sigma` is the standard deviation of the noise, if that is known, `detail` the
+    size of the smallest detail that matters. The second result is what `with_parts` finds parts from, if there may be
+    any.
     """
     root, noise = None, None
     if fixed is None or rings == "auto":
-        choices = Choices(None if rings == "auto" else rings, degrees, sigma)
+        choices = Choices(
+            None if rings == "auto" else rings, degrees, sigma, np.inf if detail is None else 0.5 * detail
+        )
         analyses, root = learn(choices)
     if root is not None:
         noise, chosen = root.surface.noise, root.chosen

@@ -17,7 +17,7 @@ from bezier_filters.estimation.adaptive_fit import (
 )
 from bezier_filters.estimation.fallbacks import fit_with_fallbacks, overall_progress
 from bezier_filters.estimation.first_call import first_call
-from bezier_filters.estimation.fit_options import Automatic, check_fit_noise, check_radius, fit_options
+from bezier_filters.estimation.fit_options import Automatic, check_detail, check_fit_noise, check_radius, fit_options
 from bezier_filters.estimation.point_cloud import point_cloud
 from bezier_filters.estimation.vertex_geometry import FitChoice, VertexGeometry, empty_geometry
 from bezier_filters.kernels.kernel_input import KernelMesh, fitted_mesh, kernel_mesh, with_steady_normals
@@ -47,6 +47,7 @@ def estimate_vertex_geometry(
     smoothness: Smoothness = "third_order",
     robust: bool = False,
     noise: float | None = None,
+    detail: float | None = None,
     selected: BoolArray | None = None,
     conditions: bool = False,
     threads: int | None = None,
@@ -103,6 +104,9 @@ def estimate_vertex_geometry(
         Standard deviation of the noise along the normal, a length, if it is known better than it can be learned: what
         is chosen and the standard errors follow from it, everywhere on the mesh. How far it is correlated is learned
         all the same. 0 takes all that there is for shape. Not where both the neighbourhood and `alpha` are given.
+    detail : float, optional
+        Size of the smallest detail to keep, a length: rings whose radius is more than half of it are not chosen,
+        unless there are no narrower ones. Not where the neighbourhood is given.
     selected : (n,) bool, optional
         Vertices to estimate; the others get zeros and `FitStatus.SKIPPED`.
     conditions : bool
@@ -145,6 +149,7 @@ def estimate_vertex_geometry(
     check_radius(radius, rings)
     rings, fixed, degrees = fit_options(rings, alpha, degree, smoothness)
     check_fit_noise(noise, fixed, rings, radius)
+    check_detail(detail, rings, radius)
     mask = None if selected is None else checked_selection(selected, mesh.vertex_count)
     threads = thread_count(threads)
 
@@ -161,7 +166,9 @@ def estimate_vertex_geometry(
         if conditions:
             geometry = replace(geometry, condition_number=np.zeros(mesh.vertex_count))
         if radius is None:
-            choice = _fit(arrays, adjacency, ids, rings, fixed, degrees, noise, geometry, robust, threads, progress)
+            choice = _fit(
+                arrays, adjacency, ids, rings, fixed, degrees, noise, detail, geometry, robust, threads, progress
+            )
         else:
             choice = fit_in_balls(
                 arrays,
@@ -189,6 +196,7 @@ def _fit(
     fixed: PatchFit | None,
     degrees: tuple[int, ...],
     noise: float | None,
+    detail: float | None,
     geometry: VertexGeometry,
     robust: bool,
     threads: int,
@@ -203,7 +211,7 @@ def _fit(
         learned_from = without_outliers(arrays, threads=threads) if robust else arrays
         return learn_surface(learned_from, adjacency, choices, threads=threads)
 
-    fit, learned = choose_fit(learn, rings, fixed, degrees, noise)
+    fit, learned = choose_fit(learn, rings, fixed, degrees, noise, detail)
     if fit.steady:
         arrays = with_steady_normals(arrays, threads=threads)
     first = ids if learned is None or len(ids) == len(arrays.vertices) else np.union1d(ids, learned.centers)

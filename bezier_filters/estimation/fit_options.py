@@ -52,6 +52,17 @@ def check_noise(noise: object) -> None:
         raise InvalidParameterError(f"noise: got {noise!r}, expected a length of 0 or more, or None to learn it")
 
 
+def check_detail(detail: object, rings: object = "auto", radius: object = None) -> None:
+    """Refuse a size of detail that is no length, or one beside the size of the neighbourhood."""
+    if detail is None:
+        return
+    if not (is_real(detail) and 0.0 < detail < np.inf):
+        raise InvalidParameterError(f"detail: got {detail!r}, expected a positive length, or None")
+    if rings != "auto" or radius is not None:
+        size = "rings" if radius is None else "radius"
+        raise InvalidParameterError(f"detail: {size} says already how large neighbourhoods are; leave one of them out")
+
+
 def check_fit_noise(noise: object, fixed: PatchFit | None, rings: object, radius: object = None) -> None:
     """Refuse a standard deviation of the noise that is no length, or that nothing depends on."""
     check_noise(noise)

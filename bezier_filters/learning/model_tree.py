@@ -78,7 +78,7 @@ def leaf_of(
 def best_leaf(surface: SurfaceModel, plans: Sequence[FitPlan], choices: Choices) -> Leaf | None:
     """A leaf with the best of the plans that may be chosen; None if there is none."""
     sound = tuple(plan for plan in plans if np.isfinite(plan.error))
-    allowed = [plan for plan in sound if choices.rings in (None, plan.rings)]
+    allowed = choices.among(sound)
     return Leaf(surface, sound, best_plan(allowed)) if allowed and np.isfinite(surface.sigma) else None
 
 

@@ -24,7 +24,7 @@ from bezier_filters.status import FitStatus
 
 @dataclass(frozen=True)
 class FitArguments:
-    """Arguments for `estimate_vertex_geometry`; radius and noise may be percentages."""
+    """Arguments for `estimate_vertex_geometry`; lengths may be percentages."""
 
     rings: int | Automatic
     radius: Length | None
@@ -33,6 +33,7 @@ class FitArguments:
     smoothness: Smoothness
     robust: bool
     noise: Length | None
+    detail: Length | None
     threads: int | None
     progress: Progress | None
 
@@ -48,6 +49,7 @@ def compute_normal_by_bezier_patch_per_vertex(
     smoothness: Smoothness = "third_order",
     robust: bool = False,
     noise: Length | None = None,
+    detail: Length | None = None,
     quality: str | None = "angle",
     onselected: bool = False,
     color: bool = False,
@@ -73,7 +75,7 @@ def compute_normal_by_bezier_patch_per_vertex(
     >>> bool(abs(ms.current_mesh().vertex_normal_matrix() - ms.current_mesh().vertex_matrix()).max() < 1e-3)
     True
     """
-    fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, noise, threads, progress)
+    fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, noise, detail, threads, progress)
     return _run(ms, NORMALS, fit, Output(quality, onselected, color, colormap, percentile, colorrange))
 
 
@@ -88,6 +90,7 @@ def compute_curvature_by_bezier_patch_per_vertex(
     smoothness: Smoothness = "third_order",
     robust: bool = False,
     noise: Length | None = None,
+    detail: Length | None = None,
     quality: str | None = "mean",
     onselected: bool = False,
     color: bool = False,
@@ -113,7 +116,7 @@ def compute_curvature_by_bezier_patch_per_vertex(
     >>> bool(abs(ms.current_mesh().vertex_scalar_array() - 0.5).max() < 0.01)
     True
     """
-    fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, noise, threads, progress)
+    fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, noise, detail, threads, progress)
     return _run(ms, CURVATURE, fit, Output(quality, onselected, color, colormap, percentile, colorrange))
 
 
@@ -128,6 +131,7 @@ def compute_torsion_by_bezier_patch_per_vertex(
     smoothness: Smoothness = "third_order",
     robust: bool = False,
     noise: Length | None = None,
+    detail: Length | None = None,
     onselected: bool = False,
     color: bool = False,
     colormap: str = "auto",
@@ -151,7 +155,7 @@ def compute_torsion_by_bezier_patch_per_vertex(
     >>> bool(abs(result["statistics"]["max"] - 0.75) < 0.02)  # inner equator: (1 - (-1/2)) / 2
     True
     """
-    fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, noise, threads, progress)
+    fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, noise, detail, threads, progress)
     return _run(ms, TORSION, fit, Output("torsion", onselected, color, colormap, percentile, colorrange))
 
 
@@ -192,6 +196,7 @@ def fit_mesh(mesh: CurrentMesh, mask: BoolArray, fit: FitArguments) -> VertexGeo
         smoothness=fit.smoothness,
         robust=fit.robust,
         noise=absolute_length(fit.noise, mesh.vertices, "noise"),
+        detail=absolute_length(fit.detail, mesh.vertices, "detail"),
         selected=None if mask.all() else mask,
         threads=fit.threads,
         progress=fit.progress,

@@ -58,6 +58,7 @@ def smooth_file(
     noise: float | None = None,
     borders: SmoothedBorders = "curve",
     keep_volume: bool | None = None,
+    detail: float | None = None,
     options: FitOptions | None = None,
     scheduler: Scheduler = None,
     workers: int | None = None,
@@ -87,7 +88,7 @@ def smooth_file(
         How to smooth.
     iterations : int
         How many times, at least 1; once is enough for ``"auto"``.
-    noise, borders, keep_volume
+    noise, borders, keep_volume, detail
         As in `smooth`, for ``"auto"`` only.
     options : FitOptions, optional
         How patches are fitted, for ``"paper"`` only, which by default fits them as the paper does. With others
@@ -118,7 +119,7 @@ def smooth_file(
     >>> bool(np.abs(moved - smooth(vertices, ball.faces).vertices).max() < 0.01 * report["noise"]["before"])
     True
     """
-    check_smoothing(method, iterations, noise, borders)
+    check_smoothing(method, iterations, noise, borders, detail)
     if method == "auto" and options is not None:
         raise InvalidParameterError("options: only method='paper' fits patches; leave it out")
     if method == "paper" and (borders != "curve" or keep_volume):
@@ -133,12 +134,20 @@ def smooth_file(
     with file_run(opened, target, how, row_size=48, in_store=once + each * iterations) as run:
         if method == "paper":
             return _onto_patches(run, iterations, fit_options)
-        return _automatic(run, iterations, noise, borders, keep_volume is not False)
+        return _automatic(run, iterations, noise, borders, keep_volume is not False, detail)
 
 
-def _automatic(run: Run, iterations: int, noise: float | None, borders: SmoothedBorders, keep_volume: bool) -> Report:
+def _automatic(
+    run: Run,
+    iterations: int,
+    noise: float | None,
+    borders: SmoothedBorders,
+    keep_volume: bool,
+    detail: float | None,
+) -> Report:
     """The automatic smoothing: a round that measures the mesh, one for every iteration, and one that ends it."""
     options = {"iterations": iterations, "noise": noise, "borders": borders, "keep_volume": keep_volume}
+    options["detail"] = detail
     results, mesh = run.results({"quantity": "automatic smoothing"} | options), run.store
     known = NoiseModel(0.0) if noise == 0.0 else _noise_of(run, mesh)
     if noise:
@@ -156,7 +165,7 @@ def _automatic(run: Run, iterations: int, noise: float | None, borders: Smoothed
             components = unite_components(mesh, done.tiles)
         with run.stages.stage("learn"):
             parts = sampled_parts_of(current, around, threads=run.workers)
-            plan = learn_plan(parts, here, borders, threads=run.workers)
+            plan = learn_plan(parts, here, borders, detail, threads=run.workers)
         is_last = step + 1 == iterations
         job = SmoothJob(mesh, current, plan, borders == "fixed", components if is_last else None)
         folders.append(results / f"step-{step + 1}")

@@ -9,7 +9,7 @@ from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.errors import InvalidParameterError, is_integer
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.first_call import first_call
-from bezier_filters.estimation.fit_options import check_noise
+from bezier_filters.estimation.fit_options import check_detail, check_noise
 from bezier_filters.kernels.kernel_input import fitted_mesh
 from bezier_filters.learning.learn import learn_surface
 from bezier_filters.learning.noise_model import NoiseModel, known_noise
@@ -36,6 +36,7 @@ def smooth(
     noise: float | None = None,
     borders: SmoothedBorders = "curve",
     keep_volume: bool | None = None,
+    detail: float | None = None,
     rings: int = 2,
     alpha: float = 0.8,
     selected: BoolArray | None = None,
@@ -73,6 +74,10 @@ def smooth(
     keep_volume : bool, optional
         Whether each closed part keeps its volume: what smoothing took or gave is spread over it along
         the normals, in proportion to how far the surroundings moved. By default with ``"auto"`` only.
+    detail : float, optional
+        Size of the smallest detail to keep, a length: filters that take more than half off waves of this length are
+        left out, and where a stronger one would be best, filters of the normals, too, which keep edges. For ``"auto"``
+        only.
     rings, alpha : int, float
         Neighbourhood and weight of the points, in (0, 1], for ``"paper"`` only.
     selected : (n,) bool, optional
@@ -109,7 +114,7 @@ def smooth(
     (True, 1.0)
     """
     mesh = triangle_mesh(vertices, faces)
-    check_smoothing(method, iterations, noise, borders)
+    check_smoothing(method, iterations, noise, borders, detail)
     threads = thread_count(threads)
     adjacency = vertex_adjacency(mesh, threads=threads)
     movable = _movable(selected, adjacency, borders)
@@ -120,7 +125,7 @@ def smooth(
             current, part = TriangleMesh(points, mesh.faces), part_of(progress, k, iterations)
             if method == "auto":
                 here = (known if k == 0 else learn_noise(current, adjacency, threads=threads)) or NoiseModel(0.0)
-                found = remove_noise(current, adjacency, here, borders, threads=threads, progress=part)
+                found = remove_noise(current, adjacency, here, borders, detail, threads=threads, progress=part)
                 points, sharpness = found.points, np.maximum(sharpness, found.sharpness)
             else:
                 points = _onto_patches(current, rings, alpha, threads, part)
@@ -193,7 +198,7 @@ def _movable(selected: BoolArray | None, adjacency: Adjacency, borders: Smoothed
     return mask & ~adjacency.on_boundary if borders == "fixed" else mask
 
 
-def check_smoothing(method: object, iterations: object, noise: object, borders: object) -> None:
+def check_smoothing(method: object, iterations: object, noise: object, borders: object, detail: object = None) -> None:
     """Refuse options that are out of range.
 
     Raises
@@ -206,7 +211,9 @@ def check_smoothing(method: object, iterations: object, noise: object, borders: 
     if not is_integer(iterations) or iterations < 1:
         raise InvalidParameterError(f"iterations: got {iterations!r}, expected an integer of 1 or more")
     check_noise(noise)
-    if noise is not None and method == "paper":
-        raise InvalidParameterError("noise: the paper's method does not use it; leave it out")
+    check_detail(detail)
+    for name, value in (("noise", noise), ("detail", detail)):
+        if value is not None and method == "paper":
+            raise InvalidParameterError(f"{name}: the paper's method does not use it; leave it out")
     if borders not in ("curve", "fixed"):
         raise InvalidParameterError(f"borders: got {borders!r}, expected 'curve' or 'fixed'")

@@ -86,9 +86,27 @@ def test_noise_that_is_given_as_none_at_all_leaves_the_shape_alone():
     assert distances[1] < 0.5 * distances[0]
 
 
+def test_neighbourhoods_are_no_wider_than_the_detail():
+    """On a noisy sphere wide rings are best, but bumps may hide in the noise that are as small as is said."""
+    ball = sphere(resolution=30, jitter=0.3)
+    vertices, edge = with_noise(ball, 0.2), mean_edge(ball)
+    free = estimate_vertex_geometry(vertices, ball.faces)
+    assert free.fit.rings >= 8
+    for size in (12.0, 6.0, 1.0):
+        bounded = estimate_vertex_geometry(vertices, ball.faces, detail=size * edge)
+        assert bounded.fit.rings <= max(size / 2.0, 1.0)
+        assert bounded.fit.rings >= max(0.3 * size - 1.0, 1.0)
+        assert np.median(bounded.rings_used) <= max(size / 2.0, 2.0)
+        fixed = estimate_vertex_geometry(vertices, ball.faces, detail=size * edge, alpha=0.8)
+        assert fixed.fit.rings == bounded.fit.rings
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
+        ({"detail": 0.0}, "detail: got 0.0, expected a positive length, or None"),
+        ({"detail": 0.1, "rings": 2}, "detail: rings says already how large neighbourhoods are"),
+        ({"detail": 0.1, "radius": 2.0}, "detail: radius says already how large neighbourhoods are"),
         ({"noise": -1.0}, "noise: got -1.0, expected a length of 0 or more, or None to learn it"),
         ({"noise": "2%"}, "noise: got '2%', expected a length"),
         ({"noise": np.nan}, "noise: got nan"),
@@ -98,7 +116,7 @@ def test_noise_that_is_given_as_none_at_all_leaves_the_shape_alone():
         ({"noise": 0.1, "smoothness": "paper"}, "noise: rings and alpha are given"),
     ],
 )
-def test_noise_that_is_no_length_or_that_nothing_depends_on_is_refused(options, message):
+def test_noise_and_detail_that_are_no_lengths_or_that_nothing_depends_on_are_refused(options, message):
     ball = sphere(resolution=8)
     with pytest.raises(InvalidParameterError, match=re.escape(message)):
         estimate_vertex_geometry(ball.vertices, ball.faces, **options)
