@@ -83,6 +83,13 @@ smoothness : {{"third_order", "paper"}}, default "third_order"
 robust : bool, optional
     Take weight from points far off their patch, for scans with outliers.
     By default, where the data show outliers, if rings, alpha or the degree follow from them.
+noise : {LENGTH}, optional
+    Standard deviation of the noise, a length or a percentage of the diagonal of the bounding box; learned if left out.
+    It is that along the normal; the choice and the standard errors follow from it. How far it is correlated is learned
+    all the same. Not where both the neighbourhood and alpha are given.
+detail : {LENGTH}, optional
+    Size of the smallest detail to keep: no wider neighbourhoods than this are chosen. A length or a percentage.
+    The percentage is one of the diagonal of the bounding box. The narrowest ring may always be chosen.
 """)
 COLORS = parameters("""
 color : bool, default False
@@ -119,6 +126,9 @@ borders : {{"curve", "fixed"}}, default "curve"
 keepvolume : bool, optional
     Keep the volume that closed parts enclose.
     By default they keep it with ``"auto"``, and with ``"paper"`` not.
+detail : {LENGTH}, optional
+    Size of the smallest detail to keep: waves of this length keep half of their height. A length or a percentage.
+    The percentage is one of the diagonal of the bounding box. It bounds the low-pass filters; only for ``"auto"``.
 rings : int, default 2
     Size of the neighbourhoods in edges; for the paper's method.
 alpha : float, default 0.8
@@ -198,10 +208,12 @@ onselected : bool
 _ESTIMATE = """\
 dict
     ``status`` (number of vertices per status name), ``fit`` (the ``rings`` or ``radius``, ``degree`` and
-    ``alpha`` that were used, and the ``noise_sigma`` that was found, a length), ``attributes`` (names
-    written), ``quality`` and ``unit``, ``statistics`` (min, median, max and mean of the quality over
-    the vertices with an estimate), ``seconds`` (read, fit, write, color) and, if coloured,
-    ``color_range`` and ``colormap``. It can be written as JSON."""
+    ``alpha`` that were used, the ``noise_sigma`` that was found and the ``noise_length`` over which it
+    is correlated, lengths, and ``noise_heavy``: whether it turns single normals), ``mean_edge`` (a
+    length, or None for a point cloud), ``attributes`` (names written), ``quality`` and ``unit``,
+    ``statistics`` (min, median, max and mean of the quality over the vertices with an estimate),
+    ``seconds`` (read, fit, write, color) and, if coloured, ``color_range`` and ``colormap``. It can be
+    written as JSON."""
 _NOTHING_ELSE = """\
 Where there is no estimate, columns hold 0. Nothing else in the MeshSet changes: not its{} selections,
 colours (unless asked for), textures, other attributes or filter script. Running it again overwrites the columns and

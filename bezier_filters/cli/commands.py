@@ -7,15 +7,17 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
+from bezier_filters.arrays import Report
 from bezier_filters.cli import batch, console, filters, pictures, scale
 from bezier_filters.cli.app import Json, Quiet, Source, app
+from bezier_filters.meshes.mesh import TriangleMesh
 
 __all__ = ["app", "batch", "filters", "pictures", "scale", "serve_command_line"]
 
 
 @app.command(epilog="Example: bezier-filters info scan.ply")
 def info(source: Source, json: Json = False) -> None:
-    """Say what is in a mesh or point cloud, and whether it is fit for fitting."""
+    """Say what is in a mesh or point cloud, how much noise there is, and whether it is fit for fitting."""
     from bezier_filters.meshes.diagnosis import inspect_mesh
     from bezier_filters.meshes.mesh import triangle_mesh
     from bezier_filters.meshlab.mesh_files import load_mesh
@@ -25,11 +27,26 @@ def info(source: Source, json: Json = False) -> None:
     loaded = current_mesh(ms)
     mesh = triangle_mesh(loaded.vertex_matrix(), loaded.face_matrix())
     topology = topological_measures(mesh.vertices, mesh.faces) if mesh.face_count else {}
-    summary = console.mesh_summary(mesh, inspect_mesh(mesh), topology)
+    summary = console.mesh_summary(mesh, inspect_mesh(mesh), topology, _noise_of(mesh) if mesh.face_count else None)
     if json:
         console.print_json({"file": str(source), **summary})
     else:
         console.print_mesh_summary(summary, str(source))
+
+
+def _noise_of(mesh: TriangleMesh) -> Report:
+    """The noise of a mesh, learned as for fitting and smoothing."""
+    from bezier_filters.estimation.first_call import first_call
+    from bezier_filters.meshes.adjacency import vertex_adjacency
+    from bezier_filters.runtime.parallel import thread_count
+    from bezier_filters.smoothing.smooth import learn_noise
+
+    threads = thread_count(None)
+    with first_call():
+        found = learn_noise(mesh, vertex_adjacency(mesh, threads=threads), threads=threads)
+    if found is None:
+        return {"sigma": None, "length": None, "heavy": False}
+    return {"sigma": found.sigma, "length": found.length, "heavy": found.heavy}
 
 
 @app.command(epilog="Example: bezier-filters demo my_scan.ply --out pictures")

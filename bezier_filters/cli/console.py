@@ -12,6 +12,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from rich.table import Table
 
 from bezier_filters.arrays import Report
+from bezier_filters.display.noise_words import noise_in_words, noise_level
 from bezier_filters.fields import CURVATURE, qualities
 from bezier_filters.meshes.diagnosis import MeshReport, diagnose, is_fit
 from bezier_filters.meshes.mesh import TriangleMesh
@@ -58,7 +59,10 @@ def print_status(report: Report, source: str) -> None:
     out.print(f"[bold]{escape(source)}[/]: {sum(report['status'].values()):,} vertices")
     fit = report["fit"]
     weight = "weights learned from the mesh" if fit["alpha"] is None else f"alpha {fit['alpha']:g}"
-    noise = "" if fit["noise_sigma"] is None else f"; noise {fit['noise_sigma']:.3g} (standard deviation, length)"
+    noise = ""
+    if fit["noise_sigma"] is not None:
+        edge = report.get("mean_edge")
+        noise = f"; {noise_in_words(fit['noise_sigma'], fit['noise_length'], fit['noise_heavy'], edge)}"
     where = f"on {fit['rings']} rings" if fit["radius"] is None else f"within a radius of {fit['radius']:.4g} (length)"
     out.print(f"  fitted {where}, degree {fit['degree']}, {weight}{noise}")
     for name, count in report["status"].items():
@@ -81,8 +85,16 @@ def print_noise(report: Report) -> None:
     """Say what became of the noise of a large mesh."""
     if "noise" not in report:  # the paper's method does not look at it
         return
-    noise = " before, ".join("unknown" if x is None else f"{x:.3g}" for x in report["noise"].values())
-    out.print(f"  noise {noise} after (standard deviation, length); {report['faces']['new']:,} new wrong faces")
+    noise = report["noise"]
+    before, after = noise_in_words(noise["before"], noise["length"], noise["heavy"]), noise_level(noise["after"])
+    out.print(f"  {before}; {after} after; {report['faces']['new']:,} new wrong faces")
+
+
+def _smoothed_noise(report: Report) -> str:
+    """The noise before smoothing, and what is left of it."""
+    edge = report["mean_edge"]
+    before = noise_in_words(report["noise_before"], report["noise_length"], report["noise_heavy"], edge)
+    return f"{before}; {noise_level(report['noise_after'], edge)} after"
 
 
 def print_smoothing(report: Report, source: str) -> None:
@@ -92,9 +104,7 @@ def print_smoothing(report: Report, source: str) -> None:
         return "unknown" if length is None else f"{length / report['mean_edge']:.3g}"
 
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 2))
-    table.add_row(
-        "noise", f"{edges(report['noise_before'])} before, {edges(report['noise_after'])} after \\[mean edges]"
-    )
+    table.add_row("noise", _smoothed_noise(report).removeprefix("noise "))
     moved = ", ".join(f"{name} {edges(value)}" for name, value in report["displacement"].items())
     table.add_row("displacement", f"{moved} \\[mean edges]; {report['moved']:,} vertices moved")
     if report["volume_ratio"] is not None:
@@ -174,9 +184,7 @@ def _remark(report: Report) -> str:
     if "closed_holes" in report:
         return f"{report['closed_holes']:,} holes filled, {report['open_holes']:,} left open"
     if "noise_before" in report:
-        noises = (report[key] for key in ("noise_before", "noise_after"))
-        before, after = ("unknown" if noise is None else f"{noise:.3g}" for noise in noises)
-        return f"noise {before} before, {after} after [length]"
+        return _smoothed_noise(report)
     if "statistics" in report:
         unit = f" [{report['unit']}]" if report["unit"] else ""
         known = qualities(CURVATURE).get(report["quality"])
@@ -184,8 +192,8 @@ def _remark(report: Report) -> str:
     return ""
 
 
-def mesh_summary(mesh: TriangleMesh, report: MeshReport, topology: Report) -> Report:
-    """What `info` tells, as one dict."""
+def mesh_summary(mesh: TriangleMesh, report: MeshReport, topology: Report, noise: Report | None) -> Report:
+    """What `info` tells, as one dict; the noise by the names of what `noise_in_words` takes, if there are faces."""
     low, high = (mesh.vertices.min(axis=0), mesh.vertices.max(axis=0))
     return {
         "vertices": mesh.vertex_count,
@@ -196,6 +204,7 @@ def mesh_summary(mesh: TriangleMesh, report: MeshReport, topology: Report) -> Re
         "non_manifold_vertices": topology.get("non_two_manifold_vertices", 0),
         **asdict(report),
         "bounding_box": [low.tolist(), high.tolist()],
+        "noise": noise,
         "fit_for_fitting": is_fit(mesh),
         "findings": diagnose(mesh, report),
     }
@@ -219,6 +228,9 @@ def print_mesh_summary(summary: Report, source: str) -> None:
         table.add_row(
             "non-manifold", f"{summary['non_manifold_edges']:,} edges, {number('non_manifold_vertices')} vertices"
         )
+    if summary["noise"]:
+        words = noise_in_words(**summary["noise"], edge=summary["mean_edge_length"])
+        table.add_row("noise", words.removeprefix("noise "))
     out.print(f"[bold]{escape(source)}[/]")
     out.print(table)
     if not summary["findings"]:

@@ -1,6 +1,6 @@
 """The commands for meshes that do not fit into memory, in tiles on Dask."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +13,7 @@ from bezier_filters.cli import console
 from bezier_filters.cli.app import Json, Quiet, app, options
 from bezier_filters.errors import CancelledError
 from bezier_filters.fields import CURVATURE
-from bezier_filters.parameters import FIT, QUALITY, SMOOTHING, parameters
+from bezier_filters.parameters import FIT, QUALITY, SMOOTHING, Parameter, parameters
 
 scale_app = typer.Typer(
     help="Meshes of any size, in tiles on Dask: one machine or a cluster.",
@@ -30,10 +30,13 @@ BigTarget = Annotated[Path, typer.Argument(help="PLY file to write.", metavar="O
 Faces = Annotated[Path | None, typer.Option(help="NPY file of the faces, if the input is one of the vertices.")]
 Columns = Annotated[list[str] | None, typer.Option("--column", help="Column to write; may be repeated.")]
 
-TILE_FIT = tuple(parameter for parameter in FIT if parameter.name != "radius")
+_METHOD, _ITERATIONS, _NOISE, _BORDERS, _VOLUME, _DETAIL, *_ = SMOOTHING
+_TILE_NOISE = replace(_NOISE, kind="float", help="Standard deviation of the noise, a length; learned if left out.")
+_IN_TILES = tuple(parameter for parameter in FIT if parameter.name not in ("radius", "noise", "detail"))
+_LENGTH_OF_DETAIL = replace(_DETAIL, kind="float", help="Size of the smallest detail to keep, a length.")
+TILE_FIT = (*_IN_TILES, _TILE_NOISE, _LENGTH_OF_DETAIL)
 _PAPER = {"rings": 2, "alpha": 0.8, "smoothness": "paper"}
-PAPER_FIT = [replace(parameter, default=_PAPER.get(parameter.name, parameter.default)) for parameter in TILE_FIT]
-_METHOD, _ITERATIONS, _NOISE, _BORDERS, _VOLUME, *_ = SMOOTHING
+PAPER_FIT = [replace(parameter, default=_PAPER.get(parameter.name, parameter.default)) for parameter in _IN_TILES]
 TILES = parameters("""
 scheduler : address, optional
     threads, processes, synchronous, or the address of a Dask scheduler; by default, processes are started here.
@@ -67,7 +70,7 @@ def curvature(
     """Compute mean, Gaussian and principal curvatures and directions, with the values that the mesh has in memory."""
     from bezier_filters.scale import FitOptions, estimate_file
 
-    fit = FitOptions(**_taken(given))
+    fit = FitOptions(**_taken(given, TILE_FIT))
     files = source if faces is None else (source, faces)
     with _resumable(quiet=quiet or json) as progress:
         report = estimate_file(files, target, columns=column, options=fit, progress=progress, **given)
@@ -78,9 +81,10 @@ def curvature(
 @options(
     _METHOD,
     _ITERATIONS,
-    replace(_NOISE, kind="float", help="Standard deviation of the noise, a length; learned if left out."),
+    _TILE_NOISE,
     _BORDERS,
     replace(_VOLUME, name="keep_volume"),
+    _LENGTH_OF_DETAIL,
     *PAPER_FIT,
     *TILES,
 )
@@ -99,7 +103,7 @@ def smooth(
     """
     from bezier_filters.scale import FitOptions, smooth_file
 
-    fit = FitOptions(**_taken(given))
+    fit = FitOptions(**_taken(given, PAPER_FIT))
     files = source if faces is None else (source, faces)
     with _resumable(quiet=quiet or json) as progress:
         paper = None if given["method"] == "auto" else fit
@@ -107,9 +111,9 @@ def smooth(
     _print(report, target, lambda: console.print_noise(report), quiet=quiet, json=json)
 
 
-def _taken(given: dict[str, Any]) -> dict[str, Any]:
+def _taken(given: dict[str, Any], table: Iterable[Parameter]) -> dict[str, Any]:
     """What says how to fit, which is removed from what was given."""
-    return {parameter.name: given.pop(parameter.name) for parameter in TILE_FIT}
+    return {parameter.name: given.pop(parameter.name) for parameter in table}
 
 
 @contextmanager

@@ -23,8 +23,19 @@ from bezier_filters.estimation.fallbacks import (
 from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, empty_geometry
 from bezier_filters.kernels.kernel_input import KernelMesh, with_steady_normals
 from bezier_filters.learning.learn import CANDIDATE_RINGS, MOST_TURNED, learn_surface
-from bezier_filters.learning.model_tree import Features, Leaf, Tree, at_leaves, grow, leaf_numbers, leaf_of, leaves
+from bezier_filters.learning.model_tree import (
+    Features,
+    Leaf,
+    Tree,
+    at_leaves,
+    best_leaf,
+    grow,
+    leaf_numbers,
+    leaf_of,
+    leaves,
+)
 from bezier_filters.learning.neighbourhood_samples import draw_from_mesh, sample_neighbourhoods
+from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.learning.plans import THRIFT, Choices, plan_for
 from bezier_filters.learning.ring_analysis import FEWEST_SAMPLES, RingAnalysis
 from bezier_filters.meshes.adjacency import Adjacency
@@ -91,31 +102,41 @@ def choose_fit(
     fixed: PatchFit | None,
     degrees: tuple[int, ...],
     robust: bool | None = None,
+    sigma: float | None = None,
+    detail: float | None = None,
 ) -> tuple[SurfaceFit, Learned | None]:
     """Choose what the user left open, as far as one choice holds for all.
 
     `rings` or `fixed` are given or left to the data, which may then choose one of the degrees; `learn` is called only
-    if something is left open, and fits are `robust` then if there are outliers, unless that is decided. The second
+    if something is left open, and fits are `robust` then if there are outliers, unless that is decided. `sigma` is the
+    standard deviation of the noise, if that is known, `detail` the size of the smallest detail that matters. The second
     result is what `with_parts` finds parts from, if there may be any.
     """
-    root, sigma = None, None
+    root, noise = None, None
     if fixed is None or rings == "auto":
-        choices = Choices(None if rings == "auto" else rings, degrees)
+        choices = Choices(
+            None if rings == "auto" else rings, degrees, sigma, np.inf if detail is None else 0.5 * detail
+        )
         analyses, root = learn_without_outliers(learn, choices, robust)
         robust = bool(robust) or (robust is None and root is not None and root.surface.noise.outliers > 0.0)
     if root is not None:
-        sigma, chosen = root.surface.sigma, root.chosen
+        noise, chosen = root.surface.noise, root.chosen
         if fixed is None:
-            choice = FitChoice(chosen.rings, chosen.degree, None, sigma)
+            choice = _with_noise(FitChoice(chosen.rings, chosen.degree, None, None), noise)
             attempts = tuple(planned_chain(root.plans, chosen))
-            heavy = root.surface.noise.heavy
-            return SurfaceFit(choice, attempts, heavy, bool(robust)), Learned(analyses, root, choices)
+            return SurfaceFit(choice, attempts, noise.heavy, bool(robust)), Learned(analyses, root, choices)
     if rings == "auto":
         rings = 2 if root is None else root.chosen.rings
     fit = fixed or PatchFit()
-    choice = FitChoice(rings, fit.degree, fit.alpha, sigma)
-    heavy = root is not None and root.surface.noise.heavy
-    return SurfaceFit(choice, tuple(fallback_chain(rings, fit)), heavy, bool(robust)), None
+    choice = _with_noise(FitChoice(rings, fit.degree, fit.alpha, None), noise)
+    return SurfaceFit(choice, tuple(fallback_chain(rings, fit)), choice.noise_heavy, bool(robust)), None
+
+
+def _with_noise(choice: FitChoice, noise: NoiseModel | None) -> FitChoice:
+    """A choice that says what the noise is, if that is known."""
+    if noise is None:
+        return choice
+    return replace(choice, noise_sigma=noise.sigma, noise_length=noise.length, noise_heavy=noise.heavy)
 
 
 def learn_without_outliers(
@@ -215,6 +236,7 @@ def fit_in_balls(
     degrees: tuple[int, ...],
     geometry: VertexGeometry,
     *,
+    sigma: float | None = None,
     robust: bool = False,
     threads: int = 1,
     progress: Progress | None = None,
@@ -223,30 +245,28 @@ def fit_in_balls(
 
     Where the patch is left open, one that suits the rings of about this radius is taken, the same everywhere.
     """
-    leaf = None if fit else _learn_balls(mesh, adjacency, radius, degrees, threads)
+    leaf = None if fit else _learn_balls(mesh, adjacency, radius, Choices(None, degrees, sigma), threads)
     if leaf is None:
         fit = fit or PatchFit()
         attempts = fallback_chain(1, fit, radius)
         choice = FitChoice(0, fit.degree, fit.alpha, None, radius=radius)
     else:
         attempts = planned_chain(leaf.plans, leaf.chosen, radius)
-        choice = FitChoice(0, leaf.chosen.degree, None, leaf.surface.sigma, radius=radius)
+        choice = _with_noise(FitChoice(0, leaf.chosen.degree, None, None, radius=radius), leaf.surface.noise)
         mesh = with_steady_normals(mesh, threads=threads) if leaf.surface.noise.heavy else mesh
     fit_with_fallbacks(mesh, ids, list(attempts), geometry, robust=robust, threads=threads, progress=progress)
     return choice
 
 
-def _learn_balls(
-    mesh: KernelMesh, adjacency: Adjacency, radius: float, degrees: tuple[int, ...], threads: int
-) -> Leaf | None:
+def _learn_balls(mesh: KernelMesh, adjacency: Adjacency, radius: float, choices: Choices, threads: int) -> Leaf | None:
     """Learn the surface; the chosen plan is that of the rings whose radius is nearest to the one given."""
     wanted = nearest_rings(mesh, adjacency, radius, threads=threads)
-    analyses, learned = learn_surface(mesh, adjacency, Choices(wanted, degrees), threads=threads)
-    if learned is None:
+    analyses, leaf = learn_surface(mesh, adjacency, replace(choices, rings=wanted), threads=threads)
+    if not analyses:
         return None
     nearest = min(analyses, key=lambda analysis: abs(analysis.radius - radius))
-    noise = learned.surface.noise
-    return leaf_of(analyses, Choices(nearest.rings, degrees), noise if noise.sills else None, heavy=noise.heavy)
+    choices = replace(choices, rings=nearest.rings)
+    return leaf_of(analyses, choices) if leaf is None else best_leaf(leaf.surface, leaf.plans, choices)
 
 
 def nearest_rings(mesh: KernelMesh, adjacency: Adjacency, radius: float, *, threads: int = 1) -> int:

@@ -17,7 +17,7 @@ from bezier_filters.estimation.adaptive_fit import (
 )
 from bezier_filters.estimation.fallbacks import fit_with_fallbacks, overall_progress
 from bezier_filters.estimation.first_call import first_call
-from bezier_filters.estimation.fit_options import Automatic, check_radius, fit_options
+from bezier_filters.estimation.fit_options import Automatic, check_detail, check_fit_noise, check_radius, fit_options
 from bezier_filters.estimation.point_cloud import point_cloud
 from bezier_filters.estimation.vertex_geometry import FitChoice, VertexGeometry, empty_geometry
 from bezier_filters.kernels.kernel_input import KernelMesh, fitted_mesh, kernel_mesh, with_steady_normals
@@ -46,6 +46,8 @@ def estimate_vertex_geometry(
     degree: int | Automatic = "auto",
     smoothness: Smoothness = "third_order",
     robust: bool | None = None,
+    noise: float | None = None,
+    detail: float | None = None,
     selected: BoolArray | None = None,
     conditions: bool = False,
     threads: int | None = None,
@@ -99,6 +101,13 @@ def estimate_vertex_geometry(
         outliers: one vertex in twenty displaced by many times the noise. It takes some two times as long
         and is slightly less accurate where there are none. By default, fits that follow the data are robust where these
         show outliers.
+    noise : float, optional
+        Standard deviation of the noise along the normal, a length, if it is known better than it can be learned: what
+        is chosen and the standard errors follow from it, everywhere on the mesh. How far it is correlated is learned
+        all the same. 0 takes all that there is for shape. Not where both the neighbourhood and `alpha` are given.
+    detail : float, optional
+        Size of the smallest detail to keep, a length: rings whose radius is more than half of it are not chosen,
+        unless there are no narrower ones. Not where the neighbourhood is given.
     selected : (n,) bool, optional
         Vertices to estimate; the others get zeros and `FitStatus.SKIPPED`.
     conditions : bool
@@ -140,6 +149,8 @@ def estimate_vertex_geometry(
     outside = _outside(normals, mesh)
     check_radius(radius, rings)
     rings, fixed, degrees = fit_options(rings, alpha, degree, smoothness)
+    check_fit_noise(noise, fixed, rings, radius)
+    check_detail(detail, rings, radius)
     mask = None if selected is None else checked_selection(selected, mesh.vertex_count)
     threads = thread_count(threads)
 
@@ -156,7 +167,9 @@ def estimate_vertex_geometry(
         if conditions:
             geometry = replace(geometry, condition_number=np.zeros(mesh.vertex_count))
         if radius is None:
-            choice = _fit(arrays, adjacency, ids, rings, fixed, degrees, geometry, robust, threads, progress)
+            choice = _fit(
+                arrays, adjacency, ids, rings, fixed, degrees, noise, detail, geometry, robust, threads, progress
+            )
         else:
             choice = fit_in_balls(
                 arrays,
@@ -166,6 +179,7 @@ def estimate_vertex_geometry(
                 fixed,
                 degrees,
                 geometry,
+                sigma=noise,
                 robust=bool(robust),
                 threads=threads,
                 progress=progress,
@@ -182,6 +196,8 @@ def _fit(
     rings: int | Automatic,
     fixed: PatchFit | None,
     degrees: tuple[int, ...],
+    noise: float | None,
+    detail: float | None,
     geometry: VertexGeometry,
     robust: bool | None,
     threads: int,
@@ -196,7 +212,7 @@ def _fit(
         learned_from = without_outliers(arrays, threads=threads) if without else arrays
         return learn_surface(learned_from, adjacency, choices, threads=threads)
 
-    fit, learned = choose_fit(learn, rings, fixed, degrees, robust)
+    fit, learned = choose_fit(learn, rings, fixed, degrees, robust, noise, detail)
     if fit.steady:
         arrays = with_steady_normals(arrays, threads=threads)
     first = ids if learned is None or len(ids) == len(arrays.vertices) else np.union1d(ids, learned.centers)

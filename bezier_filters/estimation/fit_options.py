@@ -46,6 +46,31 @@ def check_radius(radius: object, rings: object) -> None:
         raise InvalidParameterError(f"radius: got {radius!r} and rings={rings!r}; give one of them, not both")
 
 
+def check_noise(noise: object) -> None:
+    """Refuse a standard deviation of the noise that is no length."""
+    if noise is not None and not (is_real(noise) and 0.0 <= noise < np.inf):
+        raise InvalidParameterError(f"noise: got {noise!r}, expected a length of 0 or more, or None to learn it")
+
+
+def check_detail(detail: object, rings: object = "auto", radius: object = None) -> None:
+    """Refuse a size of detail that is no length, or one beside the size of the neighbourhood."""
+    if detail is None:
+        return
+    if not (is_real(detail) and 0.0 < detail < np.inf):
+        raise InvalidParameterError(f"detail: got {detail!r}, expected a positive length, or None")
+    if rings != "auto" or radius is not None:
+        size = "rings" if radius is None else "radius"
+        raise InvalidParameterError(f"detail: {size} says already how large neighbourhoods are; leave one of them out")
+
+
+def check_fit_noise(noise: object, fixed: PatchFit | None, rings: object, radius: object = None) -> None:
+    """Refuse a standard deviation of the noise that is no length, or that nothing depends on."""
+    check_noise(noise)
+    if noise is not None and fixed is not None and (rings != "auto" or radius is not None):
+        size = "rings" if radius is None else "radius"
+        raise InvalidParameterError(f"noise: {size} and alpha are given, and nothing depends on it; leave it out")
+
+
 def _check_choices(degree: object, smoothness: object) -> None:
     if degree != "auto" and degree not in CANDIDATE_DEGREES:
         raise InvalidParameterError(f"degree: got {degree!r}, expected one of {CANDIDATE_DEGREES}, or 'auto'")

@@ -7,6 +7,7 @@ import numpy as np
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.differential_geometry import DerivedCurvatures
 from bezier_filters.display.html_tables import html_table, summary
+from bezier_filters.display.noise_words import noise_in_words
 from bezier_filters.fields import ESTIMATES, fields_of
 from bezier_filters.status import FitStatus
 
@@ -57,6 +58,10 @@ class FitChoice:
         one choice that would be best for all of it.
     radius : float or None
         Of the ball that is the neighbourhood of a vertex, a length; None where it has a number of rings.
+    noise_length : float or None
+        Distance over which the noise is correlated; 0 if it is independent from vertex to vertex.
+    noise_heavy : bool
+        Whether the noise turns single normals so far that they mean nothing, as noise in all directions does.
     """
 
     rings: int
@@ -65,6 +70,15 @@ class FitChoice:
     noise_sigma: float | None
     parts: tuple[FitPart, ...] = ()
     radius: float | None = None
+    noise_length: float | None = None
+    noise_heavy: bool = False
+
+    @property
+    def noise(self) -> str:
+        """The noise in words, or nothing where it was not learned."""
+        if self.noise_sigma is None:
+            return ""
+        return noise_in_words(self.noise_sigma, self.noise_length, self.noise_heavy)
 
 
 @dataclass(frozen=True, repr=False)
@@ -209,7 +223,9 @@ class VertexGeometry(DerivedCurvatures):
         rows = [summary(name, unit, getattr(self, name)[known]) for name, unit in _SHOWN.items()]
         counts = [(FitStatus[name].message, name, count) for name, count in self.status_counts().items()]
         return html_table(
-            f"Geometry of {len(self.status):,} vertices", ["", "unit", "min", "median", "max"], rows
+            ": ".join(filter(None, [f"Geometry of {len(self.status):,} vertices", self.fit.noise])),
+            ["", "unit", "min", "median", "max"],
+            rows,
         ) + html_table("Fits", ["outcome", "status", "vertices"], counts)
 
 

@@ -12,7 +12,7 @@ from typing import Generic, TypeAlias, TypeVar
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.learning.noise_model import NoiseModel
+from bezier_filters.learning.noise_model import NoiseModel, known_noise
 from bezier_filters.learning.plans import Choices, FitPlan, all_plans, best_plan, plan_for, plans_around
 from bezier_filters.learning.ring_analysis import FREE_DEGREE, RingAnalysis
 from bezier_filters.learning.surface_model import SurfaceModel, learn_model
@@ -72,6 +72,8 @@ def leaf_of(
     """One model for all; None if the analyses allow no plan. The noise is white unless it is known to be otherwise."""
     if not any(analysis.degree > FREE_DEGREE for analysis in analyses):
         return None
+    if choices.noise is not None:
+        correlated = known_noise(correlated, choices.noise)
     with _overflows():
         surface = learn_model(analyses, correlated)
         surface = replace(surface, noise=replace(surface.noise, heavy=heavy, outliers=outliers))
@@ -81,7 +83,7 @@ def leaf_of(
 def best_leaf(surface: SurfaceModel, plans: Sequence[FitPlan], choices: Choices) -> Leaf | None:
     """A leaf with the best of the plans that may be chosen; None if there is none."""
     sound = tuple(plan for plan in plans if np.isfinite(plan.error))
-    allowed = [plan for plan in sound if choices.rings in (None, plan.rings)]
+    allowed = choices.among(sound)
     return Leaf(surface, sound, best_plan(allowed)) if allowed and np.isfinite(surface.sigma) else None
 
 
@@ -93,7 +95,7 @@ def part_of(root: Leaf, analyses: Sequence[RingAnalysis], choices: Choices) -> L
     if not any(analysis.degree > FREE_DEGREE for analysis in analyses):
         return None
     with _overflows():
-        surface = learn_model(analyses, whole=root.surface)
+        surface = learn_model(analyses, None if choices.noise is None else root.surface.noise, root.surface)
         own = plans_around(surface, choices.degrees, choices.rings or root.chosen.rings)
         leaf = best_leaf(surface, own, choices)
     others = (plan for plan in root.plans if plan.rings not in {plan.rings for plan in own})

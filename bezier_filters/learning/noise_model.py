@@ -71,6 +71,20 @@ class NoiseModel:
         return steeper
 
 
+def known_noise(learned: NoiseModel | None, sigma: float) -> NoiseModel:
+    """Noise of a given standard deviation: how alike neighbouring vertices are is learned all the same.
+
+    Examples
+    --------
+    >>> known_noise(NoiseModel(1.0, (3.0,), (0.5,)), 1.0)
+    NoiseModel(white=0.25, sills=(0.75,), lengths=(0.5,), heavy=False, outliers=0.0)
+    """
+    if learned is None or not learned.sills or sigma == 0.0:
+        outliers = 0.0 if learned is None else learned.outliers
+        return NoiseModel(sigma**2, heavy=learned is not None and learned.heavy, outliers=outliers)
+    return learned.times(sigma**2 / learned.variance)
+
+
 def squared_distances(points: FloatArray) -> FloatArray:
     """Between all points of every neighbourhood, (T, n, d) to (T, n, n)."""
     squares = np.square(points).sum(axis=2)

@@ -145,6 +145,14 @@ class Choices:
 
     rings: int | None = None  # the one size of neighbourhood that is allowed; None for all
     degrees: tuple[int, ...] = CANDIDATE_DEGREES
+    noise: float | None = None  # its standard deviation, if that is known
+    widest: float = np.inf  # radius of neighbourhoods, a length, but for the narrowest
+
+    def among(self, plans: Sequence[FitPlan]) -> list[FitPlan]:
+        """Those of the plans that may be chosen."""
+        narrowest = min((plan.radius for plan in plans), default=0.0)
+        narrow = [plan for plan in plans if plan.radius <= max(self.widest, narrowest)]
+        return narrow if self.rings is None else [plan for plan in plans if plan.rings == self.rings]
 
 
 def all_plans(surface: SurfaceModel, degrees: Sequence[int] = CANDIDATE_DEGREES) -> list[FitPlan]:

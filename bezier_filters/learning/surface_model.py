@@ -61,11 +61,11 @@ def learn_model(
 ) -> SurfaceModel:
     """Find the variances that noise leaves to the surface, from analyses in ascending order of rings.
 
-    The noise is `correlated`, or that of the whole of which this is a part at another strength, or white. Where a ring
-    says little of a variance, the next wider one, which sees more of the term, is listened to, and the whole
+    The noise is `correlated`, or else that of the whole of which this is a part at another strength, or white. Where a
+    ring says little of a variance, the next wider one, which sees more of the term, is listened to, and the whole
     with the same rings and possibly wider ones.
     """
-    noise = correlated if correlated is not None and whole is None else _noise(analyses, whole)
+    noise = _noise(analyses, whole) if correlated is None else correlated
     basis = harmonic_basis()
     free = basis.degrees <= FREE_DEGREE
     of_whole = {} if whole is None else {model.analysis.rings: model.variances for model in whole.by_rings}

@@ -31,6 +31,8 @@ def compute_selection_by_bezier_crease_per_edge(
     degree: int | Automatic = "auto",
     smoothness: Smoothness = "third_order",
     robust: bool | None = None,
+    noise: Length | None = None,
+    detail: Length | None = None,
     polylines: bool = True,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -74,7 +76,7 @@ def compute_selection_by_bezier_crease_per_edge(
     >>> len(result["lines"]), result["sharp_edges"], ms.current_mesh().selected_vertex_number()
     (12, 12, 8)
     """
-    fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, threads, progress)
+    fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, noise, detail, threads, progress)
     layers: list[int] = []
 
     def work(mesh: CurrentMesh, mask: BoolArray) -> Computed:

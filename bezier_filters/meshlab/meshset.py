@@ -30,6 +30,9 @@ PureValue: TypeAlias = pymeshlab.PureValue
 Color: TypeAlias = pymeshlab.Color
 Length: TypeAlias = pymeshlab.PercentageValue | pymeshlab.PureValue | float
 
+SOME = 20_000
+"""Faces whose sides are measured, at most."""
+
 _lock = threading.RLock()
 
 
@@ -64,6 +67,14 @@ class CurrentMesh:
     vertex_normals: FloatArray
     vertex_selection: BoolArray
     face_selection: BoolArray
+
+    @property
+    def mean_edge(self) -> float | None:
+        """Mean length of the sides of some 10,000 faces or more, or of all; None for a point cloud."""
+        if not len(self.faces):
+            return None
+        corners = self.vertices[self.faces[:: 1 + len(self.faces) // SOME]]
+        return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
 
     def selected_vertices(self) -> BoolArray:
         """Selected vertices or, if there is none, the vertices of the selected faces; (n,), never none."""

@@ -21,6 +21,7 @@ def apply_coord_bezier_patch_smoothing(
     noise: Length | None = None,
     borders: SmoothedBorders = "curve",
     keepvolume: bool | None = None,
+    detail: Length | None = None,
     rings: int = 2,
     alpha: float = 0.8,
     quality: str | None = None,
@@ -53,7 +54,8 @@ def apply_coord_bezier_patch_smoothing(
     -------
     dict
         ``moved`` (number of vertices), ``displacement`` (mean, rms and max, lengths), ``noise_before`` and
-        ``noise_after`` (standard deviation along the normal, lengths, or None), ``volume_before``,
+        ``noise_after`` (standard deviation along the normal, lengths, or None), ``noise_length`` (over which that
+        before is correlated, or 0), ``noise_heavy`` (whether it turns single normals), ``volume_before``,
         ``volume_after`` (length^3) and ``volume_ratio`` (None if nothing is closed), ``mean_edge``, ``flipped_before``,
         ``flipped_after``, ``degenerate_before``, ``degenerate_after`` and ``new_bad_faces`` (numbers of faces),
         ``attributes`` (names written), ``quality``, ``unit``, ``statistics`` (min, median, max and mean of
@@ -87,21 +89,21 @@ def apply_coord_bezier_patch_smoothing(
             noise=absolute_length(noise, mesh.vertices, "noise"),
             borders=borders,
             keep_volume=keepvolume,
+            detail=absolute_length(detail, mesh.vertices, "detail"),
             rings=rings,
             alpha=alpha,
             selected=None if mask.all() else mask,
             threads=threads,
             progress=progress,
         )
-        return Computed(columns(SMOOTH, result), mask, _report(mesh, result), vertices=result.vertices)
+        return Computed(columns(SMOOTH, result), mask, _report(result), vertices=result.vertices)
 
     return run_filter(ms, SMOOTH, work, Output(quality, onselected, color, colormap, percentile, colorrange))
 
 
-def _report(mesh: CurrentMesh, result: SmoothingResult) -> Report:
-    edges = mesh.vertices[mesh.faces[:, 1]] - mesh.vertices[mesh.faces[:, 0]]
+def _report(result: SmoothingResult) -> Report:
     return {
-        "mean_edge": float(np.linalg.norm(edges, axis=1).mean()),
+        "mean_edge": result.mean_edge,
         "moved": int(np.count_nonzero(result.displacement)),
         "displacement": {
             "mean": result.mean_displacement,
@@ -110,6 +112,8 @@ def _report(mesh: CurrentMesh, result: SmoothingResult) -> Report:
         },
         "noise_before": result.noise_before,
         "noise_after": result.noise_after,
+        "noise_length": result.noise_length,
+        "noise_heavy": result.noise_heavy,
         "volume_before": result.volume_before,
         "volume_after": result.volume_after,
         "volume_ratio": result.volume_ratio,

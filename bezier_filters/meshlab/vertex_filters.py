@@ -24,7 +24,7 @@ from bezier_filters.status import FitStatus
 
 @dataclass(frozen=True)
 class FitArguments:
-    """Arguments for `estimate_vertex_geometry`; the radius may be a percentage."""
+    """Arguments for `estimate_vertex_geometry`; lengths may be percentages."""
 
     rings: int | Automatic
     radius: Length | None
@@ -32,6 +32,8 @@ class FitArguments:
     degree: int | Automatic
     smoothness: Smoothness
     robust: bool | None
+    noise: Length | None
+    detail: Length | None
     threads: int | None
     progress: Progress | None
 
@@ -46,6 +48,8 @@ def compute_normal_by_bezier_patch_per_vertex(
     degree: int | Automatic = "auto",
     smoothness: Smoothness = "third_order",
     robust: bool | None = None,
+    noise: Length | None = None,
+    detail: Length | None = None,
     quality: str | None = "angle",
     onselected: bool = False,
     color: bool = False,
@@ -71,7 +75,7 @@ def compute_normal_by_bezier_patch_per_vertex(
     >>> bool(abs(ms.current_mesh().vertex_normal_matrix() - ms.current_mesh().vertex_matrix()).max() < 1e-3)
     True
     """
-    fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, threads, progress)
+    fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, noise, detail, threads, progress)
     return _run(ms, NORMALS, fit, Output(quality, onselected, color, colormap, percentile, colorrange))
 
 
@@ -85,6 +89,8 @@ def compute_curvature_by_bezier_patch_per_vertex(
     degree: int | Automatic = "auto",
     smoothness: Smoothness = "third_order",
     robust: bool | None = None,
+    noise: Length | None = None,
+    detail: Length | None = None,
     quality: str | None = "mean",
     onselected: bool = False,
     color: bool = False,
@@ -110,7 +116,7 @@ def compute_curvature_by_bezier_patch_per_vertex(
     >>> bool(abs(ms.current_mesh().vertex_scalar_array() - 0.5).max() < 0.01)
     True
     """
-    fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, threads, progress)
+    fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, noise, detail, threads, progress)
     return _run(ms, CURVATURE, fit, Output(quality, onselected, color, colormap, percentile, colorrange))
 
 
@@ -124,6 +130,8 @@ def compute_torsion_by_bezier_patch_per_vertex(
     degree: int | Automatic = "auto",
     smoothness: Smoothness = "third_order",
     robust: bool | None = None,
+    noise: Length | None = None,
+    detail: Length | None = None,
     onselected: bool = False,
     color: bool = False,
     colormap: str = "auto",
@@ -147,7 +155,7 @@ def compute_torsion_by_bezier_patch_per_vertex(
     >>> bool(abs(result["statistics"]["max"] - 0.75) < 0.02)  # inner equator: (1 - (-1/2)) / 2
     True
     """
-    fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, threads, progress)
+    fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, noise, detail, threads, progress)
     return _run(ms, TORSION, fit, Output("torsion", onselected, color, colormap, percentile, colorrange))
 
 
@@ -165,7 +173,11 @@ def _run(ms: MeshSet, name: str, fit: FitArguments, output: Output) -> Report:
             estimated = f"{PREFIX}fit_status <= {int(worst)}"
             normals = {axis: f"({estimated}) ? {PREFIX}normal_{axis} : n{axis}" for axis in "xyz"}
         parts = [asdict(part) for part in geometry.fit.parts]
-        report = {"status": geometry.status_counts(), "fit": asdict(geometry.fit) | {"parts": parts}}
+        report = {
+            "status": geometry.status_counts(),
+            "fit": asdict(geometry.fit) | {"parts": parts},
+            "mean_edge": mesh.mean_edge,
+        }
         return Computed(found, geometry.status <= worst, report, normals=normals)
 
     return run_filter(ms, name, work, output)
@@ -183,6 +195,8 @@ def fit_mesh(mesh: CurrentMesh, mask: BoolArray, fit: FitArguments) -> VertexGeo
         degree=fit.degree,
         smoothness=fit.smoothness,
         robust=fit.robust,
+        noise=absolute_length(fit.noise, mesh.vertices, "noise"),
+        detail=absolute_length(fit.detail, mesh.vertices, "detail"),
         selected=None if mask.all() else mask,
         threads=fit.threads,
         progress=fit.progress,

@@ -18,7 +18,7 @@ from bezier_filters.estimation.adaptive_fit import (
     without_outliers,
 )
 from bezier_filters.estimation.fallbacks import Attempt, fit_with_fallbacks
-from bezier_filters.estimation.fit_options import fit_options
+from bezier_filters.estimation.fit_options import check_detail, check_fit_noise, fit_options
 from bezier_filters.estimation.vertex_geometry import empty_geometry
 from bezier_filters.kernels.kernel_input import fitted_mesh, with_steady_normals
 from bezier_filters.learning.learn import MOST_TURNED, learn_from_samples
@@ -61,6 +61,8 @@ class FitOptions:
     degree: int | Literal["auto"] = "auto"
     smoothness: Smoothness = "third_order"
     robust: bool | None = None
+    noise: float | None = None
+    detail: float | None = None
 
     def checked(self) -> tuple[int | Literal["auto"], PatchFit | None, tuple[int, ...]]:
         """What they leave open, see `fit_options`.
@@ -71,6 +73,8 @@ class FitOptions:
             If one is out of range.
         """
         rings, fixed, degrees = fit_options(self.rings, self.alpha, self.degree, self.smoothness)
+        check_fit_noise(self.noise, fixed, rings)
+        check_detail(self.detail, rings)
         if rings != "auto" and rings > MOST_RINGS:
             raise InvalidParameterError(f"rings: got {rings}, expected {MOST_RINGS} at most for a mesh in tiles")
         return rings, fixed, degrees
@@ -94,7 +98,7 @@ def learn_fit(store: Store, options: FitOptions, *, threads: int = 1) -> Surface
     def learn(choices: Choices, without: bool) -> tuple[list[RingAnalysis], Leaf | None]:
         return _learn_surface(store, options, choices, without, threads)
 
-    fit, learned = choose_fit(learn, rings, fixed, degrees, options.robust)
+    fit, learned = choose_fit(learn, rings, fixed, degrees, options.robust, options.noise, options.detail)
     if learned is None:
         return fit
     features = _first_features(store, learned.centers, fit, options, threads)

@@ -12,7 +12,7 @@ from bezier_filters.arrays import BoolArray, FloatArray, Report
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.adaptive_fit import OUTLIER_REACH, without_outliers
 from bezier_filters.kernels.kernel_input import fitted_mesh
-from bezier_filters.learning.noise_model import NoiseModel
+from bezier_filters.learning.noise_model import NoiseModel, known_noise
 from bezier_filters.meshes.adjacency import Adjacency, incoherent_vertices, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.atomic import atomic_write
@@ -31,7 +31,7 @@ from bezier_filters.smoothing.denoise import SmoothingPlan, denoise, learn_plan,
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, MeshPart
 from bezier_filters.smoothing.noise import ROUGHNESS_RINGS, roughest, roughness
-from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, check_smoothing, known_noise
+from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, check_smoothing
 from bezier_filters.smoothing.volume import (
     component_gains,
     component_volumes,
@@ -60,6 +60,7 @@ def smooth_file(
     noise: float | None = None,
     borders: SmoothedBorders = "curve",
     keep_volume: bool | None = None,
+    detail: float | None = None,
     options: FitOptions | None = None,
     scheduler: Scheduler = None,
     workers: int | None = None,
@@ -89,7 +90,7 @@ def smooth_file(
         How to smooth.
     iterations : int
         How many times, at least 1; once is enough for ``"auto"``.
-    noise, borders, keep_volume
+    noise, borders, keep_volume, detail
         As in `smooth`, for ``"auto"`` only.
     options : FitOptions, optional
         How patches are fitted, for ``"paper"`` only, which by default fits them as the paper does. With others
@@ -120,7 +121,7 @@ def smooth_file(
     >>> bool(np.abs(moved - smooth(vertices, ball.faces).vertices).max() < 0.01 * report["noise"]["before"])
     True
     """
-    check_smoothing(method, iterations, noise, borders)
+    check_smoothing(method, iterations, noise, borders, detail)
     if method == "auto" and options is not None:
         raise InvalidParameterError("options: only method='paper' fits patches; leave it out")
     if method == "paper" and (borders != "curve" or keep_volume):
@@ -135,12 +136,20 @@ def smooth_file(
     with file_run(opened, target, how, row_size=48, in_store=once + each * iterations) as run:
         if method == "paper":
             return _onto_patches(run, iterations, fit_options)
-        return _automatic(run, iterations, noise, borders, keep_volume is not False)
+        return _automatic(run, iterations, noise, borders, keep_volume is not False, detail)
 
 
-def _automatic(run: Run, iterations: int, noise: float | None, borders: SmoothedBorders, keep_volume: bool) -> Report:
+def _automatic(
+    run: Run,
+    iterations: int,
+    noise: float | None,
+    borders: SmoothedBorders,
+    keep_volume: bool,
+    detail: float | None,
+) -> Report:
     """The automatic smoothing: a round that measures the mesh, one for every iteration, and one that ends it."""
     options = {"iterations": iterations, "noise": noise, "borders": borders, "keep_volume": keep_volume}
+    options["detail"] = detail
     results, mesh = run.results({"quantity": "automatic smoothing"} | options), run.store
     known = NoiseModel(0.0) if noise == 0.0 else _noise_of(run, mesh)
     if noise:
@@ -161,7 +170,7 @@ def _automatic(run: Run, iterations: int, noise: float | None, borders: Smoothed
             components = unite_components(mesh, done.tiles)
         with run.stages.stage("learn"):
             parts = sampled_parts_of(current, around, threads=run.workers)
-            plan = learn_plan(parts, here, borders, threads=run.workers)
+            plan = learn_plan(parts, here, borders, detail, threads=run.workers)
         is_last = step + 1 == iterations
         job = SmoothJob(mesh, current, plan, borders == "fixed", components if is_last else None)
         folders.append(results / f"step-{step + 1}")
@@ -185,6 +194,8 @@ def _automatic(run: Run, iterations: int, noise: float | None, borders: Smoothed
         "noise": {
             "before": None if known is None else known.sigma,
             "after": None if left is None else left.sigma,
+            "length": None if known is None else known.length,
+            "heavy": known is not None and known.heavy,
         },
         "volume": {"before": volume_before, "after": None if volume_before is None else float(done.sums("volume")[0])},
         "faces": dict(zip(COUNTS, done.sums("faces").astype(int).tolist(), strict=True)),

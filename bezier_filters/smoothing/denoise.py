@@ -16,11 +16,11 @@ from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.parallel import Progress, report
-from bezier_filters.smoothing.candidates import GENTLE, ROUNDS, SHARPNESS, SMOOTH, Candidate, candidates
+from bezier_filters.smoothing.candidates import GENTLE, KINDS, ROUNDS, SHARPNESS, SMOOTH, Candidate, candidates
 from bezier_filters.smoothing.clusters import clusters_of
 from bezier_filters.smoothing.correlation import Correlation
 from bezier_filters.smoothing.laplacian import Borders
-from bezier_filters.smoothing.low_pass import LowPassPlan, fit_low_pass, learn_low_pass
+from bezier_filters.smoothing.low_pass import STRENGTHS, LowPassPlan, fit_low_pass, learn_low_pass, strongest
 from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, MeshPart, SampledParts, sampled_parts, whole_mesh
 from bezier_filters.smoothing.noise import (
     NoiseLevels,
@@ -115,6 +115,7 @@ def remove_noise(
     adjacency: Adjacency,
     noise: NoiseModel,
     borders: Borders,
+    detail: float | None = None,
     *,
     threads: int = 1,
     progress: Progress | None = None,
@@ -130,6 +131,8 @@ def remove_noise(
         Along the normal.
     borders : {"curve", "fixed"}
         Whether border vertices are smoothed along the border, or stay.
+    detail : float, optional
+        Length of the shortest waves that keep half of their height.
     threads : int
         Number of threads.
     progress : callable, optional
@@ -140,7 +143,7 @@ def remove_noise(
         around = (int(roughest(roughness(whole, noise.sigma, threads=threads), whole.ids)[0]),)
     parts = sampled_parts(mesh, adjacency, around, threads=threads)
     is_whole = parts.part.mesh is mesh
-    learned = _learn(parts, noise, borders, threads, progress if is_whole else None)
+    learned = _learn(parts, noise, borders, detail, threads, progress if is_whole else None)
     if learned is None:
         return Denoised(mesh.vertices.copy(), np.zeros(mesh.vertex_count))
     plan, result = learned
@@ -150,7 +153,9 @@ def remove_noise(
     return denoise(whole, plan, threads=threads, progress=progress)
 
 
-def learn_plan(parts: SampledParts, noise: NoiseModel, borders: Borders, *, threads: int = 1) -> SmoothingPlan | None:
+def learn_plan(
+    parts: SampledParts, noise: NoiseModel, borders: Borders, detail: float | None = None, *, threads: int = 1
+) -> SmoothingPlan | None:
     """Learn what holds for a mesh as a whole.
 
     Parameters
@@ -161,6 +166,8 @@ def learn_plan(parts: SampledParts, noise: NoiseModel, borders: Borders, *, thre
         Along the normal.
     borders : {"curve", "fixed"}
         Whether border vertices are smoothed along the border, or stay.
+    detail : float, optional
+        Length of the shortest waves that keep half of their height.
     threads : int
         Number of threads.
 
@@ -169,12 +176,17 @@ def learn_plan(parts: SampledParts, noise: NoiseModel, borders: Borders, *, thre
     SmoothingPlan or None
         None if there is no noise that is worth taking off.
     """
-    learned = _learn(parts, noise, borders, threads, None)
+    learned = _learn(parts, noise, borders, detail, threads, None)
     return None if learned is None else learned[0]
 
 
 def _learn(
-    parts: SampledParts, noise: NoiseModel, borders: Borders, threads: int, progress: Progress | None
+    parts: SampledParts,
+    noise: NoiseModel,
+    borders: Borders,
+    smallest: float | None,
+    threads: int,
+    progress: Progress | None,
 ) -> tuple[SmoothingPlan, Denoised] | None:
     """The plan, and what it makes of the parts."""
     vertices, unit = parts.part.mesh.vertices, mean_edge(parts.part.mesh, parts.part.adjacency)
@@ -194,11 +206,16 @@ def _learn(
     )
     noisy = NoisyMesh(part, clusters, at_vertices, correlation)
     report(progress, 1, STEPS)
-    low_pass, fitted = learn_low_pass(noisy, parts.core, borders, unit, threads=threads)
+    smallest = None if smallest is None else smallest * scale
+    low_pass, fitted = learn_low_pass(noisy, parts.core, borders, unit, smallest, threads=threads)
     report(progress, 2, STEPS)
     found, factor, overall = list[Candidate](), 1.0, np.zeros(1)
     risks: FloatArray | None = None
-    for candidate in candidates(noisy, fitted, threads=threads):
+    # Filters of the normals do to hidden waves what a stronger low-pass filter does that may not be taken.
+    stronger = STRENGTHS[low_pass.first + 1 : low_pass.first + 2]
+    is_bounded = smallest is not None and bool((stronger > strongest(smallest / unit)).any())
+    allowed = (SMOOTH,) if is_bounded else KINDS
+    for candidate in candidates(noisy, fitted, allowed, threads=threads):
         if candidate.kind == SMOOTH:
             found = [candidate]
             continue

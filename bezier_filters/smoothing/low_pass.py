@@ -7,6 +7,7 @@ these strengths suit a vertex depends on what is around it.
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import j0
 
 from bezier_filters.arrays import BoolArray, FloatArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency
@@ -37,6 +38,8 @@ ENOUGH = 10_000.0
 """Strength of a filter whose normals need no stronger one."""
 AVERAGED = 100.0
 """Squared edges around a vertex over which rates are averaged."""
+FARTHEST = 3.8
+"""Phase between the ends of an edge, beyond which waves are shorter than a mesh shows."""
 FEW = 20_000
 """Vertices; on smaller meshes, leverages are averaged over more probes."""
 
@@ -157,12 +160,34 @@ class FittedLowPass:
     leverages: SingleArray
 
 
+def strongest(detail: float) -> float:
+    """Strength of the filter that leaves half of a wave of a given length, in mean edges, whatever its order.
+
+    That is L^-4 where the Laplacian multiplies the wave by L. On triangles of one size L = 1 - J_0(2 pi / detail), the
+    mean over all directions of an edge, which is (2 pi / detail)^2 / 4 for long waves.
+
+    Examples
+    --------
+    >>> float(round(strongest(10.0)), 1), float(round(strongest(20.0) / strongest(10.0), 1))
+    (118.0, 240.9)
+    """
+    result: float = (1.0 - j0(min(2.0 * np.pi / detail, FARTHEST))) ** -4.0
+    return result
+
+
 def learn_low_pass(
-    noisy: NoisyMesh, core: BoolArray, borders: Borders, unit: float, *, threads: int = 1
+    noisy: NoisyMesh,
+    core: BoolArray,
+    borders: Borders,
+    unit: float,
+    detail: float | None = None,
+    *,
+    threads: int = 1,
 ) -> tuple[LowPassPlan, FittedLowPass]:
     """Find the Laplacian, the order and the strengths with the least risk on the `core` of some parts of a mesh.
 
-    `unit` is the mean edge. Returns what holds for the mesh as a whole, and what `fit_low_pass` makes of it there.
+    `unit` is the mean edge, `detail` the length of the shortest waves that keep half of their height. Returns what
+    holds for the mesh as a whole, and what `fit_low_pass` makes of it there.
     """
     mesh, adjacency, cut = noisy.part.mesh, noisy.part.adjacency, noisy.part.cut
 
@@ -171,9 +196,10 @@ def learn_low_pass(
 
     umbrella = umbrella_laplacian(mesh, adjacency, borders, cut=cut, threads=threads)
     rough = tangent_planes(mesh, adjacency, threads=threads).normals
-    first = int(risks(umbrella, ORDER, rough, STRENGTHS).argmin())
+    allowed = STRENGTHS if detail is None else STRENGTHS[strongest(detail / unit) >= STRENGTHS]
+    first = int(risks(umbrella, ORDER, rough, allowed).argmin())
     shape = _smooth_shape(mesh, adjacency, umbrella, first, threads)
-    strengths = STRENGTHS[: first + STRONGER + 1]
+    strengths = allowed[: first + STRONGER + 1]
     smooth = TriangleMesh(shape.vertices, mesh.faces)
     cotangents = [
         cotangent_laplacian(smooth, adjacency, borders, power, unit, cut=cut, threads=threads) for power in POWERS

@@ -6,20 +6,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import BoolArray, FloatArray
-from bezier_filters.errors import InvalidParameterError, is_integer, is_real
+from bezier_filters.errors import InvalidParameterError, is_integer
 from bezier_filters.estimation.adaptive_fit import learn_without_outliers, without_outliers
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.first_call import first_call
+from bezier_filters.estimation.fit_options import check_detail, check_noise
 from bezier_filters.kernels.kernel_input import fitted_mesh
 from bezier_filters.learning.learn import learn_surface
 from bezier_filters.learning.model_tree import Leaf
-from bezier_filters.learning.noise_model import NoiseModel
+from bezier_filters.learning.noise_model import NoiseModel, known_noise
 from bezier_filters.learning.plans import Choices
 from bezier_filters.learning.ring_analysis import RingAnalysis
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
 from bezier_filters.runtime.parallel import Progress, thread_count
-from bezier_filters.smoothing.denoise import remove_noise
+from bezier_filters.smoothing.denoise import mean_edge, remove_noise
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.smoothing_result import SmoothingResult
 from bezier_filters.smoothing.volume import ClosedComponents, component_volumes, movement_around, restore_volumes
@@ -38,6 +39,7 @@ def smooth(
     noise: float | None = None,
     borders: SmoothedBorders = "curve",
     keep_volume: bool | None = None,
+    detail: float | None = None,
     rings: int = 2,
     alpha: float = 0.8,
     selected: BoolArray | None = None,
@@ -75,6 +77,10 @@ def smooth(
     keep_volume : bool, optional
         Whether each closed part keeps its volume: what smoothing took or gave is spread over it along
         the normals, in proportion to how far the surroundings moved. By default with ``"auto"`` only.
+    detail : float, optional
+        Size of the smallest detail to keep, a length: filters that take more than half off waves of this length are
+        left out, and where a stronger one would be best, filters of the normals, too, which keep edges. For ``"auto"``
+        only.
     rings, alpha : int, float
         Neighbourhood and weight of the points, in (0, 1], for ``"paper"`` only.
     selected : (n,) bool, optional
@@ -111,7 +117,7 @@ def smooth(
     (True, 1.0)
     """
     mesh = triangle_mesh(vertices, faces)
-    check_smoothing(method, iterations, noise, borders)
+    check_smoothing(method, iterations, noise, borders, detail)
     threads = thread_count(threads)
     adjacency = vertex_adjacency(mesh, threads=threads)
     movable = _movable(selected, adjacency, borders)
@@ -125,7 +131,7 @@ def smooth(
                 if here.outliers:  # which no filter takes for noise
                     arrays, _ = fitted_mesh(current, adjacency=adjacency, creases=True, threads=threads)
                     current = TriangleMesh(without_outliers(arrays, threads=threads).vertices, mesh.faces)
-                found = remove_noise(current, adjacency, here, borders, threads=threads, progress=part)
+                found = remove_noise(current, adjacency, here, borders, detail, threads=threads, progress=part)
                 points, sharpness = found.points, np.maximum(sharpness, found.sharpness)
             else:
                 points = _onto_patches(current, rings, alpha, threads, part)
@@ -147,6 +153,9 @@ def smooth(
             sharpness=sharpness,
             noise_before=None if known is None else known.sigma,
             noise_after=None if left is None else left.sigma,
+            noise_length=None if known is None else known.length,
+            noise_heavy=known is not None and known.heavy,
+            mean_edge=mean_edge(mesh, adjacency),
             volume_before=float(volumes_before.sum()) if components.count else None,
             volume_after=float(volumes_after.sum()) if components.count else None,
             flipped_before=int(bad_before.flipped.sum()),
@@ -167,13 +176,6 @@ def learn_noise(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -
 
     _, leaf = learn_without_outliers(learn, Choices())
     return None if leaf is None else leaf.surface.noise
-
-
-def known_noise(learned: NoiseModel | None, sigma: float) -> NoiseModel:
-    """Noise of a given strength: how alike neighbouring vertices are is learned all the same."""
-    if learned is None or not learned.sills:
-        return NoiseModel(sigma**2, outliers=0.0 if learned is None else learned.outliers)
-    return learned.times(sigma**2 / learned.variance)
 
 
 def _noise_of(mesh: TriangleMesh, adjacency: Adjacency, sigma: float | None, threads: int) -> NoiseModel | None:
@@ -207,7 +209,7 @@ def _movable(selected: BoolArray | None, adjacency: Adjacency, borders: Smoothed
     return mask & ~adjacency.on_boundary if borders == "fixed" else mask
 
 
-def check_smoothing(method: object, iterations: object, noise: object, borders: object) -> None:
+def check_smoothing(method: object, iterations: object, noise: object, borders: object, detail: object = None) -> None:
     """Refuse options that are out of range.
 
     Raises
@@ -219,10 +221,10 @@ def check_smoothing(method: object, iterations: object, noise: object, borders: 
         raise InvalidParameterError(f"method: got {method!r}, expected 'auto' or 'paper'")
     if not is_integer(iterations) or iterations < 1:
         raise InvalidParameterError(f"iterations: got {iterations!r}, expected an integer of 1 or more")
-    is_length = is_real(noise) and 0.0 <= noise < np.inf
-    if noise is not None and not is_length:
-        raise InvalidParameterError(f"noise: got {noise!r}, expected a length of 0 or more, or None to learn it")
-    if noise is not None and method == "paper":
-        raise InvalidParameterError("noise: the paper's method does not use it; leave it out")
+    check_noise(noise)
+    check_detail(detail)
+    for name, value in (("noise", noise), ("detail", detail)):
+        if value is not None and method == "paper":
+            raise InvalidParameterError(f"{name}: the paper's method does not use it; leave it out")
     if borders not in ("curve", "fixed"):
         raise InvalidParameterError(f"borders: got {borders!r}, expected 'curve' or 'fixed'")

@@ -6,6 +6,7 @@ import numpy as np
 
 from bezier_filters.arrays import FloatArray
 from bezier_filters.display.html_tables import html_table
+from bezier_filters.display.noise_words import noise_in_words, noise_level
 
 
 @dataclass(frozen=True, repr=False)
@@ -23,6 +24,12 @@ class SmoothingResult:
         as can be; 0 with ``method="paper"``.
     noise_before, noise_after : float or None
         Standard deviation of the noise along the normal, a length; None if the mesh is too small to learn it.
+    noise_length : float or None
+        Distance over which the noise before is correlated; 0 if it is independent from vertex to vertex.
+    noise_heavy : bool
+        Whether the noise before turns single normals so far that they mean nothing, as noise in all directions does.
+    mean_edge : float
+        Mean length of the edges before.
     volume_before, volume_after : float or None
         What the closed parts enclose in all, length^3; None if there are none.
     flipped_before, flipped_after : int
@@ -38,6 +45,9 @@ class SmoothingResult:
     sharpness: FloatArray
     noise_before: float | None
     noise_after: float | None
+    noise_length: float | None
+    noise_heavy: bool
+    mean_edge: float
     volume_before: float | None
     volume_after: float | None
     flipped_before: int
@@ -52,6 +62,11 @@ class SmoothingResult:
         if not self.volume_before or self.volume_after is None:
             return None
         return self.volume_after / self.volume_before
+
+    @property
+    def noise(self) -> str:
+        """The noise before, in words."""
+        return noise_in_words(self.noise_before, self.noise_length, self.noise_heavy, self.mean_edge)
 
     @property
     def mean_displacement(self) -> float:
@@ -71,8 +86,9 @@ class SmoothingResult:
     def __repr__(self) -> str:
         """One line with the noise and the volume, without the arrays."""
         return (
-            f"SmoothingResult({len(self.vertices)} vertices, noise {self.noise_before} before and {self.noise_after} "
-            f"after, volume ratio {self.volume_ratio}, {self.new_bad_faces} new bad faces)"
+            f"SmoothingResult({len(self.vertices)} vertices: {self.noise}; "
+            f"{noise_level(self.noise_after, self.mean_edge)} after; volume ratio {self.volume_ratio}, "
+            f"{self.new_bad_faces} new bad faces)"
         )
 
     def _repr_html_(self) -> str:
@@ -84,7 +100,7 @@ class SmoothingResult:
             ["degenerate faces", "", self.degenerate_before, self.degenerate_after],
         ]
         moved = [["displacement", "length", self.mean_displacement, self.rms_displacement, self.max_displacement]]
-        title = f"Smoothing of {len(self.vertices):,} vertices"
+        title = f"Smoothing of {len(self.vertices):,} vertices: {self.noise}"
         return html_table(title, ["", "unit", "before", "after"], rows) + html_table(
             "Vertices moved by", ["", "unit", "mean", "rms", "max"], moved
         )

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -15,6 +16,7 @@ from command_line import run
 from bezier_filters import estimate_vertex_geometry, read_fields
 from bezier_filters._version import __version__
 from bezier_filters.cli.commands import app
+from bezier_filters.surfaces import sphere
 
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 COMMANDS = [
@@ -282,6 +284,28 @@ def test_info_says_what_stands_in_the_way(tmp_path):
     assert "Fit for fitting, but note" in text
     assert "a point cloud" in text
     assert "genus" not in text
+
+
+def test_the_noise_is_told_in_words_and_may_be_given(tmp_path):
+    """By every command that looks at it, of a sphere with noise of 0.1 edges that is independent."""
+    ball, scan = sphere(resolution=30, jitter=0.2), tmp_path / "scan.ply"
+    edge = float(np.linalg.norm(ball.vertices[ball.faces[:, 0]] - ball.vertices[ball.faces[:, 1]], axis=1).mean())
+    heights = 0.1 * edge * np.random.default_rng(0).standard_normal((len(ball.vertices), 1))
+    meshes = pymeshlab.MeshSet()
+    meshes.add_mesh(pymeshlab.Mesh(ball.vertices + heights * ball.normals, ball.faces))
+    meshes.save_current_mesh(str(scan))
+    for arguments in (["info", scan], ["curvature", scan, tmp_path / "a.ply"], ["smooth", scan, tmp_path / "a.ply"]):
+        text = " ".join(run(*arguments).stdout.split())
+        level, words = re.search(r"noise (0\.\d+) edges, ([a-z ]+)", text).groups()
+        assert float(level) == pytest.approx(0.1, rel=0.15)
+        assert words.startswith("independent from vertex to vertex")
+    known = json.loads(run("info", scan, "--json").stdout)["noise"]
+    report = json.loads(run("curvature", scan, tmp_path / "a.ply", "--json").stdout)
+    assert [report["fit"][f"noise_{key}"] for key in known] == pytest.approx(list(known.values()), rel=1e-9)
+    given = json.loads(run("curvature", scan, tmp_path / "b.ply", "--noise", 2 * edge, "--json").stdout)["fit"]
+    assert given["noise_sigma"] == pytest.approx(2 * edge)
+    refused = run("curvature", scan, tmp_path / "b.ply", "--noise", -1)
+    assert refused.stderr == "bezier-filters: noise: got -1.0, expected a length of 0 or more, or None to learn it\n"
 
 
 def test_point_clouds(tmp_path):

@@ -1,5 +1,6 @@
 """What is learned from the data, against data whose noise and shape are known."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from random_neighbourhoods import analyse_ring, as_sample, draw, variances_by_de
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from bezier_filters import estimate_vertex_geometry
+from bezier_filters import InvalidParameterError, estimate_vertex_geometry
 from bezier_filters.learning.surface_model import CERTAIN, PRIOR_RANGE, expected_variance, learn_model
 from bezier_filters.patches.harmonics import harmonic_basis
 from bezier_filters.patches.polynomials import total_degree_space
@@ -54,6 +55,71 @@ def test_noise_is_found_within_ten_percent(name, level):
     surface = SURFACES[name](18)
     sigma = estimate_vertex_geometry(with_noise(surface, level), surface.faces).noise_sigma
     assert sigma == pytest.approx(level * mean_edge(surface), rel=0.1)
+
+
+@pytest.mark.parametrize("options", [{}, {"radius": 0.3}, {"rings": 4}], ids=["automatic", "radius", "rings"])
+def test_standard_errors_are_those_of_the_noise_that_is_given(options):
+    """A clean surface shows none of it, and yet its standard errors are the errors that such noise causes."""
+    surface = torus(resolution=30, jitter=0.3)
+    sigma = 0.1 * mean_edge(surface)
+    clean, noisy = (
+        estimate_vertex_geometry(vertices, surface.faces, noise=sigma, **options)
+        for vertices in (surface.vertices, with_noise(surface, 0.1))
+    )
+    cosines = np.clip(np.einsum("ij,ij->i", noisy.normals, surface.normals), -1.0, 1.0)
+    error = np.sqrt(np.square(np.arccos(cosines)).mean())
+    for geometry in (clean, noisy):
+        assert geometry.noise_sigma == pytest.approx(sigma)
+        assert geometry.fit.noise_length == 0.0
+        assert 0.6 * error < np.sqrt(np.square(geometry.normal_std).mean()) < 1.6 * error
+
+
+def test_noise_that_is_given_as_none_at_all_leaves_the_shape_alone():
+    """Relief of one vertex each passes for noise, unless it is known that there is none."""
+    sheet = waves(resolution=40, amplitude=0.0)
+    edge = mean_edge(sheet)
+    vertices = sheet.vertices.copy()
+    vertices[:, 2] = 0.05 * edge * np.random.default_rng(0).standard_normal(len(vertices))
+    learned, given = (estimate_vertex_geometry(vertices, sheet.faces, noise=noise) for noise in (None, 0.0))
+    assert given.noise_sigma == 0.0
+    distances = [np.sqrt(np.square(g.displacements).sum(axis=1).mean()) for g in (learned, given)]
+    assert distances[1] < 0.5 * distances[0]
+
+
+def test_neighbourhoods_are_no_wider_than_the_detail():
+    """On a noisy sphere wide rings are best, but bumps may hide in the noise that are as small as is said."""
+    ball = sphere(resolution=30, jitter=0.3)
+    vertices, edge = with_noise(ball, 0.2), mean_edge(ball)
+    free = estimate_vertex_geometry(vertices, ball.faces)
+    assert free.fit.rings >= 8
+    for size in (12.0, 6.0, 1.0):
+        bounded = estimate_vertex_geometry(vertices, ball.faces, detail=size * edge)
+        assert bounded.fit.rings <= max(size / 2.0, 1.0)
+        assert bounded.fit.rings >= max(0.3 * size - 1.0, 1.0)
+        assert np.median(bounded.rings_used) <= max(size / 2.0, 2.0)
+        fixed = estimate_vertex_geometry(vertices, ball.faces, detail=size * edge, alpha=0.8)
+        assert fixed.fit.rings == bounded.fit.rings
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"detail": 0.0}, "detail: got 0.0, expected a positive length, or None"),
+        ({"detail": 0.1, "rings": 2}, "detail: rings says already how large neighbourhoods are"),
+        ({"detail": 0.1, "radius": 2.0}, "detail: radius says already how large neighbourhoods are"),
+        ({"noise": -1.0}, "noise: got -1.0, expected a length of 0 or more, or None to learn it"),
+        ({"noise": "2%"}, "noise: got '2%', expected a length"),
+        ({"noise": np.nan}, "noise: got nan"),
+        ({"noise": True}, "noise: got True"),
+        ({"noise": 0.1, "rings": 2, "alpha": 0.8}, "noise: rings and alpha are given, and nothing depends on it"),
+        ({"noise": 0.1, "radius": 0.5, "alpha": 0.8}, "noise: radius and alpha are given"),
+        ({"noise": 0.1, "smoothness": "paper"}, "noise: rings and alpha are given"),
+    ],
+)
+def test_noise_and_detail_that_are_no_lengths_or_that_nothing_depends_on_are_refused(options, message):
+    ball = sphere(resolution=8)
+    with pytest.raises(InvalidParameterError, match=re.escape(message)):
+        estimate_vertex_geometry(ball.vertices, ball.faces, **options)
 
 
 @pytest.mark.parametrize("name", SURFACES)

@@ -36,6 +36,7 @@ def test_values_are_those_in_memory_to_the_last_bit(name, tile, tmp_path):
         {"alpha": 0.9, "rings": 3},
         {"rings": 4, "degree": 3},
         {"robust": True},
+        {"noise": 0.01, "detail": 0.5},
     ],
 )
 def test_options_do_what_they_do_in_memory(options, tmp_path):

@@ -189,7 +189,13 @@ def test_what_is_hardly_a_mesh_is_as_in_memory(vertices, faces, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
-    [{"iterations": 2}, {"noise": 0.02}, {"borders": "fixed", "keep_volume": False}, {"noise": 0.0}],
+    [
+        {"iterations": 2},
+        {"noise": 0.02},
+        {"noise": 0.02, "detail": 0.3},
+        {"borders": "fixed", "keep_volume": False},
+        {"noise": 0.0},
+    ],
 )
 def test_options_do_what_they_do_in_memory(options, tmp_path):
     vertices, faces = several()

@@ -10,7 +10,7 @@ from bezier_filters.smoothing.chebyshev import ORDER, diffuse, low_pass
 from bezier_filters.smoothing.clusters import clusters_of
 from bezier_filters.smoothing.denoise import mean_edge
 from bezier_filters.smoothing.laplacian import cotangent_laplacian, umbrella_laplacian
-from bezier_filters.smoothing.low_pass import ORDERS, learn_low_pass
+from bezier_filters.smoothing.low_pass import ORDERS, learn_low_pass, strongest
 from bezier_filters.smoothing.mesh_parts import whole_mesh
 from bezier_filters.smoothing.noise import NoisyMesh
 from bezier_filters.smoothing.risk import Estimates, local_risks, local_shares, overall_risks
@@ -95,6 +95,27 @@ def test_series_are_the_filters_that_they_stand_for(ball, order):
         expected = np.linalg.solve(np.eye(len(matrix)) + powers, signals)
         result = low_pass(laplacian, signals, np.array([strength]), order=order)
         assert np.abs(result - expected).max() < 1e-3
+
+
+@pytest.mark.parametrize("power", [None, 0.0, 1.0])
+@pytest.mark.parametrize("length", [2.5, 4.0, 8.0, 16.0])
+def test_the_strongest_filter_leaves_half_of_a_wave(power, length):
+    """On triangles of one size, whatever the Laplacian and the order; a stronger filter leaves less."""
+    i, j = np.indices((90, 90)).reshape(2, -1)
+    first = np.flatnonzero((i < 89) & (j < 89))
+    faces = np.concatenate([first + np.array([[0], [90], [1]]), first + np.array([[90], [91], [1]])], axis=1).T
+    plane = np.column_stack([i + 0.5 * j, np.sqrt(0.75) * j])
+    mesh = triangle_mesh(np.column_stack([plane, np.zeros(len(i))]), faces)
+    adjacency, inside = vertex_adjacency(mesh), (np.minimum(i, j) > 30) & (np.maximum(i, j) < 59)
+    umbrella = umbrella_laplacian(mesh, adjacency, "curve")
+    laplacian = umbrella if power is None else cotangent_laplacian(mesh, adjacency, "curve", power, 1.0)
+    for angle in (0.0, 0.5):
+        wave = np.sin(2.0 * np.pi / length * plane @ [np.cos(angle), np.sin(angle)])[:, np.newaxis]
+        for order in ORDERS:
+            for times in (1.0, 3.0):
+                left = low_pass(laplacian, wave, np.array([times * strongest(length)]), order=order)
+                share = (left * wave)[inside].sum() / np.square(wave[inside]).sum()
+                assert share == pytest.approx(1.0 / (1.0 + times ** (order / 4)), abs=0.02)
 
 
 def test_heat_flows_as_long_as_it_should(ball):

@@ -1,8 +1,11 @@
 """Smoothing, from known truth: analytic surfaces and a block with sharp edges."""
 
+import re
+
 import numpy as np
 import pytest
 from numba import config
+from scipy.sparse import csr_array
 
 from bezier_filters import CancelledError, InvalidParameterError, estimate_vertex_geometry, smooth
 from bezier_filters.meshes.adjacency import vertex_adjacency
@@ -169,6 +172,64 @@ def test_known_noise_takes_the_place_of_the_learned_one(block):
     result = smooth(noisy, faces, noise=0.0)
     assert np.array_equal(result.vertices, noisy)
     assert result.noise_before == 0.0
+
+
+@pytest.mark.parametrize(
+    ("sigma", "blurred", "in_all_directions", "words"),
+    [
+        (0.2, False, False, r"noise 0\.\d+ edges, independent from vertex to vertex"),
+        (0.2, True, False, r"noise 0\.\d+ edges, correlated over [\d.]+ edges"),
+        (0.5, False, True, r"noise 0\.\d+ edges in all directions, independent from vertex to vertex"),
+        (0.0, False, False, "noise too small to be learned"),
+    ],
+)
+def test_the_result_says_what_the_noise_was_in_words(sigma, blurred, in_all_directions, words):
+    ball = sphere(resolution=40, jitter=0.2)
+    unit, n = edge_of(ball.vertices, ball.faces), len(ball.vertices)
+    noise = np.random.default_rng(0).standard_normal((n, 3 if in_all_directions else 1))
+    if blurred:
+        rows = vertex_adjacency(triangle_mesh(ball.vertices, ball.faces)).vertices
+        links = csr_array((np.ones(len(rows.indices)), rows.indices, rows.indptr), shape=(n, n))
+        means = noise + links @ noise
+        noise = means / means.std()
+    moved = sigma * unit * noise * (1.0 if in_all_directions else ball.normals)
+    result = smooth(ball.vertices + moved, ball.faces)
+    assert re.fullmatch(words, result.noise)
+    assert result.noise_heavy == in_all_directions
+    assert (result.noise_length > 0.5 * unit) == blurred
+    assert result.noise in repr(result)
+    assert result.noise in result._repr_html_()
+    if sigma:
+        assert result.noise_before == pytest.approx(sigma * unit, rel=0.3)
+
+
+def test_waves_as_long_as_the_detail_keep_half_of_their_height():
+    """Waves of 8 edges that are hidden in noise: the difference between the mesh with them and with their opposite."""
+    sheet = waves(resolution=70, amplitude=0.0)
+    unit, n = edge_of(sheet.vertices, sheet.faces), len(sheet.vertices)
+    wave, noise = np.sin(2.0 * np.pi * sheet.vertices[:, 0] / (8.0 * unit)), np.random.default_rng(0).standard_normal(n)
+    inside = np.abs(sheet.vertices[:, :2]).max(axis=1) < 0.7
+    kept = []
+    for detail in (None, 8.0 * unit, 3.0 * unit):
+        heights = []
+        for sign in (-1.0, 1.0):
+            vertices = sheet.vertices.copy()
+            vertices[:, 2] = unit * (0.02 * sign * wave + 0.2 * noise)
+            heights.append(smooth(vertices, sheet.faces, noise=0.2 * unit, detail=detail).vertices[:, 2])
+        change = (heights[1] - heights[0]) / (0.04 * unit)
+        kept.append(float((change * wave)[inside].sum() / np.square(wave[inside]).sum()))
+    assert kept[0] < 0.1
+    assert kept[1] > 0.5
+    assert kept[2] > 0.95
+
+
+@pytest.mark.parametrize("detail", [0.0, -1.0, np.inf, "2%", True])
+def test_detail_that_is_no_length_is_refused(block, detail):
+    _, noisy, faces = block
+    with pytest.raises(InvalidParameterError, match=r"detail: got .*, expected a positive length, or None"):
+        smooth(noisy, faces, detail=detail)
+    with pytest.raises(InvalidParameterError, match="detail: the paper's method does not use it"):
+        smooth(noisy, faces, "paper", detail=1.0)
 
 
 def test_the_papers_method_moves_every_vertex_onto_its_patch():
