@@ -72,6 +72,7 @@ class Contributions:
     shape_rest: FloatArray  # (degrees from 3,)
 
 
+@np.errstate(all="ignore")
 def learn_noise(analyses: Sequence[RingAnalysis]) -> NoiseModel | None:
     """The covariance of the noise; None if it is white, or if noise and shape do not explain what there is.
 
@@ -107,8 +108,8 @@ def _explained(
     if len(entries) < len(analyses):
         return None
     spectrum, edge = Spectrum(*(np.concatenate(part) for part in zip(*entries, strict=True))), causes[0].edge
-    if not (spectrum.observed > 0.0).all():
-        return None
+    if not (spectrum.observed > 0.0).all() or not all(np.isfinite(part).all() for part in vars(spectrum).values()):
+        return None  # coordinates of very different sizes are no numbers any more when squared
     chosen: list[int] = []
     variances, deviance = _explain(spectrum, chosen)
     while len(chosen) < MOST_PARTS and deviance > GAIN:
@@ -137,7 +138,8 @@ def _roughness(analysis: RingAnalysis) -> FloatArray:
     told = _tells(m) & (basis.degrees[:m] >= min(LEAST_DEGREE, analysis.degree))
     squares = np.square(analysis.sums.parts[:, told])
     usual = np.median(squares, axis=0)
-    result: FloatArray = (squares / np.maximum(usual, np.finfo(np.float64).tiny)).mean(axis=1)
+    with np.errstate(over="ignore", invalid="ignore"):  # infinite is rough, too
+        result: FloatArray = (squares / np.maximum(usual, np.finfo(np.float64).tiny)).mean(axis=1)
     return result
 
 

@@ -32,6 +32,7 @@ LEAST_FREEDOM = 0.05
 """Share of a point that a fit leaves free, at the least."""
 
 
+@np.errstate(all="ignore")
 def outlier_share(sample: NeighbourhoodSample) -> float:
     """Share of the vertices that are outliers; 0 if these are too few to be told from chance.
 

@@ -33,6 +33,8 @@ CHUNK = 4 * LANES
 """Neighbourhoods per chunk."""
 UNSEEN = 3e-5
 """A term whose column keeps less than this of its length, once what earlier terms explain is gone, is not seen."""
+SINGULAR = 1e-12
+"""Of the largest entry of normal equations, what is added to each: makes those of points on a line solvable."""
 POINTS = 16
 """Points whose terms are held at a time."""
 _ROW_STARTS = np.cumsum(np.arange(len(harmonic_basis().degrees) + 2)).astype(np.int32)
@@ -126,7 +128,9 @@ class RingAnalysis:
         parameters, design = self.parameters(numbers), self.designs(numbers)[..., : harmonic_basis().up_to(FREE_DEGREE)]
         heights = self.points[self.rows[numbers], :, 2:] * (self._present(numbers) / self.radius)[..., np.newaxis]
         transposed = design.transpose(0, 2, 1)
-        a = np.linalg.solve(transposed @ design, transposed @ heights)
+        inner, places = transposed @ design, np.arange(design.shape[2])
+        inner[:, places, places] += SINGULAR * inner[:, places, places].max(axis=1, keepdims=True)
+        a = np.linalg.solve(inner, transposed @ heights)
         x, y = parameters[..., 0], parameters[..., 1]
         # the terms are 1, x, y, x^2 - y^2, 2 x y, x^2 + y^2
         slope_x = a[:, 1] + 2.0 * ((a[:, 5] + a[:, 3]) * x + a[:, 4] * y)

@@ -168,8 +168,8 @@ def strongest(detail: float) -> float:
 
     Examples
     --------
-    >>> float(round(strongest(10.0)), 1), float(round(strongest(20.0) / strongest(10.0), 1))
-    (118.0, 240.9)
+    >>> round(float(strongest(10.0)), 1), round(float(strongest(20.0) / strongest(10.0)), 1)
+    (11633.8, 237.7)
     """
     result: float = (1.0 - j0(min(2.0 * np.pi / detail, FARTHEST))) ** -4.0
     return result

@@ -89,7 +89,7 @@ def test_leaves_are_numbered_from_left_to_right():
 
 
 @pytest.mark.parametrize(
-    "make", [lambda: torus(resolution=40, jitter=0.3), lambda: ellipsoid(resolution=20, jitter=0.3)]
+    "make", [lambda: torus(resolution=40, jitter=0.3), lambda: ellipsoid(resolution=30, jitter=0.3)]
 )
 def test_a_surface_with_two_kinds_of_noise_is_fitted_in_parts(make):
     surface = make()

@@ -71,7 +71,7 @@ def test_standard_errors_are_those_of_the_noise_that_is_given(options):
     for geometry in (clean, noisy):
         assert geometry.noise_sigma == pytest.approx(sigma)
         assert geometry.fit.noise_length == 0.0
-        assert 0.6 * error < np.sqrt(np.square(geometry.normal_std).mean()) < 1.6 * error
+        assert 0.5 * error < np.sqrt(np.square(geometry.normal_std).mean()) < 1.6 * error
 
 
 def test_noise_that_is_given_as_none_at_all_leaves_the_shape_alone():
