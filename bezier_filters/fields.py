@@ -1,5 +1,6 @@
 """The fields of vertices: one table, from which filters, commands, tiles, pictures and documents take them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,37 +16,17 @@ ESTIMATES = (NORMALS, CURVATURE, TORSION)
 
 @dataclass(frozen=True)
 class Field:
-    """A number that is known of each vertex.
+    """A number that is known of each vertex."""
 
-    Attributes
-    ----------
-    name : str
-        With the prefix ``bz_`` the name of the attribute on a mesh and of the column in files.
-    label, unit : str
-        For legends and documents, for example ``"mean curvature"`` and ``"1/length"``.
-    filters : tuple of str
-        Those that write it.
-    signed : bool
-        Whether zero is the middle of its natural range, as for the mean curvature: of the colours, too.
-    quality : str
-        What users type to make it the quality of a mesh; empty where they cannot.
-    attribute : str, optional
-        Of the result that holds the values, if it has another name; None where the filter works them out.
-    component : int, optional
-        Of the vectors that the result holds.
-    remark : str
-        What else documents say of it.
-    """
-
-    name: str
-    label: str
-    unit: str
-    filters: tuple[str, ...]
-    signed: bool = False
-    quality: str = ""
-    attribute: str | None = ""
-    component: int | None = None
-    remark: str = ""
+    name: str  # with the prefix ``bz_`` the name of the attribute on a mesh and of the column in files
+    label: str  # for legends and documents, for example ``"mean curvature"``,
+    unit: str  # and ``"1/length"``
+    filters: tuple[str, ...]  # those that write it
+    signed: bool = False  # whether zero is the middle of its natural range, and so of the colours
+    quality: str = ""  # what users type to make it the quality of a mesh; empty where they cannot
+    attribute: str | None = ""  # of the result, if it has another name there; None if the filter works the values out
+    component: int | None = None  # of the vectors that the result holds
+    remark: str = ""  # what else documents say of it
 
     @property
     def column(self) -> str:
@@ -150,7 +131,11 @@ def qualities(*filters: str) -> dict[str, Field]:
 
 def columns(name: str, result: object) -> dict[str, FloatArray]:
     """Columns of a filter, each (n,), from a `VertexGeometry` or a `SmoothingResult`."""
-    fields = [field for field in fields_of(name) if field.attribute is not None]
+    return values_of([field for field in fields_of(name) if field.attribute is not None], result)
+
+
+def values_of(fields: Sequence[Field], result: object) -> dict[str, FloatArray]:
+    """Columns of some fields that a result holds, each (n,)."""
     arrays = {source: np.asarray(getattr(result, source), np.float64) for source in {f.source for f in fields}}
     return {field.column: field.of(arrays[field.source]) for field in fields}
 

@@ -18,25 +18,13 @@ from bezier_filters.fields import CREASES, CURVATURE, ESTIMATES, NORMALS, SMOOTH
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of one filter or several.
-
-    Attributes
-    ----------
-    name, kind : str
-        As in a docstring: ``name : kind, default value`` or ``name : kind, optional``.
-    default : optional
-        Its default.
-    help : str
-        What it means, for documents and the command line.
-    more : str
-        What only documents say.
-    """
+    """A parameter of one filter or several, as in a docstring: ``name : kind, default value``, or ``optional``."""
 
     name: str
     kind: str
     default: object
-    help: str
-    more: str = ""
+    help: str  # what it means, for documents and the command line
+    more: str = ""  # what only documents say
 
     def entry(self) -> str:
         """Its entry in a docstring."""

@@ -94,17 +94,10 @@ def round_limits(low: float, high: float) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Palette:
-    """A colour map by the colours at its nodes, linear in between.
+    """A colour map by the colours at its nodes, linear in between."""
 
-    Attributes
-    ----------
-    name : str
-        What users type, in any case.
-    colors : tuple of (red, green, blue)
-        From the lowest value to the highest, evenly spaced, each channel in 0..1.
-    """
-
-    name: str
+    name: str  # what users type, in any case
+    # (red, green, blue) from the lowest value to the highest, evenly spaced, each channel in 0..1
     colors: tuple[tuple[float, float, float], ...]
 
 

@@ -30,18 +30,11 @@ _TYPES = {name: code for names in _NAMES for name, code in zip(names.split(), _C
 
 @dataclass(frozen=True)
 class PlyProperty:
-    """A number, or list of numbers, in each row.
-
-    Attributes
-    ----------
-    name : str
-    type, length_type : str
-        NumPy codes without byte order, of the numbers and, for lists only, of their lengths.
-    """
+    """A number, or list of numbers, in each row; types are NumPy codes without byte order."""
 
     name: str
     type: str
-    length_type: str = ""
+    length_type: str = ""  # for lists only
 
     def columns(self) -> list[tuple[str, str]]:
         """Names and types of the numbers of this property in a row, a list being taken for a triple."""

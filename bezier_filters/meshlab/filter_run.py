@@ -50,29 +50,15 @@ class Output:
 
 @dataclass(frozen=True)
 class Computed:
-    """What a filter found, to be written.
+    """What a filter found, to be written."""
 
-    Attributes
-    ----------
-    columns : dict of (n,) float64
-        By name.
-    known : (n,) bool
-        Vertices whose values count for colours and statistics.
-    report : dict
-        What the user is told, besides what all filters tell.
-    vertices : (n, 3) float64, optional
-        New coordinates.
-    normals : dict of str
-        Expressions for the vertex normals by parameter of pymeshlab's filter; none if they stay.
-    write_more : callable, optional
-        Writes what else the filter found, after the columns and with them: no interrupt comes between.
-    """
-
-    columns: Columns
-    known: BoolArray
-    report: Report
-    vertices: FloatArray | None = None
+    columns: Columns  # each (n,), by name
+    known: BoolArray  # (n,): vertices whose values count for colours and statistics
+    report: Report  # what the user is told, besides what all filters tell
+    vertices: FloatArray | None = None  # (n, 3): new coordinates
+    # expressions for the vertex normals by parameter of pymeshlab's filter; none if they stay
     normals: dict[str, str] = field(default_factory=dict)
+    # writes what else the filter found, after the columns and with them: no interrupt comes between
     write_more: Callable[[], None] | None = None
 
 

@@ -23,20 +23,12 @@ _ATTRIBUTE_KEY = "__ca_vs__"  # of the parameters with which pymeshlab saves cus
 
 @dataclass(frozen=True)
 class FormatSupport:
-    """What pymeshlab writes per vertex, besides positions, into files of a format.
+    """What pymeshlab writes per vertex, besides positions, into files of a format."""
 
-    Attributes
-    ----------
-    normals, color, quality : bool
-        Vertex normals, vertex colours and the quality. OFF files get normals only if there are no colours.
-    attributes : bool
-        The ``bz_*`` columns. pymeshlab does not read them back; `bezier_filters.read_fields` does.
-    """
-
-    normals: bool = False
+    normals: bool = False  # OFF files get them only if there are no colours
     color: bool = False
     quality: bool = False
-    attributes: bool = False
+    attributes: bool = False  # the ``bz_*`` columns: pymeshlab does not read them back, `read_fields` does
 
 
 _FORMATS = {

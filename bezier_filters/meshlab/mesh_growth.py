@@ -37,24 +37,12 @@ _ATTRIBUTES = {
 
 @dataclass(frozen=True)
 class Growth:
-    """What is added to a mesh of n vertices and m faces.
+    """What is added to a mesh of n vertices."""
 
-    Attributes
-    ----------
-    vertices : (k, 3) float64
-        New vertices, numbered from n on.
-    faces : (f, 3) int32
-        New faces.
-    like_vertex : (k,) int32
-        Old vertex from which each new one has its colour, quality and attributes.
-    like_face : (f,) int32
-        Old face from which each new one has them.
-    """
-
-    vertices: FloatArray
-    faces: IntArray
-    like_vertex: IntArray
-    like_face: IntArray
+    vertices: FloatArray  # (k, 3): new ones, numbered from n on
+    faces: IntArray  # (f, 3): new ones
+    like_vertex: IntArray  # (k,): old vertex from which each new one has its colour, quality and attributes
+    like_face: IntArray  # (f,): old face from which each new one has them
 
 
 @dataclass(frozen=True)
