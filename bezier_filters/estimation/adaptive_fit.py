@@ -157,6 +157,16 @@ def learn_without_outliers(
     return analyses, replace(leaf, surface=surface)
 
 
+def learner(mesh: KernelMesh, adjacency: Adjacency, *, threads: int = 1) -> Learn:
+    """What learns the surface of a mesh in memory."""
+
+    def learn(choices: Choices, without: bool) -> tuple[list[RingAnalysis], Leaf | None]:
+        learned_from = without_outliers(mesh, threads=threads) if without else mesh
+        return learn_surface(learned_from, adjacency, choices, threads=threads)
+
+    return learn
+
+
 def with_parts(fit: SurfaceFit, learned: Learned, features: Features) -> SurfaceFit:
     """The fit with what suits the parts of the surface, if they differ, by the `first_features` of sampled vertices."""
     root = learned.root

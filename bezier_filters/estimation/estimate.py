@@ -12,8 +12,8 @@ from bezier_filters.estimation.adaptive_fit import (
     first_features,
     fit_in_balls,
     fit_parts,
+    learner,
     with_parts,
-    without_outliers,
 )
 from bezier_filters.estimation.fallbacks import fit_with_fallbacks, overall_progress
 from bezier_filters.estimation.first_call import first_call
@@ -21,10 +21,6 @@ from bezier_filters.estimation.fit_options import Automatic, check_detail, check
 from bezier_filters.estimation.point_cloud import point_cloud
 from bezier_filters.estimation.vertex_geometry import FitChoice, VertexGeometry, empty_geometry
 from bezier_filters.kernels.kernel_input import KernelMesh, fitted_mesh, kernel_mesh, with_steady_normals
-from bezier_filters.learning.learn import learn_surface
-from bezier_filters.learning.model_tree import Leaf
-from bezier_filters.learning.plans import Choices
-from bezier_filters.learning.ring_analysis import RingAnalysis
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
 from bezier_filters.meshes.spatial_order import in_spatial_order
@@ -207,11 +203,7 @@ def _fit(
 
     The sampled vertices are fitted, too, so that the parts do not depend on `ids`; what is written there means nothing.
     """
-
-    def learn(choices: Choices, without: bool) -> tuple[list[RingAnalysis], Leaf | None]:
-        learned_from = without_outliers(arrays, threads=threads) if without else arrays
-        return learn_surface(learned_from, adjacency, choices, threads=threads)
-
+    learn = learner(arrays, adjacency, threads=threads)
     fit, learned = choose_fit(learn, rings, fixed, degrees, robust, noise, detail)
     if fit.steady:
         arrays = with_steady_normals(arrays, threads=threads)

@@ -110,6 +110,21 @@ def vertex_adjacency(mesh: TriangleMesh, *, threads: int = 1) -> Adjacency:
     return Adjacency(faces, Rows(indptr, indices), on_boundary)
 
 
+def mean_edge(mesh: TriangleMesh, adjacency: Adjacency) -> float:
+    """Mean length of the edges; 0 if there are none.
+
+    Examples
+    --------
+    >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> triangle = triangle_mesh([[0, 0, 0], [3, 0, 0], [0, 4, 0]], [[0, 1, 2]])
+    >>> mean_edge(triangle, vertex_adjacency(triangle))
+    4.0
+    """
+    rows = adjacency.vertices
+    start = np.repeat(mesh.vertices, rows.lengths, axis=0)
+    return float(np.linalg.norm(mesh.vertices[rows.indices] - start, axis=1).mean()) if len(start) else 0.0
+
+
 def closed_components(mesh: TriangleMesh, adjacency: Adjacency) -> tuple[IntArray, IntArray]:
     """Number of the closed component that each vertex belongs to, -1 for none, (n,), and their first vertices, (c,).
 

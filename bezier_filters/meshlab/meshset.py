@@ -30,9 +30,6 @@ PureValue: TypeAlias = pymeshlab.PureValue
 Color: TypeAlias = pymeshlab.Color
 Length: TypeAlias = pymeshlab.PercentageValue | pymeshlab.PureValue | float
 
-SOME = 20_000
-"""Faces whose sides are measured, at most."""
-
 _lock = threading.RLock()
 
 
@@ -45,36 +42,14 @@ class BezierFilterError(pymeshlab.PyMeshLabException):  # type: ignore[misc]
 
 @dataclass(frozen=True)
 class CurrentMesh:
-    """Copies of what the filters read from the current mesh of a MeshSet.
+    """Copies of what the filters read from the current mesh of a MeshSet."""
 
-    Attributes
-    ----------
-    id : int
-        Id of the layer.
-    vertices : (n, 3) float64
-        Coordinates as stored; the transform matrix is not applied, as in pymeshlab's own filters.
-    faces : (m, 3) int32
-        Triangles; none in a point cloud.
-    vertex_normals : (n, 3) float64
-        Vertex normals as stored, of any length.
-    vertex_selection, face_selection : (n,) bool, (m,) bool
-        What is selected.
-    """
-
-    id: int
-    vertices: FloatArray
-    faces: IntArray
-    vertex_normals: FloatArray
-    vertex_selection: BoolArray
-    face_selection: BoolArray
-
-    @property
-    def mean_edge(self) -> float | None:
-        """Mean length of the sides of some 10,000 faces or more, or of all; None for a point cloud."""
-        if not len(self.faces):
-            return None
-        corners = self.vertices[self.faces[:: 1 + len(self.faces) // SOME]]
-        return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
+    id: int  # of the layer
+    vertices: FloatArray  # (n, 3): as stored, without the transform matrix, as in pymeshlab's own filters
+    faces: IntArray  # (m, 3): none in a point cloud
+    vertex_normals: FloatArray  # (n, 3): as stored, of any length
+    vertex_selection: BoolArray  # (n,)
+    face_selection: BoolArray  # (m,)
 
     def selected_vertices(self) -> BoolArray:
         """Selected vertices or, if there is none, the vertices of the selected faces; (n,), never none."""

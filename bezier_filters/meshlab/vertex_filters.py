@@ -14,12 +14,17 @@ from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.fit_options import Automatic
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
 from bezier_filters.fields import CURVATURE, NORMALS, PREFIX, TORSION, columns
+from bezier_filters.meshes.adjacency import mean_edge, vertex_adjacency
+from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshlab.filter_run import Computed, Output, run_filter
 from bezier_filters.meshlab.meshset import CurrentMesh, Length, MeshSet, absolute_length
 from bezier_filters.parameters import documented
 from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.runtime.parallel import Progress
 from bezier_filters.status import FitStatus
+
+MEASURED = 20_000
+"""Faces whose edges are measured, at most."""
 
 
 @dataclass(frozen=True)
@@ -176,11 +181,17 @@ def _run(ms: MeshSet, name: str, fit: FitArguments, output: Output) -> Report:
         report = {
             "status": geometry.status_counts(),
             "fit": asdict(geometry.fit) | {"parts": parts},
-            "mean_edge": mesh.mean_edge,
+            "mean_edge": _mean_edge(mesh),
         }
         return Computed(found, geometry.status <= worst, report, normals=normals)
 
     return run_filter(ms, name, work, output)
+
+
+def _mean_edge(mesh: CurrentMesh) -> float | None:
+    """Mean length of the edges of some 10,000 faces or more, or of all; None for a point cloud."""
+    some = TriangleMesh(mesh.vertices, mesh.faces[:: 1 + len(mesh.faces) // MEASURED])
+    return mean_edge(some, vertex_adjacency(some)) if some.face_count else None
 
 
 def fit_mesh(mesh: CurrentMesh, mask: BoolArray, fit: FitArguments) -> VertexGeometry:

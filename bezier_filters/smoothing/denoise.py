@@ -13,7 +13,7 @@ import numpy as np
 
 from bezier_filters.arrays import FloatArray, SingleArray
 from bezier_filters.learning.noise_model import NoiseModel
-from bezier_filters.meshes.adjacency import Adjacency
+from bezier_filters.meshes.adjacency import Adjacency, mean_edge
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.parallel import Progress, report
 from bezier_filters.smoothing.candidates import GENTLE, KINDS, ROUNDS, SHARPNESS, SMOOTH, Candidate, candidates
@@ -44,22 +44,6 @@ FADED, AVERAGED, RINGS_PER_ROUND = 7.0, 14, 1.25
 averaged, and those that a round of filtering the normals reaches across: measured, for a hundredth of the noise."""
 STEPS = 6
 """Of the progress."""
-
-
-def mean_edge(mesh: TriangleMesh, adjacency: Adjacency) -> float:
-    """Mean length of the edges; 0 if there are none.
-
-    Examples
-    --------
-    >>> from bezier_filters.meshes.adjacency import vertex_adjacency
-    >>> from bezier_filters.meshes.mesh import triangle_mesh
-    >>> triangle = triangle_mesh([[0, 0, 0], [3, 0, 0], [0, 4, 0]], [[0, 1, 2]])
-    >>> mean_edge(triangle, vertex_adjacency(triangle))
-    4.0
-    """
-    rows = adjacency.vertices
-    start = np.repeat(mesh.vertices, rows.lengths, axis=0)
-    return float(np.linalg.norm(mesh.vertices[rows.indices] - start, axis=1).mean()) if len(start) else 0.0
 
 
 @dataclass(frozen=True)

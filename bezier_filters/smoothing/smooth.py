@@ -7,20 +7,17 @@ from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.errors import InvalidParameterError, is_integer
-from bezier_filters.estimation.adaptive_fit import learn_without_outliers, without_outliers
+from bezier_filters.estimation.adaptive_fit import learn_without_outliers, learner, without_outliers
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.first_call import first_call
 from bezier_filters.estimation.fit_options import check_detail, check_noise
 from bezier_filters.kernels.kernel_input import fitted_mesh
-from bezier_filters.learning.learn import learn_surface
-from bezier_filters.learning.model_tree import Leaf
 from bezier_filters.learning.noise_model import NoiseModel, known_noise
 from bezier_filters.learning.plans import Choices
-from bezier_filters.learning.ring_analysis import RingAnalysis
-from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
+from bezier_filters.meshes.adjacency import Adjacency, mean_edge, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
 from bezier_filters.runtime.parallel import Progress, thread_count
-from bezier_filters.smoothing.denoise import mean_edge, remove_noise
+from bezier_filters.smoothing.denoise import remove_noise
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.smoothing_result import SmoothingResult
 from bezier_filters.smoothing.volume import ClosedComponents, component_volumes, movement_around, restore_volumes
@@ -169,12 +166,7 @@ def smooth(
 def learn_noise(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> NoiseModel | None:
     """The noise along the normal, learned from the mesh; None if it is too small."""
     arrays, adjacency = fitted_mesh(mesh, adjacency=adjacency, creases=True, threads=threads)
-
-    def learn(choices: Choices, without: bool) -> tuple[list[RingAnalysis], Leaf | None]:
-        learned_from = without_outliers(arrays, threads=threads) if without else arrays
-        return learn_surface(learned_from, adjacency, choices, threads=threads)
-
-    _, leaf = learn_without_outliers(learn, Choices())
+    _, leaf = learn_without_outliers(learner(arrays, adjacency, threads=threads), Choices())
     return None if leaf is None else leaf.surface.noise
 
 

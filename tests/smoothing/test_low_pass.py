@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from numba import config
 
-from bezier_filters.meshes.adjacency import vertex_adjacency
+from bezier_filters.meshes.adjacency import mean_edge, vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.smoothing.chebyshev import ORDER, diffuse, low_pass
 from bezier_filters.smoothing.clusters import clusters_of
-from bezier_filters.smoothing.denoise import mean_edge
 from bezier_filters.smoothing.laplacian import cotangent_laplacian, umbrella_laplacian
 from bezier_filters.smoothing.low_pass import ORDERS, learn_low_pass, strongest
 from bezier_filters.smoothing.mesh_parts import whole_mesh

@@ -8,9 +8,8 @@ from numba import config
 from scipy.sparse import csr_array
 
 from bezier_filters import CancelledError, InvalidParameterError, estimate_vertex_geometry, smooth
-from bezier_filters.meshes.adjacency import vertex_adjacency
+from bezier_filters.meshes.adjacency import mean_edge, vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
-from bezier_filters.smoothing.denoise import mean_edge
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, sphere, torus, waves
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
