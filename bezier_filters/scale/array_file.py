@@ -21,27 +21,13 @@ DType: TypeAlias = np.dtype[Any]
 
 @dataclass(frozen=True)
 class ArrayFile:
-    """A table in a file.
-
-    Attributes
-    ----------
-    path : Path
-        The file.
-    dtype : dtype
-        Of an entry, or of a whole row.
-    columns : int
-        Entries per row.
-    rows : int
-        How many there are.
-    offset : int
-        Bytes before the first one.
-    """
+    """A table in a file."""
 
     path: Path
-    dtype: DType
-    columns: int
+    dtype: DType  # of an entry, or of a whole row
+    columns: int  # entries per row
     rows: int
-    offset: int = 0
+    offset: int = 0  # bytes before the first row
 
     @property
     def row_size(self) -> int:
@@ -49,13 +35,7 @@ class ArrayFile:
         return self.dtype.itemsize * self.columns
 
     def read(self, start: int, stop: int) -> Values:
-        """Rows start .. stop-1.
-
-        Raises
-        ------
-        FieldFileError
-            If the file ends before.
-        """
+        """Rows start .. stop-1; FieldFileError if the file ends before."""
         count = (stop - start) * self.columns
         found = np.fromfile(self.path, self.dtype, count, offset=self.offset + start * self.row_size)
         if len(found) < count:

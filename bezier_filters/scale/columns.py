@@ -6,7 +6,6 @@ import numpy as np
 
 from bezier_filters.arrays import FloatArray
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.estimation.vertex_geometry import VertexGeometry
 from bezier_filters.fields import CURVATURE, ESTIMATES, PREFIX, TORSION, Field, fields_of
 from bezier_filters.scale.array_file import Values
 
@@ -28,13 +27,7 @@ def estimated(quantity: str = ALL) -> dict[str, Field]:
 
 
 def chosen_columns(quantity: str, quality: str | None, columns: Sequence[str] | None) -> tuple[str, list[str]]:
-    """The column that becomes the quality, "" for none, and those that are written: any of those that there are.
-
-    Raises
-    ------
-    InvalidParameterError
-        If there is no such quantity, quality or column.
-    """
+    """The column that becomes the quality, "" for none, and those that are written: any of those that there are."""
     every = estimated()
     if quantity not in (*ESTIMATES, ALL):
         raise InvalidParameterError(f"quantity: got {quantity!r}, expected one of {', '.join((*ESTIMATES, ALL))}")
@@ -46,15 +39,6 @@ def chosen_columns(quantity: str, quality: str | None, columns: Sequence[str] | 
     if quality is not None and quality not in qualities:
         raise InvalidParameterError(f"quality: got {quality!r}, expected one of {', '.join(qualities)}")
     return "" if quality is None else qualities[quality], wanted
-
-
-def columns_of(geometry: VertexGeometry, names: Sequence[str]) -> dict[str, FloatArray]:
-    """Values of some columns, each (n,)."""
-    fields = {name: field for name, field in estimated().items() if name in names}
-    arrays = {
-        source: np.asarray(getattr(geometry, source), np.float64) for source in {f.source for f in fields.values()}
-    }
-    return {name: field.of(arrays[field.source]) for name, field in fields.items()}
 
 
 def table_of(

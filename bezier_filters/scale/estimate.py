@@ -11,12 +11,13 @@ from bezier_filters.arrays import FloatArray, Report
 from bezier_filters.estimation.adaptive_fit import SurfaceFit, fit_parts
 from bezier_filters.estimation.fallbacks import fit_with_fallbacks
 from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, empty_geometry
+from bezier_filters.fields import values_of
 from bezier_filters.kernels.kernel_input import fitted_mesh, with_steady_normals
 from bezier_filters.learning.model_tree import leaves
-from bezier_filters.scale.columns import chosen_columns, columns_of, table_of
+from bezier_filters.scale.columns import chosen_columns, estimated, table_of
 from bezier_filters.scale.halo import tile_part
 from bezier_filters.scale.learn import FitOptions, learn_fit, rings_needed
-from bezier_filters.scale.run import Output, Round, RunOptions, StageProgress, file_run
+from bezier_filters.scale.run import Round, RunOptions, StageProgress, TileOutput, file_run
 from bezier_filters.scale.scheduling import Scheduler, dashboard
 from bezier_filters.scale.source import SourcePath, open_source
 from bezier_filters.scale.store import Store
@@ -128,20 +129,15 @@ def estimate_file(
             fit = learn_fit(run.store, options, threads=run.workers)
         with run.stages.stage("start"):
             link = dashboard(run.cluster.ready())
-        job = EstimateJob(
-            TileFit(run.store, fit, creases),
-            chosen_quality,
-            tuple(chosen),
-            run.store.layout.dtype,
-        )
-        done = run.tiles("fit", run.results(parameters), partial(estimate_tile, job), link)
+        job = partial(estimate_tile, TileFit(run.store, fit, creases), chosen_quality, chosen)
+        done = run.tiles("fit", run.results(parameters), job, link)
         run.write(done.tiles)
     return run.report() | {
         "quantity": quantity,
         "quality": chosen_quality or None,
         "attributes": chosen,
         "fit": asdict(_with_counts(fit, done)),
-        "status": _status(done),
+        "status": {status.name: int(k) for status, k in zip(FitStatus, done.sums("status"), strict=True) if k},
         "halo_rings": rings_needed(fit),
         "dashboard": link or None,
     }
@@ -156,41 +152,25 @@ class TileFit:
     creases: bool
 
 
-@dataclass(frozen=True)
-class EstimateJob:
-    """What is written of the estimate: the column that is the quality, too, columns, and the type of coordinates."""
+def estimate_tile(how: TileFit, quality: str, columns: Sequence[str], tile: int) -> TileOutput:
+    """The estimate of the vertices of a tile, as rows of the file that is written: the column that is the quality, too.
 
-    fit: TileFit
-    quality: str
-    columns: tuple[str, ...]
-    coordinates: str
-
-
-def estimate_tile(job: EstimateJob, tile: int) -> Output:
-    """What the estimate says of the vertices of a tile, as rows of the file that is written."""
-    found = fit_tile(job.fit, tile)
-    columns = columns_of(found.geometry, [*job.columns, *([job.quality] if job.quality else [])])
-    rows = table_of(found.vertices, columns, job.quality, job.columns, job.coordinates)
-    counts = found.geometry.status_counts()
+    There is no quality if that is empty.
+    """
+    geometry, vertices, read = fit_tile(how, tile)
+    every = estimated()
+    values = values_of([every[name] for name in {*columns, quality} - {""}], geometry)
+    rows = table_of(vertices, values, quality, columns, how.store.layout.dtype)
+    counts = geometry.status_counts()
     sums = {
         "status": [float(counts.get(status.name, 0)) for status in FitStatus],
-        "parts": [float(part.vertices) for part in found.choice.parts],
+        "parts": [float(part.vertices) for part in geometry.fit.parts],
     }
-    return Output(rows, found.read, sums)
+    return TileOutput(rows, read, sums)
 
 
-@dataclass(frozen=True)
-class FittedTile:
-    """The estimate for the vertices of a tile, and how many had to be read for it."""
-
-    geometry: VertexGeometry
-    choice: FitChoice
-    vertices: FloatArray
-    read: int
-
-
-def fit_tile(job: TileFit, tile: int) -> FittedTile:
-    """Estimate the vertices of a tile: the same values as for the whole mesh."""
+def fit_tile(job: TileFit, tile: int) -> tuple[VertexGeometry, FloatArray, int]:
+    """Estimate the vertices of a tile as in the whole mesh; also where they are, and how many had to be read."""
     part = tile_part(job.store, tile, rings_needed(job.fit))
     arrays, _ = fitted_mesh(part.mesh, creases=job.creases)
     if job.fit.steady:
@@ -200,13 +180,7 @@ def fit_tile(job: TileFit, tile: int) -> FittedTile:
     geometry = empty_geometry(len(own))
     fit_with_fallbacks(arrays, own, job.fit.attempts, geometry, robust=job.fit.robust)
     choice = fit_parts(arrays, own, job.fit, geometry)
-    return FittedTile(geometry, choice, part.mesh.vertices[own], len(part.ids))
-
-
-def _status(done: Round) -> dict[str, int]:
-    """Vertices per status, from best to worst."""
-    counts = zip(FitStatus, done.sums("status"), strict=True)
-    return {status.name: int(count) for status, count in counts if count}
+    return replace(geometry, fit=choice), part.mesh.vertices[own], len(part.ids)
 
 
 def _with_counts(fit: SurfaceFit, done: Round) -> FitChoice:

@@ -17,19 +17,8 @@ def run_on_scheduler(
 ) -> Generator[tuple[int, Outcome], None, None]:
     """Run command lines on any of Dask's schedulers; `worker_processes.run_in_processes` for many machines.
 
-    Parameters
-    ----------
-    jobs : sequence
-        Arguments of ``bezier-filters``. Workers must see the files under the same, absolute, paths.
-    scheduler : see `scheduling.Scheduler`
-        Not None.
-    workers : int
-        How many run at a time on this machine, if the scheduler is "threads" or "processes".
-
-    Yields
-    ------
-    int, Outcome
-        Index of a job and what became of it, as they finish.
+    Jobs are arguments of ``bezier-filters``; workers must see the files under the same, absolute, paths. `workers` jobs
+    run at a time if the scheduler is "threads" or "processes". Outcomes come as they finish, after the job's index.
     """
     with running(scheduler, workers=workers, memory_limit=None) as cluster:
         yield from run_tasks(cluster.ready(), run_command_line, list(enumerate(jobs)), workers=workers)

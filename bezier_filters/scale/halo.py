@@ -23,24 +23,12 @@ GROUP = 16
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a mesh, its vertices and faces in the order of the whole.
+    """A part of a mesh, its vertices and faces in the order of the whole."""
 
-    Attributes
-    ----------
-    ids : (k,) int32
-        Which vertices of the store they are, ascending.
-    mesh : TriangleMesh
-        The part.
-    keys : (m,) int64
-        What the faces are sorted by: the cell of the first corner, then the number in the source.
-    cut : (k,) bool
-        Vertices in the last ring, of which faces may be missing.
-    """
-
-    ids: IntArray
+    ids: IntArray  # (k,): which vertices of the store they are, ascending
     mesh: TriangleMesh
-    keys: NDArray[np.int64]
-    cut: BoolArray
+    keys: NDArray[np.int64]  # (m,): what faces are sorted by: cell of the first corner, then number in the source
+    cut: BoolArray  # (k,): vertices in the last ring, of which faces may be missing
 
     def local(self, ids: IntArray) -> IntArray:
         """Numbers in the part of vertices of the store that it has."""

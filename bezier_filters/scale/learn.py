@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -65,13 +66,7 @@ class FitOptions:
     detail: float | None = None
 
     def checked(self) -> tuple[int | Literal["auto"], PatchFit | None, tuple[int, ...]]:
-        """What they leave open, see `fit_options`.
-
-        Raises
-        ------
-        InvalidParameterError
-            If one is out of range.
-        """
+        """What they leave open, see `fit_options`; refused if one is out of range."""
         rings, fixed, degrees = fit_options(self.rings, self.alpha, self.degree, self.smoothness)
         check_fit_noise(self.noise, fixed, rings)
         check_detail(self.detail, rings)
@@ -86,18 +81,9 @@ class FitOptions:
 
 
 def learn_fit(store: Store, options: FitOptions, *, threads: int = 1) -> SurfaceFit:
-    """Choose how to fit a mesh: what `estimate_vertex_geometry` chooses for it in memory.
-
-    Raises
-    ------
-    InvalidParameterError
-        If an option is out of range.
-    """
+    """Choose how to fit a mesh: what `estimate_vertex_geometry` chooses for it in memory."""
     rings, fixed, degrees = options.checked()
-
-    def learn(choices: Choices, without: bool) -> tuple[list[RingAnalysis], Leaf | None]:
-        return _learn_surface(store, options, choices, without, threads)
-
+    learn = partial(_learn_surface, store, options, threads)
     fit, learned = choose_fit(learn, rings, fixed, degrees, options.robust, options.noise, options.detail)
     if learned is None:
         return fit
@@ -107,22 +93,15 @@ def learn_fit(store: Store, options: FitOptions, *, threads: int = 1) -> Surface
 
 def learn_noise(store: Store, *, threads: int = 1) -> NoiseModel | None:
     """The noise of a mesh along the normal; None if it is too small to learn it."""
-
-    def learn(choices: Choices, without: bool) -> tuple[list[RingAnalysis], Leaf | None]:
-        return _learn_surface(store, FitOptions(), choices, without, threads)
-
-    _, leaf = learn_without_outliers(learn, Choices())
+    _, leaf = learn_without_outliers(partial(_learn_surface, store, FitOptions(), threads), Choices())
     return None if leaf is None else leaf.surface.noise
 
 
 def _learn_surface(
-    store: Store, options: FitOptions, choices: Choices, without: bool, threads: int
+    store: Store, options: FitOptions, threads: int, choices: Choices, without: bool
 ) -> tuple[list[RingAnalysis], Leaf | None]:
-    """What `learn_surface` learns of a mesh in memory."""
-
-    def sample(rings: int, count: int, steady: bool) -> NeighbourhoodSample:
-        return _sample(store, rings, count, options, without, steady, threads)
-
+    """What is learned of a mesh in memory, as it is or without its outliers."""
+    sample = partial(_sample, store, options, threads, without)
     return learn_from_samples(sample, store.layout.vertex_count, choices, threads=threads)
 
 
@@ -138,10 +117,11 @@ def _widest(attempts: list[Attempt]) -> int:
 
 
 def _sample(
-    store: Store, rings: int, count: int, options: FitOptions, without: bool, steady: bool, threads: int
+    store: Store, options: FitOptions, threads: int, without: bool, rings: int, count: int, steady: bool
 ) -> NeighbourhoodSample:
     """The neighbourhoods that would be sampled in memory."""
-    centers = _draw(store, count)
+    every = Population(store.layout.vertex_count, partial(_ranks, store))
+    centers = draw_vertices(every, partial(_have_normals, store), partial(_with_normals, store), count)
     reach = rings + CREASE_RINGS + (OUTLIER_REACH if without else 0) + (STEADY_ROUNDS if steady else 0)
     part = part_around_samples(store, centers, reach, threads=threads)
     arrays, adjacency = fitted_mesh(part.mesh, creases=options.creases, threads=threads)
@@ -164,12 +144,6 @@ def _first_features(store: Store, centers: IntArray, fit: SurfaceFit, options: F
     geometry, local = empty_geometry(part.mesh.vertex_count), part.local(centers)
     fit_with_fallbacks(arrays, local, fit.attempts, geometry, robust=fit.robust, threads=threads)
     return first_features(geometry, local)
-
-
-def _draw(store: Store, count: int) -> IntArray:
-    """The vertices that would be drawn in memory."""
-    every = Population(store.layout.vertex_count, lambda numbers: _ranks(store, numbers))
-    return draw_vertices(every, lambda ids: _have_normals(store, ids), lambda: _with_normals(store), count)
 
 
 def _have_normals(store: Store, ids: IntArray) -> BoolArray:

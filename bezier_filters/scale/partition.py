@@ -16,8 +16,8 @@ from bezier_filters.errors import InvalidMeshError
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.spatial_order import Grid, grid_around, widen_bounds
 from bezier_filters.runtime.jit import jit
-from bezier_filters.runtime.parallel import Progress, report, run_in_chunks
-from bezier_filters.scale.array_file import ArrayFile, Values, new_array_file
+from bezier_filters.runtime.parallel import Progress, report, run_kernel
+from bezier_filters.scale.array_file import ArrayFile, new_array_file
 from bezier_filters.scale.source import MeshSource
 from bezier_filters.scale.store import (
     FACE_PTR,
@@ -40,13 +40,7 @@ LARGEST_BLOCK_BITS = 10
 def build_store(
     source: MeshSource, folder: Path, tile_vertices: int, *, threads: int = 1, progress: Progress | None = None
 ) -> Store:
-    """Make a mesh ready for tiles, in an empty folder.
-
-    Raises
-    ------
-    InvalidMeshError
-        If a coordinate is not finite, or a face is no triangle of vertices that exist.
-    """
+    """Make a mesh ready for tiles, in an empty folder; refused if a coordinate is not finite, or a face no triangle."""
     n, m = source.vertex_count, source.face_count
     passes = _Passes(2 * n + m, progress)
     bits = min(LARGEST_BLOCK_BITS, int(math.log2(tile_vertices)))
@@ -126,7 +120,7 @@ def _sort_faces(
     with open(ranked.path, "wb") as stream:
         for start, stop in _chunks(m):
             faces = source.faces(start, stop)
-            _renumber(rank.mapped(), faces, threads)
+            run_kernel(_look_up, len(faces), rank.mapped(), faces, threads=threads, chunk=ROWS >> 5)
             _count_faces(faces, layout.block_bits, ptr)
             faces.tofile(stream)
             passes.add(stop - start)
@@ -138,13 +132,9 @@ def _sort_faces(
     ranked.path.unlink()
 
 
-def _renumber(rank: Values, faces: IntArray, threads: int) -> None:
-    """Replace vertices of the source by their new numbers."""
-    run_in_chunks(lambda: lambda a, b: _look_up(rank, faces, a, b), len(faces), threads=threads, chunk=ROWS >> 5)
-
-
 @jit()
 def _look_up(rank: IntArray, faces: IntArray, start: int, stop: int) -> None:
+    """Replace vertices of the source by their new numbers."""
     for f in range(start, stop):
         for k in range(3):
             faces[f, k] = rank[faces[f, k]]

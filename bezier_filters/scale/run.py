@@ -71,7 +71,7 @@ class Stages:
 
 
 @dataclass(frozen=True)
-class Output:
+class TileOutput:
     """What a task finds out about a tile: rows, and what belongs into the `TileReport`."""
 
     rows: Values
@@ -79,21 +79,13 @@ class Output:
     sums: dict[str, list[float]]
 
 
-@dataclass(frozen=True)
-class Work:
-    """What is done with every tile, and the folder for its results."""
-
-    folder: Path
-    compute: Callable[[int], Output]
-
-
-def run_tile(work: Work, tile: int) -> int:
-    """What workers do: compute the results of a tile and write them; its number."""
+def run_tile(folder: Path, compute: Callable[[int], TileOutput], tile: int) -> int:
+    """What workers do: compute the results of a tile and write them to a folder; its number."""
     start, cpu_start = time.perf_counter(), time.process_time()
-    found = work.compute(tile)
+    found = compute(tile)
     seconds, cpu_seconds = time.perf_counter() - start, time.process_time() - cpu_start
     report = TileReport(tile, found.read, found.sums, seconds, cpu_seconds, peak_bytes(), os.getpid())
-    write_tile(work.folder, report, found.rows)
+    write_tile(folder, report, found.rows)
     return tile
 
 
@@ -131,16 +123,8 @@ class Run:
         (folder / "parameters.json").write_text(text, encoding="utf-8")
         return folder
 
-    def tiles(self, stage: str, folder: Path, compute: Callable[[int], Output], remark: str = "") -> Round:
-        """Compute the tiles that are not there yet.
-
-        Raises
-        ------
-        DamagedTileError
-            If a tile was damaged since it was computed.
-        LostTaskError
-            If workers die again and again of the same tile.
-        """
+    def tiles(self, stage: str, folder: Path, compute: Callable[[int], TileOutput], remark: str = "") -> Round:
+        """Compute the tiles that are not there yet, and look at all; `LostTaskError` if one ends several workers."""
         count = self.store.layout.tile_count
         todo, damaged = [], []
         folder.mkdir(exist_ok=True)
@@ -155,7 +139,7 @@ class Run:
                 remove_tile(folder, tile)
         ready = self.cluster.ready()
         with self.stages.stage(stage, remark) as progress:
-            work = partial(run_tile, Work(folder, compute))
+            work = partial(run_tile, folder, compute)
             for _ in run_tasks(ready, work, todo, workers=self.workers, progress=progress):
                 pass
             with ThreadPoolExecutor(self.workers) as pool:
@@ -196,14 +180,8 @@ def file_run(
 ) -> Iterator[Run]:
     """Sort a mesh on disk and start workers; in the end the store is removed, unless anything went wrong.
 
-    The results take so many bytes per vertex in the target, and in the store.
-
-    Raises
-    ------
-    InvalidParameterError
-        If an option is out of range, or the store is not this run's, or the disk is too small.
-    FieldFileError
-        If the store was made from something else.
+    The results take so many bytes per vertex in the target, and in the store. Refused are options out of range, a store
+    of another run or of something else, and a disk that is too small.
     """
     if options.workers is not None and options.workers < 1:
         raise InvalidParameterError(f"workers: got {options.workers}, expected 1 or more, or None for all cores")

@@ -38,27 +38,10 @@ class Workers:
 
 @contextlib.contextmanager
 def running(scheduler: Scheduler, *, workers: int, memory_limit: int | None) -> Iterator[Workers]:
-    """Start workers on this machine if no scheduler is given, and end them after the block.
+    """Start workers on this machine if no scheduler is given, and end them after the block, while which they start.
 
-    Parameters
-    ----------
-    scheduler : see `Scheduler`
-        None for processes of this machine. They start while the block goes on.
-    workers : int
-        How many of them.
-    memory_limit : int or None
-        Bytes that each of them may use, before it is ended and another one takes its place.
-
-    Yields
-    ------
-    Workers
-
-    Raises
-    ------
-    ImportError
-        If Dask is not installed; the message says how to.
-    InvalidParameterError
-        If it is no scheduler, or nothing answers at its address.
+    One that uses more bytes than the memory limit is ended, and another one takes its place. Refused is what is no
+    scheduler, or an address where nothing answers.
     """
     distributed = _import_distributed()
     if isinstance(scheduler, distributed.Client) or (isinstance(scheduler, str) and scheduler in LOCAL):
@@ -107,29 +90,11 @@ def run_tasks(
     workers: int = 1,
     progress: Progress | None = None,
 ) -> Iterator[Result]:
-    """Call a function for every task; what it returns comes in any order.
+    """Call a function for every task, on a scheduler from `running`; what it returns comes in any order.
 
-    Tasks of a worker that dies are computed again by another one.
-
-    Parameters
-    ----------
-    scheduler : str or distributed.Client
-        From `running`.
-    function : callable
-        Workers find it by its name in a module; its first arguments may be bound by `functools.partial`.
-    tasks : sequence
-        What it is called with.
-    workers : int
-        How many run at a time, unless the scheduler knows.
-    progress : callable, optional
-        Called with the number of tasks done.
-
-    Raises
-    ------
-    LostTaskError
-        If workers die again and again of the same task.
-    CancelledError
-        If `progress` returned False.
+    Workers find the function by its name in a module; its first arguments may be bound by `functools.partial`.
+    `workers` says how many run at a time, unless the scheduler knows. Tasks of a worker that dies are computed again by
+    another one; if that happens again and again, a `LostTaskError` is raised.
     """
     report(progress, 0, len(tasks))
     found = (

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
@@ -22,7 +22,7 @@ from bezier_filters.scale.components import StoredComponents, labelled_vertices,
 from bezier_filters.scale.estimate import TileFit, fit_tile
 from bezier_filters.scale.halo import TilePart, tile_part
 from bezier_filters.scale.learn import CREASE_RINGS, FitOptions, learn_fit, learn_noise, rings_needed, sampled_parts_of
-from bezier_filters.scale.run import Output, Run, RunOptions, StageProgress, file_run
+from bezier_filters.scale.run import Run, RunOptions, StageProgress, TileOutput, file_run
 from bezier_filters.scale.scheduling import Scheduler
 from bezier_filters.scale.source import SourcePath, open_source
 from bezier_filters.scale.store import Store
@@ -172,9 +172,9 @@ def _automatic(
             parts = sampled_parts_of(current, around, threads=run.workers)
             plan = learn_plan(parts, here, borders, detail, threads=run.workers)
         is_last = step + 1 == iterations
-        job = SmoothJob(mesh, current, plan, borders == "fixed", components if is_last else None)
+        job = partial(smooth_tile, mesh, current, plan, borders == "fixed", components if is_last else None)
         folders.append(results / f"step-{step + 1}")
-        done = run.tiles("smooth", folders[-1], partial(smooth_tile, job))
+        done = run.tiles("smooth", folders[-1], job)
         current = mesh.with_vertices(_joined_vertices(folders[-1], done.tiles))
     steps, volume_before = None, None
     if components is not None:
@@ -183,8 +183,8 @@ def _automatic(
         if keep_volume:
             steps = np.divide(before - now, gains, out=np.zeros(components.count), where=gains > 0.0)
     of_steps = None if steps is None else saved_array(results / "steps.bin", steps)
-    end_job = FinishJob(mesh, current, tuple(folders), borders == "fixed", components, of_steps)
-    done = run.tiles("finish", results / "finish", partial(finish_tile, end_job))
+    finish = partial(finish_tile, mesh, current, folders, borders == "fixed", components, of_steps)
+    done = run.tiles("finish", results / "finish", finish)
     left = _noise_of(run, mesh.with_vertices(_joined_vertices(results / "finish", done.tiles)))
     run.write(done.tiles)
     return run.report() | {
@@ -223,7 +223,7 @@ def _roughest(tiles: Sequence[Tile]) -> int:
     return int(ids[roughest(values, ids.astype(np.int32))[0]])
 
 
-def measure_tile(store: Store, sigma: float, tile: int) -> Output:
+def measure_tile(store: Store, sigma: float, tile: int) -> TileOutput:
     """Which vertices of a tile hang together, and where it is roughest, if the mesh is large."""
     is_large = store.layout.vertex_count > LARGEST_WHOLE and sigma > 0.0
     part = tile_part(store, tile, ROUGHNESS_RINGS if is_large else 1)
@@ -235,48 +235,39 @@ def measure_tile(store: Store, sigma: float, tile: int) -> Output:
     places = roughest(values, ids)
     incoherent = incoherent_vertices(part.mesh.faces, adjacency)[part.own].any()
     sums = {"roughness": values[places].tolist(), "roughest": ids[places].tolist(), "incoherent": [float(incoherent)]}
-    return Output(labelled_vertices(part, adjacency), len(part.ids), sums)
+    return TileOutput(labelled_vertices(part, adjacency), len(part.ids), sums)
 
 
-def clean_tile(store: Store, tile: int) -> Output:
+def clean_tile(store: Store, tile: int) -> TileOutput:
     """Where the vertices of a tile are without its outliers."""
     part = tile_part(store, tile, OUTLIER_REACH + CREASE_RINGS)
     arrays, _ = fitted_mesh(part.mesh, creases=True)
-    return Output(table_of(without_outliers(arrays).vertices[part.own], {}, "", (), "<f8"), len(part.ids), {})
+    return TileOutput(table_of(without_outliers(arrays).vertices[part.own], {}, "", (), "<f8"), len(part.ids), {})
 
 
 def _mesh_part(store: Store, part: TilePart, adjacency: Adjacency) -> MeshPart:
     return MeshPart(part.mesh, adjacency, store.sources(part.ids), part.cut, store.layout.vertex_count)
 
 
-@dataclass(frozen=True)
-class SmoothJob:
-    """An iteration of the smoothing.
+def smooth_tile(
+    first: Store, current: Store, plan: SmoothingPlan | None, fixed: bool, stored: StoredComponents | None, tile: int
+) -> TileOutput:
+    """Where the vertices of a tile move to in an iteration, and how sharp edges are there.
 
-    The mesh before all of them and before this one, the plan (None if there is no noise to speak of), whether borders
-    stay, and the closed components if their volumes are wanted.
+    `first` and `current` are the mesh before all iterations and before this one. There is no plan if there is no noise
+    to speak of. Borders that are fixed stay. Volumes of closed components are told if these are given.
     """
-
-    before: Store
-    mesh: Store
-    plan: SmoothingPlan | None
-    fixed: bool
-    components: StoredComponents | None
-
-
-def smooth_tile(job: SmoothJob, tile: int) -> Output:
-    """Where the vertices of a tile move to, and how sharp edges are there."""
-    part = tile_part(job.mesh, tile, rings_around(job.plan))
+    part = tile_part(current, tile, rings_around(plan))
     mesh, own, adjacency = part.mesh, part.own, vertex_adjacency(part.mesh)
-    movable, points, sharpness = _movable(adjacency, job.fixed), mesh.vertices, np.zeros(len(part.ids))
-    if job.plan is not None:
-        found = denoise(_mesh_part(job.mesh, part, adjacency), job.plan)
+    movable, points, sharpness = _movable(adjacency, fixed), mesh.vertices, np.zeros(len(part.ids))
+    if plan is not None:
+        found = denoise(_mesh_part(current, part, adjacency), plan)
         points, sharpness = np.where(movable[:, np.newaxis], found.points, points), found.sharpness
     rows = table_of(points[own], {SHARPNESS: sharpness[own]}, "", (SHARPNESS,), "<f8")
     sums: dict[str, list[float]] = {}
-    if job.components is not None:
-        before = TriangleMesh(job.before.coordinates_of(part.ids), mesh.faces)
-        components, numbers = job.components.at(part.ids)
+    if stored is not None:
+        before = TriangleMesh(first.coordinates_of(part.ids), mesh.faces)
+        components, numbers = stored.at(part.ids)
         amounts = np.zeros(len(points))
         amounts[own] = (movement_around(before, adjacency, points) * movable)[own]
         of_tile = mesh.faces[part.faces_of_tile()]
@@ -286,7 +277,7 @@ def smooth_tile(job: SmoothJob, tile: int) -> Output:
             "now": component_volumes(components, TriangleMesh(points, of_tile)).tolist(),
             "gains": component_gains(components, TriangleMesh(points, mesh.faces), amounts).tolist(),
         }
-    return Output(rows, len(part.ids), sums)
+    return TileOutput(rows, len(part.ids), sums)
 
 
 def _movable(adjacency: Adjacency, fixed: bool) -> BoolArray:
@@ -294,32 +285,28 @@ def _movable(adjacency: Adjacency, fixed: bool) -> BoolArray:
     return ~adjacency.on_boundary if fixed else np.ones(len(adjacency.on_boundary), dtype=np.bool_)
 
 
-@dataclass(frozen=True)
-class FinishJob:
-    """The end of the smoothing.
+def finish_tile(
+    before: Store,
+    smoothed: Store,
+    folders: Sequence[Path],
+    fixed: bool,
+    stored: StoredComponents | None,
+    steps: ArrayFile | None,
+    tile: int,
+) -> TileOutput:
+    """The vertices of a tile as they are written, from the mesh before and after the iterations.
 
-    The mesh before and after the iterations, whose results are in some folders, whether borders stay, the closed
-    components, if the faces fit together, and how far each is to move out, times the amounts of its vertices.
+    The results of these are in the folders. Borders that are fixed stay. Closed components are given if the faces fit
+    together; each moves out by a step times the amounts of its vertices.
     """
-
-    before: Store
-    smoothed: Store
-    folders: tuple[Path, ...]
-    fixed: bool
-    components: StoredComponents | None
-    steps: ArrayFile | None
-
-
-def finish_tile(job: FinishJob, tile: int) -> Output:
-    """The vertices of a tile as they are written."""
-    part = tile_part(job.before, tile, FINISH_RINGS)
+    part = tile_part(before, tile, FINISH_RINGS)
     mesh, own, adjacency = part.mesh, part.own, vertex_adjacency(part.mesh)
-    points = job.smoothed.coordinates_of(part.ids)
-    components, numbers = (None, None) if job.components is None else job.components.at(part.ids)
-    if components is not None and job.steps is not None and components.count:
-        amounts = movement_around(mesh, adjacency, points) * _movable(adjacency, job.fixed)
-        steps = np.array(job.steps.mapped()[numbers])
-        points = offset_along_normals(components, TriangleMesh(points, mesh.faces), steps, amounts)
+    points = smoothed.coordinates_of(part.ids)
+    components, numbers = (None, None) if stored is None else stored.at(part.ids)
+    if components is not None and steps is not None and components.count:
+        amounts = movement_around(mesh, adjacency, points) * _movable(adjacency, fixed)
+        of_components = np.array(steps.mapped()[numbers])
+        points = offset_along_normals(components, TriangleMesh(points, mesh.faces), of_components, amounts)
     points = repair_flipped_faces(mesh, adjacency, points)
     of_tile, moved = part.faces_of_tile(), TriangleMesh(points, mesh.faces)
     volume = 0.0
@@ -329,27 +316,20 @@ def finish_tile(job: FinishJob, tile: int) -> Output:
     bad = (was.flipped, now.flipped, was.degenerate, now.degenerate, now.new_since(was))
     columns = {
         DISPLACEMENT: np.linalg.norm(points[own] - mesh.vertices[own], axis=1),
-        SHARPNESS: np.max([open_tile(folder, tile).rows()[SHARPNESS] for folder in job.folders], axis=0),
+        SHARPNESS: np.max([open_tile(folder, tile).rows()[SHARPNESS] for folder in folders], axis=0),
     }
     rows = table_of(points[own], columns, DISPLACEMENT, (DISPLACEMENT, SHARPNESS), "<f8")
-    return Output(rows, len(part.ids), {"volume": [volume], "faces": [float(faces[of_tile].sum()) for faces in bad]})
+    return TileOutput(
+        rows, len(part.ids), {"volume": [volume], "faces": [float(faces[of_tile].sum()) for faces in bad]}
+    )
 
 
-@dataclass(frozen=True)
-class PatchJob:
-    """Vertices that move onto their patches: how these are fitted, and the mesh at first."""
-
-    fit: TileFit
-    before: Store
-
-
-def move_tile(job: PatchJob, tile: int) -> Output:
+def move_tile(how: TileFit, first: Store, tile: int) -> TileOutput:
     """The vertices of a tile on their patches, and how far they are from where they were at first."""
-    found = fit_tile(job.fit, tile)
-    vertices = found.vertices + found.geometry.displacements
-    moved = np.linalg.norm(vertices - job.before.coordinates(*job.before.layout.tile(tile)), axis=1)
-    rows = table_of(vertices, {DISPLACEMENT: moved}, DISPLACEMENT, (DISPLACEMENT,), "<f8")
-    return Output(rows, found.read, {})
+    geometry, vertices, read = fit_tile(how, tile)
+    vertices = vertices + geometry.displacements
+    moved = np.linalg.norm(vertices - first.coordinates(*first.layout.tile(tile)), axis=1)
+    return TileOutput(table_of(vertices, {DISPLACEMENT: moved}, DISPLACEMENT, (DISPLACEMENT,), "<f8"), read, {})
 
 
 def _onto_patches(run: Run, iterations: int, options: FitOptions) -> Report:
@@ -359,8 +339,8 @@ def _onto_patches(run: Run, iterations: int, options: FitOptions) -> Report:
         results = run.results({"quantity": "patches", "options": asdict(options), "step": step})
         with run.stages.stage("learn"):
             fit = learn_fit(current, options, threads=run.workers)
-        job = PatchJob(TileFit(current, fit, options.creases), run.store)
-        done = run.tiles(f"step {step + 1}", results, partial(move_tile, job))
+        move = partial(move_tile, TileFit(current, fit, options.creases), run.store)
+        done = run.tiles(f"step {step + 1}", results, move)
         current = run.store.with_vertices(_joined_vertices(results, done.tiles))
     run.write(done.tiles)
     return run.report() | {

@@ -35,25 +35,13 @@ _PROBE = 1 << 20
 
 @dataclass(frozen=True)
 class MeshSource:
-    """A mesh in one or two files, whose rows have a known place.
-
-    Attributes
-    ----------
-    paths : tuple of Path
-        The files.
-    vertex_rows, face_rows : ArrayFile
-        Rows with the columns below among others.
-    coordinates : tuple of str
-        Names of the coordinates; none if they are all that there is in a row.
-    corners : str
-        Name of the list of corners; empty if they are all that there is in a row.
-    """
+    """A mesh in one or two files, whose rows have a known place."""
 
     paths: tuple[Path, ...]
-    vertex_rows: ArrayFile
+    vertex_rows: ArrayFile  # with the columns below among others
     face_rows: ArrayFile
-    coordinates: tuple[str, ...] = ()
-    corners: str = ""
+    coordinates: tuple[str, ...] = ()  # names; none if they are all that there is in a row
+    corners: str = ""  # name of their list; empty if they are all that there is in a row
 
     @property
     def vertex_count(self) -> int:
@@ -81,13 +69,7 @@ class MeshSource:
         return np.ascontiguousarray(rows, dtype=self.dtype)
 
     def faces(self, start: int, stop: int) -> IntArray:
-        """Corners of faces start .. stop-1, (k, 3).
-
-        Raises
-        ------
-        InvalidMeshError
-            If one is no triangle, or has a corner that does not exist.
-        """
+        """Corners of faces start .. stop-1, (k, 3); InvalidMeshError if one is no triangle of vertices that exist."""
         rows = self.face_rows.read(start, stop)
         if self.corners:
             sizes = rows[f"{self.corners} length"]
@@ -114,17 +96,7 @@ class MeshSource:
 def open_source(source: SourcePath) -> MeshSource:
     """Find out how a mesh is laid out, without reading it.
 
-    Parameters
-    ----------
-    source : path, or two of them
-        A binary PLY file, or an NPY file with vertices (n, 3) and one with faces (m, 3).
-
-    Raises
-    ------
-    FieldFileError
-        If a file is damaged, cut short or of another kind; the message says what to do.
-    InvalidMeshError
-        If there are no faces, or too many.
+    FieldFileError if a file is damaged, cut short or of another kind; InvalidMeshError if it has no faces or too many.
 
     Examples
     --------

@@ -25,28 +25,14 @@ VERTICES, ORDER, RANK, FACES, FACE_PTR = "vertices.bin", "order.bin", "rank.bin"
 
 @dataclass(frozen=True)
 class Layout:
-    """The numbers that say how a store is laid out.
-
-    Attributes
-    ----------
-    vertex_count, face_count : int
-        Of the mesh.
-    dtype : str
-        Of the coordinates.
-    block_bits : int
-        Blocks have 2^block_bits vertices.
-    tile_vertices : int
-        Vertices of a tile, a multiple of that.
-    low, scale, bits
-        Of the `Grid`.
-    """
+    """The numbers that say how a store is laid out."""
 
     vertex_count: int
     face_count: int
-    dtype: str
-    block_bits: int
-    tile_vertices: int
-    low: tuple[float, float, float]
+    dtype: str  # of the coordinates
+    block_bits: int  # blocks have 2^block_bits vertices,
+    tile_vertices: int  # and tiles a multiple of that
+    low: tuple[float, float, float]  # this and the next two are those of the `Grid`
     scale: float
     bits: int
 
@@ -77,20 +63,11 @@ class Layout:
 
 @dataclass(frozen=True)
 class Store:
-    """A mesh that was made ready for tiles.
+    """A mesh that was made ready for tiles."""
 
-    Attributes
-    ----------
-    folder : Path
-        Where it is; all workers must see it there.
-    layout : Layout
-    vertices : ArrayFile
-        Coordinates in spatial order, (n, 3).
-    """
-
-    folder: Path
+    folder: Path  # all workers must see it there
     layout: Layout
-    vertices: ArrayFile
+    vertices: ArrayFile  # coordinates in spatial order, (n, 3)
 
     @property
     def order(self) -> ArrayFile:
@@ -143,20 +120,7 @@ def is_store(folder: Path) -> bool:
 
 
 def open_store(folder: Path, fingerprint: Fingerprint | None = None) -> Store:
-    """Open a store.
-
-    Parameters
-    ----------
-    folder : Path
-        Where it is.
-    fingerprint : list, optional
-        Of the source that it should have been made from.
-
-    Raises
-    ------
-    FieldFileError
-        If there is none, or it is damaged, or was made from something else.
-    """
+    """Open a store; FieldFileError if there is none, or it is damaged, or made from another source than this one."""
     try:
         manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
         version, found = manifest.pop("format"), manifest.pop("source")

@@ -71,15 +71,7 @@ def write_tile(folder: Path, report: TileReport, rows: Values) -> None:
 
 
 def open_tile(folder: Path, tile: int) -> Tile:
-    """Look at the results of a tile, and check that they are what was written.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there are none.
-    DamagedTileError
-        If they are not.
-    """
+    """Results of a tile; FileNotFoundError if there are none, `DamagedTileError` if they are not what was written."""
     path = tile_path(folder, tile)
     data = report_path(folder, tile).read_bytes()
     try:
