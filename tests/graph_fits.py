@@ -7,7 +7,7 @@ from compiled import from_python
 from scipy.spatial import Delaunay
 
 from bezier_filters import FitStatus, triangle_mesh, vertex_adjacency
-from bezier_filters.estimation.fallbacks import Attempt, fit_with_fallbacks
+from bezier_filters.estimation.fallbacks import FitAttempt, fit_with_fallbacks
 from bezier_filters.estimation.vertex_geometry import empty_geometry
 from bezier_filters.kernels import graph_geometry as kernel
 from bezier_filters.kernels.kernel_input import FITTED, kernel_mesh
@@ -22,7 +22,7 @@ def fit_over_plane_z(x, y, z, fit, rings, ids=None):
     normals = np.tile([0.0, 0.0, 1.0], (len(x), 1))
     arrays = kernel_mesh(mesh, adjacency, TangentPlanes(normals, np.full(len(x), 2.0)))
     geometry = empty_geometry(len(x))
-    attempt = Attempt(FitStatus.OK, frozenset({FITTED}), rings, fit, most_turned=1.0)
+    attempt = FitAttempt(FitStatus.OK, frozenset({FITTED}), rings, fit, most_turned=1.0)
     ids = np.arange(len(x), dtype=np.int32) if ids is None else ids
     fit_with_fallbacks(arrays, ids, [attempt], geometry)
     return geometry

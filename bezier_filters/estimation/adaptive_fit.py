@@ -14,7 +14,7 @@ import numpy as np
 from bezier_filters.arrays import ByteArray, FloatArray, IntArray
 from bezier_filters.estimation.fallbacks import (
     MORE_RINGS,
-    Attempt,
+    FitAttempt,
     fallback_chain,
     fit_with_fallbacks,
     overall_progress,
@@ -66,7 +66,7 @@ class PartFit:
     rings: int
     degree: int
     noise_sigma: float  # as in `FitPart`
-    attempts: tuple[Attempt, ...]  # tried in order; none where the first fit is good enough
+    attempts: tuple[FitAttempt, ...]  # tried in order; none where the first fit is good enough
     # what the standard errors of normal and curvatures are multiplied by, where the first fit stays
     error_ratios: tuple[float, float] = (1.0, 1.0)
 
@@ -76,7 +76,7 @@ class SurfaceFit:
     """How a surface is fitted: small, whatever the size of the mesh."""
 
     choice: FitChoice  # for all of it
-    attempts: tuple[Attempt, ...]  # tried in order at every vertex
+    attempts: tuple[FitAttempt, ...]  # tried in order at every vertex
     steady: bool = False  # whether frames come from averaged normals, see `with_steady_normals`
     robust: bool = False  # whether points far off a fit lose their weight
     parts: Tree[PartFit] | None = None  # what comes after that, by the features that the first fit shows

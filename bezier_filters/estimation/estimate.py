@@ -8,6 +8,8 @@ from numpy.typing import ArrayLike
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.adaptive_fit import (
+    Learned,
+    SurfaceFit,
     choose_fit,
     first_features,
     fit_in_balls,
@@ -21,10 +23,8 @@ from bezier_filters.estimation.fit_options import Automatic, check_detail, check
 from bezier_filters.estimation.point_cloud import point_cloud
 from bezier_filters.estimation.vertex_geometry import FitChoice, VertexGeometry, empty_geometry
 from bezier_filters.kernels.kernel_input import KernelMesh, fitted_mesh, kernel_mesh, with_steady_normals
-from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
 from bezier_filters.meshes.spatial_order import in_spatial_order
-from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.runtime.parallel import Progress, thread_count
 from bezier_filters.status import FitStatus
@@ -163,9 +163,9 @@ def estimate_vertex_geometry(
         if conditions:
             geometry = replace(geometry, condition_number=np.zeros(mesh.vertex_count))
         if radius is None:
-            choice = _fit(
-                arrays, adjacency, ids, rings, fixed, degrees, noise, detail, geometry, robust, threads, progress
-            )
+            learn = learner(arrays, adjacency, threads=threads)
+            fit, learned = choose_fit(learn, rings, fixed, degrees, robust, noise, detail)
+            choice = _fit(arrays, ids, fit, learned, geometry, threads, progress)
         else:
             choice = fit_in_balls(
                 arrays,
@@ -187,24 +187,17 @@ def estimate_vertex_geometry(
 
 def _fit(
     arrays: KernelMesh,
-    adjacency: Adjacency,
     ids: IntArray,
-    rings: int | Automatic,
-    fixed: PatchFit | None,
-    degrees: tuple[int, ...],
-    noise: float | None,
-    detail: float | None,
+    fit: SurfaceFit,
+    learned: Learned | None,
     geometry: VertexGeometry,
-    robust: bool | None,
     threads: int,
     progress: Progress | None,
 ) -> FitChoice:
-    """Choose how to fit what the user left open, and do it.
+    """Fit vertices, all in one way first, and then the parts of the surface, if there are any.
 
     The sampled vertices are fitted, too, so that the parts do not depend on `ids`; what is written there means nothing.
     """
-    learn = learner(arrays, adjacency, threads=threads)
-    fit, learned = choose_fit(learn, rings, fixed, degrees, robust, noise, detail)
     if fit.steady:
         arrays = with_steady_normals(arrays, threads=threads)
     first = ids if learned is None or len(ids) == len(arrays.vertices) else np.union1d(ids, learned.centers)

@@ -24,23 +24,19 @@ from bezier_filters.patches.polynomials import elimination_order, lexicographic_
 from bezier_filters.runtime.parallel import Progress, run_in_chunks, run_kernel
 from bezier_filters.status import FitStatus
 
-SMALLEST_PIVOT = 1e-6
-"""Relative pivot below which the points do not determine a patch: its error stays near 1e-10."""
-SMALLEST_PRIOR_PIVOT = 1e-10
-"""The same for fits with a prior, which decides what the points leave open."""
-MORE_RINGS = 3
-"""How many rings an ill-posed neighbourhood may grow."""
+SMALLEST_PIVOT = 1e-6  # relative pivot below which the points do not determine a patch: its error stays near 1e-10
+SMALLEST_PRIOR_PIVOT = 1e-10  # the same for fits with a prior, which decides what the points leave open
+MORE_RINGS = 3  # how many rings an ill-posed neighbourhood may grow
+# of the usual number: at a boundary or a crease, where a neighbourhood has fewer, it takes more rings
 ENOUGH_POINTS = 0.75
-"""Of the usual number: at a boundary or a crease, where a neighbourhood has fewer, it takes more rings."""
+# practically a plain quadratic: six coefficients that six well-placed points determine
 QUADRATIC = PatchFit(degree=2, alpha=0.1)
-"""Practically a plain quadratic: six coefficients that six well-placed points determine."""
 
-ROBUST_ROUNDS = 5
-"""Most rounds of reweighting; nearly all neighbourhoods settle after two or three."""
+ROBUST_ROUNDS = 5  # most rounds of reweighting; nearly all neighbourhoods settle after two or three
 
 
 @dataclass(frozen=True)
-class Attempt:
+class FitAttempt:
     """One way to fit a vertex, tried on the vertices whose last outcome is in `after`."""
 
     status: FitStatus  # what a success is recorded as
@@ -58,7 +54,7 @@ class Attempt:
     radius: float | None = None  # of the ball that is the neighbourhood, a length
 
 
-def fallback_chain(rings: int, fit: PatchFit, radius: float | None = None) -> Iterator[Attempt]:
+def fallback_chain(rings: int, fit: PatchFit, radius: float | None = None) -> Iterator[FitAttempt]:
     """The fit asked for, then the paper's fallbacks made sound.
 
     Too few or badly placed points take a wider ring; a folded projection takes another plane,
@@ -67,23 +63,23 @@ def fallback_chain(rings: int, fit: PatchFit, radius: float | None = None) -> It
     the rings.
     """
     ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED})
-    yield Attempt(FitStatus.OK, frozenset({FITTED}), rings, fit, radius=radius)
+    yield FitAttempt(FitStatus.OK, frozenset({FITTED}), rings, fit, radius=radius)
     for more in range(1, MORE_RINGS + 1):
-        yield Attempt(FitStatus.WIDER_RING, ill_posed, rings + more, fit)
-    yield Attempt(FitStatus.OTHER_PLANE, folded, rings, fit, mean_plane=True, radius=radius)
+        yield FitAttempt(FitStatus.WIDER_RING, ill_posed, rings + more, fit)
+    yield FitAttempt(FitStatus.OTHER_PLANE, folded, rings, fit, mean_plane=True, radius=radius)
     yield from last_resorts(rings)
 
 
-def last_resorts(rings: int) -> Iterator[Attempt]:
+def last_resorts(rings: int) -> Iterator[FitAttempt]:
     """Quadratic fits for what nothing else fits."""
     ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED})
-    yield Attempt(FitStatus.ONE_RING, folded, 1, QUADRATIC)
-    yield Attempt(FitStatus.LOWER_DEGREE, ill_posed, max(rings, 2), QUADRATIC)
-    yield Attempt(FitStatus.LOWER_DEGREE, ill_posed, rings + MORE_RINGS, QUADRATIC)
-    yield Attempt(FitStatus.FOLDED, ill_posed | folded, max(rings, 2), QUADRATIC, mean_plane=True, most_turned=1.0)
+    yield FitAttempt(FitStatus.ONE_RING, folded, 1, QUADRATIC)
+    yield FitAttempt(FitStatus.LOWER_DEGREE, ill_posed, max(rings, 2), QUADRATIC)
+    yield FitAttempt(FitStatus.LOWER_DEGREE, ill_posed, rings + MORE_RINGS, QUADRATIC)
+    yield FitAttempt(FitStatus.FOLDED, ill_posed | folded, max(rings, 2), QUADRATIC, mean_plane=True, most_turned=1.0)
 
 
-def planned_chain(plans: Sequence[FitPlan], chosen: FitPlan, radius: float | None = None) -> Iterator[Attempt]:
+def planned_chain(plans: Sequence[FitPlan], chosen: FitPlan, radius: float | None = None) -> Iterator[FitAttempt]:
     """The chosen plan and its fallbacks: narrower rings where it folds, wider ones where it is ill posed.
 
     A prior makes nearly every neighbourhood well posed, and noise folds a few faces of a wide one;
@@ -92,8 +88,8 @@ def planned_chain(plans: Sequence[FitPlan], chosen: FitPlan, radius: float | Non
     """
     ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED})
 
-    def planned(status: FitStatus, after: frozenset[int], rings: int, plan: FitPlan, fewest: int = 0) -> Attempt:
-        return Attempt(
+    def planned(status: FitStatus, after: frozenset[int], rings: int, plan: FitPlan, fewest: int = 0) -> FitAttempt:
+        return FitAttempt(
             status,
             after,
             rings,
@@ -118,7 +114,7 @@ def planned_chain(plans: Sequence[FitPlan], chosen: FitPlan, radius: float | Non
 def fit_with_fallbacks(
     mesh: KernelMesh,
     ids: IntArray,
-    attempts: Sequence[Attempt],
+    attempts: Sequence[FitAttempt],
     geometry: VertexGeometry,
     *,
     robust: bool = False,
@@ -170,7 +166,7 @@ def _where(mask: BoolArray, ids: IntArray) -> IntArray:
 
 
 def _run(
-    attempt: Attempt,
+    attempt: FitAttempt,
     mesh: KernelMesh,
     ids: IntArray,
     geometry: VertexGeometry,
@@ -194,7 +190,7 @@ def _run(
     return outcomes
 
 
-def kernel_fit(attempt: Attempt, *, robust: bool = False) -> KernelFit:
+def kernel_fit(attempt: FitAttempt, *, robust: bool = False) -> KernelFit:
     """What the kernel needs to know of one attempt."""
     fit = attempt.fit
     space = fit.space

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from bezier_filters.estimation.fallbacks import QUADRATIC, Attempt, fit_with_fallbacks
+from bezier_filters.estimation.fallbacks import QUADRATIC, FitAttempt, fit_with_fallbacks
 from bezier_filters.estimation.vertex_geometry import empty_geometry
 from bezier_filters.kernels.fit_kernel import fit_in_lanes
 from bezier_filters.kernels.kernel_input import FITTED, fitted_mesh, kernel_mesh
@@ -58,7 +58,9 @@ def first_compilation(kernel: Any, compile_kernel: Callable[[], object], compile
     thresholds = gc.get_threshold()
     gc.set_threshold(*thresholds[:2], 100_000)
     try:
-        if _is_python(sys.executable) and thread_count(None) > 1:
+        # Only Python itself may be asked to run code, not a program that it is built into.
+        is_python = Path(sys.executable or "").name.lower().startswith("python")
+        if is_python and thread_count(None) > 1:
             nothing = subprocess.DEVNULL
             command = python_command(compile_others)
             with subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing) as process:
@@ -72,17 +74,12 @@ def first_compilation(kernel: Any, compile_kernel: Callable[[], object], compile
         gc.set_threshold(*thresholds)
 
 
-def _is_python(executable: str | None) -> bool:
-    """Whether a program may be asked to run Python code, rather than being one that Python is built into."""
-    return bool(executable) and Path(str(executable)).name.lower().startswith("python")
-
-
 def compile_fit() -> None:
     """Compile the fit, which is half of the work, on a vertex without neighbours."""
     mesh, nothing = triangle_mesh(np.zeros((1, 3)), []), Rows(np.zeros(2, np.int32), np.zeros(0, np.int32))
     planes = TangentPlanes(np.array([[0.0, 0.0, 1.0]]), np.zeros(1, np.float32))
     arrays = kernel_mesh(mesh, Adjacency(nothing, nothing, np.zeros(1, np.bool_)), planes)
-    attempt = Attempt(FitStatus.OK, frozenset({FITTED}), 1, QUADRATIC)
+    attempt = FitAttempt(FitStatus.OK, frozenset({FITTED}), 1, QUADRATIC)
     fit_with_fallbacks(arrays, np.zeros(1, np.int32), [attempt], empty_geometry(1))
 
 

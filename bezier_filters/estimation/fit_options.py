@@ -18,20 +18,19 @@ def fit_options(
     """What the user's options leave open: rings, the patch or None, and the degrees if the data choose."""
     if smoothness == "paper":
         rings, alpha = (2 if rings == "auto" else rings), (0.8 if alpha == "auto" else alpha)
-    checked = _checked_rings(rings)
+    if rings != "auto" and not (is_integer(rings) and rings >= 1):
+        raise InvalidParameterError(f"rings: got {rings!r}, expected an integer of 1 or more, or 'auto'")
+    checked: int | Automatic = int(rings) if is_integer(rings) else "auto"
     if alpha == "auto":
-        _check_choices(degree, smoothness)
-        return checked, None, CANDIDATE_DEGREES if degree == "auto" else (int(degree),)  # type: ignore[call-overload]
+        if degree != "auto" and degree not in CANDIDATE_DEGREES:
+            raise InvalidParameterError(f"degree: got {degree!r}, expected one of {CANDIDATE_DEGREES}, or 'auto'")
+        if smoothness != "third_order":
+            raise InvalidParameterError(
+                f"smoothness: got {smoothness!r}, expected 'third_order' or 'paper', or a number for alpha"
+            )
+        return checked, None, CANDIDATE_DEGREES if degree == "auto" else (int(degree),)
     fixed = PatchFit(3 if degree == "auto" else degree, alpha, smoothness)  # type: ignore[arg-type]
     return checked, fixed, CANDIDATE_DEGREES if degree == "auto" else (fixed.degree,)
-
-
-def _checked_rings(rings: object) -> int | Automatic:
-    if rings == "auto":
-        return "auto"
-    if not (is_integer(rings) and rings >= 1):
-        raise InvalidParameterError(f"rings: got {rings!r}, expected an integer of 1 or more, or 'auto'")
-    return int(rings)
 
 
 def check_radius(radius: object, rings: object) -> None:
@@ -69,12 +68,3 @@ def check_fit_noise(noise: object, fixed: PatchFit | None, rings: object, radius
     if noise is not None and fixed is not None and (rings != "auto" or radius is not None):
         size = "rings" if radius is None else "radius"
         raise InvalidParameterError(f"noise: {size} and alpha are given, and nothing depends on it; leave it out")
-
-
-def _check_choices(degree: object, smoothness: object) -> None:
-    if degree != "auto" and degree not in CANDIDATE_DEGREES:
-        raise InvalidParameterError(f"degree: got {degree!r}, expected one of {CANDIDATE_DEGREES}, or 'auto'")
-    if smoothness != "third_order":
-        raise InvalidParameterError(
-            f"smoothness: got {smoothness!r}, expected 'third_order' or 'paper', or a number for alpha"
-        )

@@ -18,16 +18,12 @@ from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.orientation import orient_normals
 from bezier_filters.runtime.parallel import run_kernel
 
-CANDIDATES = 20
-"""Nearest points among which the neighbours are sought: some three layers around a point."""
+CANDIDATES = 20  # nearest points among which the neighbours are sought: some three layers around a point
+# a point whose nearest points leave a wider angle free is on the boundary of an open cloud
 LARGEST_GAP = np.radians(120.0)
-"""A point whose nearest points leave a wider angle free is on the boundary of an open cloud."""
-THINNEST = 1e-12
-"""Points whose second principal variance is a smaller share of the first lie on a line."""
-STRAY = 3.0
-"""A point this many times farther away than a point's own nearest ones is no neighbour of that point."""
-COCIRCULAR = 1e-6
-"""Relative tolerance for points on one circle, all of which become neighbours."""
+THINNEST = 1e-12  # points whose second principal variance is a smaller share of the first lie on a line
+STRAY = 3.0  # a point this many times farther away than a point's own nearest ones is no neighbour of that point
+COCIRCULAR = 1e-6  # relative tolerance for points on one circle, all of which become neighbours
 
 
 def point_cloud(
@@ -40,17 +36,6 @@ def point_cloud(
     neighbour. Points that have no plane, because they are alone or on a line, get zero normals.
     `normals` (n, 3) of any length tell on which side of a point the outside is; where they are zero,
     `orient_normals` decides.
-
-    Examples
-    --------
-    >>> from bezier_filters.meshes.mesh import triangle_mesh
-    >>> from bezier_filters.surfaces import sphere
-    >>> ball = sphere()
-    >>> adjacency, planes = point_cloud(triangle_mesh(ball.vertices, []))
-    >>> float(adjacency.vertices.lengths.mean().round(1))
-    6.0
-    >>> bool((np.einsum("ij,ij->i", planes.normals, ball.normals) > 0.99).all())
-    True
     """
     first, place_of = _distinct(mesh.vertices)
     points = mesh.vertices[first]

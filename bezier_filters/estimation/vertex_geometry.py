@@ -11,12 +11,12 @@ from bezier_filters.display.noise_words import noise_in_words
 from bezier_filters.fields import ESTIMATES, fields_of
 from bezier_filters.status import FitStatus
 
+# quantities that notebooks list, and their units
 _SHOWN = {
     field.source: field.unit
     for field in fields_of(*ESTIMATES)
     if field.attribute is not None and field.component is None and field.source != "status"
 }
-"""Quantities that notebooks list, and their units."""
 
 
 @dataclass(frozen=True)
@@ -151,8 +151,7 @@ class VertexGeometry(DerivedCurvatures):
     @property
     def curvedness(self) -> FloatArray:
         """Koenderink's curvedness sqrt((k_min^2 + k_max^2) / 2), shape (n,), 1/length."""
-        result: FloatArray = np.hypot(self.k_min, self.k_max) * np.sqrt(0.5)
-        return result
+        return np.asarray(np.hypot(self.k_min, self.k_max) * np.sqrt(0.5))
 
     @property
     def shape_index(self) -> FloatArray:
@@ -185,8 +184,7 @@ class VertexGeometry(DerivedCurvatures):
         along_min = np.einsum("ij,ij->i", self.direction_min, np.broadcast_to(directions, self.normals.shape))
         squared = along_max**2 + along_min**2
         sine = np.divide(2.0 * along_max * along_min, squared, out=np.zeros_like(squared), where=squared > 0)
-        result: FloatArray = self.geodesic_torsion * sine
-        return result
+        return np.asarray(self.geodesic_torsion * sine)
 
     def torsion_directions(self) -> tuple[FloatArray, FloatArray]:
         """Directions of the largest (+t_max) and the smallest (-t_max) torsion, each (n, 3).
@@ -199,14 +197,12 @@ class VertexGeometry(DerivedCurvatures):
     @property
     def torsion_direction_plus(self) -> FloatArray:
         """Directions of the largest torsion, +t_max, (n, 3); see `torsion_directions`."""
-        result: FloatArray = (self.direction_max + self.direction_min) * np.sqrt(0.5)
-        return result
+        return np.asarray((self.direction_max + self.direction_min) * np.sqrt(0.5))
 
     @property
     def torsion_direction_minus(self) -> FloatArray:
         """Directions of the smallest torsion, -t_max, (n, 3); see `torsion_directions`."""
-        result: FloatArray = (self.direction_max - self.direction_min) * np.sqrt(0.5)
-        return result
+        return np.asarray((self.direction_max - self.direction_min) * np.sqrt(0.5))
 
     def status_counts(self) -> dict[str, int]:
         """Count the vertices per status name, only those that occur, from best to worst."""
@@ -235,21 +231,14 @@ def empty_geometry(n: int) -> VertexGeometry:
     The numbers lie in one block of memory, which the system hands out in large pages: to get it in
     small ones takes a tenth of the time of a fit.
     """
-    block = np.zeros((4 * 3 + 8) * n)
-    vectors, scalars = block[: 4 * 3 * n].reshape(4, n, 3), block[4 * 3 * n :].reshape(8, n)
+    vectors = ("normals", "direction_min", "direction_max", "displacements")
+    scalars = ["k_min", "k_max", "extremality_min", "extremality_max", "residual", "normal_std"]
+    scalars += ["mean_curvature_std", "gaussian_curvature_std"]
+    block = np.zeros((3 * len(vectors) + len(scalars)) * n)
+    of_vectors, of_scalars = np.split(block, [3 * len(vectors) * n])
     return VertexGeometry(
-        normals=vectors[0],
-        k_min=scalars[0],
-        k_max=scalars[1],
-        direction_min=vectors[1],
-        direction_max=vectors[2],
-        extremality_min=scalars[2],
-        extremality_max=scalars[3],
-        displacements=vectors[3],
-        residual=scalars[4],
-        normal_std=scalars[5],
-        mean_curvature_std=scalars[6],
-        gaussian_curvature_std=scalars[7],
+        **dict(zip(vectors, of_vectors.reshape(len(vectors), n, 3), strict=True)),
+        **dict(zip(scalars, of_scalars.reshape(len(scalars), n), strict=True)),
         rings_used=np.zeros(n, dtype=np.int32),
         status=np.full(n, FitStatus.SKIPPED, dtype=np.int32),
         fit=FitChoice(0, 0, None, None),

@@ -12,7 +12,7 @@ from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.holes.fill_methods import FillingMethod
 from bezier_filters.holes.hole_filling import HoleFillingResult, HoleReport, fill_holes
 from bezier_filters.meshes.half_edges import ends_of_half_edges, faces_at_edges
-from bezier_filters.meshlab.mesh_growth import Growth, grow_mesh
+from bezier_filters.meshlab.mesh_growth import MeshGrowth, grow_mesh
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
     CurrentMesh,
@@ -136,7 +136,7 @@ def meshing_close_holes_by_bezier_patch(
     }
 
 
-def _growth(mesh: CurrentMesh, result: HoleFillingResult) -> Growth:
+def _growth(mesh: CurrentMesh, result: HoleFillingResult) -> MeshGrowth:
     """What was added, and which old vertices and faces it resembles: those nearest on the rims."""
     vertices, faces = result.vertices[len(mesh.vertices) :], result.faces[len(mesh.faces) :]
     rim = np.unique(faces[faces < len(mesh.vertices)])
@@ -149,7 +149,7 @@ def _growth(mesh: CurrentMesh, result: HoleFillingResult) -> Growth:
     starts, ends = ends_of_half_edges(faces)
     for across in faces_at_edges(mesh.faces[beside], ends, starts).reshape(-1, 3).T:
         like_face = np.where(across >= 0, beside[across], like_face)  # an old face that shares an edge
-    return Growth(vertices, faces, like_vertex.astype(np.int32), like_face)
+    return MeshGrowth(vertices, faces, like_vertex.astype(np.int32), like_face)
 
 
 def _described(hole: HoleReport) -> Report:

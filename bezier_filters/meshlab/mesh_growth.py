@@ -26,17 +26,17 @@ from bezier_filters.meshlab.meshset import BezierFilterError, Image, Mesh, MeshS
 from bezier_filters.status import FitStatus
 
 _TEXTURE = "TextureFile "
+# what custom attributes are called in pymeshlab, by the beginnings of the parameters that save them
 _ATTRIBUTES = {
     "__ca_vs__": ("vertex_custom_scalar_attribute", "array"),
     "__ca_vp__": ("vertex_custom_point_attribute", "matrix"),
     "__ca_fs__": ("face_custom_scalar_attribute", "array"),
     "__ca_fp__": ("face_custom_point_attribute", "matrix"),
 }
-"""What custom attributes are called in pymeshlab, by the beginnings of the parameters that save them."""
 
 
 @dataclass(frozen=True)
-class Growth:
+class MeshGrowth:
     """What is added to a mesh of n vertices."""
 
     vertices: FloatArray  # (k, 3): new ones, numbered from n on
@@ -54,7 +54,7 @@ class _Texture:
     pictures: dict[str, Image]
 
 
-def grow_mesh(ms: MeshSet, growth: Growth, *, select: bool) -> tuple[list[str], bool]:
+def grow_mesh(ms: MeshSet, growth: MeshGrowth, *, select: bool) -> tuple[list[str], bool]:
     """Add vertices and faces to the current mesh, which becomes a new layer with a new id.
 
     Old vertices and faces stay the first, in their order. Label, transform, textures, colours, quality, selection and
@@ -124,7 +124,7 @@ def _undone_on_failure(ms: MeshSet) -> Iterator[None]:
             ms.set_mesh_visibility(layer, before.get(layer, before[current]))
 
 
-def _attributes(ms: MeshSet, mesh: Mesh, growth: Growth) -> tuple[list[tuple[str, str, FloatArray]], list[str]]:
+def _attributes(ms: MeshSet, mesh: Mesh, growth: MeshGrowth) -> tuple[list[tuple[str, str, FloatArray]], list[str]]:
     """Custom attributes with rows for what is new, and the listed names of those that cannot be read."""
     found: list[tuple[str, str, FloatArray]] = []
     lost = []
@@ -154,7 +154,7 @@ def _values(mesh: Mesh, prefix: str, listed: str) -> FloatArray | None:
     return None
 
 
-def _texture(ms: MeshSet, old: Mesh, growth: Growth, vertices: FloatArray) -> _Texture | None:
+def _texture(ms: MeshSet, old: Mesh, growth: MeshGrowth, vertices: FloatArray) -> _Texture | None:
     """What the new faces show, if the old ones show something."""
     if not old.has_wedge_tex_coord() or not old.texture_number():
         return None
@@ -168,7 +168,7 @@ def _texture(ms: MeshSet, old: Mesh, growth: Growth, vertices: FloatArray) -> _T
     return _Texture(coordinates.reshape(-1, 2), numbers[like], {name: old.texture(name) for name in names})
 
 
-def _patch(old: Mesh, growth: Growth, numbers: FloatArray) -> Mesh:
+def _patch(old: Mesh, growth: MeshGrowth, numbers: FloatArray) -> Mesh:
     """The new faces as a mesh of their own, with the colours and quality of what they are like."""
     used, local = np.unique(growth.faces, return_inverse=True)
     source = np.concatenate([np.arange(old.vertex_number()), growth.like_vertex])[used]
@@ -193,8 +193,6 @@ def wedge_coordinates(corners: FloatArray, triangles: FloatArray, coordinates: F
     What is shown on new faces is then what lies on old ones, never a part of the texture that belongs to nothing or to
     something else, and where a new face shares an edge with its old one, both show the same there.
 
-    Examples
-    --------
     >>> old = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]])
     >>> new = np.array([[[1.0, 0, 0], [2, 2, 0], [0, 1, 0]]])
     >>> wedge_coordinates(new, old, old[..., :2])[0].tolist()

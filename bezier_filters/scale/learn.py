@@ -18,7 +18,7 @@ from bezier_filters.estimation.adaptive_fit import (
     with_parts,
     without_outliers,
 )
-from bezier_filters.estimation.fallbacks import Attempt, fit_with_fallbacks
+from bezier_filters.estimation.fallbacks import FitAttempt, fit_with_fallbacks
 from bezier_filters.estimation.fit_options import check_detail, check_fit_noise, fit_options
 from bezier_filters.estimation.vertex_geometry import empty_geometry
 from bezier_filters.kernels.kernel_input import fitted_mesh, with_steady_normals
@@ -42,15 +42,12 @@ from bezier_filters.scale.halo import in_source_order, part_around, part_around_
 from bezier_filters.scale.store import Store
 from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, PART, Growth, MeshPart, SampledParts, core_of, part_seeds
 
-CREASE_RINGS = 2
-"""Around a vertex, within which faces decide about its plane and its creases."""
+CREASE_RINGS = 2  # around a vertex, within which faces decide about its plane and its creases
 
-MOST_RINGS = 100
-"""That tiles may be asked to have around them."""
+MOST_RINGS = 100  # that tiles may be asked to have around them
+# that are read around a vertex, and around those where there was nothing more to grow to; more if that is too few
 FIRST_RINGS, NEXT_RINGS = 64, 4
-"""That are read around a vertex, and around those where there was nothing more to grow to; more if that is too few."""
-NEXT = 2048
-"""Vertices whose surroundings are read together then."""
+NEXT = 2048  # vertices whose surroundings are read together then
 
 
 @dataclass(frozen=True)
@@ -112,7 +109,7 @@ def rings_needed(fit: SurfaceFit) -> int:
     return _widest([attempt for chain in chains for attempt in chain]) + CREASE_RINGS + steady
 
 
-def _widest(attempts: list[Attempt]) -> int:
+def _widest(attempts: list[FitAttempt]) -> int:
     return max(attempt.rings for attempt in attempts)
 
 
@@ -150,8 +147,7 @@ def _have_normals(store: Store, ids: IntArray) -> BoolArray:
     """Whether vertices have a normal."""
     part = part_around_samples(store, np.unique(ids), 1)
     normals = tangent_planes(part.mesh, vertex_adjacency(part.mesh)).normals
-    result: BoolArray = np.asarray(normals[part.local(ids)].any(axis=1))
-    return result
+    return np.asarray(normals[part.local(ids)].any(axis=1))
 
 
 def _with_normals(store: Store) -> Population:
@@ -231,8 +227,7 @@ class _Surroundings:
         if growth.looked_at >= self.rings:
             self.seen = before
             return None
-        result: IntArray = self.numbers[growth.order[: growth.count]]
-        return result
+        return self.numbers[growth.order[: growth.count]]
 
 
 def _next_unseen(found: IntArray, after: int, n: int) -> int:
@@ -243,5 +238,4 @@ def _next_unseen(found: IntArray, after: int, n: int) -> int:
 
 def _ranks(store: Store, numbers: IntArray) -> IntArray:
     """Where some vertices of the source are in the store."""
-    result: IntArray = np.array(store.rank.mapped()[numbers], dtype=np.int32)
-    return result
+    return np.array(store.rank.mapped()[numbers], dtype=np.int32)

@@ -9,7 +9,7 @@ from bezier_filters.surfaces.closed import (
     sphere,
     torus,
 )
-from bezier_filters.surfaces.patches import HeightFunction, cylinder, height_field, monkey_saddle, punched_patch, waves
+from bezier_filters.surfaces.open import HeightFunction, cylinder, height_field, monkey_saddle, punched_patch, waves
 from bezier_filters.surfaces.sampled_surface import SampledSurface
 
 __all__ = [

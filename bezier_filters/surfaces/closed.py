@@ -8,8 +8,8 @@ from bezier_filters.surfaces import sampling
 from bezier_filters.surfaces.sampled_surface import SampledSurface
 from bezier_filters.surfaces.sampling import check_positive, check_resolution
 
+# of a red blood cell, by r^2; times sqrt(1 - r^2)
 _CELL_THICKNESS = np.polynomial.Polynomial([0.2072, 2.0026, -1.1228])
-"""Of a red blood cell, by r^2; times sqrt(1 - r^2)."""
 
 
 def sphere(*, radius: float = 1.0, resolution: int = 12, jitter: float = 0.0, seed: int = 0) -> SampledSurface:

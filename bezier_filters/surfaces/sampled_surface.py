@@ -54,24 +54,9 @@ class SampledSurface(DerivedCurvatures):
         shape operator is the symmetric 2 x 2 matrix of M / |g| in any orthonormal tangent frame
         (Goldman, "Curvature formulas for implicit curves and surfaces", CAGD 22, 2005).
 
-        Parameters
-        ----------
-        vertices : (n, 3) float64
-            Points of the surface.
-        faces : (m, 3) int32
-            Triangles, oriented like the gradients.
-        gradients : (n, 3) float64
-            Gradients of F, not zero; they point outward. Their scale cancels with the Hessians'.
-        hessians : (n, 3, 3) float64
-            Second derivatives of F.
+        Faces (m, 3) are oriented like the gradients (n, 3), which point outward and are not zero; their scale cancels
+        with that of the Hessians (n, 3, 3).
 
-        Returns
-        -------
-        SampledSurface
-            With the exact normals, curvatures and principal directions.
-
-        Examples
-        --------
         The unit sphere x^2 + y^2 + z^2 = 1 at one point:
 
         >>> point = np.array([[0.0, 0.0, 1.0]])

@@ -13,19 +13,17 @@ from scipy.spatial import ConvexHull, Delaunay
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError, is_integer
 
-MAX_JITTER = 0.35
-"""Half the width of a right triangle with unit legs: no corner moves past the opposite edge."""
+MAX_JITTER = 0.35  # half the width of a right triangle with unit legs: no corner moves past the opposite edge
 
+# up to this jitter lattice squares keep their diagonals: with four corners on a circle both would be Delaunay, and
+# the copies of a square on a torus could get different ones
 TIE_JITTER = 1e-6
-"""Up to this jitter lattice squares keep their diagonals: with four corners on a circle both would be
-Delaunay, and the copies of a square on a torus could get different ones."""
 
+# least distance of lattice points to a hole's rim, in edges. Over half a chord, so that the circle over each chord is
+# empty and the whole rim consists of Delaunay edges.
 RIM_CLEARANCE = 0.6
-"""Least distance of lattice points to a hole's rim, in edges. Over half a chord, so that the circle
-over each chord is empty and the whole rim consists of Delaunay edges."""
 
-HOLE_GAP = 3.0
-"""Least distance between two holes, and between a hole and the border, in edges."""
+HOLE_GAP = 3.0  # least distance between two holes, and between a hole and the border, in edges
 
 
 def sphere_directions(resolution: int, *, jitter: float = 0.0, seed: int = 0) -> tuple[FloatArray, IntArray]:
@@ -34,8 +32,6 @@ def sphere_directions(resolution: int, *, jitter: float = 0.0, seed: int = 0) ->
     The jitter is in random directions, as a fraction of the edge. Returns unit vectors (10 resolution^2 + 2, 3) and
     their spherical Delaunay triangulation (20 resolution^2, 3), outward.
 
-    Examples
-    --------
     >>> directions, faces = sphere_directions(1)
     >>> len(directions), len(faces)
     (12, 20)
@@ -77,8 +73,6 @@ def rectangle(
     that). Holes (x, y, radius) are circles to cut out, not with wrapped axes, whose rims are divided evenly. Jittered
     border points slide along the border; its corners and the rims of holes stay.
 
-    Examples
-    --------
     >>> points, faces = rectangle((2, 1))
     >>> points.T
     array([[0., 0., 1., 1., 2., 2.],
@@ -122,8 +116,6 @@ def notched_cube(resolution: int, *, jitter: float = 0.0, seed: int = 0) -> tupl
     There are 6 resolution^2 + 2 points, and twice as many faces less 4. Jittered points stay in their plane or on their
     edge, corners stay; the squares get random diagonals then.
 
-    Examples
-    --------
     >>> points, faces = notched_cube(2)
     >>> len(points), len(faces)
     (26, 48)
@@ -264,5 +256,4 @@ def _random_directions(shape: tuple[int, ...], seed: int) -> FloatArray:
 
 def _normalized(vectors: FloatArray) -> FloatArray:
     """Unit vectors along the rows of an array."""
-    result: FloatArray = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-    return result
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
