@@ -7,8 +7,8 @@ to the variation of the field have the largest restricted likelihood (REML), so 
 fitted and not followed.
 """
 
-from dataclasses import dataclass
 from operator import itemgetter
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -19,22 +19,17 @@ from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import run_kernel
 
 POWERS = (3, 5)
-PILOT = 3
-"""One of so many points is enough to tell the power if that makes each value there more likely by e^(1/2)."""
-CLEAN = 1e-13
-"""Errors over variation where there is no noise: as little as the arithmetic can take."""
-NOISE_RATIOS = 10.0 ** np.arange(-8.0, 1.0)
-"""The same for noisy points, of which one is chosen."""
-SMALLEST_SLOPE = 0.3
-"""Of f, which changes by one per unit of length at the points: with less slope there is no surface."""
+PILOT = 3  # one of so many points is enough to tell the power if that makes each value there more likely by e^(1/2)
+CLEAN = 1e-13  # errors over variation where there is no noise: as little as the arithmetic can take
+NOISE_RATIOS = 10.0 ** np.arange(-8.0, 1.0)  # the same for noisy points, of which one is chosen
+SMALLEST_SLOPE = 0.3  # of f, which changes by one per unit of length at the points: with less slope there is no surface
+# most steps to the surface, and the length of one, in scaled coordinates, after which it is reached
 STEPS, SHORT_STEP = 8, 1e-4
-"""Most steps to the surface, and the length of one, in scaled coordinates, after which it is reached."""
+# variance of the errors of the single values, in which the normals have a part, over that of the points
 SIDE_ERRORS = 1.0
-"""Variance of the errors of the single values, in which the normals have a part, over that of the points."""
 
 
-@dataclass(frozen=True)
-class ImplicitSurface:
+class ImplicitSurface(NamedTuple):
     """A function whose zeros are the surface, positive outside, in units of length."""
 
     origin: FloatArray  # (3,): of the coordinates (x - origin) / scale in which it is computed,
@@ -48,14 +43,13 @@ class ImplicitSurface:
     def values_and_gradients(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Values, lengths (n,), and gradients (n, 3) at points (n, 3)."""
         values, gradients = np.zeros(len(points)), np.zeros((len(points), 3))
-        _evaluate(self._scaled(points), self.centers, self.weights, self.quadratic, self.power, values, gradients)
+        _evaluate(self, self._scaled(points), values, gradients)
         return self.scale * values, gradients
 
     def project(self, points: FloatArray, *, threads: int = 1) -> tuple[FloatArray, BoolArray]:
         """Move points along the gradient to the surface: where they end, (n, 3), and which of them are on it, (n,)."""
         scaled, found = self._scaled(points), np.zeros(len(points), dtype=np.bool_)
-        function = self.centers, self.weights, self.quadratic, self.power
-        run_kernel(_project, len(points), scaled, *function, found, threads=threads)
+        run_kernel(_project, len(points), self, scaled, found, threads=threads)
         return self.origin + self.scale * scaled, found
 
     def _scaled(self, points: FloatArray) -> FloatArray:
@@ -74,15 +68,6 @@ def fit_implicit_surface(
 
     The function is told its values at the offset, a length of about an edge, from the surface. Points that are not
     noisy are interpolated. `others` (k, 3) are further points, with unknown normals.
-
-    Examples
-    --------
-    >>> points = np.random.default_rng(0).normal(size=(30, 3))
-    >>> points /= np.linalg.norm(points, axis=1, keepdims=True)
-    >>> ball = fit_implicit_surface(points, points, 0.1, noisy=False)
-    >>> on_it, found = ball.project(np.array([[0.9, 0.3, 0.2]]))
-    >>> bool(found.all()), float(np.linalg.norm(on_it).round(3))
-    (True, 1.0)
     """
     powers: tuple[int, ...] = POWERS
     if not noisy:
@@ -168,39 +153,20 @@ def _write_kernel(centers: FloatArray, power: int, matrix: FloatArray) -> None:
 
 
 @jit(fastmath=FAST)
-def _evaluate(
-    points: FloatArray,
-    centers: FloatArray,
-    weights: FloatArray,
-    quadratic: FloatArray,
-    power: int,
-    values: FloatArray,
-    gradients: FloatArray,
-) -> None:
-    """Write values and gradients at points."""
+def _evaluate(surface: ImplicitSurface, points: FloatArray, values: FloatArray, gradients: FloatArray) -> None:
+    """Write scaled values and gradients at scaled points."""
     for i in range(points.shape[0]):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        values[i], gradients[i, 0], gradients[i, 1], gradients[i, 2] = _value_and_gradient(
-            x, y, z, centers, weights, quadratic, power
-        )
+        values[i], gradients[i, 0], gradients[i, 1], gradients[i, 2] = _value_and_gradient(surface, x, y, z)
 
 
 @jit(fastmath=FAST)
-def _project(
-    points: FloatArray,
-    centers: FloatArray,
-    weights: FloatArray,
-    quadratic: FloatArray,
-    power: int,
-    found: BoolArray,
-    start: int,
-    stop: int,
-) -> None:
-    """Move points start .. stop-1 to the surface, and say which of them got there."""
+def _project(surface: ImplicitSurface, points: FloatArray, found: BoolArray, start: int, stop: int) -> None:
+    """Move scaled points start .. stop-1 to the surface, and say which of them got there."""
     for i in range(start, stop):
         for _ in range(STEPS):
             x, y, z = points[i, 0], points[i, 1], points[i, 2]
-            value, gx, gy, gz = _value_and_gradient(x, y, z, centers, weights, quadratic, power)
+            value, gx, gy, gz = _value_and_gradient(surface, x, y, z)
             slope = np.sqrt(gx * gx + gy * gy + gz * gz)
             bounded = max(slope, SMALLEST_SLOPE)
             step = value / bounded
@@ -216,10 +182,8 @@ def _project(
 
 
 @inner_jit(fastmath=FAST)
-def _value_and_gradient(
-    x: float, y: float, z: float, centers: FloatArray, weights: FloatArray, quadratic: FloatArray, power: int
-) -> tuple[float, float, float, float]:
-    q = quadratic
+def _value_and_gradient(surface: ImplicitSurface, x: float, y: float, z: float) -> tuple[float, float, float, float]:
+    q, centers, weights, power = surface.quadratic, surface.centers, surface.weights, surface.power
     value = q[0] + q[1] * x + q[2] * y + q[3] * z
     value += q[4] * x * x + q[5] * x * y + q[6] * x * z + q[7] * y * y + q[8] * y * z + q[9] * z * z
     gx = q[1] + 2.0 * q[4] * x + q[5] * y + q[6] * z

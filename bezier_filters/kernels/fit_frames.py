@@ -7,9 +7,18 @@ neighbour, for eight vertices at a time, by the rules of `frames.farthest_direct
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.kernels.fit_workspace import FitWorkspace
 from bezier_filters.kernels.kernel_input import FITTED, FOLDED, ILL_POSED, NO_FRAME, KernelFit, KernelMesh
-from bezier_filters.meshes.frames import TIE, direction_to, farthest_direction, folds, mean_normal, turned_share
-from bezier_filters.runtime.jit import inner_jit
+from bezier_filters.meshes.frames import (
+    FOLD_COSINE,
+    TIE,
+    direction_to,
+    farthest_direction,
+    mean_normal,
+    turned_share,
+    unit_face_normal,
+)
+from bezier_filters.runtime.jit import inner_jit, variable
 from bezier_filters.runtime.lanes import LANES, Lanes, load, multiply_add, spread, square_root, store, where_greater
 
 
@@ -30,23 +39,26 @@ def write_plane(mesh: KernelMesh, fit: KernelFit, members: IntArray, count: int,
     if fit.most_turned >= 0.0:
         folded = turned_share(mesh.normals, members, inner, nx, ny, nz) > fit.most_turned
     else:
-        folded = folds(
-            mesh.vertices,
-            mesh.faces,
-            mesh.face_ptr,
-            mesh.face_indices,
-            mesh.normals,
-            mesh.safe_cosine,
-            members,
-            inner,
-            nx,
-            ny,
-            nz,
-        )
+        folded = folds(mesh, members, inner, nx, ny, nz)
     if folded:
         return FOLDED
     frame[6], frame[7], frame[8] = nx, ny, nz
     return FITTED
+
+
+@inner_jit()
+def folds(mesh: KernelMesh, members: IntArray, count: int, nx: float, ny: float, nz: float) -> bool:
+    """Whether a face at members[:count] folds or stands on edge when projected along (nx, ny, nz)."""
+    normals = mesh.normals
+    for a in range(count):
+        j = np.uint32(members[a])
+        if normals[j, 0] * nx + normals[j, 1] * ny + normals[j, 2] * nz > mesh.safe_cosine[j]:
+            continue
+        for q in range(mesh.face_ptr[j], mesh.face_ptr[j + 1]):
+            fx, fy, fz = unit_face_normal(mesh.vertices, mesh.faces, variable(mesh.face_indices[q]))
+            if fx * nx + fy * ny + fz * nz <= FOLD_COSINE and (fx != 0.0 or fy != 0.0 or fz != 0.0):
+                return True
+    return False
 
 
 @inner_jit()
@@ -74,26 +86,19 @@ def write_any_axes(mesh: KernelMesh, members: IntArray, count: int, neighbours: 
 
 
 @inner_jit()
-def point_to_farthest(
-    points: FloatArray,
-    stride: int,
-    counts: FloatArray,
-    neighbours: FloatArray,
-    tied: FloatArray,
-    frame: FloatArray,
-) -> None:
+def point_to_farthest(stride: int, work: FitWorkspace) -> None:
     """Write the x and y axes of frames whose z axes are known; zeros where every neighbour projects onto the vertex.
 
-    `points` are lanes, a table with rows x, y, z of `stride` entries: edges from the vertices to the points of their
-    neighbourhoods, the first of which are the neighbours, after the vertex itself. What is no point at all is zero.
-    `counts` and `neighbours` say how many there are, `tied` is work space, one entry each; `frame` has nine.
+    The points are edges from the vertices to the points of their neighbourhoods, in rows x, y, z of `stride` entries;
+    the first are the neighbours, after the vertex itself. What is no point at all is zero.
     """
-    most_points, most_neighbours = _largest(counts), _largest(neighbours)
+    frame, tied = work.frame, work.total
+    most_points, most_neighbours = _largest(work.counts), _largest(work.neighbours)
     zero, share = spread(0.0), spread(1.0 - TIE)
     farthest, second, bx, by, bz = zero, zero, zero, zero, zero
     # The second farthest, too: only where it is as far, on lattices mostly, the costly rules for ties are needed.
     for p in range(1, most_neighbours + 1):
-        x, y, z, square = _projected(points, stride, p, neighbours, frame)
+        x, y, z, square = _projected(stride, work, p)
         second = where_greater(square, farthest, farthest, where_greater(square, second, square, second))
         bx = where_greater(square, farthest, x, bx)
         by = where_greater(square, farthest, y, by)
@@ -105,7 +110,7 @@ def point_to_farthest(
     store(frame, 2, bz * scale)
     store(tied, 0, where_greater(second, share * farthest, spread(1.0), zero))
     if _largest(tied) > 0:
-        _break_ties(points, stride, most_points, most_neighbours, counts, neighbours, farthest, scale, frame)
+        _break_ties(stride, work, most_points, most_neighbours, farthest, scale)
     xx, xy, xz = load(frame, 0), load(frame, 1), load(frame, 2)
     nx, ny, nz = load(frame, 6), load(frame, 7), load(frame, 8)
     rest = multiply_add(xx, nx, multiply_add(xy, ny, xz * nz))  # of the part along the normal, if that was nearly all
@@ -131,37 +136,29 @@ def _largest(lanes: FloatArray) -> int:
 
 
 @inner_jit()
-def _projected(
-    points: FloatArray, stride: int, p: int, neighbours: FloatArray, frame: FloatArray
-) -> tuple[Lanes, Lanes, Lanes, Lanes]:
+def _projected(stride: int, work: FitWorkspace, p: int) -> tuple[Lanes, Lanes, Lanes, Lanes]:
     """Lanes of edge p without its part along the normal, and of its squared length; -1 for what is no neighbour."""
+    points, frame = work.points, work.frame
     nx, ny, nz = load(frame, 6), load(frame, 7), load(frame, 8)
     x, y, z = load(points, p), load(points, stride + p), load(points, 2 * stride + p)
     height = multiply_add(x, nx, multiply_add(y, ny, z * nz))
     x, y, z = x - height * nx, y - height * ny, z - height * nz
     square = multiply_add(x, x, multiply_add(y, y, z * z))
-    return x, y, z, where_greater(spread(np.float64(p)), load(neighbours, 0), spread(-1.0), square)
+    return x, y, z, where_greater(spread(np.float64(p)), load(work.neighbours, 0), spread(-1.0), square)
 
 
 @inner_jit()
 def _break_ties(
-    points: FloatArray,
-    stride: int,
-    most_points: int,
-    most_neighbours: int,
-    counts: FloatArray,
-    neighbours: FloatArray,
-    farthest: Lanes,
-    scale: Lanes,
-    frame: FloatArray,
+    stride: int, work: FitWorkspace, most_points: int, most_neighbours: int, farthest: Lanes, scale: Lanes
 ) -> None:
     """Choose among equally far neighbours by how the whole neighbourhood lies: see `frames.farthest_direction`."""
+    points, frame = work.points, work.frame
     zero, one, share, tie = spread(0.0), spread(1.0), spread(1.0 - TIE), spread(TIE)
     nx, ny, nz = load(frame, 6), load(frame, 7), load(frame, 8)
     bx, by, bz = load(frame, 0), load(frame, 1), load(frame, 2)
     best_along, best_heights = spread(-np.inf), spread(-np.inf)
     for p in range(1, most_neighbours + 1):
-        x, y, z, square = _projected(points, stride, p, neighbours, frame)
+        x, y, z, square = _projected(stride, work, p)
         x, y, z = x * scale, y * scale, z * scale
         along, heights = zero, zero
         for k in range(1, most_points):
@@ -170,7 +167,7 @@ def _break_ties(
             h = multiply_add(dx, nx, multiply_add(dy, ny, dz * nz)) * scale
             along = multiply_add(a * a * a, one + a, along)
             heights = multiply_add(a * a, h * h, heights)
-        along, heights = along / load(counts, 0), heights / load(counts, 0)
+        along, heights = along / load(work.counts, 0), heights / load(work.counts, 0)
         # First the moments along the axis, then those of the heights; within rounding, the first neighbour stays.
         better = where_greater(heights, best_heights * (one + tie), one, zero)
         better = where_greater(along, best_along - tie, better, zero)

@@ -32,18 +32,12 @@ from bezier_filters.runtime.jit import inner_jit, jit, variable
 from bezier_filters.runtime.lanes import LANES, Lanes, load, multiply_add, spread, square_root, store, where_greater
 from bezier_filters.runtime.parallel import RangeTask
 
-ROOM = 2
-"""Times the points of a regular neighbourhood, of 1 + 3 k (k + 1), that there is room for at first,"""
-FEWEST = 128
-"""and how much room there is at least."""
-BIWEIGHT = 4.685
-"""Standard deviations beyond which a residual has no weight: 95 % efficient for normal residuals."""
-SETTLED = 0.95
-"""Reweighting goes on while the median residual falls below this share of the one before."""
-NORMAL_MEDIAN = 1.4826
-"""Standard deviation of normal residuals over their median size."""
-EXACT = 1e-12
-"""Median residual, in half widths of the neighbourhood, that is rounding: the points are interpolated."""
+ROOM = 2  # times the points of a regular neighbourhood, of 1 + 3 k (k + 1), that there is room for at first,
+FEWEST = 128  # and how much room there is at least
+BIWEIGHT = 4.685  # standard deviations beyond which a residual has no weight: 95 % efficient for normal residuals
+SETTLED = 0.95  # reweighting goes on while the median residual falls below this share of the one before
+NORMAL_MEDIAN = 1.4826  # standard deviation of normal residuals over their median size
+EXACT = 1e-12  # median residual, in half widths of the neighbourhood, that is rounding: the points are interpolated
 
 
 def fit_task(
@@ -106,7 +100,7 @@ def fit_in_lanes(
             continue
         _mark_presence(work.counts, most, capacity, work.points)
         if not fit.any_axis:
-            point_to_farthest(work.points, capacity, work.counts, work.neighbours, work.total, work.frame)
+            point_to_farthest(capacity, work)
         _project(fit.square, capacity, most, work)
         if robust is None:
             _solve(fit, capacity, most, work, None)

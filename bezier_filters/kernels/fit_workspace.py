@@ -9,10 +9,8 @@ from bezier_filters.kernels.kernel_input import KernelFit
 from bezier_filters.kernels.lane_algebra import GROUP
 from bezier_filters.runtime.lanes import LANES, aligned
 
-CHUNK = 32
-"""Most points whose powers are held at a time: they fit into the nearest cache."""
-OUTPUTS = 20
-"""Numbers that every fit gives: see `graph_geometry`."""
+CHUNK = 32  # most points whose powers are held at a time: they fit into the nearest cache
+OUTPUTS = 20  # numbers that every fit gives: see `graph_geometry`
 
 
 class FitWorkspace(NamedTuple):

@@ -13,10 +13,8 @@ from bezier_filters.runtime.lanes import LANES, Lanes, load, multiply_add, sprea
 NORMAL, ALONG_MIN, ALONG_MAX = 0, 3, 6
 K_MIN, K_MAX, EXTREMALITY_MIN, EXTREMALITY_MAX, RESIDUAL = 9, 10, 11, 12, 13
 STANDARD_ERRORS, DISPLACEMENT = 14, 17
-SEEN = 5
-"""Coefficients of which the geometry is a function: those of x, y, x^2, x y and y^2, eliminated last."""
-Gradient: TypeAlias = tuple[Lanes, Lanes, Lanes, Lanes, Lanes]
-"""Derivatives by these."""
+SEEN = 5  # coefficients of which the geometry is a function: those of x, y, x^2, x y and y^2, eliminated last
+Gradient: TypeAlias = tuple[Lanes, Lanes, Lanes, Lanes, Lanes]  # derivatives by these
 
 
 @inner_jit()
@@ -35,15 +33,7 @@ def write_block(
     store(work.outputs, RESIDUAL, square_root(load(work.total, 0) / load(work.counts, 0)))
     has_errors = fit.normal_noise > 0.0
     if has_errors:
-        standard_errors(
-            work.matrix,
-            fit.exponents.shape[0],
-            work.jets,
-            load(work.box, 1),
-            fit.normal_noise,
-            fit.curvature_noise,
-            work.outputs[LANES * STANDARD_ERRORS :],
-        )
+        standard_errors(fit, work)
     if conditions is not None:
         condition_numbers(work.matrix, fit.exponents.shape[0], work.solution, work.total)
     for lane in range(block.shape[0]):
@@ -144,28 +134,21 @@ def _write(outputs: FloatArray, lane: int, has_third: bool, i: int, results: Ver
 
 
 @inner_jit()
-def standard_errors(
-    matrix: FloatArray,
-    order: int,
-    jets: FloatArray,
-    scale: Lanes,
-    normal_noise: float,
-    curvature_noise: float,
-    errors: FloatArray,
-) -> None:
-    """Standard errors of normal, mean and Gaussian curvature, three entries, from the factor that gave the fit.
+def standard_errors(fit: KernelFit, work: FitWorkspace) -> None:
+    """Write standard errors of normal, mean and Gaussian curvature, from the factor that gave the fit.
 
     Given the noise sigma, the coefficients have the posterior covariance sigma^2 G^-1, G being the
     matrix of the normal equations with its prior. For a quantity whose derivatives by the
     coefficients are g, the variance is sigma^2 |L^-1 g|^2 with the Cholesky factor L of G. Only the last
     `SEEN` coefficients count: with them eliminated last, the last corner of L is the factor of their own
-    inverse covariance. `scale` is parameters per length; the noise is the standard deviation of the heights, a
-    length, as far as it concerns the normal, or the curvatures.
+    inverse covariance. The noise is the standard deviation of the heights, a length, as far as it concerns the normal,
+    or the curvatures.
     """
+    matrix, order, jets, scale = work.matrix, fit.exponents.shape[0], work.jets, load(work.box, 1)
     zero, one, two, half = spread(0.0), spread(1.0), spread(2.0), spread(0.5)
     p, q, r, s, t = load(jets, 4), load(jets, 1), load(jets, 8), load(jets, 5), load(jets, 2)
     # Times the noise at once, which is small where the derivatives are large: squares must not overflow.
-    noise1 = spread(curvature_noise) * scale
+    noise1 = spread(fit.curvature_noise) * scale
     noise2 = noise1 * scale
     a2, b2 = one + p * p, one + q * q
     per_w2 = one / (a2 + q * q)
@@ -178,7 +161,7 @@ def standard_errors(
     xx, xy, yy = _dot(x, x), _dot(x, y), _dot(y, y)
     # |dn|^2 = ((1 + q^2) dp^2 - 2 p q dp dq + (1 + p^2) dq^2) / w^4
     turned = (b2 * xx - two * p * q * xy + a2 * yy) * per_w4
-    store(errors, 0, spread(normal_noise) * square_root(turned))
+    store(work.outputs, STANDARD_ERRORS, spread(fit.normal_noise) * square_root(turned))
     of_mean = (
         noise1 * (p * t - q * s - p * bend) * per_w3,
         noise1 * (q * r - p * s - q * bend) * per_w3,
@@ -187,7 +170,7 @@ def standard_errors(
         noise2 * a2 * per_w3,
     )
     h = _whitened(matrix, order, of_mean)
-    store(errors, 1, square_root(_dot(h, h)))
+    store(work.outputs, STANDARD_ERRORS + 1, square_root(_dot(h, h)))
     of_gaussian = (
         zero - spread(4.0) * noise1 * gaussian * p * per_w2,
         zero - spread(4.0) * noise1 * gaussian * q * per_w2,
@@ -196,7 +179,7 @@ def standard_errors(
         two * noise2 * r * per_w4,
     )
     k = _whitened(matrix, order, of_gaussian)
-    store(errors, 2, square_root(_dot(k, k)))
+    store(work.outputs, STANDARD_ERRORS + 2, square_root(_dot(k, k)))
 
 
 @inner_jit()

@@ -13,16 +13,13 @@ from bezier_filters.meshes.spatial_order import SpatialOrder
 
 # Outcomes of one fit.
 FITTED = 0
-NO_FRAME = 1
-"""The vertex has no face, or its face normals cancel out."""
-ILL_POSED = 2
-"""Too few points, or points that do not determine the polynomial."""
-FOLDED = 3
-"""The neighbourhood folds over when projected onto the plane."""
+NO_FRAME = 1  # the vertex has no face, or its face normals cancel out
+ILL_POSED = 2  # too few points, or points that do not determine the polynomial
+FOLDED = 3  # the neighbourhood folds over when projected onto the plane
 OUTCOMES = (FITTED, NO_FRAME, ILL_POSED, FOLDED)
 
+# of a neighbourhood, a length: below, the squares of third derivatives, times noise, are too large for a float64
 SMALLEST_WIDTH = 1e-60
-"""Of a neighbourhood, a length: below, the squares of third derivatives, times noise, are too large for a float64."""
 
 
 class KernelMesh(NamedTuple):
@@ -84,7 +81,7 @@ def with_steady_normals(mesh: KernelMesh, *, threads: int = 1) -> KernelMesh:
 
 
 class KernelFit(NamedTuple):
-    """How to fit: `fallbacks.Attempt` in arrays.
+    """How to fit: `fallbacks.FitAttempt` in arrays.
 
     Coefficients are in the order of elimination. If there are standard errors, those of x, y, x^2,
     x y and y^2 come last: their covariance then follows from the last corner of the Cholesky factor.

@@ -10,8 +10,7 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.runtime.jit import inner_jit
 from bezier_filters.runtime.lanes import Lanes, load, multiply_add, spread, square_root, store, where_greater
 
-GROUP = 4
-"""Sums side by side. Tables have this many rows, or points, more than are asked for."""
+GROUP = 4  # sums side by side. Tables have this many rows, or points, more than are asked for.
 
 
 @inner_jit()

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from math import cos, radians, sin
+from typing import TypeAlias
 
 import numpy as np
 
@@ -9,20 +10,16 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.triangles import area_vector
-from bezier_filters.runtime.jit import inner_jit, jit, variable
+from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import run_kernel
 
-STEEPEST = radians(89.0)
-"""A face that leans further than this from the plane makes its points coincide: a fold."""
+Vector: TypeAlias = tuple[float, float, float]
+STEEPEST = radians(89.0)  # a face that leans further than this from the plane makes its points coincide: a fold
 FOLD_COSINE, STEEPEST_SINE = cos(STEEPEST), sin(STEEPEST)
-ROUNDING = 2e-7
-"""More than a bound up to 2 may lose in single precision."""
-UNBOUNDED = 2.0
-"""More than any cosine: no direction is known to be safe."""
-STEADY_ROUNDS = 4
-"""Of averaging normals that noise has turned."""
-TIE = 1e-6
-"""Relative difference below which lengths count as equal: far above rounding, far below irregularity."""
+ROUNDING = 2e-7  # more than a bound up to 2 may lose in single precision
+UNBOUNDED = 2.0  # more than any cosine: no direction is known to be safe
+STEADY_ROUNDS = 4  # of averaging normals that noise has turned
+TIE = 1e-6  # relative difference below which lengths count as equal: far above rounding, far below irregularity
 
 
 @dataclass(frozen=True)
@@ -48,13 +45,13 @@ def tangent_planes(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1
 
 
 @inner_jit()
-def face_normal(vertices: FloatArray, faces: IntArray, f: int) -> tuple[float, float, float]:
+def face_normal(vertices: FloatArray, faces: IntArray, f: int) -> Vector:
     """Normal of face f, twice its area long."""
     return area_vector(vertices, faces[f, 0], faces[f, 1], faces[f, 2])
 
 
 @inner_jit()
-def unit_face_normal(vertices: FloatArray, faces: IntArray, f: int) -> tuple[float, float, float]:
+def unit_face_normal(vertices: FloatArray, faces: IntArray, f: int) -> Vector:
     """Unit normal of face f, zero if its area is zero."""
     x, y, z = face_normal(vertices, faces, f)
     length = np.sqrt(x * x + y * y + z * z)
@@ -112,32 +109,6 @@ def _vertex_planes(
 
 
 @inner_jit()
-def folds(
-    vertices: FloatArray,
-    faces: IntArray,
-    face_ptr: IntArray,
-    face_indices: IntArray,
-    normals: FloatArray,
-    safe_cosine: SingleArray,
-    members: IntArray,
-    count: int,
-    nx: float,
-    ny: float,
-    nz: float,
-) -> bool:
-    """Whether a face at members[:count] folds or stands on edge when projected along (nx, ny, nz)."""
-    for a in range(count):
-        j = np.uint32(members[a])
-        if normals[j, 0] * nx + normals[j, 1] * ny + normals[j, 2] * nz > safe_cosine[j]:
-            continue
-        for q in range(face_ptr[j], face_ptr[j + 1]):
-            fx, fy, fz = unit_face_normal(vertices, faces, variable(face_indices[q]))
-            if fx * nx + fy * ny + fz * nz <= FOLD_COSINE and (fx != 0.0 or fy != 0.0 or fz != 0.0):
-                return True
-    return False
-
-
-@inner_jit()
 def turned_share(normals: FloatArray, members: IntArray, count: int, nx: float, ny: float, nz: float) -> float:
     """Share of members[:count] whose own normal turns away from (nx, ny, nz).
 
@@ -184,7 +155,7 @@ def _average_normals(
 
 
 @inner_jit()
-def mean_normal(normals: FloatArray, members: IntArray, count: int) -> tuple[float, float, float]:
+def mean_normal(normals: FloatArray, members: IntArray, count: int) -> Vector:
     """Normalised mean of the normals of members[:count], zero if they cancel out."""
     x, y, z = 0.0, 0.0, 0.0
     for a in range(count):
@@ -199,7 +170,7 @@ def mean_normal(normals: FloatArray, members: IntArray, count: int) -> tuple[flo
 @jit()
 def farthest_direction(
     vertices: FloatArray, members: IntArray, neighbours: int, count: int, nx: float, ny: float, nz: float
-) -> tuple[float, float, float]:
+) -> Vector:
     """Unit projection of the neighbour that projects farthest from the center members[0].
 
     The paper points the x axis to any projected neighbour, and what it fits depends on which.
@@ -234,8 +205,8 @@ def farthest_direction(
                 bx, by, bz = x, y, z
                 continue
             if tied == 2:
-                best = _signature(vertices, members, count, length, bx, by, bz, nx, ny, nz)
-            other = _signature(vertices, members, count, length, x, y, z, nx, ny, nz)
+                best = _signature(vertices, members, count, length, (bx, by, bz), (nx, ny, nz))
+            other = _signature(vertices, members, count, length, (x, y, z), (nx, ny, nz))
             if other[0] > best[0] + TIE or (other[0] > best[0] - TIE and other[1] > best[1] * (1.0 + TIE)):
                 bx, by, bz = x, y, z
                 best = other
@@ -243,7 +214,7 @@ def farthest_direction(
 
 
 @inner_jit()
-def direction_to(vertices: FloatArray, i: int, j: int, nx: float, ny: float, nz: float) -> tuple[float, float, float]:
+def direction_to(vertices: FloatArray, i: int, j: int, nx: float, ny: float, nz: float) -> Vector:
     """Unit projection of the edge from vertex i to vertex j, zero if it stands on edge."""
     x, y, z = _projected_edge(vertices, i, j, nx, ny, nz)
     length = np.sqrt(x * x + y * y + z * z)
@@ -253,9 +224,7 @@ def direction_to(vertices: FloatArray, i: int, j: int, nx: float, ny: float, nz:
 
 
 @inner_jit()
-def _projected_edge(
-    vertices: FloatArray, i: int, j: int, nx: float, ny: float, nz: float
-) -> tuple[float, float, float]:
+def _projected_edge(vertices: FloatArray, i: int, j: int, nx: float, ny: float, nz: float) -> Vector:
     """Edge from vertex i to vertex j without its part along the normal."""
     x, y, z = vertices[j, 0] - vertices[i, 0], vertices[j, 1] - vertices[i, 1], vertices[j, 2] - vertices[i, 2]
     height = x * nx + y * ny + z * nz
@@ -264,23 +233,14 @@ def _projected_edge(
 
 @inner_jit()
 def _signature(
-    vertices: FloatArray,
-    members: IntArray,
-    count: int,
-    length: float,
-    x: float,
-    y: float,
-    z: float,
-    nx: float,
-    ny: float,
-    nz: float,
+    vertices: FloatArray, members: IntArray, count: int, length: float, axis: Vector, normal: Vector
 ) -> tuple[float, float]:
     """Two numbers that tell how a neighbourhood lies about an axis, the same in any numbering.
 
     With a the coordinate along the axis and h the height, the means of a^3 + a^4 and of a^2 h^2
     in units of `length`. Turning the normal round does not change them.
     """
-    i = members[0]
+    i, (x, y, z), (nx, ny, nz) = members[0], axis, normal
     along, heights = 0.0, 0.0
     for k in range(1, count):
         j = members[k]

@@ -23,8 +23,7 @@ from numba.extending import lower_builtin, models, register_model
 from bezier_filters.arrays import FloatArray
 
 LANES = 8
-Lanes: TypeAlias = FloatArray
-"""Eight numbers; see above what they are in compiled code."""
+Lanes: TypeAlias = FloatArray  # eight numbers; see above what they are in compiled code
 
 
 def load(array: FloatArray, place: int) -> Lanes:
@@ -75,8 +74,9 @@ _LANES, _ARRAY = LanesType(), types.Array(types.float64, 1, "C")
 _DOUBLE, _INT32 = ir.DoubleType(), ir.IntType(32)
 _VECTOR = ir.VectorType(_DOUBLE, LANES)
 
-Instructions = Callable[[BaseContext, ir.IRBuilder, Signature, Sequence[ir.Value]], ir.Value]
-"""Writes what compiled code does with some arguments, and returns the result."""
+Arguments = Sequence[ir.Value]
+# writes what compiled code does with some arguments, and returns the result
+Instructions = Callable[[BaseContext, ir.IRBuilder, Signature, Arguments], ir.Value]
 
 
 @register_model(LanesType)
@@ -105,9 +105,7 @@ def _instruction(name: str) -> Instructions:
 def _library_function(name: str) -> Instructions:
     """One of LLVM's vector functions."""
 
-    def call(
-        context: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: Sequence[ir.Value]
-    ) -> ir.Value:
+    def call(context: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: Arguments) -> ir.Value:
         kind = ir.FunctionType(_VECTOR, [_VECTOR] * len(arguments))
         function = cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{LANES}f64")
         return builder.call(function, arguments)
@@ -123,40 +121,31 @@ def _address(
     return builder.bitcast(element, _VECTOR.as_pointer())
 
 
-def _load(context: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: Sequence[ir.Value]) -> ir.Value:
-    return builder.load(_address(context, builder, signature, *arguments), align=8)
-
-
-def _store(
-    context: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: Sequence[ir.Value]
-) -> ir.Value:
+def _store(context: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: Arguments) -> ir.Value:
     array, place, value = arguments
     builder.store(value, _address(context, builder, signature, array, place), align=8)
     return context.get_dummy_value()
 
 
-def _spread(
-    context: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: Sequence[ir.Value]
-) -> ir.Value:
+def _spread(context: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: Arguments) -> ir.Value:
     undefined = ir.Constant(_VECTOR, ir.Undefined)
     one = builder.insert_element(undefined, arguments[0], ir.Constant(_INT32, 0))
     return builder.shuffle_vector(one, undefined, ir.Constant(ir.VectorType(_INT32, LANES), [0] * LANES))
-
-
-def _where_greater(
-    context: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: Sequence[ir.Value]
-) -> ir.Value:
-    a, b, chosen, other = arguments
-    return builder.select(builder.fcmp_ordered(">", a, b), chosen, other)
 
 
 _compile(operator.add, _LANES(_LANES, _LANES), _instruction("fadd"))
 _compile(operator.sub, _LANES(_LANES, _LANES), _instruction("fsub"))
 _compile(operator.mul, _LANES(_LANES, _LANES), _instruction("fmul"))
 _compile(operator.truediv, _LANES(_LANES, _LANES), _instruction("fdiv"))
-_compile(load, _LANES(_ARRAY, types.intp), _load)
+_compile(
+    load, _LANES(_ARRAY, types.intp), lambda c, builder, s, args: builder.load(_address(c, builder, s, *args), align=8)
+)
 _compile(store, types.void(_ARRAY, types.intp, _LANES), _store)
 _compile(spread, _LANES(types.float64), _spread)
 _compile(multiply_add, _LANES(_LANES, _LANES, _LANES), _library_function("fmuladd"))
 _compile(square_root, _LANES(_LANES), _library_function("sqrt"))
-_compile(where_greater, _LANES(_LANES, _LANES, _LANES, _LANES), _where_greater)
+_compile(
+    where_greater,
+    _LANES(_LANES, _LANES, _LANES, _LANES),
+    lambda context, builder, signature, args: builder.select(builder.fcmp_ordered(">", *args[:2]), *args[2:]),
+)

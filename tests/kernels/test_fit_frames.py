@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 from compiled import from_python
 
+from bezier_filters.estimation.fallbacks import FitAttempt, kernel_fit
 from bezier_filters.kernels.fit_frames import point_to_farthest
+from bezier_filters.kernels.fit_workspace import fit_workspace
 from bezier_filters.meshes.frames import farthest_direction
-from bezier_filters.runtime.lanes import LANES, aligned
+from bezier_filters.patches.fitting import PatchFit
+from bezier_filters.runtime.lanes import LANES
+from bezier_filters.status import FitStatus
 
 STRIDE = 16
 
@@ -34,17 +38,18 @@ def on_the_normal(rng):
 @pytest.mark.parametrize("seed", range(5))
 def test_every_lane_has_the_axes_of_the_reference(kinds, seed):
     rng = np.random.default_rng(seed)
-    points, frame, counts, neighbours = aligned(3 * STRIDE), aligned(9), aligned(1), aligned(1)
+    work = fit_workspace(kernel_fit(FitAttempt(FitStatus.OK, frozenset(), 1, PatchFit())), 1, STRIDE)
+    points, frame = work.points.reshape(4, STRIDE, LANES), work.frame.reshape(3, 3, LANES)
     expected = []
     for lane, kind in enumerate(kinds):
         edges, near = kind(rng)
         normal = np.array([0.0, 0.0, 1.0])
         if kind is not on_the_normal:
             normal = np.linalg.qr(np.column_stack([np.cross(edges[1], edges[2]), *np.eye(2, 3)]))[0][:, 0]
-        counts[lane], neighbours[lane] = len(edges), near
-        points.reshape(3, STRIDE, LANES)[:, : len(edges), lane] = edges.T
-        frame.reshape(3, 3, LANES)[2, :, lane] = normal
+        work.counts[lane], work.neighbours[lane] = len(edges), near
+        points[:3, : len(edges), lane] = edges.T
+        frame[2, :, lane] = normal
         x = np.array(farthest_direction(edges, np.arange(len(edges), dtype=np.int32), near, len(edges), *normal))
         expected.append([x, np.cross(normal, x), normal])
-    from_python(point_to_farthest)(points, STRIDE, counts, neighbours, aligned(1), frame)
-    np.testing.assert_allclose(frame.reshape(3, 3, LANES), np.moveaxis(expected, 0, 2), atol=1e-9)
+    from_python(point_to_farthest)(STRIDE, work)
+    np.testing.assert_allclose(frame, np.moveaxis(expected, 0, 2), atol=1e-9)

@@ -5,14 +5,14 @@ from hypothesis import strategies as st
 from scanner_noise import in_all_directions
 
 from bezier_filters import triangle_mesh, vertex_adjacency
-from bezier_filters.kernels.kernel_input import fitted_mesh, with_steady_normals
+from bezier_filters.kernels.fit_frames import folds
+from bezier_filters.kernels.kernel_input import fitted_mesh, kernel_mesh, with_steady_normals
 from bezier_filters.meshes.frames import (
     STEADY_ROUNDS,
     STEEPEST,
     UNBOUNDED,
     face_normal,
     farthest_direction,
-    folds,
     mean_normal,
     steady_normals,
     tangent_planes,
@@ -65,17 +65,7 @@ def test_fold_test_finds_exactly_the_faces_that_turn_away(direction, seed):
             normal = np.array(from_python(face_normal)(mesh.vertices, mesh.faces, f))
             cosines.append(normal @ direction / np.linalg.norm(normal))
         members = np.array([vertex], dtype=np.int32)
-        found = from_python(folds)(
-            mesh.vertices,
-            mesh.faces,
-            rows.indptr,
-            rows.indices,
-            planes.normals,
-            planes.safe_cosine,
-            members,
-            1,
-            *direction,
-        )
+        found = from_python(folds)(kernel_mesh(mesh, adjacency, planes), members, 1, *direction)
         assert found == (min(cosines) <= np.sin(np.radians(1.0)))
 
 
