@@ -8,10 +8,10 @@ import numpy as np
 from bezier_filters.arrays import FloatArray
 
 PREFIX = "bz_"
+QUALITY = "quality"  # the column of a mesh's quality
+# the filters that write fields, by their commands
 NORMALS, CURVATURE, TORSION, SMOOTH, CREASES = "normals", "curvature", "torsion", "smooth", "creases"
-"""The filters that write fields, by their commands."""
-ESTIMATES = (NORMALS, CURVATURE, TORSION)
-"""Those whose fields are values of a `VertexGeometry`."""
+ESTIMATES = (NORMALS, CURVATURE, TORSION)  # those whose fields are values of a `VertexGeometry`
 
 
 @dataclass(frozen=True)
@@ -68,32 +68,19 @@ def _along(curvature: str) -> str:
 
 
 _ANY_SIGN = "unit vector of arbitrary sign"
-_LEARNED = "0 where alpha is given"
+_ERROR, _LEARNED = "standard error of the", "0 where alpha is given"
 FIELDS = (
     Field("normal_angle", "angle to the previous normal", "degrees", (NORMALS,), quality="angle", attribute=None),
     *_vector("normal", "normal", (NORMALS,), attribute="normals", quality="xyz"),
-    Field("normal_std", "standard error of the normal", "radians", (NORMALS,), remark=_LEARNED),
+    Field("normal_std", f"{_ERROR} normal", "radians", (NORMALS,), remark=_LEARNED),
     Field("mean_curvature", "mean curvature", "1/length", (CURVATURE,), signed=True, quality="mean"),
     Field("gaussian_curvature", "Gaussian curvature", "1/length²", (CURVATURE,), signed=True, quality="gaussian"),
     Field("k_min", "smallest principal curvature", "1/length", (CURVATURE,), signed=True, quality="min"),
     Field("k_max", "largest principal curvature", "1/length", (CURVATURE,), signed=True, quality="max"),
     Field("curvedness", "curvedness", "1/length", (CURVATURE,), quality="curvedness"),
     Field("shape_index", "shape index", "", (CURVATURE,), signed=True, quality="shape_index"),
-    Field(
-        "mean_curvature_std",
-        "standard error of the mean curvature",
-        "1/length",
-        (CURVATURE,),
-        quality="std",
-        remark=_LEARNED,
-    ),
-    Field(
-        "gaussian_curvature_std",
-        "standard error of the Gaussian curvature",
-        "1/length²",
-        (CURVATURE,),
-        remark=_LEARNED,
-    ),
+    Field("mean_curvature_std", f"{_ERROR} mean curvature", "1/length", (CURVATURE,), quality="std", remark=_LEARNED),
+    Field("gaussian_curvature_std", f"{_ERROR} Gaussian curvature", "1/length²", (CURVATURE,), remark=_LEARNED),
     *_vector("direction_min", "direction of k_min", (CURVATURE,), remark=_ANY_SIGN),
     *_vector("direction_max", "direction of k_max", (CURVATURE,), remark=_ANY_SIGN),
     Field("extremality_min", "extremality of k_min", "1/length²", (CURVATURE,), signed=True, remark=_along("k_min")),

@@ -52,8 +52,7 @@ def parameters(table: str) -> tuple[Parameter, ...]:
     return tuple(found)
 
 
-LENGTH = "pymeshlab.PercentageValue, pymeshlab.PureValue or float"
-"""Kind of parameters that are lengths."""
+LENGTH = "pymeshlab.PercentageValue, pymeshlab.PureValue or float"  # kind of parameters that are lengths
 FIT = parameters(f"""
 rings : int or "auto", default "auto"
     Size of the fitted neighbourhood in edges, at least 1; auto lets the data choose.
@@ -171,21 +170,21 @@ def _meaning(field: Field) -> str:
     return field.label + (f" [{field.unit}]" if field.unit else "")
 
 
-QUALITY = {
+# of the filters that let the user choose
+QUALITY_OF = {
     NORMALS: _quality(NORMALS, "angle"),
     CURVATURE: _quality(CURVATURE, "mean"),
     SMOOTH: _quality(SMOOTH, None),
 }
-"""Of the filters that let the user choose."""
+# of the filters by their commands, in the order of the commands' help
 PARAMETERS = {
-    NORMALS: (QUALITY[NORMALS], *FIT, *COLORS, *RUN),
-    CURVATURE: (QUALITY[CURVATURE], *FIT, *COLORS, *RUN),
+    NORMALS: (QUALITY_OF[NORMALS], *FIT, *COLORS, *RUN),
+    CURVATURE: (QUALITY_OF[CURVATURE], *FIT, *COLORS, *RUN),
     TORSION: (*FIT, *COLORS, *RUN),
-    SMOOTH: (*SMOOTHING, QUALITY[SMOOTH], *COLORS, *RUN),
+    SMOOTH: (*SMOOTHING, QUALITY_OF[SMOOTH], *COLORS, *RUN),
     "fill-holes": (*FILLING, *RUN),
     CREASES: (*LINES, *FIT, *RUN),
 }
-"""Of the filters by their commands, in the order of the commands' help."""
 _ESTIMATED = """\
 ms : pymeshlab.MeshSet
     Its current mesh may be a point cloud, whose vertex normals tell the outside where they are

@@ -148,6 +148,7 @@ def size_in_bytes(text: str) -> int:
     return int(float(number) * unit)
 
 
+# options whose names are not those of the parameters
 _NAMES = {
     "colorrange": "range",
     "keepvolume": "keep-volume",
@@ -157,7 +158,7 @@ _NAMES = {
     "outerrims": "outer-rims",
     "minstrength": "min-strength",
 }
-"""Options whose names are not those of the parameters."""
+# numbers that typer refuses if they are smaller
 _LEAST = {
     "threads": 1,
     "iterations": 1,
@@ -167,7 +168,7 @@ _LEAST = {
     "workers": 1,
     "tile_vertices": 256,
 }
-"""Numbers that typer refuses if they are smaller."""
+# types, parsers and what stands for values in the help, by what documents say
 _KINDS: dict[str, tuple[Any, Callable[[str], object] | None, str | None]] = {
     "bool": (bool, None, None),
     "switch": (bool, None, None),
@@ -182,4 +183,3 @@ _KINDS: dict[str, tuple[Any, Callable[[str], object] | None, str | None]] = {
     LENGTH: (Any, _length, "LENGTH|PERCENT%"),
     "size": (Any, size_in_bytes, "2GB"),
 }
-"""Types, parsers and what stands for values in the help, by what documents say."""

@@ -79,7 +79,7 @@ def batch(
     if scheduler is None:
         run = run_in_processes(run_command, work, processes=processes, threads=max(1, cores // processes))
     else:
-        from bezier_filters.scale.file_jobs import run_on_scheduler
+        from bezier_filters.scale.scheduling import run_on_scheduler
 
         # Workers may be in other folders.
         absolute = [
@@ -163,13 +163,10 @@ def plan(sources: Sequence[Path], out: Path, suffix: str, *, redo: bool = False)
             raise InvalidParameterError(f"out: {target} is one of the inputs; choose another folder")
         if real in items:
             raise InvalidParameterError(f"files: {items[real].input} and {source} would both become {target}")
-        skipped = not redo and _is_newer(target, source)
+        both_exist = target.exists() and source.exists()
+        skipped = not redo and both_exist and target.stat().st_mtime_ns > source.stat().st_mtime_ns
         items[real] = Item(str(source), str(target), "skipped" if skipped else "waiting")
     return list(items.values())
-
-
-def _is_newer(target: Path, source: Path) -> bool:
-    return target.exists() and source.exists() and target.stat().st_mtime_ns > source.stat().st_mtime_ns
 
 
 def summarize(command: str, items: Sequence[Item], seconds: float) -> Report:

@@ -19,8 +19,7 @@ from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.parallel import Progress as ProgressCallback
 from bezier_filters.status import FitStatus
 
-MOST_HOLES = 20
-"""That are listed one by one."""
+MOST_HOLES = 20  # that are listed one by one
 
 err = Console(stderr=True, highlight=False, soft_wrap=True)
 out = Console(highlight=False, soft_wrap=True)

@@ -5,17 +5,16 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any
 
 import typer
 
+import bezier_filters
 from bezier_filters.arrays import Report
 from bezier_filters.cli import console
 from bezier_filters.cli.app import Json, Quiet, SaveScript, Source, Target, app, examples, options
 from bezier_filters.fields import qualities
 from bezier_filters.parameters import COLORS, PARAMETERS, RUN, Parameter
-
-Filter: TypeAlias = Callable[..., Report]
 
 _COLOR, _PROGRESS = COLORS[0], RUN[1]
 _COLORED = {_COLOR: replace(_COLOR, default=True)}
@@ -23,19 +22,20 @@ _COLORED = {_COLOR: replace(_COLOR, default=True)}
 
 def filter_command(
     name: str,
+    filter_name: str,
     changed: Mapping[Parameter, Parameter] = _COLORED,
     *,
     verb: str = "fitting",
     show: Callable[[Report, str], None] = console.print_status,
-) -> Callable[[Callable[[], Filter]], Callable[[], Filter]]:
-    """Make a command, which loads, filters, saves and reports, of a function that imports the filter.
+) -> Callable[[Callable[[], None]], Callable[[], None]]:
+    """Add a command, which loads, runs a filter of the package, saves and reports.
 
-    The docstring of the function is the help of the command; the filter's parameters, some of them changed, are its
-    options. The progress bar says the verb, `show` prints the report.
+    The docstring of the function below is its help; the filter's parameters, some of them changed, are its options. The
+    progress bar says the verb, `show` prints the report.
     """
 
-    def add(imported: Callable[[], Filter]) -> Callable[[], Filter]:
-        text, *lines = (inspect.getdoc(imported) or "").split("\nExample: bezier-filters ")
+    def add(described: Callable[[], None]) -> Callable[[], None]:
+        text, *lines = (inspect.getdoc(described) or "").split("\nExample: bezier-filters ")
 
         @app.command(name, help=text, epilog=examples(*lines))
         @options(*_taken(name, changed))
@@ -50,13 +50,13 @@ def filter_command(
         ) -> None:
             from bezier_filters.meshlab.mesh_files import format_support, load_mesh, save_mesh
 
-            support, run = format_support(target), imported()
+            support, run = format_support(target), getattr(bezier_filters, filter_name)  # loaded only here
             ms = load_mesh(source)
             with console.progress_bar(f"{verb} {source.name}", quiet=quiet or json) as progress:
                 report = run(ms, progress=progress, **given)
             save_mesh(ms, target)
             if save_script is not None:
-                _add_step(save_script, run.__name__, given)
+                _add_step(save_script, filter_name, given)
             if json:
                 console.print_json({"input": str(source), "output": str(target), **report})
             elif not quiet:
@@ -69,7 +69,7 @@ def filter_command(
                     f"note: {target.suffix} files hold no quality and no bz_* columns; write a PLY file to keep them"
                 )
 
-        return imported
+        return described
 
     return add
 
@@ -88,8 +88,8 @@ def _add_step(script: Path, name: str, given: dict[str, object]) -> None:
     save_filter_script(script, [*before, script_step(name, **(given | {"threads": None}))])
 
 
-@filter_command("normals")
-def normals() -> Filter:
+@filter_command("normals", "compute_normal_by_bezier_patch_per_vertex")
+def normals() -> None:
     """Set the vertex normals to those of the fitted patches.
 
     The quality becomes the angle to the old normals in degrees, or a component of the new ones. Neighbourhood, degree
@@ -99,13 +99,10 @@ def normals() -> Filter:
     Example: bezier-filters normals scan.ply smooth_normals.ply
     Example: bezier-filters normals points.ply oriented.ply --quality z
     """
-    from bezier_filters.meshlab.vertex_filters import compute_normal_by_bezier_patch_per_vertex
-
-    return compute_normal_by_bezier_patch_per_vertex
 
 
-@filter_command("curvature")
-def curvature() -> Filter:
+@filter_command("curvature", "compute_curvature_by_bezier_patch_per_vertex")
+def curvature() -> None:
     """Compute mean, Gaussian and principal curvatures and directions; one of them becomes the quality.
 
     Curvature is positive where the surface is convex, in 1/length; Gaussian curvature is in 1/length^2. Neighbourhood,
@@ -115,13 +112,10 @@ def curvature() -> Filter:
     Example: bezier-filters curvature bunny.ply curved.ply --quality gaussian --colormap 'French RGB'
     Example: bezier-filters curvature scan.ply curved.ply --radius 2% --range -20 20 --json
     """
-    from bezier_filters.meshlab.vertex_filters import compute_curvature_by_bezier_patch_per_vertex
-
-    return compute_curvature_by_bezier_patch_per_vertex
 
 
-@filter_command("torsion")
-def torsion() -> Filter:
+@filter_command("torsion", "compute_torsion_by_bezier_patch_per_vertex")
+def torsion() -> None:
     """Set the quality to the principal geodesic torsion (k_max - k_min) / 2.
 
     It is how much geodesics twist at most, in 1/length; PLY files keep the two directions of it in columns bz_*, and
@@ -130,18 +124,16 @@ def torsion() -> Filter:
     Example: bezier-filters torsion bunny.ply twisted.ply
     Example: bezier-filters torsion bunny.ply twisted.ply --colormap Paper
     """
-    from bezier_filters.meshlab.vertex_filters import compute_torsion_by_bezier_patch_per_vertex
-
-    return compute_torsion_by_bezier_patch_per_vertex
 
 
 @filter_command(
     "smooth",
+    "apply_coord_bezier_patch_smoothing",
     {_COLOR: replace(_COLOR, help="Colour all vertices by the quality; needs one.")},
     verb="smoothing",
     show=console.print_smoothing,
 )
-def smooth() -> Filter:
+def smooth() -> None:
     """Take the noise off a mesh and keep its shape, its volume and its edges.
 
     The noise is learned from the mesh; a clean mesh stays as it is. Vertices keep their order and the faces stay. The
@@ -150,13 +142,10 @@ def smooth() -> Filter:
     Example: bezier-filters smooth scan.ply clean.ply
     Example: bezier-filters smooth scan.ply clean.ply --quality displacement --color
     """
-    from bezier_filters.meshlab.smoothing_filter import apply_coord_bezier_patch_smoothing
-
-    return apply_coord_bezier_patch_smoothing
 
 
-@filter_command("fill-holes", verb="filling", show=console.print_holes)
-def fill_holes() -> Filter:
+@filter_command("fill-holes", "meshing_close_holes_by_bezier_patch", verb="filling", show=console.print_holes)
+def fill_holes() -> None:
     """Fill the holes of a mesh: smooth where the surface is smooth, sharp where it is sharp.
 
     Old vertices and faces stay the first, unchanged; new ones come after them. A hole is filled whole or left open, and
@@ -165,9 +154,6 @@ def fill_holes() -> Filter:
     Example: bezier-filters fill-holes scan.ply closed.ply --max-edges 300
     Example: bezier-filters fill-holes scan.ply closed.ply --max-diameter 10%
     """
-    from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
-
-    return meshing_close_holes_by_bezier_patch
 
 
 @app.command(epilog="Example: bezier-filters creases scan.ply lines.ply --picture creases.png")

@@ -13,7 +13,7 @@ from bezier_filters.cli import console
 from bezier_filters.cli.app import Json, Quiet, app, options
 from bezier_filters.errors import CancelledError
 from bezier_filters.fields import CURVATURE
-from bezier_filters.parameters import FIT, QUALITY, SMOOTHING, Parameter, parameters
+from bezier_filters.parameters import FIT, QUALITY_OF, SMOOTHING, Parameter, parameters
 
 scale_app = typer.Typer(
     help="Meshes of any size, in tiles on Dask: one machine or a cluster.",
@@ -56,7 +56,7 @@ keep_store : switch, default False
 
 
 @scale_app.command(epilog="Example: bezier-filters scale curvature statue.ply curved.ply --memory-limit 2GB")
-@options(QUALITY[CURVATURE], *TILE_FIT, *TILES)
+@options(QUALITY_OF[CURVATURE], *TILE_FIT, *TILES)
 def curvature(
     source: BigSource,
     target: BigTarget,

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from bezier_filters.arrays import FloatArray
 from bezier_filters.errors import FieldFileError
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
-from bezier_filters.fields import CURVATURE, PREFIX, TORSION, qualities
+from bezier_filters.fields import CURVATURE, PREFIX, QUALITY, TORSION, qualities
 from bezier_filters.files.mesh_headers import (
     BYTE_ORDER,
     HEADER_LIMIT,
@@ -34,7 +34,6 @@ from bezier_filters.files.mesh_headers import (
 from bezier_filters.runtime.atomic import atomic_write
 
 _DEFLATE_LIMIT = 1032  # largest compression ratio that deflate can reach
-QUALITY = "quality"
 _DERIVED = sorted(field.source for field in qualities(CURVATURE, TORSION).values())
 
 
@@ -183,7 +182,7 @@ def _read_regular(stream: BinaryIO, header: PlyHeader) -> _Columns | None:
     Reads no further than the vertices: faces, of any size, cost nothing.
     """
     before, vertex = header.elements[: header.vertex_index], header.elements[header.vertex_index]
-    if any(element.has_lists for element in before):
+    if any(item.length_type for element in before for item in element.properties):
         return None
     stream.seek(header.size)
     if header.is_ascii:
@@ -192,17 +191,13 @@ def _read_regular(stream: BinaryIO, header: PlyHeader) -> _Columns | None:
         columns = _ascii_columns(stream, vertex)
     else:
         stream.seek(sum(element.count * element.least_row_size(is_ascii=False) for element in before), os.SEEK_CUR)
-        columns = _binary_columns(stream, vertex, BYTE_ORDER[header.format])
+        dtype = np.dtype([(name, BYTE_ORDER[header.format] + code) for name, code in vertex.columns])
+        rows = np.fromfile(stream, dtype, vertex.count)
+        columns = {name: rows[name] for name, _ in vertex.columns} if len(rows) == vertex.count else None
     lists = [item.name for item in vertex.properties if item.length_type]
     if columns is None or any((columns[f"{name} length"] != TRIPLE).any() for name in lists):
         return None
     return columns
-
-
-def _binary_columns(stream: BinaryIO, vertex: PlyElement, byte_order: str) -> _Columns | None:
-    dtype = np.dtype([(name, byte_order + code) for name, code in vertex.columns])
-    rows = np.fromfile(stream, dtype, vertex.count)
-    return {name: rows[name] for name, _ in vertex.columns} if len(rows) == vertex.count else None
 
 
 def _ascii_columns(stream: BinaryIO, vertex: PlyElement) -> _Columns | None:

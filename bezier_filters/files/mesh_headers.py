@@ -12,11 +12,9 @@ from typing import BinaryIO
 
 from bezier_filters.errors import FieldFileError
 
-HEADER_LIMIT = 1 << 20
-"""Bytes at the beginning of a file that hold its header; real ones have a few hundred."""
+HEADER_LIMIT = 1 << 20  # bytes at the beginning of a file that hold its header; real ones have a few hundred
 BYTE_ORDER = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
-TRIPLE = 3
-"""Entries of the lists that meshes have: corners of a triangle, a point attribute."""
+TRIPLE = 3  # entries of the lists that meshes have: corners of a triangle, a point attribute
 
 _BLOCK = 1 << 20
 _STL_HEADER, _STL_TRIANGLE = 84, 50
@@ -56,11 +54,6 @@ class PlyElement:
     def columns(self) -> list[tuple[str, str]]:
         """Names and types of the numbers in a row, lists being taken for triples."""
         return [column for item in self.properties for column in item.columns()]
-
-    @property
-    def has_lists(self) -> bool:
-        """Whether its rows may differ in size."""
-        return any(item.length_type for item in self.properties)
 
     def least_row_size(self, is_ascii: bool) -> int:
         """Bytes that a row has at least; faces have three corners, other lists may be empty."""
@@ -167,7 +160,10 @@ def _check_ply(path: Path, head: bytes) -> None:
 
 
 def _check_stl(path: Path, head: bytes) -> None:
-    if len(head) < _STL_HEADER or not _is_binary_stl(head):
+    # Some binary files begin with ``solid``, too; but only text has neither zeros nor high bytes.
+    sample = head[_STL_HEADER : _STL_HEADER + _STL_LOOK]
+    is_text = head.lstrip().startswith(b"solid") and all(0 < byte < 128 for byte in sample)
+    if len(head) < _STL_HEADER or is_text:
         return
     announced = int.from_bytes(head[_STL_HEADER - 4 : _STL_HEADER], "little")
     held = (path.stat().st_size - _STL_HEADER) // _STL_TRIANGLE
@@ -175,12 +171,6 @@ def _check_stl(path: Path, head: bytes) -> None:
         raise FieldFileError(
             f"{path} is cut short or damaged: its header announces {announced} triangles, but it holds {held}"
         )
-
-
-def _is_binary_stl(head: bytes) -> bool:
-    """Some binary files begin with ``solid``, too; but only text has neither zeros nor high bytes."""
-    sample = head[_STL_HEADER : _STL_HEADER + _STL_LOOK]
-    return not head.lstrip().startswith(b"solid") or any(byte == 0 or byte > 127 for byte in sample)
 
 
 def _check_off(path: Path, head: bytes) -> None:

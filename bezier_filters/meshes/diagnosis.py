@@ -9,8 +9,19 @@ from bezier_filters.meshes.dihedral_angles import distinct_edges
 from bezier_filters.meshes.half_edges import ends_of_half_edges
 from bezier_filters.meshes.mesh import TriangleMesh
 
-FEWEST_POINTS = 6
-"""Points that determine a quadratic."""
+FEWEST_POINTS = 6  # points that determine a quadratic
+
+# by the counts of a report, the worst first
+_FINDINGS = {
+    "incoherent_edges": "edges between faces that disagree about the outside: signs are wrong there "
+    "(meshing_re_orient_faces_coherently)",
+    "non_manifold_edges": "edges with three or more faces: neighbourhoods mix sheets "
+    "(meshing_repair_non_manifold_edges)",
+    "degenerate_faces": "faces without area are ignored (meshing_remove_null_faces removes them)",
+    "duplicate_faces": "duplicate faces (meshing_remove_duplicate_faces removes them)",
+    "unreferenced_vertices": "unreferenced vertices get no estimate "
+    "(meshing_remove_unreferenced_vertices removes them)",
+}
 
 
 @dataclass(frozen=True)
@@ -100,21 +111,5 @@ def diagnose(mesh: TriangleMesh, report: MeshReport) -> list[str]:
         return [f"{mesh.vertex_count:,} vertices without faces: curvature takes {FEWEST_POINTS} or more"]
     if mesh.face_count == 0:
         return ["there are no faces: a point cloud, whose normals tell the outside if it has any"]
-    findings = [
-        (
-            report.incoherent_edges,
-            "edges between faces that disagree about the outside: signs are wrong there "
-            "(meshing_re_orient_faces_coherently)",
-        ),
-        (
-            report.non_manifold_edges,
-            "edges with three or more faces: neighbourhoods mix sheets (meshing_repair_non_manifold_edges)",
-        ),
-        (report.degenerate_faces, "faces without area are ignored (meshing_remove_null_faces removes them)"),
-        (report.duplicate_faces, "duplicate faces (meshing_remove_duplicate_faces removes them)"),
-        (
-            report.unreferenced_vertices,
-            "unreferenced vertices get no estimate (meshing_remove_unreferenced_vertices removes them)",
-        ),
-    ]
-    return [f"{count:,} {text}" for count, text in findings if count]
+    counts = ((getattr(report, name), text) for name, text in _FINDINGS.items())
+    return [f"{count:,} {text}" for count, text in counts if count]

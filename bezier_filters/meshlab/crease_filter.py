@@ -140,15 +140,6 @@ def lines_as_mesh(creases: Creases) -> tuple[FloatArray, IntArray, FloatArray, F
 
 def report_of(creases: Creases) -> Report:
     """The creases as plain values, with a number in the place of the points of a line."""
-    lines = [
-        {
-            "kind": line.kind,
-            "is_sharp": line.is_sharp,
-            "is_closed": line.is_closed,
-            "strength": line.strength,
-            "length": line.length,
-            "points": len(line.points),
-        }
-        for line in creases.lines
-    ]
+    told = ("kind", "is_sharp", "is_closed", "strength", "length")
+    lines = [{name: getattr(line, name) for name in told} | {"points": len(line.points)} for line in creases.lines]
     return {"lines": lines, "sharp_edges": len(creases.sharp_edges), "status": creases.geometry.status_counts()}

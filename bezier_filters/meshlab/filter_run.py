@@ -62,8 +62,7 @@ class Computed:
     write_more: Callable[[], None] | None = None
 
 
-Work = Callable[[CurrentMesh, BoolArray], Computed]
-"""``work(mesh, mask)`` does it for the vertices of a mask (n,)."""
+Work = Callable[[CurrentMesh, BoolArray], Computed]  # ``work(mesh, mask)`` does it for the vertices of a mask (n,)
 
 
 @contextmanager

@@ -30,12 +30,9 @@ import numpy as np
 from bezier_filters.arrays import FloatArray
 from bezier_filters.meshlab.meshset import BezierFilterError, Mesh, MeshSet, PyMeshLabException, current_mesh
 
-CARRIERS = ("sigma", "plof")
-"""Attributes that the outlier filter deletes."""
-LEFTOVER = "outlierScore"
-"""Attribute that the outlier filter leaves behind."""
-KEPT_LEFTOVER = "outlierScore_kept"
-"""Where a user's attribute of that name waits while the filter overwrites it."""
+CARRIERS = ("sigma", "plof")  # attributes that the outlier filter deletes
+LEFTOVER = "outlierScore"  # attribute that the outlier filter leaves behind
+KEPT_LEFTOVER = "outlierScore_kept"  # where a user's attribute of that name waits while the filter overwrites it
 
 _LEGAL_NAME = re.compile(r"(?!_(pi|e)$)[A-Za-z_][A-Za-z0-9_]*")
 _VARIABLES = ("q", "nx", "ny", "nz")  # of the expressions below: an attribute of that name hides them

@@ -158,8 +158,7 @@ def _sampled(color_map: ColorMap) -> FloatArray:
     ms = MeshSet()
     ms.add_mesh(Mesh(np.zeros((256, 3)), v_scalar_array=np.linspace(0.0, 1.0, 256)))
     color_by_quality(ms, 0.0, 1.0, color_map.name)
-    colors: FloatArray = current_mesh(ms).vertex_color_matrix()[:, :3]
-    return colors
+    return np.asarray(current_mesh(ms).vertex_color_matrix()[:, :3])
 
 
 def _write_quality_map(path: str | os.PathLike[str], colors: FloatArray, low: float, high: float) -> None:

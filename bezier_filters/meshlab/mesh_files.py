@@ -16,8 +16,8 @@ from bezier_filters.meshlab.meshset import BezierFilterError, MeshSet, PyMeshLab
 from bezier_filters.runtime.atomic import TEMPORARY, atomic_write
 from bezier_filters.runtime.supervision import doing, memory_limited, processor_time_limited
 
+# seconds of processor time after which a reader is taken to run in circles, and bytes for each second more
 LEAST_PATIENCE, SLOWEST_READER = 60.0, 50_000.0
-"""Seconds of processor time after which a reader is taken to run in circles, and bytes for each second more."""
 _ATTRIBUTE_KEY = "__ca_vs__"  # of the parameters with which pymeshlab saves custom vertex attributes
 
 

@@ -104,8 +104,6 @@ def check_unchanged(ms: MeshSet, mesh: CurrentMesh) -> None:
 def absolute_length(length: Length | None, vertices: FloatArray, name: str) -> float | None:
     """A length that may be a percentage of the diagonal of the bounding box, as in pymeshlab.
 
-    Examples
-    --------
     >>> absolute_length(PercentageValue(10), np.array([[0.0, 0.0, 0.0], [2.0, 3.0, 6.0]]), "radius")
     0.7000000000000001
     """

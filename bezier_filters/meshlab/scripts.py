@@ -129,7 +129,9 @@ def run_filter_script(
 
 def check_steps(steps: Sequence[ScriptStep]) -> list[str]:
     """Names in Python of the filters of a script."""
-    known = _known_names()
+    theirs = mesh_filter_names()
+    former = {old: now for old, now in (former_filter_names() | _NEWER_NAMES).items() if now in theirs}
+    known = former | {name: name for name in (*theirs, *_OURS)}
     names = []
     for number, step in enumerate(steps, start=1):
         try:
@@ -142,13 +144,6 @@ def check_steps(steps: Sequence[ScriptStep]) -> list[str]:
             raise InvalidScriptError(f"step {number}, {step.name!r}: {error}") from error
         names.append(name)
     return names
-
-
-def _known_names() -> dict[str, str]:
-    """Names in Python by every name that a filter has."""
-    names = mesh_filter_names()
-    theirs = {former: now for former, now in (former_filter_names() | _NEWER_NAMES).items() if now in names}
-    return theirs | {name: name for name in (*names, *_OURS)}
 
 
 def _snake_case(name: str) -> str:
@@ -295,6 +290,7 @@ def _percentage(text: str) -> PercentageValue:
     return PercentageValue(float(text.removesuffix("%")))
 
 
+# how a text becomes a value of a type, with a ValueError if it does not, and what is said of the type then
 _READERS: dict[object, tuple[Callable[[str], object], str]] = {
     bool: (_flag, "true or false"),
     int: (int, "an integer"),
@@ -304,7 +300,6 @@ _READERS: dict[object, tuple[Callable[[str], object], str]] = {
     PercentageValue: (_percentage, "a percentage such as 2%"),
     type(None): (_nothing, "nothing"),
 }
-"""How a text becomes a value of a type, with a ValueError if it does not, and what is said of the type then."""
 
 
 def _read(option: Any, text: str) -> Any:

@@ -1,5 +1,7 @@
 """The filter on a pymeshlab MeshSet that takes the noise off a mesh."""
 
+from dataclasses import fields
+
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, Report
@@ -102,24 +104,14 @@ def apply_coord_bezier_patch_smoothing(
 
 
 def _report(result: SmoothingResult) -> Report:
-    return {
-        "mean_edge": result.mean_edge,
+    """The result without its arrays, and what follows from them."""
+    every = {field.name: getattr(result, field.name) for field in fields(result)}
+    return {name: value for name, value in every.items() if not isinstance(value, np.ndarray)} | {
         "moved": int(np.count_nonzero(result.displacement)),
         "displacement": {
             "mean": result.mean_displacement,
             "rms": result.rms_displacement,
             "max": result.max_displacement,
         },
-        "noise_before": result.noise_before,
-        "noise_after": result.noise_after,
-        "noise_length": result.noise_length,
-        "noise_heavy": result.noise_heavy,
-        "volume_before": result.volume_before,
-        "volume_after": result.volume_after,
         "volume_ratio": result.volume_ratio,
-        "flipped_before": result.flipped_before,
-        "flipped_after": result.flipped_after,
-        "degenerate_before": result.degenerate_before,
-        "degenerate_after": result.degenerate_after,
-        "new_bad_faces": result.new_bad_faces,
     }

@@ -23,13 +23,12 @@ from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.runtime.parallel import Progress
 from bezier_filters.status import FitStatus
 
-MEASURED = 20_000
-"""Faces whose edges are measured, at most."""
+MEASURED = 20_000  # faces whose edges are measured, at most
 
 
 @dataclass(frozen=True)
 class FitArguments:
-    """Arguments for `estimate_vertex_geometry`; lengths may be percentages."""
+    """Arguments of `estimate_vertex_geometry`, by their names there; lengths may be percentages."""
 
     rings: int | Automatic
     radius: Length | None
@@ -196,22 +195,11 @@ def _mean_edge(mesh: CurrentMesh) -> float | None:
 
 def fit_mesh(mesh: CurrentMesh, mask: BoolArray, fit: FitArguments) -> VertexGeometry:
     """Fit the patches of the vertices in a mask (n,)."""
-    return estimate_vertex_geometry(
-        mesh.vertices,
-        mesh.faces,
-        normals=None if len(mesh.faces) else _finite(mesh.vertex_normals),
-        rings=fit.rings,
-        radius=absolute_length(fit.radius, mesh.vertices, "radius"),
-        alpha=fit.alpha,
-        degree=fit.degree,
-        smoothness=fit.smoothness,
-        robust=fit.robust,
-        noise=absolute_length(fit.noise, mesh.vertices, "noise"),
-        detail=absolute_length(fit.detail, mesh.vertices, "detail"),
-        selected=None if mask.all() else mask,
-        threads=fit.threads,
-        progress=fit.progress,
-    )
+    given = vars(fit)
+    lengths = {name: absolute_length(given[name], mesh.vertices, name) for name in ("radius", "noise", "detail")}
+    normals = None if len(mesh.faces) else _finite(mesh.vertex_normals)
+    selected = None if mask.all() else mask
+    return estimate_vertex_geometry(mesh.vertices, mesh.faces, normals=normals, selected=selected, **given | lengths)
 
 
 def _finite(vectors: FloatArray) -> FloatArray:
@@ -223,5 +211,4 @@ def _angles_in_degrees(a: FloatArray, b: FloatArray) -> FloatArray:
     """Angles between vectors of any length, shape (n,); 0 where one of them is zero or not finite."""
     b = _finite(b)
     sine = np.linalg.norm(np.cross(a, b), axis=1)
-    angles: FloatArray = np.degrees(np.arctan2(sine, np.einsum("ij,ij->i", a, b)))
-    return angles
+    return np.asarray(np.degrees(np.arctan2(sine, np.einsum("ij,ij->i", a, b))))

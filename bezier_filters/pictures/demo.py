@@ -6,7 +6,7 @@ from pathlib import Path
 
 from bezier_filters.arrays import Report
 from bezier_filters.display.colors import AUTO
-from bezier_filters.fields import CURVATURE, NORMALS, TORSION, Field, qualities
+from bezier_filters.fields import CURVATURE, NORMALS, QUALITY, TORSION, Field, qualities
 from bezier_filters.meshlab.mesh_files import load_mesh, save_mesh
 from bezier_filters.meshlab.meshset import MeshSet, read_current_mesh, shipped_bunny
 from bezier_filters.meshlab.vertex_filters import (
@@ -14,11 +14,10 @@ from bezier_filters.meshlab.vertex_filters import (
     compute_normal_by_bezier_patch_per_vertex,
     compute_torsion_by_bezier_patch_per_vertex,
 )
-from bezier_filters.pictures.field_panels import QUALITY, field_panels, read_mesh_file
+from bezier_filters.pictures.field_panels import field_panels, read_mesh_file
 from bezier_filters.pictures.render import render_panels
 from bezier_filters.pictures.scene import Panel
 
-VIEWS = ("front", "back")
 _FIELDS = [qualities(NORMALS, CURVATURE, TORSION)[name] for name in ("angle", "mean", "gaussian", "torsion")]
 
 
@@ -31,7 +30,7 @@ class DemoStep:
     report: Report
 
 
-def run_demo(folder: Path, mesh: Path | None = None, *, size: tuple[int, int] = (480, 480)) -> Iterator[DemoStep]:
+def run_demo(folder: Path, mesh: Path | None = None) -> Iterator[DemoStep]:
     """Write the files of the demonstration one by one, of the bunny by default; the picture comes with the last."""
     mesh = mesh or shipped_bunny()
     folder.mkdir(parents=True, exist_ok=True)
@@ -43,7 +42,7 @@ def run_demo(folder: Path, mesh: Path | None = None, *, size: tuple[int, int] = 
         save_mesh(ms, path)
         panels.append(_panel(ms, field, path))
         yield DemoStep(field, path, report)
-    render_panels(picture_path(folder, mesh), panels, views=VIEWS, size=size)
+    render_panels(picture_path(folder, mesh), panels, views=("front", "back"), size=(480, 480))
 
 
 def picture_path(folder: Path, mesh: Path | None = None) -> Path:

@@ -10,13 +10,13 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.display.colors import color_range, round_limits
 from bezier_filters.errors import FieldFileError, InvalidParameterError
 from bezier_filters.feature_lines.crease_lines import COLORS, Creases
-from bezier_filters.fields import FIELDS, PREFIX, Field
+from bezier_filters.fields import FIELDS, PREFIX, QUALITY, Field
 from bezier_filters.files.field_files import read_fields
 from bezier_filters.meshlab.mesh_files import load_mesh
 from bezier_filters.meshlab.meshset import current_mesh
 from bezier_filters.pictures.scene import Panel, require_libraries
 
-QUALITY, COLOR, SHAPE = "quality", "color", "shape"
+COLOR, SHAPE = "color", "shape"
 NO_UNIT = "no unit"
 
 _KNOWN = {field.column: field for field in FIELDS}
@@ -147,23 +147,10 @@ def _shape(file: MeshFile) -> Panel:
 def crease_panel(
     vertices: FloatArray, faces: IntArray, creases: Creases, *, radius: float | None = None, title: str = ""
 ) -> Panel:
-    """A surface with its ridges in red and its ravines in blue, to be drawn by `render_panels`.
+    """A surface (n, 3), (m, 3) with its ridges in red and its ravines in blue, to be drawn by `render_panels`.
 
-    Parameters
-    ----------
-    vertices, faces : (n, 3) float64, (m, 3) int32
-        The surface.
-    creases : Creases
-        Its lines.
-    radius : float, optional
-        Of the tubes, a length; by default a 400th of the diagonal of the bounding box.
-    title : str
-        Text above the picture.
-
-    Raises
-    ------
-    RenderingUnavailableError
-        Pyvista or matplotlib is missing.
+    The lines are tubes of a radius, by default a 400th of the diagonal of the bounding box. A
+    `RenderingUnavailableError` says if pyvista or matplotlib is missing.
     """
     require_libraries()
     import pyvista

@@ -271,8 +271,7 @@ def _pixels(figure: "Figure", style: _Style) -> Image:
     buffer = io.BytesIO()
     figure.savefig(buffer, dpi=_DPI, facecolor=style.background, bbox_inches="tight", pad_inches=0)
     buffer.seek(0)
-    result: Image = np.round(255 * imread(buffer)[..., :3]).astype(np.uint8)
-    return result
+    return np.round(255 * imread(buffer)[..., :3]).astype(np.uint8)
 
 
 def _color_bar(panel: Panel, width: float, style: _Style) -> Image:

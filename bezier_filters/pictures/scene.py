@@ -19,8 +19,7 @@ from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 if TYPE_CHECKING:
     import pyvista
 
-Image: TypeAlias = NDArray[np.uint8]
-"""Pixels (height, width, 3)."""
+Image: TypeAlias = NDArray[np.uint8]  # pixels (height, width, 3)
 
 MARGIN = 4  # pixels around the mesh
 
@@ -192,8 +191,7 @@ def view_axes(view: str, up: str) -> FloatArray:
         local = np.array([right, np.cross(towards, right), towards])
     else:
         local = np.array(_VIEWS[view], dtype=np.float64)
-    result: FloatArray = local @ np.array(_FRONT[up], dtype=np.float64)
-    return result
+    return local @ np.array(_FRONT[up], dtype=np.float64)
 
 
 def view_of(panel: Panel, axes: FloatArray) -> View:
@@ -283,8 +281,7 @@ def _photograph(plotter: Any, view: View, center: FloatArray, scale: float) -> I
     plotter.render()
     large = plotter.screenshot(None, return_img=True)[..., :3]
     blocks = large.reshape(height, _SUPERSAMPLING, width, _SUPERSAMPLING, 3)
-    result: Image = np.round(blocks.mean(axis=(1, 3))).astype(np.uint8)
-    return result
+    return np.asarray(np.round(blocks.mean(axis=(1, 3))).astype(np.uint8))
 
 
 def check_display() -> None:

@@ -6,13 +6,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+# how the names of temporary files begin; one stays behind only where a process is killed outright
 TEMPORARY = ".bezier_filters-"
-"""How the names of temporary files begin; one stays behind only where a process is killed outright."""
 _MARGIN = 1 << 16
 
 
 @contextmanager
-def atomic_write(path: str | os.PathLike[str], *, lasting: bool = True) -> Iterator[Path]:
+def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path whose file replaces `path` when the block succeeds.
 
     The temporary path lies in the same directory, so that the replacement is a single step, and
@@ -21,17 +21,8 @@ def atomic_write(path: str | os.PathLike[str], *, lasting: bool = True) -> Itera
     file gets the usual permissions (umask), a replaced one keeps its own, and a symbolic link
     stays a link.
 
-    Writers that name further files after the first one (OBJ and its MTL) are not covered. What is `lasting` is on the
-    disk at the end, and will be there after a power cut, too.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> target = Path(tempfile.mkdtemp()) / "notes.txt"
-    >>> with atomic_write(target) as temporary:
-    ...     _ = temporary.write_text("whole")
-    >>> target.read_text()
-    'whole'
+    Writers that name further files after the first one (OBJ and its MTL) are not covered. In the end the file is on the
+    disk, and will be there after a power cut, too.
     """
     target = Path(os.path.realpath(path))
     if not target.parent.is_dir():
@@ -41,8 +32,7 @@ def atomic_write(path: str | os.PathLike[str], *, lasting: bool = True) -> Itera
     temporary = target.with_name(f"{TEMPORARY}{uuid.uuid4().hex}{target.suffix}")
     try:
         yield temporary
-        if lasting:
-            _check_room(temporary)
+        _check_room(temporary)
         if target.exists():
             temporary.chmod(target.stat().st_mode)
         os.replace(temporary, target)

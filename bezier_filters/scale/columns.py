@@ -6,18 +6,14 @@ import numpy as np
 
 from bezier_filters.arrays import FloatArray
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.fields import CURVATURE, ESTIMATES, PREFIX, TORSION, Field, fields_of
+from bezier_filters.fields import CURVATURE, ESTIMATES, PREFIX, QUALITY, TORSION, Field, fields_of
 from bezier_filters.scale.array_file import Values
 
-ALL = "all"
-"""Every estimate."""
-QUALITIES = {CURVATURE: "mean", TORSION: "torsion", ALL: "mean"}
-"""What is the quality, if nothing is said."""
+ALL = "all"  # every estimate
+QUALITIES = {CURVATURE: "mean", TORSION: "torsion", ALL: "mean"}  # what is the quality, if nothing is said
+# how far smoothing moved each vertex, and how sharp it kept edges
 DISPLACEMENT, SHARPNESS = PREFIX + "displacement", PREFIX + "sharpness"
-"""How far smoothing moved each vertex, and how sharp it kept edges."""
-QUALITY = "quality"
-CACHED = 1 << 11
-"""Rows that fit into the cache."""
+CACHED = 1 << 11  # rows that fit into the cache
 
 
 def estimated(quantity: str = ALL) -> dict[str, Field]:

@@ -1,8 +1,13 @@
-"""Runs tasks on any of Dask's schedulers. The only module that imports Dask."""
+"""Runs tasks, and whole command lines, on any of Dask's schedulers. The only module that imports Dask."""
 
 import contextlib
+import json
 import logging
-from collections.abc import Callable, Iterator, Sequence
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib import import_module
@@ -10,18 +15,18 @@ from importlib.util import find_spec
 from typing import Any, TypeAlias, TypeVar
 
 from bezier_filters.errors import CancelledError, InvalidParameterError
-from bezier_filters.runtime.parallel import Progress, report
+from bezier_filters.runtime.parallel import THREADS_VARIABLE, Progress, report
+from bezier_filters.runtime.worker_processes import Outcome, last_words
 
+# None, "threads", "processes", "synchronous", an address such as "tcp://host:8786", or a `distributed.Client`
 Scheduler: TypeAlias = Any
-"""None, "threads", "processes", "synchronous", an address such as "tcp://host:8786", or a `distributed.Client`."""
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 LOCAL = ("threads", "processes", "synchronous")
 PIP = 'pip install "bezier-filters[scale]"'
-WITHIN = 4
-"""Tasks per thread of the workers that are handed out ahead, so that none waits for the next one."""
+WITHIN = 4  # tasks per thread of the workers that are handed out ahead, so that none waits for the next one
 
 
 class LostTaskError(RuntimeError):
@@ -142,6 +147,41 @@ def _run_distributed(client: Scheduler, function: Callable[[Task], Result], task
     finally:
         with contextlib.suppress(Exception):  # the cluster may be gone already
             client.cancel(futures)
+
+
+def run_on_scheduler(
+    jobs: Sequence[Sequence[str]], scheduler: Scheduler, *, workers: int
+) -> Generator[tuple[int, Outcome], None, None]:
+    """Run command lines on any of Dask's schedulers; `worker_processes.run_in_processes` for many machines.
+
+    Jobs are arguments of ``bezier-filters``; workers must see the files under the same, absolute, paths. `workers` jobs
+    run at a time if the scheduler is "threads" or "processes". Outcomes come as they finish, after the job's index.
+    """
+    with running(scheduler, workers=workers, memory_limit=None) as cluster:
+        yield from run_tasks(cluster.ready(), run_command_line, list(enumerate(jobs)), workers=workers)
+
+
+def run_command_line(job: tuple[int, Sequence[str]]) -> tuple[int, Outcome]:
+    """What a worker does: a library that aborts on a damaged file, or prints, does it elsewhere."""
+    index, arguments = job
+    start = time.perf_counter()
+    done = subprocess.run(
+        [sys.executable, "-m", "bezier_filters", *arguments, "--json"],
+        capture_output=True,
+        text=True,
+        stdin=subprocess.DEVNULL,
+        env={THREADS_VARIABLE: "1", **os.environ},
+        check=False,
+    )
+    error, result = "", None
+    if done.returncode:
+        said = done.stderr.strip().splitlines()
+        error = (
+            said[-1].removeprefix("bezier-filters: ") if said and done.returncode > 0 else last_words(done.returncode)
+        )
+    else:
+        result = json.loads(done.stdout)
+    return index, Outcome(result, error, time.perf_counter() - start)
 
 
 def _import_distributed() -> Any:

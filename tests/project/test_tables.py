@@ -15,7 +15,7 @@ from bezier_filters.estimation.vertex_geometry import empty_geometry
 from bezier_filters.fields import ESTIMATES, FIELDS, columns, qualities
 from bezier_filters.meshlab.meshset import PercentageValue, PureValue
 from bezier_filters.meshlab.registration import FILTERS
-from bezier_filters.parameters import LENGTH, PARAMETERS, QUALITY
+from bezier_filters.parameters import LENGTH, PARAMETERS, QUALITY_OF
 
 ROOT = Path(__file__).parents[2]
 COMMANDS = {
@@ -92,7 +92,7 @@ def test_fields_of_estimates_are_numbers_of_each_vertex():
 def test_the_readme_names_every_quality():
     rows = re.findall(r"^\| `compute_\w+` \| `(\w+)` \|(.*)$", (ROOT / "README.md").read_text("utf-8"), re.MULTILINE)
     for name, row in rows:
-        if name in QUALITY:
+        if name in QUALITY_OF:
             assert all(re.search(rf"\b{word}\b", row) for word in qualities(name))
 
 
@@ -108,7 +108,7 @@ import pymeshlab
 import typer
 import bezier_filters as bf
 from bezier_filters.cli.commands import app
-from bezier_filters.parameters import QUALITY
+from bezier_filters.parameters import QUALITY_OF
 from bezier_filters.pictures.field_panels import read_mesh_file
 
 curvature = bf.compute_curvature_by_bezier_patch_per_vertex
