@@ -11,5 +11,4 @@ RealArray: TypeAlias = NDArray[np.float64] | NDArray[np.float32]
 IntArray: TypeAlias = NDArray[np.int32]
 ByteArray: TypeAlias = NDArray[np.int8]
 BoolArray: TypeAlias = NDArray[np.bool_]
-Report: TypeAlias = dict[str, Any]
-"""What a filter tells, by name: plain values that can be written as JSON."""
+Report: TypeAlias = dict[str, Any]  # what a filter tells, by name: plain values that can be written as JSON

@@ -64,8 +64,7 @@ class PrincipalCurvatures:
 def unit_normals(du: FloatArray, dv: FloatArray) -> FloatArray:
     """Unit normals B_u x B_v / |B_u x B_v|, shape (n, 3)."""
     normal = np.cross(du, dv)
-    unit: FloatArray = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
-    return unit
+    return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True))
 
 
 def fundamental_forms(
@@ -131,8 +130,7 @@ def principal_curvatures_of(
 
 
 def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    product: FloatArray = np.einsum("...k,...k->...", a, b)
-    return product
+    return np.asarray(np.einsum("...k,...k->...", a, b))
 
 
 def _metric_determinant(forms: FundamentalForms) -> FloatArray:

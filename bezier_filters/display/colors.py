@@ -13,8 +13,7 @@ from bezier_filters.errors import InvalidParameterError
 if TYPE_CHECKING:
     from matplotlib.colors import Colormap
 
-AUTO = "auto"
-"""Stands for `default_colormap`."""
+AUTO = "auto"  # stands for `default_colormap`
 
 _RESOLUTION = 1e-6  # relative; pymeshlab keeps the ends of the range in single precision
 _TINY = 1e-290  # taken for 0, so that steps between the ends do not underflow
@@ -25,30 +24,10 @@ def color_range(
 ) -> tuple[float, float]:
     """Values of the lowest and highest colour that a few extreme values do not spoil.
 
-    Parameters
-    ----------
-    values : (n,) float64
-        Field; values that are not finite are ignored.
-    signed : bool
-        Make the range symmetric about 0, so that the middle colour means zero.
-    percentile : float
-        Percentage of the values that may lie beyond each end, in [0, 50).
-    mask : (n,) bool, optional
-        Which values count, for example those that were estimated.
+    Of the values (n,), those count that are finite and in the mask (n,), and a percentage, in [0, 50), may lie beyond
+    each end. Signed fields get a range that is symmetric about 0, so that the middle colour means zero. If all values
+    agree in six digits, the range is a small one around them; it is (-1, 1) if there are none or all are 0.
 
-    Returns
-    -------
-    low, high : float
-        ``low < high``, in the unit of the values. A small range around the value if all agree in six
-        digits; (-1, 1) if there is no value or all are 0.
-
-    Raises
-    ------
-    InvalidParameterError
-        If `percentile` is out of range.
-
-    Examples
-    --------
     >>> color_range(np.array([0.0, 1.0, 2.0, 3.0, 1000.0]), signed=False, percentile=25)
     (1.0, 3.0)
     >>> color_range(np.array([-1.0, 0.0, 2.0]), signed=True, percentile=0)
@@ -101,11 +80,11 @@ class Palette:
     colors: tuple[tuple[float, float, float], ...]
 
 
+# blue below zero, light grey at zero, red above: told apart with any kind of colour vision, and in every shadow
 COOL_WARM = Palette("Cool Warm", ((0.23, 0.30, 0.75), (0.90, 0.90, 0.90), (0.75, 0.02, 0.15)))
-"""Blue below zero, light grey at zero, red above: told apart with any kind of colour vision, and in every shadow."""
 
+# of the torsion in Li, Barsky, Jin (2009): red is high, blue medium, green low. Not for red-green colour blindness.
 PAPER = Palette("Paper", ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
-"""Of the torsion in Li, Barsky, Jin (2009): red is high, blue medium, green low. Not for red-green colour blindness."""
 
 PALETTES = (COOL_WARM, PAPER)
 

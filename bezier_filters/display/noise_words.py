@@ -1,7 +1,6 @@
 """The noise of a mesh in words."""
 
-SMALLEST = 1e-4
-"""Times the mean edge: what is less cannot be told from the shape."""
+SMALLEST = 1e-4  # times the mean edge: what is less cannot be told from the shape
 
 
 def noise_level(sigma: float | None, edge: float | None = None) -> str:

@@ -39,5 +39,5 @@ def _paper(task: FillTask) -> Iterator[Attempt]:
     yield from smooth_attempts(task.region, task.normals, noisy=task.noisy, threads=task.threads)
 
 
+# what each one tries, the best first: the first fill that cuts nothing is taken
 FILL_METHODS: dict[FillingMethod, Callable[[FillTask], Iterator[Attempt]]] = {"auto": _automatic, "paper": _paper}
-"""What each one tries, the best first: the first fill that cuts nothing is taken."""

@@ -21,8 +21,7 @@ from bezier_filters.meshes.half_edges import faces_at_edges
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.self_intersections import cut_faces, meeting_box
 
-BULGE = 0.5
-"""Times the diameter of a hole: how far its fill may leave the bounding box of the rim."""
+BULGE = 0.5  # times the diameter of a hole: how far its fill may leave the bounding box of the rim
 
 
 @dataclass(frozen=True)
@@ -81,8 +80,6 @@ def groups_of_boxes(boxes: FloatArray) -> list[IntArray]:
 
     Fills of holes whose boxes do not meet do not depend on each other.
 
-    Examples
-    --------
     >>> [group.tolist() for group in groups_of_boxes(np.array([[[0.0], [1.0]], [[5.0], [6.0]], [[1.0], [2.0]]]))]
     [[0, 2], [1]]
     """
@@ -136,7 +133,8 @@ def _first_without_cuts(
     meeting = [
         faces for k, faces in earlier.items() if (task.boxes[k, 0] <= high).all() and (task.boxes[k, 1] >= low).all()
     ]
-    obstacles = [_faces_of_mesh(task.mesh, task.near.row(number)), *meeting]
+    ids = task.mesh.faces[task.near.row(number)].ravel()
+    of_mesh = FaceSet(ids, task.mesh.vertices[ids], np.arange(len(ids), dtype=np.int32).reshape(-1, 3))
     best = FilledHole()
     reasons: list[str] = []
     for attempt in attempts:
@@ -145,7 +143,7 @@ def _first_without_cuts(
             placed = _placed(attempt.fill, region, next_vertex)
             problem = _problem_with(placed, low, high)
             if not problem:
-                cuts = _count_cuts(placed, obstacles)
+                cuts = _count_cuts(placed, [of_mesh, *meeting])
                 if best.attempt is None or cuts < best.cuts:  # of equals the earlier: methods come best first
                     error = float(np.abs(placed.points[: region.rim_count] - region.rim_vertices).max())
                     best = FilledHole(attempt, placed, next_vertex, cuts, rim_error=error)
@@ -155,11 +153,6 @@ def _first_without_cuts(
         reasons.append(f"{attempt.method}: {problem}")
     angle = _rim_dihedral(best.attempt.fill, region) if best.attempt and best.attempt.fill else 0.0
     return replace(best, reason="; ".join(dict.fromkeys(reasons)), rim_dihedral=angle)
-
-
-def _faces_of_mesh(mesh: TriangleMesh, face_ids: IntArray) -> FaceSet:
-    ids = mesh.faces[face_ids].ravel()
-    return FaceSet(ids, mesh.vertices[ids], np.arange(len(ids), dtype=np.int32).reshape(-1, 3))
 
 
 def _placed(fill: Fill, region: InfluenceRegion, next_vertex: int) -> FaceSet:

@@ -14,10 +14,9 @@ from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.half_edges import border_half_edges, cycles
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection
 
+# a loop that turns towards its surface by more than this is an outer rim: half-way from a tube to a flat disk
 RIM_TURNING = pi
-"""A loop that turns towards its surface by more than this is an outer rim: half-way from a tube to a flat disk."""
-ISLAND_HEIGHT = 0.25
-"""Times the diameter of a hole: how far from its plane an island may lie."""
+ISLAND_HEIGHT = 0.25  # times the diameter of a hole: how far from its plane an island may lie
 
 
 @dataclass(frozen=True)
@@ -56,16 +55,6 @@ def find_holes(mesh: TriangleMesh, adjacency: Adjacency) -> list[Hole]:
     within a hole, near its plane and with the same side up, is an island of that hole; its rim is not listed by
     itself. If it touches the rim at a vertex, both are one loop, which passes that vertex twice. Raises an
     InvalidMeshError if an edge at a hole has more than two faces, or two that run through it the same way.
-
-    Examples
-    --------
-    >>> from bezier_filters.meshes.adjacency import vertex_adjacency
-    >>> from bezier_filters.surfaces import punched_patch
-    >>> from bezier_filters.meshes.mesh import triangle_mesh
-    >>> sheet = punched_patch()
-    >>> mesh = triangle_mesh(sheet.vertices, sheet.faces)
-    >>> [hole.is_outer_rim for hole in find_holes(mesh, vertex_adjacency(mesh))]
-    [True, False, False, False]
     """
     holes = []
     for loop, gaps in _loops_around_gaps(mesh, adjacency):
@@ -82,8 +71,6 @@ def find_holes(mesh: TriangleMesh, adjacency: Adjacency) -> list[Hole]:
 def simple_loops(loop: IntArray) -> list[IntArray]:
     """Cut a closed loop at the vertices that it passes more than once.
 
-    Examples
-    --------
     >>> [part.tolist() for part in simple_loops(np.array([0, 1, 2, 0, 3, 4], dtype=np.int32))]
     [[0, 1, 2], [0, 3, 4]]
     """

@@ -8,7 +8,8 @@ from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.display.html_tables import html_table
-from bezier_filters.errors import InvalidParameterError, is_real
+from bezier_filters.errors import InvalidParameterError
+from bezier_filters.estimation.fit_options import check_noise
 from bezier_filters.holes.fill_methods import FILL_METHODS, FillingMethod
 from bezier_filters.holes.fill_placement import FaceSet, FilledHole, OpenMesh, fill_group, groups_of_boxes, hole_box
 from bezier_filters.holes.hole_detection import HoleChoice, find_holes
@@ -222,8 +223,7 @@ def fill_holes(
     mesh = triangle_mesh(vertices, faces)
     if method not in FILL_METHODS:
         raise InvalidParameterError(f"method: got {method!r}, expected one of {tuple(FILL_METHODS)}")
-    if noise is not None and not (is_real(noise) and 0.0 <= noise < np.inf):
-        raise InvalidParameterError(f"noise: got {noise!r}, expected a length of 0 or more, or None")
+    check_noise(noise)
     PatchFit(alpha=alpha)
     choice = HoleChoice(max_edges, max_perimeter, max_diameter, holes, selected, outer_rims)
     threads = thread_count(threads)

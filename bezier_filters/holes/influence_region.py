@@ -17,16 +17,13 @@ from bezier_filters.meshes.neighbourhoods import rings_around
 from bezier_filters.meshes.triangles import angle_parts, edge_length
 from bezier_filters.runtime.jit import jit
 
-RINGS = 5
-"""Around a hole, from which its fill follows."""
+RINGS = 5  # around a hole, from which its fill follows
+# of an edge, from which on points are fitted rather than interpolated: face normals are some 4 degrees off then
 NOISE = 0.05
-"""Of an edge, from which on points are fitted rather than interpolated: face normals are some 4 degrees off then."""
+# points that a surface is fitted to, by the number of edges of the rim
 POINTS_PER_EDGE, FEWEST_POINTS, MOST_POINTS = 3, 60, 300
-"""Points that a surface is fitted to, by the number of edges of the rim."""
-NOISY_POINTS = 350
-"""The same for any rim on noisy meshes, where more points tell more."""
-NEAR = 0.75
-"""Share of these that the rim and the first ring may take."""
+NOISY_POINTS = 350  # the same for any rim on noisy meshes, where more points tell more
+NEAR = 0.75  # share of these that the rim and the first ring may take
 
 
 @dataclass(frozen=True)
@@ -117,21 +114,7 @@ class InfluenceRegion:
 def influence_region(
     mesh: TriangleMesh, adjacency: Adjacency, loops: tuple[IntArray, ...], rings: int = RINGS
 ) -> InfluenceRegion:
-    """Collect some rings, one or more, around loops of vertices.
-
-    Examples
-    --------
-    >>> from bezier_filters.meshes.adjacency import vertex_adjacency
-    >>> from bezier_filters.meshes.mesh import triangle_mesh
-    >>> from bezier_filters.surfaces import cylinder
-    >>> tube = cylinder()
-    >>> mesh = triangle_mesh(tube.vertices, tube.faces)
-    >>> adjacency = vertex_adjacency(mesh)
-    >>> end = np.flatnonzero(adjacency.on_boundary & (mesh.vertices[:, 2] > 0.0))
-    >>> region = influence_region(mesh, adjacency, (end,), 2)
-    >>> region.rings.max(), region.rim_count == len(end)
-    (np.int32(2), True)
-    """
+    """Collect some rings, one or more, around loops of vertices."""
     levels = rings_around(adjacency.vertices, np.unique(np.concatenate(loops)), rings)
     ids = np.concatenate(levels)
     ring = np.repeat(np.arange(len(levels), dtype=np.int32), [len(level) for level in levels])
@@ -211,8 +194,6 @@ def farthest_points(points: FloatArray, near: IntArray, most: int) -> IntArray:
     The nearest points settle how the fill joins, the others how the surface curves. Each further point is the one that
     is farthest from those taken before, so that the choice follows from where the points are, not from their order.
 
-    Examples
-    --------
     >>> line = np.arange(6.0)[:, np.newaxis] * [1.0, 0.0, 0.0]
     >>> farthest_points(line, np.array([0, 1], dtype=np.int32), 3)
     array([0, 1, 5], dtype=int32)

@@ -16,27 +16,21 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.triangles import area_vector
 from bezier_filters.runtime.jit import inner_jit, jit
 
-DISTANCES_AT_ONCE = 512
-"""Points whose distances to all others are computed together."""
-LARGEST_EXACT = 160
-"""Most vertices of a loop that is triangulated in cubic time."""
-WIDEST_EAR = 1.1 * pi
-"""Angle of the hole at a vertex from which on the vertex is no ear."""
-STEPS = 1e6
-"""In which 1 - cos of an angle is counted."""
+DISTANCES_AT_ONCE = 512  # points whose distances to all others are computed together
+LARGEST_EXACT = 160  # most vertices of a loop that is triangulated in cubic time
+WIDEST_EAR = 1.1 * pi  # angle of the hole at a vertex from which on the vertex is no ear
+STEPS = 1e6  # in which 1 - cos of an angle is counted
 
 
 def vector_area(loop: FloatArray) -> FloatArray:
     """Vector area of a closed polygon (k, 3): the normal by the right-hand rule, as long as the area, shape (3,)."""
     centred = loop - loop.mean(axis=0)
-    result: FloatArray = 0.5 * np.cross(centred, np.roll(centred, -1, axis=0)).sum(axis=0)
-    return result
+    return np.asarray(0.5 * np.cross(centred, np.roll(centred, -1, axis=0)).sum(axis=0))
 
 
 def edge_lengths(loop: FloatArray) -> FloatArray:
     """Lengths of the edges of a closed polygon (k, 3); edge i begins at point i, shape (k,)."""
-    result: FloatArray = np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1)
-    return result
+    return np.asarray(np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1))
 
 
 def diameter(points: FloatArray) -> float:
@@ -48,8 +42,6 @@ def diameter(points: FloatArray) -> float:
 def plane_axes(normal: FloatArray) -> FloatArray:
     """Right-handed orthonormal frame whose third row points along a vector that is not zero, shape (3, 3).
 
-    Examples
-    --------
     >>> bool(np.allclose(plane_axes(np.array([0.0, 0.0, 2.0]))[2], [0, 0, 1]))
     True
     """
@@ -69,8 +61,6 @@ def corner_angles(tips: FloatArray, lefts: FloatArray, rights: FloatArray) -> Fl
 def enclosed(points: FloatArray, polygon: FloatArray) -> BoolArray:
     """Whether points (n, 2) lie inside a closed polygon (k, 2), by the parity of crossings.
 
-    Examples
-    --------
     >>> square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     >>> enclosed(np.array([[0.5, 0.5], [1.5, 0.5]]), square).tolist()
     [True, False]
@@ -81,15 +71,12 @@ def enclosed(points: FloatArray, polygon: FloatArray) -> BoolArray:
     spans = (polygon[:, 1] <= y) != (following[:, 1] <= y)
     along = np.divide(y - polygon[:, 1], rise, out=np.zeros(spans.shape), where=rise != 0.0)
     crossing = polygon[:, 0] + along * (following[:, 0] - polygon[:, 0])
-    result: BoolArray = np.count_nonzero(spans & (x < crossing), axis=1) % 2 == 1
-    return result
+    return np.asarray(np.count_nonzero(spans & (x < crossing), axis=1) % 2 == 1)
 
 
 def is_simple(polygon: FloatArray) -> bool:
     """Whether no two edges of a closed polygon (k, 2) cross or overlap, and none has length zero.
 
-    Examples
-    --------
     >>> is_simple(np.array([[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]]))
     False
     """
@@ -126,8 +113,6 @@ def triangulate_loop(
     reaches islands over bridges names the ends of the bridges twice, by `ids` (k,). Pairs of ids that exist, the
     smaller first, are not joined again: None if every triangulation would, otherwise triangles of ids (k - 2, 3).
 
-    Examples
-    --------
     >>> square = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
     >>> flat = np.tile([0.0, 0.0, 1.0], (4, 1))
     >>> triangulate_loop(square, np.arange(4), flat, np.full(4, pi / 2), {(0, 2)}).tolist()

@@ -18,12 +18,9 @@ from bezier_filters.holes.polyharmonic_fairing import harmonic_displacement
 from bezier_filters.holes.refinement import Fill, flip_edges, refine
 from bezier_filters.patches.fitting import PatchFit, fit_patch
 
-FLATTEST = 1e-12
-"""Area of a triangle, over the square of an edge, that rounding may make of none."""
-INFLUENCE = 2
-"""Rings around the hole that the paper's patch is fitted to; with too few points, all that are at hand."""
-PLENTY = 32
-"""Points: twice as many as control points."""
+FLATTEST = 1e-12  # area of a triangle, over the square of an edge, that rounding may make of none
+INFLUENCE = 2  # rings around the hole that the paper's patch is fitted to; with too few points, all that are at hand
+PLENTY = 32  # points: twice as many as control points
 
 
 def paper_fill(region: InfluenceRegion, alpha: float) -> Fill | str:
@@ -116,5 +113,4 @@ def _upright(flat: FloatArray, faces: IntArray) -> BoolArray:
     """Which triangles in the plane are not turned over."""
     a, b, c = (flat[faces[:, k], :2] for k in range(3))
     u, v = b - a, c - a
-    result: BoolArray = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] > -FLATTEST * np.square(u).sum(axis=1)
-    return result
+    return np.asarray(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] > -FLATTEST * np.square(u).sum(axis=1))

@@ -16,10 +16,9 @@ from bezier_filters.runtime.jit import jit
 
 Matrix: TypeAlias = FloatArray | csr_matrix
 
-MOST_DENSE = 300
-"""Vertices up to which matrices are dense."""
+MOST_DENSE = 300  # vertices up to which matrices are dense
+# bounds of the weights: slivers do not rule, and there is always one solution, as all are positive
 LEAST_COTANGENT, LARGEST_COTANGENT = 0.02, 5.0
-"""Bounds of the weights: slivers do not rule, and there is always one solution, as all are positive."""
 
 
 def polyharmonic_fairing(points: FloatArray, faces: IntArray, first: int, order: int) -> FloatArray:
@@ -27,13 +26,6 @@ def polyharmonic_fairing(points: FloatArray, faces: IntArray, first: int, order:
 
     Vertices (n, 3) of the fill and `order` rings around it, and the faces (m, 3) of both: all from `first` on move.
     The power, 1, 2 or 3, is the order; with 1 the fill has the least area, as a soap film does.
-
-    Examples
-    --------
-    >>> hub = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 5.0]])
-    >>> wheel = np.array([[4, 0, 1], [4, 1, 2], [4, 2, 3], [4, 3, 0]], dtype=np.int32)
-    >>> bool(np.allclose(polyharmonic_fairing(hub, wheel, 4, 1)[4], 0.0))
-    True
     """
     if first == len(points):
         return points.copy()

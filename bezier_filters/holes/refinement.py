@@ -15,16 +15,14 @@ from bezier_filters.meshes.half_edges import face_neighbours
 from bezier_filters.meshes.triangles import angle_parts, area_vector, cosine_between, has_corner
 from bezier_filters.runtime.jit import inner_jit, jit
 
+# triangles are split while their centroid is farther from their corners than the wanted edge length over this
 DENSITY = float(np.sqrt(2.0))
-"""Triangles are split while their centroid is farther from their corners than the wanted edge length over this."""
+# of a fill, and twice the square of its rim's number of edges, some twelve times as many as a round hole needs: where
+# a rim has edges of very different lengths, triangles stay larger than they would be
 FEW_FACES = 2_000
-"""Of a fill, and twice the square of its rim's number of edges, some twelve times as many as a round hole needs:
-where a rim has edges of very different lengths, triangles stay larger than they would be."""
 MOST_PASSES = 60
-GROWTH = 9
-"""Rows that there is room for, in faces of a fill, before its arrays are made longer."""
-MOST_FLIPS = 30
-"""Passes over all edges."""
+GROWTH = 9  # rows that there is room for, in faces of a fill, before its arrays are made longer
+MOST_FLIPS = 30  # passes over all edges
 
 Values = TypeVar("Values", FloatArray, IntArray)
 

@@ -8,8 +8,7 @@ from scipy.linalg.lapack import dgeqrf, dpotrf
 from bezier_filters.arrays import FloatArray
 from bezier_filters.runtime.jit import jit
 
-TERMS = 10
-"""Of a quadratic."""
+TERMS = 10  # of a quadratic
 FAST = {"contract", "reassoc", "nsz", "arcp"}
 
 

@@ -13,14 +13,11 @@ from bezier_filters.holes.loops import triangulate_loop
 from bezier_filters.holes.polyharmonic_fairing import harmonic_displacement, polyharmonic_fairing
 from bezier_filters.holes.refinement import Fill, flip_edges, refine, relax_tangentially
 
-FEWEST_POINTS = 16
-"""With known normals, for a surface."""
-MOST_AT_ONCE = 200
-"""Edges of a rim up to which the fill is faired at its final resolution."""
+FEWEST_POINTS = 16  # with known normals, for a surface
+MOST_AT_ONCE = 200  # edges of a rim up to which the fill is faired at its final resolution
+# of an edge, between rim and surface, that is worth a shift: less turns no face by more than that angle
 SMALLEST_GAP = 1e-4
-"""Of an edge, between rim and surface, that is worth a shift: less turns no face by more than that angle."""
-ROUNDS = 3
-"""Of flips and relaxation on the surface."""
+ROUNDS = 3  # of flips and relaxation on the surface
 
 
 @dataclass(frozen=True)

@@ -46,8 +46,6 @@ def half_edge(faces: IntArray, first: IntArray, following: IntArray, start: int,
 def faces_at_edges(faces: IntArray, starts: IntArray, ends: IntArray) -> IntArray:
     """Which of some faces (m, 3) runs along each edge from start to end, -1 if none does, (k,).
 
-    Examples
-    --------
     >>> faces = np.array([[0, 1, 2], [2, 1, 3]], dtype=np.int32)
     >>> faces_at_edges(faces, np.array([2, 1, 1], dtype=np.int32), np.array([1, 2, 0], dtype=np.int32))
     array([ 1,  0, -1], dtype=int32)

@@ -15,10 +15,10 @@ from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 
+# what meshes of pymeshlab, pyvista and trimesh have, and arrays do not
 _OF_MESHES = ("current_mesh", "vertex_matrix", "points", "vertices")
-"""What meshes of pymeshlab, pyvista and trimesh have, and arrays do not."""
+# sizes of the largest coordinate between which fourth powers of lengths and curvatures are floating point numbers
 SMALLEST, LARGEST = 1e-40, 1e40
-"""Sizes of the largest coordinate between which fourth powers of lengths and curvatures are floating point numbers."""
 
 
 @dataclass(frozen=True)

@@ -43,8 +43,6 @@ def k_rings(adjacency: Adjacency, rings: int) -> Rows:
 def rings_around(neighbours: Rows, seeds: IntArray, rings: int) -> list[IntArray]:
     """Some vertices, those one edge away, and so on: each ring in the order in which it is met from the one before.
 
-    Examples
-    --------
     >>> path = Rows(np.array([0, 1, 3, 4], np.int32), np.array([1, 0, 2, 1], np.int32))
     >>> [ring.tolist() for ring in rings_around(path, np.array([0], np.int32), 2)]
     [[0], [1], [2]]

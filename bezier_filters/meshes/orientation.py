@@ -8,8 +8,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, mini
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.meshes.adjacency import Rows
 
-SHEET = 0.5
-"""Length of the mean normal from which on a cloud is a sheet seen from one side, not a body."""
+SHEET = 0.5  # length of the mean normal from which on a cloud is a sheet seen from one side, not a body
 
 
 def orient_normals(
@@ -26,8 +25,6 @@ def orient_normals(
 
     The neighbour graph is symmetric; `given` (n, 3) are vectors that tell the outside where they are not zero.
 
-    Examples
-    --------
     >>> points = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
     >>> path = Rows(np.array([0, 1, 3, 4], np.int32), np.array([1, 0, 2, 1], np.int32))
     >>> orient_normals(points, np.array([[0.0, 0, -1], [0, 0, 1], [0, 0, -1]]), path)[:, 2]
@@ -49,8 +46,7 @@ def orient_normals(
     normals = normals * _spread_signs(normals, *_walk(tree, parts, part_of))[:, np.newaxis]
     areas = np.bincount(start, weights=squares, minlength=n) / np.maximum(neighbours.lengths, 1)
     outward = _outward(points, normals, areas, parts, part_of, np.zeros_like(points) if given is None else given)
-    result: FloatArray = normals * outward[part_of][:, np.newaxis]
-    return result
+    return np.asarray(normals * outward[part_of][:, np.newaxis])
 
 
 def _walk(tree: coo_array, parts: int, part_of: IntArray) -> tuple[IntArray, IntArray]:

@@ -9,23 +9,13 @@ from bezier_filters.meshes.adjacency import Rows
 from bezier_filters.meshes.triangles import area_vector, cosine_between, has_corner
 from bezier_filters.runtime.jit import inner_jit, jit
 
-FEWEST_CELLS, MOST_CELLS = 4, 128
-"""Per axis, in which boxes are looked up."""
-FEW_PAIRS = 100_000
-"""Of faces, up to which the boxes of all are compared."""
-FOLDED = -0.9999
-"""Cosine of the angle between two faces on one edge from which down they lie on each other."""
+FEWEST_CELLS, MOST_CELLS = 4, 128  # per axis, in which boxes are looked up
+FEW_PAIRS = 100_000  # of faces, up to which the boxes of all are compared
+FOLDED = -0.9999  # cosine of the angle between two faces on one edge from which down they lie on each other
 
 
 def faces_in_boxes(vertices: FloatArray, faces: IntArray, low: FloatArray, high: FloatArray) -> Rows:
-    """Faces whose bounding box meets each of some boxes between corners (b, 3): rows of ascending indices.
-
-    Examples
-    --------
-    >>> corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    >>> faces_in_boxes(corners, np.array([[0, 1, 2]], dtype=np.int32), np.full((1, 3), 0.4), np.ones((1, 3))).lengths
-    array([0], dtype=int32)
-    """
+    """Faces whose bounding box meets each of some boxes between corners (b, 3): rows of ascending indices."""
     count, found = len(low), np.empty(0, dtype=np.int32)
     if count == 0 or len(faces) == 0:
         return Rows(np.zeros(count + 1, dtype=np.int32), found)
@@ -151,8 +141,6 @@ def cut_faces(vertices: FloatArray, faces: IntArray, new: int) -> BoolArray:
 
     Faces that only touch do not cut.
 
-    Examples
-    --------
     >>> points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, -1], [0.2, 0.2, 1], [2, 2, 0]])
     >>> cut_faces(points, np.array([[0, 1, 2], [3, 4, 5]], dtype=np.int32), 1)
     array([ True])

@@ -14,10 +14,8 @@ from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import run_kernel
 
-PER_CELL = 32
-"""Vertices of a closed surface in a cell of the grid, roughly."""
-MOST_BITS = 8
-"""Of the number of cells along an axis."""
+PER_CELL = 32  # vertices of a closed surface in a cell of the grid, roughly
+MOST_BITS = 8  # of the number of cells along an axis
 
 
 @dataclass(frozen=True)
@@ -59,15 +57,6 @@ def in_spatial_order(mesh: TriangleMesh, *, threads: int = 1) -> SpatialOrder:
     """Renumber vertices, and sort faces alike.
 
     Vertices of one cell keep their order.
-
-    Examples
-    --------
-    >>> from bezier_filters.meshes.mesh import triangle_mesh
-    >>> from bezier_filters.surfaces import sphere
-    >>> ball = triangle_mesh(sphere().vertices, sphere().faces)
-    >>> ordered = in_spatial_order(ball)
-    >>> bool((ordered.mesh.vertices == ball.vertices[ordered.order]).all())
-    True
     """
     n, m = mesh.vertex_count, mesh.face_count
     low, high = np.full(3, np.inf), np.full(3, -np.inf)

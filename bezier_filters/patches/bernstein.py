@@ -14,8 +14,6 @@ from bezier_filters.arrays import FloatArray
 def bernstein_basis(t: FloatArray, degree: int, order: int = 0) -> FloatArray:
     """Bernstein polynomials B_0 .. B_degree, or derivatives of some order, at any real parameters, (..., degree + 1).
 
-    Examples
-    --------
     >>> bernstein_basis(np.array(0.5), 2)
     array([0.25, 0.5 , 0.25])
     """

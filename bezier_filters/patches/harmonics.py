@@ -14,8 +14,7 @@ import numpy as np
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.patches.polynomials import total_degree_space
 
-HIGHEST_DEGREE = 8
-"""Degrees of the model; those that a fit leaves out are its bias."""
+HIGHEST_DEGREE = 8  # degrees of the model; those that a fit leaves out are its bias
 
 
 @dataclass(frozen=True)

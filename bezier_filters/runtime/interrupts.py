@@ -12,17 +12,6 @@ def interrupts_held() -> Iterator[None]:
     """Let signals with handlers in Python, such as that of Ctrl-C, wait until the block is done.
 
     In other threads than the main one nothing has to be done: handlers do not run there.
-
-    Examples
-    --------
-    >>> done = False
-    >>> try:
-    ...     with interrupts_held():
-    ...         signal.raise_signal(signal.SIGINT)
-    ...         done = True
-    ... except KeyboardInterrupt:
-    ...     print(done)
-    True
     """
     if threading.current_thread() is not threading.main_thread():
         yield

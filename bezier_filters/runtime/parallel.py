@@ -13,11 +13,10 @@ from numbers import Integral
 
 from bezier_filters.errors import CancelledError, InvalidParameterError
 
+# ``progress(done, total)`` is called now and then; returning False cancels
 Progress = Callable[[int, int], bool | None]
-"""``progress(done, total)`` is called now and then; returning False cancels."""
 
-RangeTask = Callable[[int, int], object]
-"""``task(start, stop)`` computes a range of vertices."""
+RangeTask = Callable[[int, int], object]  # ``task(start, stop)`` computes a range of vertices
 
 THREADS_VARIABLE = "BEZIER_FILTERS_THREADS"
 CHUNK = 4096

@@ -21,15 +21,13 @@ try:
 except ImportError:  # Windows
     resource = None  # type: ignore[assignment]
 
-FAILED = 2
-"""Exit status of work that failed, or whose process was ended by a signal that nobody sent."""
-ALLOWANCE = 1 << 30
-"""Bytes that reading a file of any size may take,"""
+FAILED = 2  # exit status of work that failed, or whose process was ended by a signal that nobody sent
+ALLOWANCE = 1 << 30  # bytes that reading a file of any size may take,
+# and for each byte of the file: a vertex of ten characters takes some five hundred as part of a mesh with everything,
+# and compressed files unfold ten times
 PER_BYTE = 500
-"""and for each byte of the file: a vertex of ten characters takes some five hundred as part of a mesh with
-everything, and compressed files unfold ten times."""
+# variable with the id of the process that waits, which a child takes out of its environment at once
 _PARENT = "BEZIER_FILTERS_PARENT"
-"""Variable with the id of the process that waits, which a child takes out of its environment at once."""
 _FORWARDED = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 _WINDOWS_ERRORS = 0xC0000000  # and above: what Windows ends processes with
 
@@ -151,8 +149,6 @@ def end_of(status: int, notes: bytes) -> tuple[int, str]:
 def crash_message(status: int, activity: str = "") -> str:
     """Say in plain words that a process was ended, with this exit status, and what may help.
 
-    Examples
-    --------
     >>> crash_message(-signal.SIGSEGV, "reading scan.obj")  # doctest: +ELLIPSIS
     'crashed (SIGSEGV) while reading scan.obj: the file is damaged in a way that its reader does not notice; ...'
     """

@@ -17,8 +17,7 @@ from bezier_filters.runtime.supervision import crash_message, this_process_is_ex
 Job = TypeVar("Job")
 
 _SPAWN = multiprocessing.get_context("spawn")  # a forked copy of threads and compiled kernels may hang
-_PATIENCE = 10.0
-"""Seconds that a worker has to remove its temporary files."""
+_PATIENCE = 10.0  # seconds that a worker has to remove its temporary files
 
 
 @dataclass(frozen=True)
@@ -41,8 +40,6 @@ def run_in_processes(
     A worker that dies, for example because a library aborts on a damaged file, is replaced. When the iterator is
     closed or an exception such as KeyboardInterrupt goes through it, the workers are ended.
 
-    Examples
-    --------
     >>> outcomes = dict(run_in_processes(abs, [-1, "x"], processes=1))
     >>> outcomes[0].result, outcomes[1].error
     (1, "bad operand type for abs(): 'str'")

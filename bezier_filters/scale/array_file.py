@@ -14,8 +14,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from bezier_filters.errors import FieldFileError
 
-Values: TypeAlias = NDArray[Any]
-"""Rows of a table: (k,) if there is one column, else (k, columns)."""
+Values: TypeAlias = NDArray[Any]  # rows of a table: (k,) if there is one column, else (k, columns)
 DType: TypeAlias = np.dtype[Any]
 
 

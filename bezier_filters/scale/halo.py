@@ -15,10 +15,8 @@ from bezier_filters.scale.store import Store
 
 AnyRows = TypeVar("AnyRows", FloatArray, IntArray)
 
-FAR = 2**31 - 1
-"""Ring of what was not reached: no number of rings comes near it."""
-GROUP = 16
-"""Vertices whose surroundings are read together, so that few blocks are held."""
+FAR = 2**31 - 1  # ring of what was not reached: no number of rings comes near it
+GROUP = 16  # vertices whose surroundings are read together, so that few blocks are held
 
 
 @dataclass(frozen=True)
@@ -47,8 +45,7 @@ class TilePart:
     def faces_of_tile(self) -> BoolArray:
         """Faces whose first corner belongs to the tile, (m,): every face of a mesh belongs to one tile."""
         first = self.mesh.faces[:, 0]
-        result: BoolArray = (first >= self.own.start) & (first < self.own.stop)
-        return result
+        return np.asarray((first >= self.own.start) & (first < self.own.stop))
 
 
 def tile_part(store: Store, tile: int, rings: int) -> TilePart:
@@ -122,8 +119,7 @@ class _Loaded:
 
     def places(self, ids: IntArray) -> IntArray:
         """Where vertices are in the arrays."""
-        result: IntArray = (self.slots[ids >> self.bits] << self.bits) + (ids & (1 << self.bits) - 1)
-        return result
+        return np.asarray((self.slots[ids >> self.bits] << self.bits) + (ids & (1 << self.bits) - 1))
 
     def load(self, blocks: IntArray, *, with_faces: bool) -> None:
         """Read blocks that are not there yet."""

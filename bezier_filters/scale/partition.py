@@ -31,10 +31,8 @@ from bezier_filters.scale.store import (
     write_manifest,
 )
 
-ROWS = 1 << 20
-"""Vertices or faces that are held at a time."""
-LARGEST_BLOCK_BITS = 10
-"""Of the number of vertices in a block: sampled neighbourhoods and halos read whole blocks."""
+ROWS = 1 << 20  # vertices or faces that are held at a time
+LARGEST_BLOCK_BITS = 10  # of the number of vertices in a block: sampled neighbourhoods and halos read whole blocks
 
 
 def build_store(

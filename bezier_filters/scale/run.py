@@ -28,15 +28,14 @@ from bezier_filters.scale.store import Store, is_store, open_store
 from bezier_filters.scale.target import write_joined
 from bezier_filters.scale.tiles import DamagedTileError, Tile, TileReport, open_tile, remove_tile, write_tile
 
-TILE_VERTICES = 1 << 19
-"""Of a tile, if there is memory for it: larger ones have hardly less around them."""
+TILE_VERTICES = 1 << 19  # of a tile, if there is memory for it: larger ones have hardly less around them
 SMALLEST_TILE = 1 << 8
+# what a tile takes at most with what surrounds it, and a worker before it has one
 BYTES_PER_VERTEX, BYTES_PER_WORKER = 1200, 500_000_000
-"""What a tile takes at most with what surrounds it, and a worker before it has one."""
 MARK = "bezier_filters_store"
 
+# ``progress(stage, done, total)``; returning False cancels
 StageProgress: TypeAlias = Callable[[str, int, int], bool | None]
-"""``progress(stage, done, total)``; returning False cancels."""
 
 
 @dataclass(frozen=True)
@@ -99,8 +98,7 @@ class Round:
 
     def sums(self, name: str) -> FloatArray:
         """Numbers of all tiles, added up."""
-        result: FloatArray = np.sum([tile.report.sums[name] for tile in self.tiles], axis=0, dtype=np.float64)
-        return result
+        return np.asarray(np.sum([tile.report.sums[name] for tile in self.tiles], axis=0, dtype=np.float64))
 
 
 @dataclass(frozen=True)

@@ -39,16 +39,12 @@ from bezier_filters.smoothing.volume import (
     offset_along_normals,
 )
 
-PAPER = FitOptions(rings=2, alpha=0.8, smoothness="paper")
-"""As ``bezier_filters.smooth(..., method="paper")``."""
-IN_STORE = {"auto": (90, 56), "paper": (0, 64)}
-"""Bytes per vertex in the store, once and for each iteration."""
-FINISH_RINGS = 8
-"""Around a tile, in which faces may turn over for the same reason."""
-LARGEST_TILE = 5 << 18
-"""Vertices: tiles of the automatic smoothing have many rings around them."""
+PAPER = FitOptions(rings=2, alpha=0.8, smoothness="paper")  # as ``bezier_filters.smooth(..., method="paper")``
+IN_STORE = {"auto": (90, 56), "paper": (0, 64)}  # bytes per vertex in the store, once and for each iteration
+FINISH_RINGS = 8  # around a tile, in which faces may turn over for the same reason
+LARGEST_TILE = 5 << 18  # vertices: tiles of the automatic smoothing have many rings around them
+# what is told of the faces
 COUNTS = ("flipped before", "flipped after", "degenerate before", "degenerate after", "new")
-"""What is told of the faces."""
 
 
 def smooth_file(

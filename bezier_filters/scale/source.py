@@ -22,13 +22,12 @@ from bezier_filters.files.mesh_headers import (
 )
 from bezier_filters.scale.array_file import ArrayFile, DType, Values
 
+# a PLY file, or a pair of NPY files with vertices (n, 3) and faces (m, 3)
 SourcePath: TypeAlias = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
-"""A PLY file, or a pair of NPY files with vertices (n, 3) and faces (m, 3)."""
 
+# of each file name, size, time of the last change and checksum of both ends
 Fingerprint: TypeAlias = list[list[str | int]]
-"""Of each file name, size, time of the last change and checksum of both ends."""
-MOST = np.iinfo(np.int32).max
-"""Vertices or faces that there may be."""
+MOST = np.iinfo(np.int32).max  # vertices or faces that there may be
 
 _PROBE = 1 << 20
 
@@ -85,8 +84,7 @@ class MeshSource:
                 f"{self.paths[-1]}: corners of faces {start} to {stop - 1} run from {rows.min()} to {rows.max()}, "
                 f"expected 0 to {self.vertex_count - 1}"
             )
-        result: IntArray = np.ascontiguousarray(rows, dtype=np.int32)
-        return result
+        return np.ascontiguousarray(rows, dtype=np.int32)
 
     def fingerprint(self) -> Fingerprint:
         """What tells whether the files are still the same."""
@@ -97,17 +95,6 @@ def open_source(source: SourcePath) -> MeshSource:
     """Find out how a mesh is laid out, without reading it.
 
     FieldFileError if a file is damaged, cut short or of another kind; InvalidMeshError if it has no faces or too many.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from bezier_filters.surfaces import sphere
-    >>> folder, ball = Path(tempfile.mkdtemp()), sphere()
-    >>> np.save(folder / "v.npy", ball.vertices)
-    >>> np.save(folder / "f.npy", ball.faces)
-    >>> opened = open_source((folder / "v.npy", folder / "f.npy"))
-    >>> bool((opened.vertices(5, 9) == ball.vertices[5:9]).all())
-    True
     """
     if isinstance(source, str | os.PathLike):
         result = _open_ply(Path(source))

@@ -81,8 +81,7 @@ class Store:
 
     def face_ptr(self) -> NDArray[np.int64]:
         """Where the faces of every block begin and end, (blocks + 1,)."""
-        result: NDArray[np.int64] = np.load(self.folder / FACE_PTR)
-        return result
+        return np.asarray(np.load(self.folder / FACE_PTR))
 
     def faces(self, start: int, stop: int) -> IntArray:
         """Number in the source and corners of the faces in some rows, (k, 4)."""
@@ -98,8 +97,7 @@ class Store:
 
     def sources(self, ids: IntArray) -> IntArray:
         """Which vertices of the source some are."""
-        result: IntArray = np.array(self.order.mapped()[ids], dtype=np.int32)
-        return result
+        return np.array(self.order.mapped()[ids], dtype=np.int32)
 
     def with_vertices(self, path: Path) -> "Store":
         """The same mesh with other coordinates, float64, in spatial order of the old ones."""

@@ -19,8 +19,7 @@ from bezier_filters.scale.source import MeshSource
 from bezier_filters.scale.store import Store
 from bezier_filters.scale.tiles import Tile
 
-ROWS = 1 << 17
-"""Rows that are held at a time."""
+ROWS = 1 << 17  # rows that are held at a time
 FACE = np.dtype([("corners", "u1"), ("vertex_indices", "<i4", (TRIPLE,))])
 _NAMES = {"<f4": "float", "<f8": "double"}
 

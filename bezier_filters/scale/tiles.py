@@ -12,8 +12,7 @@ from bezier_filters.errors import FieldFileError
 from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.scale.array_file import Values
 
-ROWS = 1 << 16
-"""That checksums are computed of at a time."""
+ROWS = 1 << 16  # that checksums are computed of at a time
 
 
 class DamagedTileError(FieldFileError):
