@@ -8,9 +8,9 @@ import pytest
 
 import bezier_filters as bf
 from bezier_filters.meshes.adjacency import vertex_adjacency
-from bezier_filters.meshes.dihedral_angles import sharp_edge_vertices
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.meshes.sharp_edges import sharp_edge_vertices
 from bezier_filters.meshes.spatial_order import in_spatial_order
 from speed import noisy, subdivided_bunny
 

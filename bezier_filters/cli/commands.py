@@ -37,9 +37,9 @@ def info(source: Source, json: Json = False) -> None:
 def _noise_of(mesh: TriangleMesh) -> Report:
     """The noise of a mesh, learned as for fitting and smoothing."""
     from bezier_filters.estimation.first_call import first_call
+    from bezier_filters.estimation.noise_free import learn_noise
     from bezier_filters.meshes.adjacency import vertex_adjacency
     from bezier_filters.runtime.parallel import thread_count
-    from bezier_filters.smoothing.smooth import learn_noise
 
     threads = thread_count(None)
     with first_call():

@@ -140,7 +140,7 @@ def print_creases(report: Report, source: str) -> None:
     """Say how many lines there are of each kind, how long they are, and how strong."""
     out.print(f"[bold]{escape(source)}[/]")
     table = Table(box=None, padding=(0, 2, 0, 2))
-    for column in ("", "lines", "length", "strongest"):
+    for column in ("", "lines", "length", "strongest", "least certain"):
         table.add_column(column, justify="right" if column else "left")
     for kind in ("ridge", "ravine"):
         for is_sharp in (True, False):
@@ -149,8 +149,12 @@ def print_creases(report: Report, source: str) -> None:
                 sum(line["length"] for line in lines),
                 max((line["strength"] for line in lines), default=0),
             )
-            table.add_row(f"{'sharp ' * is_sharp}{kind}s", f"{len(lines):,}", f"{length:.4g}", f"{strongest:.3g}")
+            certain = f"{min(line['certainty'] for line in lines):.1%}" if lines else ""
+            name = f"{'sharp ' * is_sharp}{kind}s"
+            table.add_row(name, f"{len(lines):,}", f"{length:.4g}", f"{strongest:.3g}", certain)
     out.print(table)
+    if not report["crest_lines_told"]:
+        out.print("  ridges and ravines that are not sharp need patches of degree 3; these have 2")
 
 
 def print_statistics(report: Report, label: str) -> None:

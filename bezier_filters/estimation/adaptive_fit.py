@@ -57,6 +57,8 @@ GEOMETRIC_MEAN = np.exp(-0.5 * (np.euler_gamma + np.log(2.0)))
 
 Learn = Callable[[Choices, bool], tuple[list[RingAnalysis], Leaf | None]]
 """Learns a surface, as `learning.learn_surface` does, as it is or without its outliers."""
+Refined = Callable[[KernelMesh, NoiseModel], KernelMesh]
+"""A mesh whose neighbourhoods end at the sharp edges that are told without its noise."""
 
 
 @dataclass(frozen=True)
@@ -248,6 +250,7 @@ def fit_in_balls(
     *,
     sigma: float | None = None,
     robust: bool = False,
+    refined: Refined,
     threads: int = 1,
     progress: Progress | None = None,
 ) -> FitChoice:
@@ -255,7 +258,12 @@ def fit_in_balls(
 
     Where the patch is left open, one that suits the rings of about this radius is taken, the same everywhere.
     """
-    leaf = None if fit else _learn_balls(mesh, adjacency, radius, Choices(None, degrees, sigma), threads)
+    choices = Choices(None, degrees, sigma)
+    leaf = None if fit else _learn_balls(mesh, adjacency, radius, choices, threads)
+    if leaf is not None:
+        before, mesh = mesh, refined(mesh, leaf.surface.noise)
+        if (mesh.stops != before.stops).any():
+            leaf = _learn_balls(mesh, adjacency, radius, choices, threads)
     if leaf is None:
         fit = fit or PatchFit()
         attempts = fallback_chain(1, fit, radius)

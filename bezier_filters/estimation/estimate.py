@@ -1,6 +1,7 @@
 """Differential geometry at every vertex of a mesh: the function that users call."""
 
 from dataclasses import fields, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,9 +21,12 @@ from bezier_filters.estimation.adaptive_fit import (
 from bezier_filters.estimation.fallbacks import fit_with_fallbacks, overall_progress
 from bezier_filters.estimation.first_call import first_call
 from bezier_filters.estimation.fit_options import Automatic, check_detail, check_fit_noise, check_radius, fit_options
+from bezier_filters.estimation.noise_free import hides_sharp_edges, noise_free_surface
 from bezier_filters.estimation.point_cloud import point_cloud
 from bezier_filters.estimation.vertex_geometry import FitChoice, VertexGeometry, empty_geometry
 from bezier_filters.kernels.kernel_input import KernelMesh, fitted_mesh, kernel_mesh, with_steady_normals
+from bezier_filters.learning.noise_model import NoiseModel
+from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
 from bezier_filters.meshes.spatial_order import in_spatial_order
 from bezier_filters.patches.smoothness import Smoothness
@@ -151,6 +155,7 @@ def estimate_vertex_geometry(
     threads = thread_count(threads)
 
     with first_call():
+        given = mesh
         ordered = in_spatial_order(mesh, threads=threads)
         mesh, order = ordered.mesh, ordered.order
         if mesh.face_count:
@@ -162,9 +167,23 @@ def estimate_vertex_geometry(
         geometry = empty_geometry(mesh.vertex_count)
         if conditions:
             geometry = replace(geometry, condition_number=np.zeros(mesh.vertex_count))
+        surface: TriangleMesh | None = None
+
+        def at_sharp_edges(arrays: KernelMesh, noise: NoiseModel) -> KernelMesh:
+            nonlocal surface
+            if not given.face_count or not hides_sharp_edges(mesh, adjacency, noise, threads=threads):
+                return arrays
+            around = vertex_adjacency(given, threads=threads)
+            surface, stops = noise_free_surface(given, around, noise, threads=threads)
+            return arrays._replace(stops=arrays.stops | stops[order])
+
         if radius is None:
-            learn = learner(arrays, adjacency, threads=threads)
-            fit, learned = choose_fit(learn, rings, fixed, degrees, robust, noise, detail)
+            choose = partial(choose_fit, rings=rings, fixed=fixed, degrees=degrees, robust=robust, sigma=noise, detail=detail)
+            fit, learned = choose(learner(arrays, adjacency, threads=threads))
+            if learned is not None:
+                before, arrays = arrays, at_sharp_edges(arrays, learned.root.surface.noise)
+                if (arrays.stops != before.stops).any():
+                    fit, learned = choose(learner(arrays, adjacency, threads=threads))
             choice = _fit(arrays, ids, fit, learned, geometry, threads, progress)
         else:
             choice = fit_in_balls(
@@ -177,12 +196,13 @@ def estimate_vertex_geometry(
                 geometry,
                 sigma=noise,
                 robust=bool(robust),
+                refined=at_sharp_edges,
                 threads=threads,
                 progress=progress,
             )
         if mask is not None:
             _clear(geometry, ~mask & (geometry.status != FitStatus.SKIPPED))
-        return replace(geometry, fit=choice)
+        return replace(geometry, fit=choice, noise_free=None if surface is None else surface.vertices)
 
 
 def _fit(

@@ -124,6 +124,9 @@ class VertexGeometry(DerivedCurvatures):
     condition_number : (n,) float64 or None
         Condition number of each fit, see `condition_numbers`: relative errors of the coefficients are a small multiple
         of its square times 1.1e-16. 0 where nothing was fitted; None where it was not asked for.
+    noise_free : (n, 3) float64 or None
+        The vertices without their noise, as `smooth` gives them before it restores volumes, if sharp edges had to be
+        told from these: neighbourhoods end there.
     """
 
     normals: FloatArray
@@ -142,6 +145,7 @@ class VertexGeometry(DerivedCurvatures):
     status: IntArray
     fit: FitChoice
     condition_number: FloatArray | None = None
+    noise_free: FloatArray | None = None
 
     @property
     def noise_sigma(self) -> float | None:

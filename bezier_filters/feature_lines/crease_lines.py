@@ -12,18 +12,23 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.display.html_tables import html_table
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError, is_real
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
+from bezier_filters.estimation.noise_free import LEFT, hides_sharp_edges, is_noisy, learn_noise, noise_free_surface
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
+from bezier_filters.feature_lines.crest_certainty import Sides
 from bezier_filters.feature_lines.crest_segments import CurvatureAlongLines, crest_segments, points_on_edges
 from bezier_filters.feature_lines.polylines import chains
-from bezier_filters.meshes.adjacency import vertex_adjacency
-from bezier_filters.meshes.dihedral_angles import MeshEdges, find_sharp_edges, mesh_edges
+from bezier_filters.meshes.adjacency import Adjacency, mean_edge, vertex_adjacency
+from bezier_filters.meshes.dihedral_angles import MeshEdges, mesh_edges
 from bezier_filters.meshes.mesh import TriangleMesh, takes_arrays, triangle_mesh
+from bezier_filters.meshes.sharp_edges import certainties, sharp_edges
 from bezier_filters.runtime.parallel import Progress, thread_count
 from bezier_filters.status import FitStatus
 
 CreaseKind = Literal["ridge", "ravine"]
 COLORS = {"ridge": (0.8, 0.1, 0.1), "ravine": (0.1, 0.2, 0.8)}
 """Red, green and blue of the lines wherever they are drawn."""
+THIRD = 3
+"""Least degree of a patch whose curvature has derivatives that vanish somewhere."""
 FEWEST_EDGES = 3
 """Of a sharp line that ends neither at the border nor at another one: noise makes shorter ones."""
 
@@ -47,6 +52,8 @@ class CreaseLine:
     strength : float
         Its length in radii of the curvature across it, less where that hardly changes across the line; see
         `find_creases`.
+    certainties : (k - 1,) float64
+        For each piece between two points, the probability that noise did not make it.
     """
 
     kind: CreaseKind
@@ -55,6 +62,7 @@ class CreaseLine:
     edges: IntArray
     shares: FloatArray
     strength: float
+    certainties: FloatArray
 
     @property
     def is_closed(self) -> bool:
@@ -90,21 +98,32 @@ class Creases:
         The strongest first.
     sharp_edges : (e, 2) int32
         Vertices of all edges of the sharp lines, the smaller first.
+    certainties : (e,) float64
+        Of each of these, the probability that its angle is sharp without the noise. Edges that only continue a line may
+        have less than a half.
     geometry : VertexGeometry
         From which the smooth lines follow.
     """
 
     lines: tuple[CreaseLine, ...]
     sharp_edges: IntArray
+    certainties: FloatArray
     geometry: VertexGeometry
 
     def of_kind(self, kind: CreaseKind) -> tuple[CreaseLine, ...]:
         """The ridges alone, or the ravines."""
         return tuple(line for line in self.lines if line.kind == kind)
 
+    @property
+    def tells_crest_lines(self) -> bool:
+        """Whether the fit has third derivatives, without which no smooth lines can be told."""
+        fit = self.geometry.fit
+        return max([fit.degree, *(part.degree for part in fit.parts)]) >= THIRD
+
     def __repr__(self) -> str:
         """One line: how many lines there are."""
-        return f"Creases({len(self.of_kind('ridge'))} ridges, {len(self.of_kind('ravine'))} ravines)"
+        untold = "" if self.tells_crest_lines else "; smooth ones are not told by a fit of degree 2"
+        return f"Creases({len(self.of_kind('ridge'))} ridges, {len(self.of_kind('ravine'))} ravines{untold})"
 
     def _repr_html_(self) -> str:
         """Table of the kinds of lines for notebooks."""
@@ -217,23 +236,52 @@ def find_creases(
             f"geometry: got that of {len(geometry.status)} vertices, expected {mesh.vertex_count}; "
             "estimate it on the same mesh"
         )
-    edges = mesh_edges(mesh)
     adjacency = vertex_adjacency(mesh, threads=thread_count(threads))
-    sharp = find_sharp_edges(edges, adjacency, radians(angle), geometry.noise_sigma or 0.0)
+    edges, sharp, certainty = _sharp_edges(mesh, adjacency, geometry, radians(angle), thread_count(threads))
     usable = geometry.status <= FitStatus.LOWER_DEGREE
     usable[edges.vertices[sharp]] = False
+    sides = Sides.of(mesh.vertices, geometry, mean_edge(mesh, adjacency))
     lines: list[CreaseLine] = []
     for kind in get_args(CreaseKind):
-        lines += _sharp_lines(mesh, edges, sharp, adjacency.on_boundary, kind)
-        lines += _smooth_lines(mesh, edges, geometry, usable, kind, min_strength)
+        lines += _sharp_lines(mesh, edges, sharp, certainty, adjacency.on_boundary, kind)
+        lines += _smooth_lines(mesh, edges, geometry, usable, sides, kind, min_strength)
     lines.sort(key=lambda line: -line.strength)
-    along = [np.stack([line.edges[:-1, 0], line.edges[1:, 0]], axis=1) for line in lines if line.is_sharp]
-    sharp_edges = np.sort(np.vstack([np.empty((0, 2), dtype=np.int32), *along]), axis=1)
-    return Creases(tuple(lines), sharp_edges, geometry)
+    sharp_lines = [line for line in lines if line.is_sharp]
+    along = [np.stack([line.edges[:-1, 0], line.edges[1:, 0]], axis=1) for line in sharp_lines]
+    return Creases(
+        tuple(lines),
+        np.sort(np.vstack([np.empty((0, 2), dtype=np.int32), *along]), axis=1),
+        np.concatenate([np.empty(0), *(line.certainties for line in sharp_lines)]),
+        geometry,
+    )
+
+
+def _sharp_edges(
+    mesh: TriangleMesh, adjacency: Adjacency, geometry: VertexGeometry, angle: float, threads: int
+) -> tuple[MeshEdges, BoolArray, FloatArray]:
+    """The edges of the surface under the noise, which of them are sharp, and how certainly, each (e,)."""
+    sigma, surface = geometry.noise_sigma, mesh
+    if geometry.noise_free is not None:
+        surface = TriangleMesh(geometry.noise_free, mesh.faces)
+    elif sigma is None:
+        noise = learn_noise(mesh, adjacency, threads=threads)
+        sigma = None if noise is None else noise.sigma
+        if noise is not None and hides_sharp_edges(mesh, adjacency, noise, threads=threads):
+            surface, _ = noise_free_surface(mesh, adjacency, noise, threads=threads)
+    edges = mesh_edges(surface)
+    if surface is mesh and is_noisy(mesh, adjacency, sigma):  # but turns nowhere as at a sharp edge
+        return edges, np.zeros(len(edges.angles), dtype=np.bool_), np.zeros(len(edges.angles))
+    left = (sigma or 0.0) * (1.0 if surface is mesh else LEFT)
+    return edges, sharp_edges(surface, edges, adjacency, angle), certainties(edges, left, angle)
 
 
 def _sharp_lines(
-    mesh: TriangleMesh, edges: MeshEdges, sharp: BoolArray, on_boundary: BoolArray, kind: CreaseKind
+    mesh: TriangleMesh,
+    edges: MeshEdges,
+    sharp: BoolArray,
+    certainty: FloatArray,
+    on_boundary: BoolArray,
+    kind: CreaseKind,
 ) -> Iterator[CreaseLine]:
     """Chains of sharp edges of one kind."""
     ids = np.flatnonzero(sharp & (edges.is_convex == (kind == "ridge")))
@@ -246,7 +294,8 @@ def _sharp_lines(
         if len(segments) >= FEWEST_EDGES or is_attached[nodes].all():
             on = np.stack([nodes, nodes], axis=1).astype(np.int32)
             strength = float(weights[segments].sum())
-            yield CreaseLine(kind, True, mesh.vertices[nodes], on, np.zeros(len(on)), strength)
+            here = certainty[ids[segments]]
+            yield CreaseLine(kind, True, mesh.vertices[nodes], on, np.zeros(len(on)), strength, here)
 
 
 def _smooth_lines(
@@ -254,6 +303,7 @@ def _smooth_lines(
     edges: MeshEdges,
     geometry: VertexGeometry,
     usable: BoolArray,
+    sides: Sides,
     kind: CreaseKind,
     min_strength: float,
 ) -> Iterator[CreaseLine]:
@@ -269,7 +319,10 @@ def _smooth_lines(
         strength = float(found.weights[segments].sum())
         if strength >= min_strength:
             points = points_on_edges(mesh, edges, found.shares, nodes)
-            yield CreaseLine(kind, False, points, edges.vertices[nodes], found.shares[nodes], strength)
+            certainty = sides.certainty(field, points)
+            if certainty >= 0.5:
+                here = np.full(len(segments), certainty)
+                yield CreaseLine(kind, False, points, edges.vertices[nodes], found.shares[nodes], strength, here)
 
 
 def _check(angle: object, min_strength: object) -> None:

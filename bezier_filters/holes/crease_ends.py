@@ -7,18 +7,17 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.holes.influence_region import InfluenceRegion
-from bezier_filters.meshes.dihedral_angles import AT_HOLES, mesh_edges, sharp_edges_at_hole
+from bezier_filters.meshes.adjacency import vertex_adjacency
+from bezier_filters.meshes.dihedral_angles import mesh_edges
+from bezier_filters.meshes.frames import unit_face_normals
 from bezier_filters.meshes.half_edges import ends_of_half_edges, half_edge_twins
 from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.sharp_edges import SHARP, sharp_edges
 
 SHORTEST, LONGEST = 2, 6
 """Edges of a crease that are followed from the rim: one alone is no crease."""
 ALONG = cos(radians(10.0))
 """Least cosine of the angle between a crease and an edge of the rim that goes on as it does."""
-WEAK = 0.5
-"""Share of the angle of a sharp edge from which on an edge may continue one."""
-STRAIGHT_ON = cos(radians(30.0))
-"""Least cosine of the angle between a sharp edge and a less sharp one that continues it."""
 STRAIGHT = 0.5
 """Least cosine of the angle between two edges of a crease that follow each other."""
 
@@ -36,9 +35,10 @@ class CreaseEnd:
 
 def may_have_creases(region: InfluenceRegion) -> bool:
     """Whether the faces differ enough for a crease, which is quickly told: no two if all are near their mean normal."""
-    normals = region.face_normals[region.face_normals.any(axis=1)]
+    normals = unit_face_normals(region.shape, region.faces)
+    normals = normals[normals.any(axis=1)]
     mean = normals.sum(axis=0)
-    return bool((normals @ mean < cos(0.5 * AT_HOLES) * np.linalg.norm(mean)).any())
+    return bool((normals @ mean < cos(0.5 * SHARP) * np.linalg.norm(mean)).any())
 
 
 @dataclass(frozen=True)
@@ -51,45 +51,12 @@ class Creases:
 
 
 def creases_around(region: InfluenceRegion) -> Creases:
-    """Find the edges that are much sharper than most, and those that continue them."""
-    mesh = TriangleMesh(region.vertices, region.faces)
-    twins, edges = half_edge_twins(mesh), mesh_edges(mesh)
-    is_sharp, limit = sharp_edges_at_hole(edges)
+    """Find the sharp edges of the surface around a hole."""
+    mesh = TriangleMesh(region.shape, region.faces)
+    edges = mesh_edges(mesh)
+    is_sharp = sharp_edges(mesh, edges, vertex_adjacency(mesh))
     of_half_edges = edges.of_faces.ravel()  # no face of a region names a vertex twice, so all have an edge
-    creases = Creases(is_sharp[of_half_edges], edges.is_convex[of_half_edges], twins)
-    angles = edges.angles[of_half_edges]
-    _continue_creases(region, creases, np.where(angles > WEAK * limit, angles, 0.0))
-    return creases
-
-
-def _continue_creases(region: InfluenceRegion, creases: Creases, angles: FloatArray) -> None:
-    """Let creases that end go straight on along less sharp edges: those of a rounded crease differ by chance.
-
-    `angles` are those of edges that may be added, by half-edge, and 0 for the others.
-    """
-    start, end = ends_of_half_edges(region.faces)
-    is_sharp, twins = creases.is_sharp, creases.twins
-    sharp = np.flatnonzero(is_sharp)
-    count = np.bincount(start[sharp], minlength=len(region.ids))
-    leaving: dict[int, list[int]] = {}
-    for half_edge in np.flatnonzero(angles > 0.0).tolist():
-        leaving.setdefault(int(start[half_edge]), []).append(half_edge)
-    front = [(int(start[h]), int(end[h])) for h in sharp.tolist() if count[end[h]] == 1]
-    while front:
-        before, tip = front.pop()
-        if count[tip] != 1:
-            continue
-        ahead = region.vertices[tip] - region.vertices[before]
-        straight = [
-            h
-            for h in leaving.get(tip, [])
-            if _cosine(ahead, region.vertices[end[h]] - region.vertices[tip]) > STRAIGHT_ON and not is_sharp[h]
-        ]
-        if straight:
-            best = max(straight, key=lambda h: angles[h])  # of equally sharp ones the first half-edge
-            is_sharp[[best, twins[best]]] = True
-            count[[tip, end[best]]] += 1
-            front.append((tip, int(end[best])))
+    return Creases(is_sharp[of_half_edges], edges.is_convex[of_half_edges], half_edge_twins(mesh))
 
 
 def crease_ends(region: InfluenceRegion, creases: Creases) -> list[CreaseEnd]:
@@ -103,7 +70,7 @@ def crease_ends(region: InfluenceRegion, creases: Creases) -> list[CreaseEnd]:
         convex[a, b] = bool(creases.is_convex[half_edge])
     result = []
     for position, vertex in enumerate(region.loops[0].tolist()):
-        chains = [_chain(region.vertices, leaving, [vertex, other]) for other in leaving.get(vertex, [])]
+        chains = [_chain(region.shape, leaving, [vertex, other]) for other in leaving.get(vertex, [])]
         chain = max(chains, key=len, default=[])  # of equally long ones the one that leaves by the first half-edge
         if len(chain) > SHORTEST:
             result.append(_end(region, position, chain, convex[chain[0], chain[1]]))
@@ -115,9 +82,9 @@ def _end(region: InfluenceRegion, position: int, chain: list[int], is_convex: bo
     rim = region.loops[0]
     edges: set[int] = set()
     while True:
-        tangent = _tangent(region.vertices[chain])
+        tangent = _tangent(region.shape[chain])
         steps = {step: int(rim[(position + step) % len(rim)]) for step in (1, -1)}
-        cosines = {step: _cosine(tangent, region.vertices[v] - region.vertices[chain[0]]) for step, v in steps.items()}
+        cosines = {step: _cosine(tangent, region.shape[v] - region.shape[chain[0]]) for step, v in steps.items()}
         step = max(cosines, key=lambda step: cosines[step])
         if cosines[step] < ALONG or steps[step] in chain:
             return CreaseEnd(position, tangent, is_convex, frozenset(edges))

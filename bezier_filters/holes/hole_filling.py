@@ -13,7 +13,7 @@ from bezier_filters.estimation.fit_options import check_noise
 from bezier_filters.holes.fill_methods import FILL_METHODS, FillingMethod
 from bezier_filters.holes.fill_placement import FaceSet, FilledHole, OpenMesh, fill_group, groups_of_boxes, hole_box
 from bezier_filters.holes.hole_detection import HoleChoice, find_holes
-from bezier_filters.holes.influence_region import influence_region, normals_and_noise
+from bezier_filters.holes.influence_region import influence_region, known_surface
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import takes_arrays, triangle_mesh
 from bezier_filters.meshes.self_intersections import faces_in_boxes
@@ -235,10 +235,10 @@ def fill_holes(
     numbers = sorted(np.flatnonzero([not refusal for refusal in refusals]), key=lambda k: found[k].is_outer_rim)
     chosen = [found[k] for k in numbers]
     regions = [influence_region(mesh, adjacency, hole.loops) for hole in chosen]
-    normals, noise = normals_and_noise(mesh, regions, noise, threads=threads)
+    known = known_surface(mesh, regions, noise, threads=threads)
     boxes = np.array([hole_box(mesh, hole) for hole in chosen]).reshape(-1, 2, 3)
     near = faces_in_boxes(mesh.vertices, mesh.faces, boxes[:, 0], boxes[:, 1])
-    task = OpenMesh(mesh, regions, boxes, near, normals, noise, method, creases, float(alpha))
+    task = OpenMesh(mesh, known.regions, boxes, near, known.normals, known.noise, method, creases, float(alpha))
     reports = [
         HoleReport(h.rim, len(h.loops) - 1, h.edge_count, h.perimeter, h.diameter, h.is_outer_rim, reason=refusal)
         for h, refusal in zip(found, refusals, strict=True)
@@ -258,7 +258,7 @@ def fill_holes(
         np.vstack([mesh.vertices, *(fill.points[fill.ids >= mesh.vertex_count] for fill in fills)]),
         np.vstack([mesh.faces, *(fill.ids[fill.faces].astype(np.int32) for fill in fills)]),
         tuple(reports),
-        noise,
+        known.noise,
     )
 
 

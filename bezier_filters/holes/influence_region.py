@@ -1,6 +1,6 @@
 """The influence region of a hole: rings of the mesh around it as a small mesh of its own, and what is known there."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import pi
@@ -40,6 +40,12 @@ class InfluenceRegion:
     joined: frozenset[tuple[int, int]] = frozenset()
     # (r,): edge lengths that are wanted at the rim vertices, if not those of the faces
     wanted_sizes: FloatArray | None = None
+    noise_free: FloatArray | None = None  # (b, 3): the coordinates without their noise, if that hides sharp edges
+
+    @property
+    def shape(self) -> FloatArray:
+        """Coordinates by which edges are sharp or not, (b, 3)."""
+        return self.vertices if self.noise_free is None else self.noise_free
 
     @property
     def rim_count(self) -> int:
@@ -156,15 +162,21 @@ def _measure_rim(
         lengths[i] /= max(count, 1)
 
 
-def normals_and_noise(
-    mesh: TriangleMesh, regions: Sequence[InfluenceRegion], noise: float | None, *, threads: int = 1
-) -> tuple[FloatArray, float | None]:
-    """Normals of the Bezier patches at the points that surfaces are fitted to, and the noise of the mesh.
+@dataclass(frozen=True)
+class KnownSurface:
+    """What is known of a mesh around its holes."""
 
-    Normals (n, 3) are zero elsewhere. The noise is learned if it is not given; it is None if the mesh is too small.
-    """
+    normals: FloatArray  # (n, 3): of the Bezier patches at the points that surfaces are fitted to, zero elsewhere
+    noise: float | None  # standard deviation of its noise, a length; None if the mesh is too small to learn it
+    regions: list[InfluenceRegion]  # with their shape
+
+
+def known_surface(
+    mesh: TriangleMesh, regions: list[InfluenceRegion], noise: float | None, *, threads: int = 1
+) -> KnownSurface:
+    """Find out what is known around holes; the noise is learned if it is not given."""
     if not regions:
-        return np.zeros_like(mesh.vertices), noise
+        return KnownSurface(np.zeros_like(mesh.vertices), noise, regions)
     noisy = [region.is_noisy(noise) for region in regions]
     while True:
         selected = np.zeros(mesh.vertex_count, dtype=np.bool_)
@@ -174,7 +186,10 @@ def normals_and_noise(
         noise = geometry.noise_sigma if noise is None else noise
         expected, noisy = noisy, [region.is_noisy(noise) for region in regions]
         if noisy == expected:
-            return geometry.normals, noise
+            shape = geometry.noise_free
+            if shape is not None:
+                regions = [replace(region, noise_free=shape[region.ids]) for region in regions]
+            return KnownSurface(geometry.normals, noise, regions)
         # Otherwise more points are fitted than was thought: once more, now with what is known of the noise.
 
 

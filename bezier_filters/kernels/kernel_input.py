@@ -6,9 +6,9 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
-from bezier_filters.meshes.dihedral_angles import sharp_edge_vertices
 from bezier_filters.meshes.frames import UNBOUNDED, TangentPlanes, steady_normals, tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.sharp_edges import sharp_edge_vertices
 from bezier_filters.meshes.spatial_order import SpatialOrder
 
 # Outcomes of one fit.

@@ -6,7 +6,7 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray, Report
 from bezier_filters.errors import InvalidMeshError
 from bezier_filters.estimation.fit_options import Automatic
 from bezier_filters.feature_lines.crease_lines import COLORS, Creases, edge_mesh, find_creases
-from bezier_filters.fields import CREASES, column_names
+from bezier_filters.fields import CREASES, PREFIX, column_names
 from bezier_filters.meshlab.filter_run import Columns, Computed, Output, run_filter
 from bezier_filters.meshlab.meshset import CurrentMesh, Length, Mesh, MeshSet, current_mesh
 from bezier_filters.meshlab.vertex_filters import FitArguments, fit_mesh
@@ -17,6 +17,8 @@ from bezier_filters.runtime.parallel import Progress
 KIND_CODES = {"ridge": 1.0, "ravine": -1.0}
 SHARP_FACTOR = 2.0
 COLUMNS = tuple(column_names(CREASES))
+CERTAINTY = PREFIX + "certainty"
+"""Attribute of the points of the lines, which is that of the piece that follows: pymeshlab has none of edges."""
 
 
 @documented(CREASES)
@@ -43,7 +45,8 @@ def compute_selection_by_bezier_crease_per_edge(
     `bezier_filters.find_creases`. pymeshlab lets nobody select single edges from Python, so the filter selects
     vertices: the ends of sharp edges and, where a line runs between vertices, the nearer end of every edge that it
     crosses. The edges themselves are in a new layer named ``creases``, a mesh of edges and no faces that lies on the
-    surface: its quality is the strength of the lines, ridges are red and ravines are blue, and its transform is that of
+    surface: its quality is the strength of the lines, its attribute ``bz_certainty`` the probability that noise did not
+    make the piece after each point, ridges are red and ravines are blue, and its transform is that of
     the mesh. The current mesh stays the current one.
 
     The vertex selection is replaced. Besides that and its own attributes the filter changes nothing else in the
@@ -63,8 +66,9 @@ def compute_selection_by_bezier_crease_per_edge(
     -------
     dict
         ``lines``, a dict for each with ``kind`` (``"ridge"`` or ``"ravine"``), ``is_sharp``, ``is_closed``,
-        ``strength``, ``length`` and ``points`` (number), the strongest first; ``selected_vertices`` and ``sharp_edges``
-        (numbers), ``polylines_id`` (of the new layer, or None), ``status`` (vertices per status name), ``attributes``,
+        ``strength``, ``certainty`` (mean), ``length`` and ``points`` (number), the strongest first;
+        ``selected_vertices`` and ``sharp_edges`` (numbers), ``crest_lines_told`` (whether the fit can tell smooth
+        lines), ``polylines_id`` (of the new layer, or None), ``status`` (vertices per status name), ``attributes``,
         ``quality`` (None), ``unit``, ``statistics`` and ``seconds`` (read, fit, write). It can be written as JSON.
 
     Examples
@@ -124,6 +128,8 @@ def _add_polylines(ms: MeshSet, creases: Creases) -> int:
     opaque = np.insert(colors, 3, 1.0, axis=1)
     lines = Mesh(points, edge_matrix=edges, v_scalar_array=strengths, v_color_matrix=opaque)
     ms.add_mesh(lines, "creases", set_as_current=True)
+    certainties = [np.append(line.certainties, line.certainties[-1]) for line in creases.lines]
+    current_mesh(ms).add_vertex_custom_scalar_attribute(np.concatenate(certainties), CERTAINTY)
     layer = int(ms.current_mesh_id())
     ms.set_matrix(transformmatrix=transform, freeze=False)
     ms.set_current_mesh(current)
@@ -141,5 +147,10 @@ def lines_as_mesh(creases: Creases) -> tuple[FloatArray, IntArray, FloatArray, F
 def report_of(creases: Creases) -> Report:
     """The creases as plain values, with a number in the place of the points of a line."""
     told = ("kind", "is_sharp", "is_closed", "strength", "length")
-    lines = [{name: getattr(line, name) for name in told} | {"points": len(line.points)} for line in creases.lines]
-    return {"lines": lines, "sharp_edges": len(creases.sharp_edges), "status": creases.geometry.status_counts()}
+    lines = [
+        {name: getattr(line, name) for name in told}
+        | {"certainty": float(line.certainties.mean()), "points": len(line.points)}
+        for line in creases.lines
+    ]
+    found = {"sharp_edges": len(creases.sharp_edges), "crest_lines_told": creases.tells_crest_lines}
+    return {"lines": lines, **found, "status": creases.geometry.status_counts()}

@@ -7,17 +7,14 @@ from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.errors import InvalidParameterError, is_integer
-from bezier_filters.estimation.adaptive_fit import learn_without_outliers, learner, without_outliers
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.first_call import first_call
 from bezier_filters.estimation.fit_options import check_detail, check_noise
-from bezier_filters.kernels.kernel_input import fitted_mesh
+from bezier_filters.estimation.noise_free import denoised, learn_noise
 from bezier_filters.learning.noise_model import NoiseModel, known_noise
-from bezier_filters.learning.plans import Choices
 from bezier_filters.meshes.adjacency import Adjacency, mean_edge, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
 from bezier_filters.runtime.parallel import Progress, thread_count
-from bezier_filters.smoothing.denoise import remove_noise
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.smoothing_result import SmoothingResult
 from bezier_filters.smoothing.volume import ClosedComponents, component_volumes, movement_around, restore_volumes
@@ -125,10 +122,7 @@ def smooth(
             current, part = TriangleMesh(points, mesh.faces), part_of(progress, k, iterations)
             if method == "auto":
                 here = (known if k == 0 else learn_noise(current, adjacency, threads=threads)) or NoiseModel(0.0)
-                if here.outliers:  # which no filter takes for noise
-                    arrays, _ = fitted_mesh(current, adjacency=adjacency, creases=True, threads=threads)
-                    current = TriangleMesh(without_outliers(arrays, threads=threads).vertices, mesh.faces)
-                found = remove_noise(current, adjacency, here, borders, detail, threads=threads, progress=part)
+                found = denoised(current, adjacency, here, borders, detail, threads=threads, progress=part)
                 points, sharpness = found.points, np.maximum(sharpness, found.sharpness)
             else:
                 points = _onto_patches(current, rings, alpha, threads, part)
@@ -161,13 +155,6 @@ def smooth(
             degenerate_after=int(bad_after.degenerate.sum()),
             new_bad_faces=int(bad_after.new_since(bad_before).sum()),
         )
-
-
-def learn_noise(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> NoiseModel | None:
-    """The noise along the normal, learned from the mesh; None if it is too small."""
-    arrays, adjacency = fitted_mesh(mesh, adjacency=adjacency, creases=True, threads=threads)
-    _, leaf = learn_without_outliers(learner(arrays, adjacency, threads=threads), Choices())
-    return None if leaf is None else leaf.surface.noise
 
 
 def _noise_of(mesh: TriangleMesh, adjacency: Adjacency, sigma: float | None, threads: int) -> NoiseModel | None:

@@ -15,8 +15,8 @@ differential_geometry patches
 surfaces meshes
 kernels
 learning
-estimation
-feature_lines smoothing
+estimation smoothing
+feature_lines
 holes files
 meshlab scale
 pictures

@@ -1,0 +1,78 @@
+"""The surface under the noise, as far as it can be told: which of its edges are sharp is asked of that."""
+
+import numpy as np
+
+from bezier_filters.arrays import BoolArray
+from bezier_filters.estimation.adaptive_fit import learn_without_outliers, learner, without_outliers
+from bezier_filters.kernels.kernel_input import fitted_mesh
+from bezier_filters.learning.noise_model import NoiseModel
+from bezier_filters.learning.plans import Choices
+from bezier_filters.meshes.adjacency import Adjacency, mean_edge
+from bezier_filters.meshes.dihedral_angles import mesh_edges
+from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.sharp_edges import may_have_sharp_edges, sharp_edges
+from bezier_filters.runtime.parallel import Progress
+from bezier_filters.smoothing.denoise import Denoised, remove_noise
+from bezier_filters.smoothing.flipped_faces import repair_flipped_faces
+from bezier_filters.smoothing.laplacian import Borders
+
+NOISY = 0.02
+"""Times the mean edge: less noise turns a face by some 5 degrees at most, and no flat edge looks like a sharp one."""
+
+LEFT = 0.2
+"""Of the noise, what the angles at sharp edges of the surface without it still show: 0.06 to 0.3 on wedges, prisms and
+a fandisk with white noise of 0.1 to 0.5 edges."""
+
+KEPT = 0.1
+"""Least sharpness of smoothing where it takes a line for an edge; round shapes have hardly any."""
+
+
+def learn_noise(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> NoiseModel | None:
+    """The noise along the normal, learned from the mesh; None if it is too small."""
+    arrays, adjacency = fitted_mesh(mesh, adjacency=adjacency, creases=True, threads=threads)
+    _, leaf = learn_without_outliers(learner(arrays, adjacency, threads=threads), Choices())
+    return None if leaf is None else leaf.surface.noise
+
+
+def denoised(
+    mesh: TriangleMesh,
+    adjacency: Adjacency,
+    noise: NoiseModel,
+    borders: Borders = "curve",
+    detail: float | None = None,
+    *,
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> Denoised:
+    """The mesh without its noise, see `remove_noise`, and without its outliers, which no filter takes for noise."""
+    if noise.outliers:
+        arrays, _ = fitted_mesh(mesh, adjacency=adjacency, creases=True, threads=threads)
+        mesh = TriangleMesh(without_outliers(arrays, threads=threads).vertices, mesh.faces)
+    return remove_noise(mesh, adjacency, noise, borders, detail, threads=threads, progress=progress)
+
+
+def is_noisy(mesh: TriangleMesh, adjacency: Adjacency, sigma: float | None) -> bool:
+    """Whether noise of a standard deviation, a length, makes angles that look like sharp edges."""
+    return sigma is not None and sigma > NOISY * mean_edge(mesh, adjacency)
+
+
+def hides_sharp_edges(mesh: TriangleMesh, adjacency: Adjacency, noise: NoiseModel, *, threads: int = 1) -> bool:
+    """Whether the mesh may have sharp edges, which can only be told without its noise."""
+    return is_noisy(mesh, adjacency, noise.sigma) and may_have_sharp_edges(mesh, adjacency, threads=threads)
+
+
+def noise_free_surface(
+    mesh: TriangleMesh, adjacency: Adjacency, noise: NoiseModel, *, threads: int = 1
+) -> tuple[TriangleMesh, BoolArray]:
+    """The mesh without its noise and without the faces that turned over with it, and where fits end on it, (n,).
+
+    That is at vertices with two sharp edges or more, as long as edges that are sharp explain the mesh best there (see
+    `smooth`): coarse round shapes have sharp edges, too, but no lines that fits should not reach across.
+    """
+    found = denoised(mesh, adjacency, noise, threads=threads)
+    points = repair_flipped_faces(mesh, adjacency, found.points, threads=threads)
+    surface = TriangleMesh(points, mesh.faces)
+    edges = mesh_edges(surface)
+    sharp = sharp_edges(surface, edges, adjacency)
+    is_inside = np.bincount(edges.vertices[sharp].ravel(), minlength=mesh.vertex_count) >= 2
+    return surface, is_inside & (found.sharpness >= KEPT)

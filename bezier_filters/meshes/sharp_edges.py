@@ -1,0 +1,304 @@
+"""Which edges of a mesh are sharp: where its faces meet at an angle that the curvature around does not explain.
+
+An edge is sharp if its angle is large, and much larger than those of enough edges around. How many are enough depends
+on what it is for: a line too many does little harm, but a fit that ends where it should not has too few points.
+
+======================  ==================  ============  =====================================================
+function                for                 larger than   of the edges around, so many are so much flatter
+======================  ==================  ============  =====================================================
+`sharp_edges`           lines, holes        40 degrees    a quarter 12.6 times, or sharp as on coarse polyhedra
+`sharp_edge_vertices`   fits                45 degrees    half of them 10 times
+======================  ==================  ============  =====================================================
+
+Lines that stop go straight on along less sharp edges. Noise makes angles, too: `estimation.noise_free` has the surface
+without it, whose edges these rules are for.
+"""
+
+from math import cos, radians
+
+import numpy as np
+from scipy.special import ndtr
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.meshes.adjacency import Adjacency, Rows
+from bezier_filters.meshes.dihedral_angles import MeshEdges
+from bezier_filters.meshes.frames import STEEPEST, TangentPlanes, steady_normals, tangent_planes
+from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.triangles import cosine_between, has_corner, next_corner
+from bezier_filters.runtime.jit import inner_jit, jit
+from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
+
+SHARP, FOR_FITS = radians(40.0), radians(45.0)
+"""Angles up to which no edge is sharp."""
+TIMES_A_QUARTER, TIMES_HALF = 12.6, 10.0
+"""How many times as sharp an edge must be as a quarter, or half, of those around it, in the same order."""
+WEAK = 0.75
+"""Times the least angle of sharp edges: that of edges that continue them,"""
+STRAIGHT_ON = cos(radians(30.0))
+"""if they go straight on: least cosine of the angle between both."""
+STEEP = SHARP / 5.0
+"""Least angle between averaged normals at both ends of some edge, where a sharp edge is near: on a box it is half of
+the angle there."""
+EXACT = radians(1.0)
+"""Least standard deviation of an angle."""
+MOST_EDGES = 256
+"""Around a vertex, of those that are looked at."""
+NARROW_CONE = cos(STEEPEST - FOR_FITS / 2.0)
+"""Where `TangentPlanes.safe_cosine` is less, the faces differ too little for a sharp edge."""
+
+
+def sharp_edges(mesh: TriangleMesh, edges: MeshEdges, adjacency: Adjacency, angle: float = SHARP) -> BoolArray:
+    """Which edges (e,) bend by more than an angle, in radians, and by much more than those around, or continue such.
+
+    Examples
+    --------
+    >>> from bezier_filters.meshes.adjacency import vertex_adjacency
+    >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> from bezier_filters.surfaces import block_with_sharp_edges
+    >>> block = triangle_mesh(*block_with_sharp_edges(resolution=8))
+    >>> edges = mesh_edges(block)
+    >>> sharp = sharp_edges(block, edges, vertex_adjacency(block))
+    >>> np.degrees(edges.angles[sharp]).round().min(), edges.angles[~sharp].max().round(6)
+    (np.float64(90.0), np.float64(0.0))
+    """
+    result = np.zeros(len(edges.angles), dtype=np.bool_)
+    candidates = np.flatnonzero(edges.angles > angle).astype(np.int32)
+    if len(candidates):
+        at_vertex, ring, ends = _edges_at_vertices(edges, mesh.vertex_count), adjacency.vertices, edges.vertices
+        own = at_vertex.indptr, at_vertex.indices
+        _mark(ends, edges.angles, candidates, *own, ring.indptr, ring.indices, angle, result)
+        count = np.bincount(ends[result].ravel(), minlength=mesh.vertex_count).astype(np.int32)
+        _continue(mesh.vertices, ends, edges.angles, candidates, *own, WEAK * angle, count, result)
+    return result
+
+
+def certainties(edges: MeshEdges, noise: float, angle: float = SHARP) -> FloatArray:
+    """Probability of each edge (e,) to bend by more than an angle, in radians, without the noise.
+
+    Independent errors of the vertices along the normal, of the standard deviation `noise`, change the angle at an edge
+    of the width w by 4/3 noise / w: by propagation through two equal triangles.
+
+    Examples
+    --------
+    >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> from bezier_filters.surfaces import block_with_sharp_edges
+    >>> block = triangle_mesh(*block_with_sharp_edges(resolution=8))
+    >>> np.unique(certainties(mesh_edges(block), 0.0))
+    array([0., 1.])
+    """
+    deviations = np.maximum(4.0 / 3.0 * noise / np.maximum(edges.widths, 1e-300), EXACT)
+    return np.asarray(ndtr((edges.angles - angle) / deviations), dtype=np.float64)
+
+
+def may_have_sharp_edges(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> bool:
+    """Whether the surface turns anywhere as quickly as at a sharp edge, which is soon told, with noise or without.
+
+    Examples
+    --------
+    >>> from bezier_filters.meshes.adjacency import vertex_adjacency
+    >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> from bezier_filters.surfaces import block_with_sharp_edges, sphere
+    >>> meshes = [triangle_mesh(*block_with_sharp_edges(resolution=8)), triangle_mesh(*sphere(resolution=20)[:2])]
+    >>> [may_have_sharp_edges(mesh, vertex_adjacency(mesh)) for mesh in meshes]
+    [True, False]
+    """
+    rows, normals = adjacency.vertices, tangent_planes(mesh, adjacency, threads=threads).normals
+    nowhere = np.zeros(mesh.vertex_count, dtype=np.bool_)
+    for _ in range(2):
+        normals = steady_normals(normals, rows.indptr, rows.indices, nowhere, threads=threads)
+    return bool(_turns(rows.indptr, rows.indices, normals, cos(STEEP)))
+
+
+@jit()
+def _turns(ptr: IntArray, indices: IntArray, normals: FloatArray, least_cosine: float) -> bool:
+    """Whether the normals of any two neighbours differ by more than an angle."""
+    for i in range(len(ptr) - 1):
+        x, y, z = normals[i, 0], normals[i, 1], normals[i, 2]
+        for q in range(ptr[i], ptr[i + 1]):
+            j = indices[q]
+            if x * normals[j, 0] + y * normals[j, 1] + z * normals[j, 2] < least_cosine:
+                return True
+    return False
+
+
+def _edges_at_vertices(edges: MeshEdges, n: int) -> Rows:
+    ends = edges.vertices.ravel()
+    indptr = np.concatenate([[0], np.cumsum(np.bincount(ends, minlength=n))]).astype(np.int32)
+    return Rows(indptr, (np.argsort(ends, kind="stable") // 2).astype(np.int32))
+
+
+@jit()
+def _mark(
+    ends: IntArray,
+    angles: FloatArray,
+    candidates: IntArray,
+    edge_ptr: IntArray,
+    edge_indices: IntArray,
+    ring_ptr: IntArray,
+    ring_indices: IntArray,
+    least: float,
+    result: BoolArray,
+) -> None:
+    """Mark those candidates beside which a quarter of the edges, or more, are much flatter or sharp."""
+    for e in candidates:
+        count, clear = 0, 0
+        for side in range(2):
+            i = ends[e, side]
+            for q in range(ring_ptr[i], ring_ptr[i + 1]):
+                j = ring_indices[q]
+                for p in range(edge_ptr[j], edge_ptr[j + 1]):
+                    count += 1
+                    other = angles[edge_indices[p]]
+                    clear += TIMES_A_QUARTER * other < angles[e] or other > least
+        result[e] = 4 * clear >= count
+
+
+@jit()
+def _continue(
+    vertices: FloatArray,
+    ends: IntArray,
+    angles: FloatArray,
+    candidates: IntArray,
+    edge_ptr: IntArray,
+    edge_indices: IntArray,
+    least: float,
+    count: IntArray,
+    result: BoolArray,
+) -> None:
+    """Let lines that stop go straight on along the sharpest edge: those of a rounded edge differ by chance.
+
+    `count` says how many sharp edges meet at each vertex, and is kept.
+    """
+    for e in candidates:
+        for side in range(2 if result[e] else 0):
+            before, tip = ends[e, 1 - side], ends[e, side]
+            while count[tip] == 1:
+                best, after = -1, -1
+                for p in range(edge_ptr[tip], edge_ptr[tip + 1]):
+                    k = edge_indices[p]
+                    other = ends[k, 0] + ends[k, 1] - tip
+                    is_sharper = not result[k] and angles[k] > (angles[best] if best >= 0 else least)
+                    if is_sharper and _turn(vertices, before, tip, other) > STRAIGHT_ON:
+                        best, after = k, other
+                if best < 0:
+                    break
+                result[best] = True
+                count[tip] += 1
+                count[after] += 1
+                before, tip = tip, after
+
+
+@inner_jit()
+def _turn(vertices: FloatArray, i: int, j: int, k: int) -> float:
+    """Cosine of the angle by which the way from vertex i over j to k turns."""
+    product, first, second = 0.0, 0.0, 0.0
+    for c in range(3):
+        before, after = vertices[j, c] - vertices[i, c], vertices[k, c] - vertices[j, c]
+        product, first, second = product + before * after, first + before * before, second + after * after
+    return float(product / np.sqrt(max(first * second, 1e-300)))
+
+
+def sharp_edge_vertices(
+    mesh: TriangleMesh, adjacency: Adjacency, planes: TangentPlanes, *, threads: int = 1
+) -> BoolArray:
+    """Vertices (n,) with two sharp edges or more: those inside one or at a corner, not where one ends.
+
+    Examples
+    --------
+    >>> from bezier_filters.meshes.adjacency import vertex_adjacency
+    >>> from bezier_filters.meshes.frames import tangent_planes
+    >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> from bezier_filters.surfaces import block_with_sharp_edges
+    >>> block = triangle_mesh(*block_with_sharp_edges(resolution=8))
+    >>> adjacency = vertex_adjacency(block)
+    >>> sharp = sharp_edge_vertices(block, adjacency, tangent_planes(block, adjacency))
+    >>> inside_a_face = (np.abs(block.vertices[:, :2]) < 0.4).all(axis=1) & (block.vertices[:, 2] == -0.5)
+    >>> bool(sharp.any()), bool(sharp[inside_a_face].any())
+    (True, False)
+    """
+    result = np.zeros(mesh.vertex_count, dtype=np.bool_)
+    candidates = np.flatnonzero(planes.safe_cosine >= NARROW_CONE).astype(np.int32)
+    at_vertex, ring = adjacency.faces, adjacency.vertices
+
+    def make_task() -> RangeTask:
+        angles = np.empty(MOST_EDGES)
+        return lambda start, stop: _find_sharp_vertices(
+            mesh.vertices,
+            mesh.faces,
+            at_vertex.indptr,
+            at_vertex.indices,
+            ring.indptr,
+            ring.indices,
+            candidates[start:stop],
+            angles,
+            result,
+        )
+
+    run_in_chunks(make_task, len(candidates), threads=threads)
+    return result
+
+
+@jit()
+def _find_sharp_vertices(
+    vertices: FloatArray,
+    faces: IntArray,
+    face_ptr: IntArray,
+    face_indices: IntArray,
+    ring_ptr: IntArray,
+    ring_indices: IntArray,
+    ids: IntArray,
+    angles: FloatArray,
+    result: BoolArray,
+) -> None:
+    """Mark those of the vertices `ids` that have two sharp edges or more; `angles` is work space."""
+    for i in ids:
+        own = _edge_angles(vertices, faces, face_ptr, face_indices, i, angles, 0)
+        large = 0
+        for a in range(own):
+            large += angles[a] > FOR_FITS
+        if large < 2:
+            continue
+        count = _edge_angles(vertices, faces, face_ptr, face_indices, i, angles, own)
+        for q in range(ring_ptr[i], ring_ptr[i + 1]):
+            count = _edge_angles(vertices, faces, face_ptr, face_indices, ring_indices[q], angles, count)
+        sharp = 0
+        for a in range(own):
+            if angles[a] > FOR_FITS:
+                flatter = 0
+                for b in range(own, count):
+                    flatter += TIMES_HALF * angles[b] < angles[a]
+                sharp += 2 * flatter > count - own
+        result[i] = sharp >= 2  # where a sharp edge ends, one side of a fit may look across it
+
+
+@inner_jit()
+def _edge_angles(
+    vertices: FloatArray,
+    faces: IntArray,
+    face_ptr: IntArray,
+    face_indices: IntArray,
+    i: int,
+    angles: FloatArray,
+    count: int,
+) -> int:
+    """Append the angles between the faces at the edges of vertex i, as far as there is room; return the new count."""
+    for q in range(face_ptr[i], face_ptr[i + 1]):
+        f = face_indices[q]
+        other = _other_face(faces, face_ptr, face_indices, i, f)
+        if other >= 0 and count < angles.shape[0]:
+            a, b, c, d, e, g = faces[f, 0], faces[f, 1], faces[f, 2], faces[other, 0], faces[other, 1], faces[other, 2]
+            cosine = cosine_between(vertices, a, b, c, d, e, g, 1.0)
+            angles[count] = np.arccos(min(max(cosine, -1.0), 1.0))
+            count += 1
+    return count
+
+
+@inner_jit()
+def _other_face(faces: IntArray, face_ptr: IntArray, face_indices: IntArray, i: int, f: int) -> int:
+    """The face at vertex i behind the edge of face f that leaves i, counter-clockwise; -1 if there is none."""
+    tip = next_corner(faces, f, i)
+    for q in range(face_ptr[i], face_ptr[i + 1]):
+        g = face_indices[q]
+        if g != f and has_corner(faces, g, tip):
+            return int(g)
+    return -1
