@@ -182,6 +182,10 @@ def find_creases(
     cylinders, cones and tori have no lines. Of sharp edges it is the same with the curvature that the mesh resolves,
     the angle over the width that belongs to the edge (see `MeshEdges`).
 
+    Noise makes lines, too. Edges are sharp or not by the angles of the surface without the noise that was learned, which
+    has none that are sharp where averaged normals turn slowly. The curvature beside a smooth line must fall off by more
+    than its standard errors make it. What is left has a certainty.
+
     Parameters
     ----------
     vertices : (n, 3) array_like of float
@@ -192,7 +196,7 @@ def find_creases(
         Of these vertices, from `estimate_vertex_geometry` with settings of your own.
     angle : float
         Angle between faces in degrees, above 0 and up to 180, from which on an edge may be sharp. It must also be much
-        sharper than most edges around it, so that noise is not.
+        sharper than others around it. Lines that stop go straight on along edges of three quarters of this angle.
     min_strength : float
         Smooth lines that are weaker are left out; 0 keeps all. By default a line must be as long as the circle that
         fits it is wide. Of sharp lines, those are left out that have one or two edges and hang on nothing.

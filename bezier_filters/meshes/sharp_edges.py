@@ -165,12 +165,13 @@ def _continue(
     count: IntArray,
     result: BoolArray,
 ) -> None:
-    """Let lines that stop go straight on along the sharpest edge: those of a rounded edge differ by chance.
+    """Let lines of two edges or more go straight on along the sharpest edge: those of a rounded edge differ by chance.
 
     `count` says how many sharp edges meet at each vertex, and is kept.
     """
     for e in candidates:
-        for side in range(2 if result[e] else 0):
+        is_line = result[e] and count[ends[e, 0]] + count[ends[e, 1]] > 2
+        for side in range(2 if is_line else 0):
             before, tip = ends[e, 1 - side], ends[e, side]
             while count[tip] == 1:
                 best, after = -1, -1

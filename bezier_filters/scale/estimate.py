@@ -48,7 +48,7 @@ def estimate_file(
     around it that its values depend on, and writes its results. In the end they are joined to one PLY file.
 
     The vertices and faces of a tile keep their order in the whole mesh, so that the values are the same as in
-    memory to the last bit, whatever the tiles and the scheduler.
+    memory to the last bit, whatever the tiles and the scheduler; but fits do not end at sharp edges that noise hides.
 
     Parameters
     ----------
