@@ -1,7 +1,6 @@
 """Differential geometry at every vertex of a mesh: the function that users call."""
 
 from dataclasses import fields, replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -178,12 +177,12 @@ def estimate_vertex_geometry(
             return arrays._replace(stops=arrays.stops | stops[order])
 
         if radius is None:
-            choose = partial(choose_fit, rings=rings, fixed=fixed, degrees=degrees, robust=robust, sigma=noise, detail=detail)
-            fit, learned = choose(learner(arrays, adjacency, threads=threads))
+            wanted = rings, fixed, degrees, robust, noise, detail
+            fit, learned = choose_fit(learner(arrays, adjacency, threads=threads), *wanted)
             if learned is not None:
                 before, arrays = arrays, at_sharp_edges(arrays, learned.root.surface.noise)
                 if (arrays.stops != before.stops).any():
-                    fit, learned = choose(learner(arrays, adjacency, threads=threads))
+                    fit, learned = choose_fit(learner(arrays, adjacency, threads=threads), *wanted)
             choice = _fit(arrays, ids, fit, learned, geometry, threads, progress)
         else:
             choice = fit_in_balls(

@@ -182,9 +182,9 @@ def find_creases(
     cylinders, cones and tori have no lines. Of sharp edges it is the same with the curvature that the mesh resolves,
     the angle over the width that belongs to the edge (see `MeshEdges`).
 
-    Noise makes lines, too. Edges are sharp or not by the angles of the surface without the noise that was learned, which
-    has none that are sharp where averaged normals turn slowly. The curvature beside a smooth line must fall off by more
-    than its standard errors make it. What is left has a certainty.
+    Noise makes lines, too. Edges are sharp or not by the angles of the surface without the noise that was learned; if
+    averaged normals turn slowly everywhere, none is. The curvature beside a smooth line must fall off by more than its
+    standard errors make it. What is left has a certainty.
 
     Parameters
     ----------
