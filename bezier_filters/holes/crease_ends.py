@@ -12,8 +12,10 @@ from bezier_filters.meshes.dihedral_angles import mesh_edges
 from bezier_filters.meshes.frames import unit_face_normals
 from bezier_filters.meshes.half_edges import ends_of_half_edges, half_edge_twins
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.sharp_edges import SHARP, sharp_edges
+from bezier_filters.meshes.sharp_edges import sharp_edges
 
+ROUNDED = radians(35.0)
+"""Angle up to which no edge is sharp, less than for lines: edges that are rounded a little are continued, too."""
 SHORTEST, LONGEST = 2, 6
 """Edges of a crease that are followed from the rim: one alone is no crease."""
 ALONG = cos(radians(10.0))
@@ -38,7 +40,7 @@ def may_have_creases(region: InfluenceRegion) -> bool:
     normals = unit_face_normals(region.shape, region.faces)
     normals = normals[normals.any(axis=1)]
     mean = normals.sum(axis=0)
-    return bool((normals @ mean < cos(0.5 * SHARP) * np.linalg.norm(mean)).any())
+    return bool((normals @ mean < cos(0.5 * ROUNDED) * np.linalg.norm(mean)).any())
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ def creases_around(region: InfluenceRegion) -> Creases:
     """Find the sharp edges of the surface around a hole."""
     mesh = TriangleMesh(region.shape, region.faces)
     edges = mesh_edges(mesh)
-    is_sharp = sharp_edges(mesh, edges, vertex_adjacency(mesh))
+    is_sharp = sharp_edges(mesh, edges, vertex_adjacency(mesh), ROUNDED)
     of_half_edges = edges.of_faces.ravel()  # no face of a region names a vertex twice, so all have an edge
     return Creases(is_sharp[of_half_edges], edges.is_convex[of_half_edges], half_edge_twins(mesh))
 

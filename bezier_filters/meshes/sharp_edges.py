@@ -6,7 +6,7 @@ on what it is for: a line too many does little harm, but a fit that ends where i
 ======================  ==================  ============  =====================================================
 function                for                 larger than   of the edges around, so many are so much flatter
 ======================  ==================  ============  =====================================================
-`sharp_edges`           lines, holes        40 degrees    a quarter 12.6 times, or sharp as on coarse polyhedra
+`sharp_edges`           lines, holes (35)   40 degrees    a quarter 12.6 times, or sharp as on coarse polyhedra
 `sharp_edge_vertices`   fits                45 degrees    half of them 10 times
 ======================  ==================  ============  =====================================================
 
