@@ -5,7 +5,7 @@ import numpy as np
 from bezier_filters.arrays import BoolArray
 from bezier_filters.estimation.adaptive_fit import learn_without_outliers, learner, without_outliers
 from bezier_filters.kernels.kernel_input import fitted_mesh
-from bezier_filters.learning.noise_model import NoiseModel
+from bezier_filters.learning.noise_model import NoiseModel, known_noise
 from bezier_filters.learning.plans import Choices
 from bezier_filters.meshes.adjacency import Adjacency, mean_edge
 from bezier_filters.meshes.dihedral_angles import mesh_edges
@@ -27,28 +27,45 @@ KEPT = 0.1
 """Least sharpness of smoothing where it takes a line for an edge; round shapes have hardly any."""
 
 
-def learn_noise(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> NoiseModel | None:
-    """The noise along the normal, learned from the mesh; None if it is too small."""
+MOST_CLEANED = 3
+"""Times that outliers are taken off."""
+
+
+def learn_noise(
+    mesh: TriangleMesh, adjacency: Adjacency, sigma: float | None = None, *, threads: int = 1
+) -> NoiseModel | None:
+    """The noise along the normal, of a strength that may be known, a length; None if the mesh is too small for it."""
+    if sigma == 0.0:
+        return NoiseModel(0.0)
     arrays, adjacency = fitted_mesh(mesh, adjacency=adjacency, creases=True, threads=threads)
     _, leaf = learn_without_outliers(learner(arrays, adjacency, threads=threads), Choices())
-    return None if leaf is None else leaf.surface.noise
+    learned = None if leaf is None else leaf.surface.noise
+    return learned if sigma is None else known_noise(learned, sigma)
 
 
 def denoised(
     mesh: TriangleMesh,
     adjacency: Adjacency,
-    noise: NoiseModel,
+    noise: NoiseModel | None,
     borders: Borders = "curve",
     detail: float | None = None,
+    sigma: float | None = None,
     *,
     threads: int = 1,
     progress: Progress | None = None,
 ) -> Denoised:
-    """The mesh without its noise, see `remove_noise`, and without its outliers, which no filter takes for noise."""
-    if noise.outliers:
+    """The mesh without its noise, see `remove_noise`, and without its outliers, which no filter takes for noise.
+
+    Among many outliers some look sound, so they are taken off as long as there are any, and the noise is learned again,
+    of which the standard deviation `sigma` may be known.
+    """
+    for _ in range(MOST_CLEANED):
+        if noise is None or not noise.outliers:
+            break
         arrays, _ = fitted_mesh(mesh, adjacency=adjacency, creases=True, threads=threads)
         mesh = TriangleMesh(without_outliers(arrays, threads=threads).vertices, mesh.faces)
-    return remove_noise(mesh, adjacency, noise, borders, detail, threads=threads, progress=progress)
+        noise = learn_noise(mesh, adjacency, sigma, threads=threads)
+    return remove_noise(mesh, adjacency, noise or NoiseModel(0.0), borders, detail, threads=threads, progress=progress)
 
 
 def is_noisy(mesh: TriangleMesh, adjacency: Adjacency, sigma: float | None) -> bool:

@@ -29,6 +29,7 @@ class NoiseModel:
     lengths: tuple[float, ...] = ()  # and over what distances their correlation falls to exp(-1/2)
     heavy: bool = False  # whether it turns single normals so far that they mean nothing
     outliers: float = 0.0  # share of the vertices that are far off what is around them
+    given: bool = False  # whether somebody has said how strong it is
 
     @property
     def variance(self) -> float:
@@ -77,12 +78,12 @@ def known_noise(learned: NoiseModel | None, sigma: float) -> NoiseModel:
     Examples
     --------
     >>> known_noise(NoiseModel(1.0, (3.0,), (0.5,)), 1.0)
-    NoiseModel(white=0.25, sills=(0.75,), lengths=(0.5,), heavy=False, outliers=0.0)
+    NoiseModel(white=0.25, sills=(0.75,), lengths=(0.5,), heavy=False, outliers=0.0, given=True)
     """
-    if learned is None or not learned.sills or sigma == 0.0:
-        outliers = 0.0 if learned is None else learned.outliers
-        return NoiseModel(sigma**2, heavy=learned is not None and learned.heavy, outliers=outliers)
-    return learned.times(sigma**2 / learned.variance)
+    known = replace(learned or NoiseModel(0.0), given=True)
+    if not known.sills or sigma == 0.0:
+        return replace(known, white=sigma**2, sills=(), lengths=())
+    return known.times(sigma**2 / known.variance)
 
 
 def squared_distances(points: FloatArray) -> FloatArray:

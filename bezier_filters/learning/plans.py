@@ -13,7 +13,7 @@ import numpy as np
 
 from bezier_filters.arrays import FloatArray
 from bezier_filters.learning.ring_analysis import FREE_DEGREE
-from bezier_filters.learning.surface_model import RingModel, SurfaceModel
+from bezier_filters.learning.surface_model import UNSURE, RingModel, SurfaceModel
 from bezier_filters.patches.harmonics import harmonic_basis
 from bezier_filters.patches.polynomials import PolynomialSpace, total_degree_space
 
@@ -27,6 +27,8 @@ LEAST_WEIGHT_RADIUS = 0.3
 """Of the radius of the neighbourhood, lest a fit have too few points."""
 THRIFT = 0.18
 """Power of the cost that the predicted error is multiplied by: twice the time must take an eighth off the error."""
+LEARNING = 5e7
+"""Cost of finding the plans: on small meshes the time of the fit hardly matters."""
 MUCH_WORSE = 1.3
 """Once a lower degree, or another ring, has raised the predicted error by this factor, none beyond it is tried."""
 WEIGHTED_RINGS = 4
@@ -56,6 +58,7 @@ class FitPlan:
     # cautiously, on average
     normal_noise: float = 0.0
     curvature_noise: float = 0.0
+    overhead: float = 0.0  # cost per vertex of what is done whatever the plan
 
     @property
     def space(self) -> PolynomialSpace:
@@ -82,8 +85,8 @@ class FitPlan:
 
     @property
     def cost(self) -> float:
-        """Operations per vertex, up to a factor: points times moments."""
-        return self.rings**2 * (self.degree + 1.0) * (2.0 * self.degree + 1.0)
+        """Operations per vertex, up to a factor: points times moments, and the overhead."""
+        return self.overhead + self.rings**2 * (self.degree + 1.0) * (2.0 * self.degree + 1.0)
 
 
 @dataclass(frozen=True)
@@ -252,10 +255,9 @@ def _plan_for_noise(
 ) -> FitPlan:
     """The fit that would be best if heights had this noise, length^2, with the errors that are predicted for it."""
     points, radius = float(ring.analysis.sizes.mean()), ring.analysis.radius
-    prior = _term_prior(ring, degree, noise)
-    return _predicted(
-        surface, ring, FitPlan(ring.analysis.rings, degree, points, radius, prior, weight_radius, 0.0, 0.0)
-    )
+    prior, overhead = _term_prior(ring, degree, noise), LEARNING / ring.analysis.vertex_count
+    plan = FitPlan(ring.analysis.rings, degree, points, radius, prior, weight_radius, 0.0, 0.0, overhead=overhead)
+    return _predicted(surface, ring, plan)
 
 
 def _term_prior(ring: RingModel, degree: int, noise: float) -> FloatArray:
@@ -290,6 +292,8 @@ def _root(squared_error: float) -> float:
 def _calibrated(surface: SurfaceModel, ring: RingModel, plan: FitPlan) -> FitPlan:
     """The plan with the noise that makes its standard errors those that are predicted cautiously."""
     equations = fit_equations(surface, ring, plan)
+    if ring.noise.grams is not None:  # long waves of the noise are easily taken for shape
+        equations = replace(equations, noise=(1.0 + UNSURE) * equations.noise)
     expected, claimed = squared_errors(equations, ring.cautious), claimed_variances(equations)
     with np.errstate(invalid="ignore", divide="ignore"):
         normal, curvature = (float(np.nan_to_num(np.sqrt(e / c))) for e, c in zip(expected, claimed, strict=True))

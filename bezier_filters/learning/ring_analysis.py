@@ -65,6 +65,7 @@ class RingAnalysis:
     rings: int  # k
     radius: float  # median radius of the neighbourhoods, the unit of x and y below, a length
     degree: int  # highest degree J that the neighbourhoods determine
+    vertex_count: int  # of the mesh
     independent: float  # share of the neighbourhoods that count as independent: on a small mesh wide ones overlap
     centers: IntArray  # (N,): vertices whose neighbourhoods these are
     sizes: IntArray  # (N,): number of points
@@ -242,6 +243,7 @@ def _prepare(sample: NeighbourhoodSample, rings: int, most: int, vertex_count: i
         rings,
         radius,
         degree,
+        vertex_count,
         # Neighbourhoods that overlap by half still tell nearly as much as separate ones.
         min(1.0, 2.0 * vertex_count / float(sizes.sum())),
         sample.centers[rows],

@@ -25,7 +25,7 @@ CAUTIOUS_RANGE = 4.0
 """The same for standard errors, which had better be too large than too small."""
 SURELY = 4.0
 """Standard errors by which one estimate of a variance must be above another to be taken instead."""
-UNSURE = 0.2
+UNSURE = 0.4
 """Relative standard error of what correlated noise adds to the squares of coefficients."""
 CERTAIN = 30.0
 """Standard errors beyond which an estimate is taken as it is."""

@@ -11,6 +11,7 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, Report
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.adaptive_fit import OUTLIER_REACH, without_outliers
+from bezier_filters.estimation.noise_free import MOST_CLEANED
 from bezier_filters.kernels.kernel_input import fitted_mesh
 from bezier_filters.learning.noise_model import NoiseModel, known_noise
 from bezier_filters.meshes.adjacency import Adjacency, incoherent_vertices, vertex_adjacency
@@ -147,16 +148,20 @@ def _automatic(
     options = {"iterations": iterations, "noise": noise, "borders": borders, "keep_volume": keep_volume}
     options["detail"] = detail
     results, mesh = run.results({"quantity": "automatic smoothing"} | options), run.store
-    known = NoiseModel(0.0) if noise == 0.0 else _noise_of(run, mesh)
-    if noise:
-        known = known_noise(known, noise)
+    known = _noise_of(run, mesh, noise)
     components: StoredComponents | None = None
     current, folders = mesh, list[Path]()
     for step in range(iterations):
-        here = (known if step == 0 else _noise_of(run, current)) or NoiseModel(0.0)
-        if here.outliers:
-            cleaned = run.tiles("clean", results / f"clean-{step + 1}", partial(clean_tile, current))
-            current = mesh.with_vertices(_joined_vertices(results / f"clean-{step + 1}", cleaned.tiles))
+        here = known if step == 0 else _noise_of(run, current)
+        for k in range(MOST_CLEANED):
+            if here is None or not here.outliers:
+                break
+            folder = results / f"clean-{step + 1}-{k + 1}"
+            current = mesh.with_vertices(
+                _joined_vertices(folder, run.tiles("clean", folder, partial(clean_tile, current)).tiles)
+            )
+            here = _noise_of(run, current, noise if step == 0 else None)
+        here = here or NoiseModel(0.0)
         around = tuple[int, ...]()
         if step == 0 or mesh.layout.vertex_count > LARGEST_WHOLE:
             look = partial(measure_tile, current, here.sigma)
@@ -199,9 +204,13 @@ def _automatic(
     }
 
 
-def _noise_of(run: Run, store: Store) -> NoiseModel | None:
+def _noise_of(run: Run, store: Store, sigma: float | None = None) -> NoiseModel | None:
+    """The noise, of a given strength if that is known."""
+    if sigma == 0.0:
+        return NoiseModel(0.0)
     with run.stages.stage("learn"):
-        return learn_noise(store, threads=run.workers)
+        learned = learn_noise(store, threads=run.workers)
+    return learned if sigma is None else known_noise(learned, sigma)
 
 
 def _component_sums(tiles: Sequence[Tile], names: Sequence[str], count: int) -> list[FloatArray]:

@@ -186,7 +186,7 @@ def _learn(
     least, detail = (DETAIL + SMALLEST_NOISE) * unit, DETAIL * unit
     correlation = Correlation.of(noise, unit / scale, part.ids, free_laplacian(part, threads), parts.core)
     levels, at_vertices = learn_noise_levels(
-        part, clusters, parts.core, sigma, correlation, unit, least, detail, threads=threads
+        part, clusters, parts.core, sigma, correlation, unit, least, detail, given=noise.given, threads=threads
     )
     noisy = NoisyMesh(part, clusters, at_vertices, correlation)
     report(progress, 1, STEPS)

@@ -54,6 +54,8 @@ class NoiseLevels:
         Standard deviation of the relief that is left alone, a shorter length.
     correlation : Correlation
         How alike it is at neighbouring vertices.
+    factor : float
+        How much more noise there is, where it varies, than can be seen.
     """
 
     sigma: float | None
@@ -61,10 +63,11 @@ class NoiseLevels:
     lowest: float
     detail: float
     correlation: Correlation = WHITE
+    factor: float = 1.0
 
     def at(self, roots: SingleArray) -> FloatArray:
         """Standard deviation of the noise at vertices, (n,)."""
-        levels = np.full(len(roots), self.sigma) if self.sigma is not None else _levels(roots)
+        levels = np.full(len(roots), self.sigma) if self.sigma is not None else self.factor * _levels(roots)
         result: FloatArray = np.sqrt(np.maximum(levels, self.lowest) ** 2 - self.detail**2)
         return result
 
@@ -118,24 +121,28 @@ def learn_noise_levels(
     least: float,
     detail: float,
     *,
+    given: bool = False,
     threads: int = 1,
 ) -> tuple[NoiseLevels, FloatArray]:
     """What holds for a mesh as a whole, by the `core` of some parts, and the standard deviation of the noise, (n,).
 
     The noise has the same level everywhere, sigma, unless it clearly varies. Levels are means of what a weak filter
     takes off, in a way that outliers, such as at edges, matter little to. None is below `least` before the standard
-    deviation of the relief, `detail`, is taken off it; `unit` is the mean edge.
+    deviation of the relief, `detail`, is taken off it; `unit` is the mean edge. If it varies, sigma is its root mean
+    square if that was `given`, and no matter otherwise.
     """
     laplacian = free_laplacian(part, threads)
     noise = correlated_noise(part.ids, 1, correlation, laplacian, threads=threads).astype(np.float64)
     taken = noise - low_pass(laplacian, noise, WEAK, threads=threads)
     share = float(np.sqrt(np.square(taken[core]).mean()))
     roots = _roots(part, clusters, laplacian, share, threads)
-    low, high = np.quantile(_levels(roots[core]), (0.1, 0.9))
+    found = _levels(roots[core])
+    low, high = np.quantile(found, (0.1, 0.9))
     if high < NO_CREASES * unit or high < SPREAD * low:
         levels = NoiseLevels(sigma, share, least, detail, correlation)
     else:
-        levels = NoiseLevels(None, share, max(least, LEAST * float(high)), detail, correlation)
+        factor = sigma / float(np.sqrt(np.square(found).mean())) if given else 1.0
+        levels = NoiseLevels(None, share, max(least, LEAST * factor * float(high)), detail, correlation, factor)
     return levels, levels.at(roots)
 
 

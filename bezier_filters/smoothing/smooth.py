@@ -11,7 +11,6 @@ from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.first_call import first_call
 from bezier_filters.estimation.fit_options import check_detail, check_noise
 from bezier_filters.estimation.noise_free import denoised, learn_noise
-from bezier_filters.learning.noise_model import NoiseModel, known_noise
 from bezier_filters.meshes.adjacency import Adjacency, mean_edge, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
 from bezier_filters.runtime.parallel import Progress, thread_count
@@ -117,12 +116,14 @@ def smooth(
     movable = _movable(selected, adjacency, borders)
     points, sharpness = mesh.vertices, np.zeros(mesh.vertex_count)
     with first_call():
-        known = _noise_of(mesh, adjacency, noise, threads)
+        known = learn_noise(mesh, adjacency, noise, threads=threads)
         for k in range(iterations):
             current, part = TriangleMesh(points, mesh.faces), part_of(progress, k, iterations)
             if method == "auto":
-                here = (known if k == 0 else learn_noise(current, adjacency, threads=threads)) or NoiseModel(0.0)
-                found = denoised(current, adjacency, here, borders, detail, threads=threads, progress=part)
+                here = known if k == 0 else learn_noise(current, adjacency, threads=threads)
+                found = denoised(
+                    current, adjacency, here, borders, detail, noise if k == 0 else None, threads=threads, progress=part
+                )
                 points, sharpness = found.points, np.maximum(sharpness, found.sharpness)
             else:
                 points = _onto_patches(current, rings, alpha, threads, part)
@@ -155,14 +156,6 @@ def smooth(
             degenerate_after=int(bad_after.degenerate.sum()),
             new_bad_faces=int(bad_after.new_since(bad_before).sum()),
         )
-
-
-def _noise_of(mesh: TriangleMesh, adjacency: Adjacency, sigma: float | None, threads: int) -> NoiseModel | None:
-    """The noise, of a given strength if that is known."""
-    if sigma == 0.0:
-        return NoiseModel(0.0)
-    learned = learn_noise(mesh, adjacency, threads=threads)
-    return learned if sigma is None else known_noise(learned, sigma)
 
 
 def _onto_patches(mesh: TriangleMesh, rings: int, alpha: float, threads: int, progress: Progress | None) -> FloatArray:
