@@ -7,7 +7,7 @@ shape, each with a variance of its own that is not negative.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import nnls
@@ -21,8 +21,8 @@ SQUARED_LENGTHS = tuple(4.0 * 0.5 ** (0.5 * k) for k in range(7, -1, -1))
 """Over which noise may be correlated, in edges: 0.35 to 4, of which each second one is twice the other."""
 FLATTEST, MOST = 0.25, 0.6
 """Shares of the places that are looked at."""
-EVERYWHERE = 2.5
-"""Times the correlated variance at the flattest places: up to that, what most places have is the same noise."""
+EVERYWHERE = 4.0
+"""Times the correlated variance at the flattest places: most that is believed of what most places have."""
 SHORT = 1.0
 """Square of a length, in edges, over which noise may be correlated without being partly white."""
 LEAST_WHITE = 1e-3
@@ -76,8 +76,8 @@ class Contributions:
 def learn_noise(analyses: Sequence[RingAnalysis]) -> NoiseModel | None:
     """The covariance of the noise; None if it is white, or if noise and shape do not explain what there is.
 
-    The flattest places decide, which hold a little less of the noise, too. So if it is hardly less than at most places,
-    it is taken to be the same everywhere, and these say how strong it is.
+    The flattest places decide whether there is any, which hold a little less of the noise, too. Most places say how
+    strong it is, as far as that is not much more than at the flattest.
 
     Examples
     --------
@@ -94,9 +94,11 @@ def learn_noise(analyses: Sequence[RingAnalysis]) -> NoiseModel | None:
         return None
     left = widest.sums.residuals[:, -1] / np.maximum(widest.sums.freedom[:, -1], 1.0)
     most = _explained(used, causes, _flattest(widest, left, MOST), half=False)
-    if most is None or sum(most.sills) > EVERYWHERE * sum(flattest.sills):
+    if most is None:
         return flattest
-    return most
+    ratio = sum(most.sills) / sum(flattest.sills)
+    believed = 1.0 / np.hypot(1.0, ratio / EVERYWHERE)
+    return replace(most, sills=tuple(float(believed * sill) for sill in most.sills))
 
 
 def _explained(

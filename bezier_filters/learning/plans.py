@@ -25,10 +25,13 @@ STRONGEST_PRIOR = 1e5
 """Times what the points say of a term: leaves nothing of it, and the normal equations well conditioned."""
 LEAST_WEIGHT_RADIUS = 0.3
 """Of the radius of the neighbourhood, lest a fit have too few points."""
-THRIFT = 0.18
-"""Power of the cost that the predicted error is multiplied by: twice the time must take an eighth off the error."""
-LEARNING = 5e7
-"""Cost of finding the plans: on small meshes the time of the fit hardly matters."""
+THRIFT = 0.35
+"""Power of the time that the predicted error is multiplied by: twice the time must take a fifth off the error."""
+PROMISED = 1.03
+"""Per degree, by which the predicted error is multiplied: what is known of higher terms is less certain."""
+LEARNING, PER_VERTEX, PER_POINT = 4e8, 700.0, 85.0
+"""Time, in the same units (about nanoseconds), of finding the plans: on small meshes that of the fit hardly matters;
+of a vertex, and of each of its points beside their moments."""
 MUCH_WORSE = 1.3
 """Once a lower degree, or another ring, has raised the predicted error by this factor, none beyond it is tried."""
 WEIGHTED_RINGS = 4
@@ -58,7 +61,7 @@ class FitPlan:
     # cautiously, on average
     normal_noise: float = 0.0
     curvature_noise: float = 0.0
-    overhead: float = 0.0  # cost per vertex of what is done whatever the plan
+    overhead: float = 0.0  # time per vertex of what is done whatever the plan
 
     @property
     def space(self) -> PolynomialSpace:
@@ -85,8 +88,8 @@ class FitPlan:
 
     @property
     def cost(self) -> float:
-        """Operations per vertex, up to a factor: points times moments, and the overhead."""
-        return self.overhead + self.rings**2 * (self.degree + 1.0) * (2.0 * self.degree + 1.0)
+        """Time per vertex, up to a factor."""
+        return self.overhead + PER_VERTEX + self.rings**2 * (PER_POINT + (self.degree + 1.0) * (2.0 * self.degree + 1.0))
 
 
 @dataclass(frozen=True)
@@ -218,7 +221,7 @@ def _add_until_much_worse(
 def best_plan(plans: Sequence[FitPlan]) -> FitPlan:
     """The plan with the smallest predicted error, as far as that is worth its cost; of third order, if there is one."""
     plans = [plan for plan in plans if plan.degree >= THIRD_ORDER] or plans
-    return min(plans, key=lambda plan: plan.error * plan.cost**THRIFT)
+    return min(plans, key=lambda plan: plan.error * PROMISED**plan.degree * plan.cost**THRIFT)
 
 
 def plan_for(plan: FitPlan, surface: SurfaceModel) -> FitPlan | None:
