@@ -180,7 +180,7 @@ def _part_fit(root: Leaf, leaf: Leaf) -> PartFit:
     """A plan for a part: its own, or that of the whole if another fit is not worth its time."""
     before, plan, there = root.chosen, leaf.chosen, plan_for(root.chosen, leaf.surface)
     sigma = leaf.surface.sigma
-    if there is not None and there.error <= plan.error * (1.0 + plan.cost / there.cost) ** THRIFT:
+    if there is not None and there.error <= plan.error * (1.0 + (plan.cost - plan.overhead) / there.cost) ** THRIFT:
         ratios = there.normal_noise / before.normal_noise, there.curvature_noise / before.curvature_noise
         return PartFit(there.rings, there.degree, sigma, (), ratios)
     return PartFit(plan.rings, plan.degree, sigma, tuple(planned_chain(leaf.plans, plan)))

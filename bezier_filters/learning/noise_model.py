@@ -16,6 +16,10 @@ from bezier_filters.patches.harmonics import harmonic_basis
 
 NEARLY_SINGULAR = 1e-10
 """Of the largest entry of normal equations, what is added to each."""
+STEEP = 1.02
+"""Mean of 1 / cos^2 of the slopes: white noise along the normal is that of the heights below that,"""
+FEWEST_RINGS_FOR_SLOPES = 3
+"""and where too few points tell slopes from noise."""
 LOOKED_AT = 24
 """Neighbourhoods of a ring over which it is averaged what noise does."""
 
@@ -108,6 +112,7 @@ class RingNoise:
     residuals: FloatArray  # (J + 1,): mean square that the fit of each degree leaves, per degree of freedom
     # (J + 1, G): of the coefficients of each degree, over what they would be under white noise of variance 1
     coefficients: FloatArray
+    is_flat: bool  # whether slopes do not matter, by which white heights differ
 
     @cached_property
     def covariances(self) -> FloatArray | None:
@@ -118,39 +123,62 @@ class RingNoise:
         return self.model.covariances(self.analysis.radius * points, steepness)
 
     @cached_property
-    def grams(self) -> FloatArray | None:
-        """design^T covariance design of the first points, (T, M, M); None if the noise is white."""
-        design = self.analysis.first_designs
-        return None if self.covariances is None else design.transpose(0, 2, 1) @ self.covariances @ design
+    def variances(self) -> FloatArray:
+        """Of the heights of the first points, if the noise is white, (T, n) or (1, 1)."""
+        if self.is_flat:
+            return np.array([[self.model.white]])
+        return self.model.white * np.square(self.analysis.quadratics(self.analysis.first)[1])
+
+    def through(self, weighted: FloatArray) -> FloatArray:
+        """A^T covariance A for matrices A with a row for each of the first points, (T, n, m) to (T, m, m)."""
+        if self.covariances is None:
+            return weighted.transpose(0, 2, 1) @ (weighted * self.variances[..., np.newaxis])
+        return weighted.transpose(0, 2, 1) @ self.covariances @ weighted
+
+    @cached_property
+    def grams(self) -> FloatArray:
+        """What comes through the design matrices of the first points, (T, m, m)."""
+        m = self.analysis.sums.parts.shape[1]
+        if self.covariances is None and self.is_flat:
+            return self.model.white * self.analysis.first_grams[..., :m]
+        return self.through(self.analysis.first_designs[..., :m])
 
     def of_part(self, model: NoiseModel, analysis: RingAnalysis) -> "RingNoise":
         """The same for some of the neighbourhoods, where the noise has another strength."""
         factor = model.variance / self.model.variance
-        return RingNoise(model, analysis, factor * self.parts, factor * self.residuals, factor * self.coefficients)
+        return RingNoise(
+            model, analysis, factor * self.parts, factor * self.residuals, factor * self.coefficients, self.is_flat
+        )
 
 
 def ring_noise(noise: NoiseModel, analysis: RingAnalysis) -> RingNoise:
     """Find out what noise does to the fits of one ring."""
     m, by_degree = analysis.sums.parts.shape[1], analysis.sums.term_squares.shape[1:]
-    if not noise.sills:
-        every = noise.white
-        return RingNoise(noise, analysis, np.full(m, every), np.full(by_degree[0], every), np.full(by_degree, every))
     numbers: IntArray = np.arange(min(LOOKED_AT, len(analysis.rows)), dtype=np.int32)
+    points, steepness = analysis.quadratics(numbers)
+    sizes = analysis.sizes[numbers]
+    steep = float(np.square(steepness[np.arange(steepness.shape[1]) < sizes[:, np.newaxis]]).mean())
+    is_flat = steep < STEEP or analysis.rings < FEWEST_RINGS_FOR_SLOPES
+    if not noise.sills and is_flat:
+        every = noise.white
+        return RingNoise(
+            noise, analysis, np.full(m, every), np.full(by_degree[0], every), np.full(by_degree, every), is_flat
+        )
     design = analysis.designs(numbers)[..., :m]
     inner = design.transpose(0, 2, 1) @ design
     _regularise(inner)
-    points, steepness = analysis.quadratics(numbers)
-    outer = design.transpose(0, 2, 1) @ noise.covariances(analysis.radius * points, steepness) @ design
+    if noise.sills:
+        outer = design.transpose(0, 2, 1) @ noise.covariances(analysis.radius * points, steepness) @ design
+    else:
+        outer = noise.white * design.transpose(0, 2, 1) @ (design * np.square(steepness)[..., np.newaxis])
     parts = _of_parts(inner, outer)
-    sizes = analysis.sizes[numbers]
-    present = np.arange(steepness.shape[1]) < sizes[:, np.newaxis]
-    total = noise.variance * float(np.square(steepness[present]).mean())
     return RingNoise(
         noise,
         analysis,
         parts,
-        _of_residuals(analysis.degree, float(sizes.mean()), total, parts),
+        _of_residuals(analysis.degree, float(sizes.mean()), noise.variance * steep, parts),
         _of_coefficients(analysis, inner, outer),
+        is_flat,
     )
 
 

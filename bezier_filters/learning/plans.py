@@ -89,7 +89,9 @@ class FitPlan:
     @property
     def cost(self) -> float:
         """Time per vertex, up to a factor."""
-        return self.overhead + PER_VERTEX + self.rings**2 * (PER_POINT + (self.degree + 1.0) * (2.0 * self.degree + 1.0))
+        return (
+            self.overhead + PER_VERTEX + self.rings**2 * (PER_POINT + (self.degree + 1.0) * (2.0 * self.degree + 1.0))
+        )
 
 
 @dataclass(frozen=True)
@@ -102,23 +104,20 @@ class FitEquations:
     noise: FloatArray
 
 
-def fit_equations(surface: SurfaceModel, ring: RingModel, plan: FitPlan) -> FitEquations:
+def fit_equations(ring: RingModel, plan: FitPlan) -> FitEquations:
     """Set up the equations of a fit."""
-    analysis, m, sigma = ring.analysis, len(plan.term_prior), surface.sigma
+    analysis, m = ring.analysis, len(plan.term_prior)
     if np.isinf(plan.weight_radius) and plan.degree <= analysis.degree:
         products = analysis.first_grams[:, :m]
         rest = analysis.rest_grams if analysis.rings <= WEIGHTED_RINGS else products
-        measured = sigma**2 * products[..., :m] if ring.noise.grams is None else ring.noise.grams[:, :m, :m]
-        noise = measured + ring.unmodelled * rest[:, :m, :m]
+        noise = ring.noise.grams[:, :m, :m] + ring.unmodelled * rest[:, :m, :m]
     else:
         design = analysis.first_designs
         ratio = np.square(analysis.first_points).sum(axis=2) / (plan.weight_radius / analysis.radius) ** 2
         weighted = design[..., :m] / (1.0 + ratio ** (plan.degree + 1))[..., np.newaxis]
         products = weighted.transpose(0, 2, 1) @ design
-        variance = (0.0 if ring.noise.covariances is not None else sigma**2) + ring.unmodelled * analysis.rest_profile
-        noise = weighted.transpose(0, 2, 1) @ (weighted * variance[..., np.newaxis])
-        if ring.noise.covariances is not None:
-            noise += weighted.transpose(0, 2, 1) @ ring.noise.covariances @ weighted
+        rest = weighted.transpose(0, 2, 1) @ (weighted * analysis.rest_profile[..., np.newaxis])
+        noise = ring.noise.through(weighted) + ring.unmodelled * rest
     normal_matrices = products[..., :m].copy()
     diagonal = normal_matrices[:, np.arange(m), np.arange(m)]
     normal_matrices[:, np.arange(m), np.arange(m)] += plan.term_prior + RIDGE * diagonal.max(axis=1, keepdims=True)
@@ -272,14 +271,14 @@ def _term_prior(ring: RingModel, degree: int, noise: float) -> FloatArray:
     # Correlated noise looks more like terms of low degree than like what fits leave over.
     likeness = ring.noise.parts / max(float(ring.noise.residuals[min(degree, ring.analysis.degree)]), 1e-300)
     of_terms = np.full(m, noise)
-    of_terms[: len(likeness)] *= likeness[:m] if ring.noise.grams is not None else 1.0
+    of_terms[: len(likeness)] *= likeness[:m]
     least = np.maximum(of_terms / (STRONGEST_PRIOR * np.maximum(said, 1e-300)), 1e-300)
     return np.where(basis.degrees[:m] <= FREE_DEGREE, 0.0, of_terms / np.maximum(ring.variances[:m], least))
 
 
 def _predicted(surface: SurfaceModel, ring: RingModel, plan: FitPlan) -> FitPlan:
     """A fit with the errors that a model predicts."""
-    slopes, curvatures = squared_errors(fit_equations(surface, ring, plan), ring.variances)
+    slopes, curvatures = squared_errors(fit_equations(ring, plan), ring.variances)
     return replace(
         plan,
         normal_error=_root(slopes) / ring.analysis.radius,
@@ -294,8 +293,8 @@ def _root(squared_error: float) -> float:
 
 def _calibrated(surface: SurfaceModel, ring: RingModel, plan: FitPlan) -> FitPlan:
     """The plan with the noise that makes its standard errors those that are predicted cautiously."""
-    equations = fit_equations(surface, ring, plan)
-    if ring.noise.grams is not None:  # long waves of the noise are easily taken for shape
+    equations = fit_equations(ring, plan)
+    if ring.noise.model.sills:  # long waves of the noise are easily taken for shape
         equations = replace(equations, noise=(1.0 + UNSURE) * equations.noise)
     expected, claimed = squared_errors(equations, ring.cautious), claimed_variances(equations)
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -9,7 +9,15 @@ from random_neighbourhoods import analyse_ring, as_sample, draw, fit_stars, vari
 from bezier_filters import FitStatus, estimate_vertex_geometry
 from bezier_filters.learning import plans as plans_module
 from bezier_filters.learning.noise_model import NoiseModel, ring_noise
-from bezier_filters.learning.plans import WEIGHTED_RINGS, FitPlan, all_plans, best_plan, plan_for, ring_plans
+from bezier_filters.learning.plans import (
+    PER_VERTEX,
+    WEIGHTED_RINGS,
+    FitPlan,
+    all_plans,
+    best_plan,
+    plan_for,
+    ring_plans,
+)
 from bezier_filters.learning.surface_model import RingModel, SurfaceModel
 from bezier_filters.surfaces import height_field, sphere
 
@@ -112,13 +120,15 @@ def plan_with(rings, degree, error):
     return FitPlan(rings, degree, 1.0, 1.0, np.zeros(0), np.inf, error, error)
 
 
-@pytest.mark.parametrize(("rings", "times_faster", "factor"), [(8, 4, 0.78), (16, 16, 0.61)])
-def test_twice_the_time_must_take_an_eighth_off_the_error(rings, times_faster, factor):
-    fast = plan_with(4, 4, 1.0)
-    slow = plan_with(rings, 4, 0.97 * factor)
-    assert slow.cost == times_faster * fast.cost
+@pytest.mark.parametrize(("overhead", "ratio"), [(0.0, 1.5), (0.0, 2.0), (1e4, 1.2)])
+def test_twice_the_time_must_take_a_fifth_off_the_error(overhead, ratio):
+    """The time of finding the plans counts, too."""
+    fast = replace(plan_with(8, 4, 1.0), overhead=overhead)
+    rings = np.sqrt((ratio * fast.cost - fast.cost) / (fast.cost - overhead - PER_VERTEX) + 1.0) * 8
+    slow = replace(plan_with(rings, 4, 0.97 * 0.785 ** np.log2(ratio)), overhead=overhead)
+    assert slow.cost == pytest.approx(ratio * fast.cost)
     assert best_plan([fast, slow]) is slow
-    assert best_plan([fast, plan_with(rings, 4, 1.03 * factor)]) is fast
+    assert best_plan([fast, replace(plan_with(rings, 4, 1.03 * 0.785 ** np.log2(ratio)), overhead=overhead)]) is fast
 
 
 def test_a_single_degree_is_taken_even_where_the_points_do_not_determine_it():

@@ -338,11 +338,11 @@ def test_known_noise_and_variances_are_learned(seed):
 
 
 def test_the_terms_of_the_highest_degree_are_learned_without_bias():
-    """Nothing that comes later can be taken for them."""
+    """Nothing that comes later can be taken for them. The surface is nearly flat, as slopes make more of noise."""
     basis = harmonic_basis()
-    truth = variances_by_degree(1.0, 0.3)
+    truth = 1e-6 * variances_by_degree(1.0, 0.3)
     shares = [
-        learn_model([analysed(draw(300, 60, truth, 1e-3, seed=seed))]).by_rings[0].variances / np.maximum(truth, 1e-300)
+        learn_model([analysed(draw(300, 60, truth, 1e-6, seed=seed))]).by_rings[0].variances / np.maximum(truth, 1e-300)
         for seed in range(4)
     ]
     assert np.mean(shares, axis=0)[basis.degrees == 8] == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / 1200))
