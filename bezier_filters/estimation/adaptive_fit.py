@@ -42,23 +42,17 @@ from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.runtime.parallel import Progress, run_kernel
 
-RADIUS_SAMPLES = 150
-"""Neighbourhoods whose radius is measured."""
-OUTLIER_RINGS = 3
-"""Of the robust fit that tells what is far off: narrow, and without a model to be misled."""
-FAR = 5.0
-"""Standard deviations of the noise around a vertex."""
-SPREADS = 2
-"""How many edges around a vertex its noise is told from."""
-OUTLIER_REACH = OUTLIER_RINGS + MORE_RINGS + SPREADS
-"""How many edges around a vertex decide whether it is far off."""
-GEOMETRIC_MEAN = np.exp(-0.5 * (np.euler_gamma + np.log(2.0)))
-"""Of the absolute value of a standard normal variable."""
+RADIUS_SAMPLES = 150  # neighbourhoods whose radius is measured
+OUTLIER_RINGS = 3  # of the robust fit that tells what is far off: narrow, and without a model to be misled
+FAR = 5.0  # standard deviations of the noise around a vertex
+SPREADS = 2  # how many edges around a vertex its noise is told from
+OUTLIER_REACH = OUTLIER_RINGS + MORE_RINGS + SPREADS  # how many edges around a vertex decide whether it is far off
+GEOMETRIC_MEAN = np.exp(-0.5 * (np.euler_gamma + np.log(2.0)))  # of the absolute value of a standard normal variable
 
+# learns a surface, as `learning.learn_surface` does, as it is or without its outliers
 Learn = Callable[[Choices, bool], tuple[list[RingAnalysis], Leaf | None]]
-"""Learns a surface, as `learning.learn_surface` does, as it is or without its outliers."""
+# a mesh whose neighbourhoods end at the sharp edges that are told without its noise
 Refined = Callable[[KernelMesh, NoiseModel], KernelMesh]
-"""A mesh whose neighbourhoods end at the sharp edges that are told without its noise."""
 
 
 @dataclass(frozen=True)

@@ -16,19 +16,13 @@ from bezier_filters.smoothing.denoise import Denoised, remove_noise
 from bezier_filters.smoothing.flipped_faces import repair_flipped_faces
 from bezier_filters.smoothing.laplacian import Borders
 
+# times the mean edge: less noise turns a face by some 5 degrees at most, and no flat edge looks like a sharp one
 NOISY = 0.02
-"""Times the mean edge: less noise turns a face by some 5 degrees at most, and no flat edge looks like a sharp one."""
-
+# of the noise, what the angles at sharp edges of the surface without it still show: 0.06 to 0.3 on wedges, prisms and
+# a fandisk with white noise of 0.1 to 0.5 edges
 LEFT = 0.2
-"""Of the noise, what the angles at sharp edges of the surface without it still show: 0.06 to 0.3 on wedges, prisms and
-a fandisk with white noise of 0.1 to 0.5 edges."""
-
-KEPT = 0.1
-"""Least sharpness of smoothing where it takes a line for an edge; round shapes have hardly any."""
-
-
-MOST_CLEANED = 3
-"""Times that outliers are taken off."""
+KEPT = 0.1  # least sharpness of smoothing where it takes a line for an edge; round shapes have hardly any
+MOST_CLEANED = 3  # times that outliers are taken off
 
 
 def learn_noise(

@@ -25,12 +25,10 @@ from bezier_filters.runtime.parallel import Progress, thread_count
 from bezier_filters.status import FitStatus
 
 CreaseKind = Literal["ridge", "ravine"]
+# red, green and blue of the lines wherever they are drawn
 COLORS = {"ridge": (0.8, 0.1, 0.1), "ravine": (0.1, 0.2, 0.8)}
-"""Red, green and blue of the lines wherever they are drawn."""
-THIRD = 3
-"""Least degree of a patch whose curvature has derivatives that vanish somewhere."""
-FEWEST_EDGES = 3
-"""Of a sharp line that ends neither at the border nor at another one: noise makes shorter ones."""
+THIRD = 3  # least degree of a patch whose curvature has derivatives that vanish somewhere
+FEWEST_EDGES = 3  # of a sharp line that ends neither at the border nor at another one: noise makes shorter ones
 
 
 @dataclass(frozen=True, repr=False)

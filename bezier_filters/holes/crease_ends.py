@@ -14,14 +14,11 @@ from bezier_filters.meshes.half_edges import ends_of_half_edges, half_edge_twins
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.sharp_edges import sharp_edges
 
+# angle up to which no edge is sharp, less than for lines: edges that are rounded a little are continued, too
 ROUNDED = radians(35.0)
-"""Angle up to which no edge is sharp, less than for lines: edges that are rounded a little are continued, too."""
-SHORTEST, LONGEST = 2, 6
-"""Edges of a crease that are followed from the rim: one alone is no crease."""
-ALONG = cos(radians(10.0))
-"""Least cosine of the angle between a crease and an edge of the rim that goes on as it does."""
-STRAIGHT = 0.5
-"""Least cosine of the angle between two edges of a crease that follow each other."""
+SHORTEST, LONGEST = 2, 6  # edges of a crease that are followed from the rim: one alone is no crease
+ALONG = cos(radians(10.0))  # least cosine of the angle between a crease and an edge of the rim that goes on as it does
+STRAIGHT = 0.5  # least cosine of the angle between two edges of a crease that follow each other
 
 
 @dataclass(frozen=True)

@@ -29,21 +29,16 @@ from bezier_filters.holes.planar_fill import lifted_fill
 from bezier_filters.holes.refinement import Fill
 from bezier_filters.holes.smooth_fill import Attempt, first_fill, meet_rim, project_to_surface, surface_around
 
-STRAIGHT = 0.3
-"""Bending energy of a curve that is taken as it is: it turns by some 30 degrees."""
-FARTHEST = 0.5
-"""Times the diameter of the rim: how far a curve or corner may move to the intersection of surfaces."""
+STRAIGHT = 0.3  # bending energy of a curve that is taken as it is: it turns by some 30 degrees
+FARTHEST = 0.5  # times the diameter of the rim: how far a curve or corner may move to the intersection of surfaces
 NEWTON_STEPS, STEPS_TO_CORNER = 12, 60
-WEAKEST = 0.15
-"""Least share of the strongest direction in which surfaces determine their intersection."""
+WEAKEST = 0.15  # least share of the strongest direction in which surfaces determine their intersection
+# bending energy of a curve over a unit chord, from which on its ends do not belong together: half a circle has 10
 LARGEST_BEND = 12.0
-"""Bending energy of a curve over a unit chord, from which on its ends do not belong together: half a circle has 10."""
-LARGEST_LEG_BEND = 0.5
-"""The same of a curve to a corner: it turns by some 20 degrees."""
+LARGEST_LEG_BEND = 0.5  # the same of a curve to a corner: it turns by some 20 degrees
+# what another group must save: ends of which all meet in a point do not meet there in twos and threes
 ENERGY_OF_GROUP = 0.5
-"""What another group must save: ends of which all meet in a point do not meet there in twos and threes."""
-MOST_ENDS = 8
-"""Up to which every group of ends may meet in a corner."""
+MOST_ENDS = 8  # up to which every group of ends may meet in a corner
 
 
 @dataclass(frozen=True)

@@ -15,24 +15,20 @@ from bezier_filters.learning.ring_analysis import RingAnalysis, analyse_rings
 from bezier_filters.meshes.adjacency import Adjacency
 
 CANDIDATE_RINGS = (1, 2, 3, 4, 5, 6, 8, 10)
-NEAR_RINGS = 5
-"""Most meshes need no wider rings than these, of which many neighbourhoods can be afforded."""
+NEAR_RINGS = 5  # most meshes need no wider rings than these, of which many neighbourhoods can be afforded
+# neighbourhoods analysed per ring: the wider, the more points each has
 SAMPLES = {1: 300, 2: 400, 3: 400, 4: 240, 5: 180, 6: 200, 8: 160, 10: 120}
-"""Neighbourhoods analysed per ring: the wider, the more points each has."""
-MOST_TURNED = 0.02
-"""Share of the vertices of a neighbourhood whose normals noise may turn away from its plane."""
-USABLE_SHARE = 0.8
-"""A ring that folds at more than the rest of the sampled vertices is too wide."""
-HOPELESS = 10.0
-"""Wider rings are not tried once the predicted error has grown by this factor."""
+MOST_TURNED = 0.02  # share of the vertices of a neighbourhood whose normals noise may turn away from its plane
+USABLE_SHARE = 0.8  # a ring that folds at more than the rest of the sampled vertices is too wide
+HOPELESS = 10.0  # wider rings are not tried once the predicted error has grown by this factor
 
+# share of the places with a normal near them that turns away, and of all normals: more of both is heavy noise,
 OFTEN_TURNED, MANY_TURNED = 0.03, 0.0015
-"""Share of the places with a normal near them that turns away, and of all normals: more of both is heavy noise,"""
+# if most places are so rough, too: heights of the neighbours over their distances. At knife edges only few are.
 ROUGH = 0.25
-"""if most places are so rough, too: heights of the neighbours over their distances. At knife edges only few are."""
 
+# gives neighbourhoods out to some rings of some number of vertices, of a mesh as it is or with steady normals
 Sampler = Callable[[int, int, bool], NeighbourhoodSample]
-"""Gives neighbourhoods out to some rings of some number of vertices, of a mesh as it is or with steady normals."""
 
 
 def learn_surface(

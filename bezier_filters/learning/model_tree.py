@@ -20,17 +20,12 @@ from bezier_filters.patches.harmonics import harmonic_basis
 
 Kind = TypeVar("Kind")
 Other = TypeVar("Other")
-Features = Callable[[IntArray], FloatArray]
-"""Gives the features (k, F) of vertices (k,)."""
+Features = Callable[[IntArray], FloatArray]  # gives the features (k, F) of vertices (k,)
 
-QUANTILES = (0.15, 0.3, 0.5, 0.7, 0.85)
-"""Where a sample is tried to be split."""
-FEWEST_ON_A_SIDE = 40
-"""Neighbourhoods of the sample that a model of its own needs."""
-WORTHWHILE = 0.1
-"""Mean logarithm of the predicted error that a split must save."""
-DEEPEST = 3
-"""Splits above each leaf."""
+QUANTILES = (0.15, 0.3, 0.5, 0.7, 0.85)  # where a sample is tried to be split
+FEWEST_ON_A_SIDE = 40  # neighbourhoods of the sample that a model of its own needs
+WORTHWHILE = 0.1  # mean logarithm of the predicted error that a split must save
+DEEPEST = 3  # splits above each leaf
 
 
 @dataclass(frozen=True)
@@ -52,8 +47,7 @@ class Split(Generic[Kind]):
     high: "Kind | Split[Kind]"
 
 
-Tree: TypeAlias = Kind | Split[Kind]
-"""Splits, and something of one kind at every leaf."""
+Tree: TypeAlias = Kind | Split[Kind]  # splits, and something of one kind at every leaf
 
 
 def _overflows() -> np.errstate:

@@ -14,12 +14,9 @@ from bezier_filters.meshes.neighbourhoods import forget, next_ring
 from bezier_filters.runtime.jit import inner_jit, jit, variable
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
-CHUNK = 32
-"""Neighbourhoods per chunk."""
-NEAR = 2
-"""Rings in which it is counted how many normals turn away."""
-MOST_POINTS = 450
-"""Of a neighbourhood that is looked at."""
+CHUNK = 32  # neighbourhoods per chunk
+NEAR = 2  # rings in which it is counted how many normals turn away
+MOST_POINTS = 450  # of a neighbourhood that is looked at
 
 
 class NeighbourhoodSample(NamedTuple):

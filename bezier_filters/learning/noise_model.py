@@ -14,14 +14,10 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.learning.ring_analysis import RingAnalysis
 from bezier_filters.patches.harmonics import harmonic_basis
 
-NEARLY_SINGULAR = 1e-10
-"""Of the largest entry of normal equations, what is added to each."""
-STEEP = 1.02
-"""Mean of 1 / cos^2 of the slopes: white noise along the normal is that of the heights below that,"""
-FEWEST_RINGS_FOR_SLOPES = 3
-"""and where too few points tell slopes from noise."""
-LOOKED_AT = 24
-"""Neighbourhoods of a ring over which it is averaged what noise does."""
+NEARLY_SINGULAR = 1e-10  # of the largest entry of normal equations, what is added to each
+STEEP = 1.02  # mean of 1 / cos^2 of the slopes: white noise along the normal is that of the heights below that,
+FEWEST_RINGS_FOR_SLOPES = 3  # and where too few points tell slopes from noise
+LOOKED_AT = 24  # neighbourhoods of a ring over which it is averaged what noise does
 
 
 @dataclass(frozen=True)

@@ -17,30 +17,20 @@ from bezier_filters.learning.noise_model import LOOKED_AT, NoiseModel, squared_d
 from bezier_filters.learning.ring_analysis import FREE_DEGREE, RingAnalysis
 from bezier_filters.patches.harmonics import HIGHEST_DEGREE, harmonic_basis
 
+# over which noise may be correlated, in edges: 0.35 to 4, of which each second one is twice the other
 SQUARED_LENGTHS = tuple(4.0 * 0.5 ** (0.5 * k) for k in range(7, -1, -1))
-"""Over which noise may be correlated, in edges: 0.35 to 4, of which each second one is twice the other."""
-FLATTEST, MOST = 0.25, 0.6
-"""Shares of the places that are looked at."""
-EVERYWHERE = 4.0
-"""Times the correlated variance at the flattest places: most that is believed of what most places have."""
-SHORT = 1.0
-"""Square of a length, in edges, over which noise may be correlated without being partly white."""
+FLATTEST, MOST = 0.25, 0.6  # shares of the places that are looked at
+EVERYWHERE = 4.0  # times the correlated variance at the flattest places: most that is believed of what most places have
+SHORT = 1.0  # square of a length, in edges, over which noise may be correlated without being partly white
+# share of noise of greater length that is white at least: what is as smooth as nothing that is measured is shape
 LEAST_WHITE = 1e-3
-"""Share of noise of greater length that is white at least: what is as smooth as nothing that is measured is shape."""
-LEAST_DEGREE = 4
-"""Of the terms that tell how flat a place is."""
-RINGS = (2, 3, 4, 5)
-"""Narrower ones leave too few points; wider ones would take long."""
-MODEL_ERROR = 0.05
-"""Relative standard error of what is expected, beside that of what is observed."""
-MOST_PARTS = 2
-"""Correlated parts of the noise."""
-GAIN = 40.0
-"""Of the deviance, by which a part of the noise must lower it: chance does so by about 1."""
-WORST = 4.0
-"""Deviance per observation up to which the explanation counts as one."""
-STEPS = 12
-"""In which variances and the weights that follow from them settle."""
+LEAST_DEGREE = 4  # of the terms that tell how flat a place is
+RINGS = (2, 3, 4, 5)  # narrower ones leave too few points; wider ones would take long
+MODEL_ERROR = 0.05  # relative standard error of what is expected, beside that of what is observed
+MOST_PARTS = 2  # correlated parts of the noise
+GAIN = 40.0  # of the deviance, by which a part of the noise must lower it: chance does so by about 1
+WORST = 4.0  # deviance per observation up to which the explanation counts as one
+STEPS = 12  # in which variances and the weights that follow from them settle
 FIRST = FREE_DEGREE + 1
 
 

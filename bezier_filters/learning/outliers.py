@@ -10,26 +10,18 @@ from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample
 from bezier_filters.learning.ring_analysis import FEWEST_SAMPLES, term_values
 from bezier_filters.patches.harmonics import harmonic_basis
 
-RINGS, DEGREE = 3, 3
-"""Of the fit whose residuals are looked at: as narrow as there are enough points."""
-INNER_RINGS = 2
-"""Where they are looked at: the outermost points pull the fit towards them."""
-PLACES = 150
-"""Neighbourhoods that are looked at."""
-FAR, NEAR = 4.0, 2.0
-"""Standard deviations from which on a residual is large, and up to which those around it are not."""
-MEDIAN = 0.6745
-"""Of the absolute value of a standard normal variable."""
-NEAREST = 5
-"""Points around one."""
+RINGS, DEGREE = 3, 3  # of the fit whose residuals are looked at: as narrow as there are enough points
+INNER_RINGS = 2  # where they are looked at: the outermost points pull the fit towards them
+PLACES = 150  # neighbourhoods that are looked at
+FAR, NEAR = 4.0, 2.0  # standard deviations from which on a residual is large, and up to which those around it are not
+MEDIAN = 0.6745  # of the absolute value of a standard normal variable
+NEAREST = 5  # points around one
+# shares of the vertices that are outliers, and of the places that have one: up to either, chance may be why
 FEW, RARE = 0.008, 0.12
-"""Shares of the vertices that are outliers, and of the places that have one: up to either, chance may be why."""
-TAIL, OF_NORMAL = 2.0, 0.0455
-"""Standard deviations, and share of a normal distribution beyond them."""
+TAIL, OF_NORMAL = 2.0, 0.0455  # standard deviations, and share of a normal distribution beyond them
+# share of what there is beyond that which must be outliers: else the noise is heavy everywhere, not outliers in it
 MOST_OF = 0.4
-"""Share of what there is beyond that which must be outliers: else the noise is heavy everywhere, not outliers in it."""
-LEAST_FREEDOM = 0.05
-"""Share of a point that a fit leaves free, at the least."""
+LEAST_FREEDOM = 0.05  # share of a point that a fit leaves free, at the least
 
 
 @np.errstate(all="ignore")

@@ -19,27 +19,23 @@ from bezier_filters.patches.polynomials import PolynomialSpace, total_degree_spa
 
 CANDIDATE_DEGREES = (2, 3, 4, 5, 6)
 THIRD_ORDER = 3
+# the prior takes what a degree leaves out for noise; on regular meshes it cancels out, and less is better
 WEAKER_PRIORS = (0.03, 0.001)
-"""The prior takes what a degree leaves out for noise; on regular meshes it cancels out, and less is better."""
+# times what the points say of a term: leaves nothing of it, and the normal equations well conditioned
 STRONGEST_PRIOR = 1e5
-"""Times what the points say of a term: leaves nothing of it, and the normal equations well conditioned."""
-LEAST_WEIGHT_RADIUS = 0.3
-"""Of the radius of the neighbourhood, lest a fit have too few points."""
+LEAST_WEIGHT_RADIUS = 0.3  # of the radius of the neighbourhood, lest a fit have too few points
+# power of the time that the predicted error is multiplied by: twice the time must take a fifth off the error
 THRIFT = 0.35
-"""Power of the time that the predicted error is multiplied by: twice the time must take a fifth off the error."""
-PROMISED = 1.03
-"""Per degree, by which the predicted error is multiplied: what is known of higher terms is less certain."""
+PROMISED = 1.03  # per degree, by which the predicted error is multiplied: what is known of higher terms is less certain
+# time, in the same units (about nanoseconds), of finding the plans: on small meshes that of the fit hardly matters;
+# of a vertex, and of each of its points beside their moments
 LEARNING, PER_VERTEX, PER_POINT = 4e8, 700.0, 85.0
-"""Time, in the same units (about nanoseconds), of finding the plans: on small meshes that of the fit hardly matters;
-of a vertex, and of each of its points beside their moments."""
+# once a lower degree, or another ring, has raised the predicted error by this factor, none beyond it is tried
 MUCH_WORSE = 1.3
-"""Once a lower degree, or another ring, has raised the predicted error by this factor, none beyond it is tried."""
+# distance weights are looked at up to here: where narrow rings are best because the surface varies fast
 WEIGHTED_RINGS = 4
-"""Distance weights are looked at up to here: where narrow rings are best because the surface varies fast."""
-RIDGE = 1e-14
-"""Of the largest entry of the normal equations: makes singular ones solvable, whose errors are then huge."""
-WANTED = np.arange(1, 6)
-"""Places of the two slopes, x^2 - y^2, 2 x y and x^2 + y^2 among the terms."""
+RIDGE = 1e-14  # of the largest entry of the normal equations: makes singular ones solvable, whose errors are then huge
+WANTED = np.arange(1, 6)  # places of the two slopes, x^2 - y^2, 2 x y and x^2 + y^2 among the terms
 Candidate = TypeVar("Candidate")
 
 

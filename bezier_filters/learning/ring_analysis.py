@@ -21,22 +21,18 @@ from bezier_filters.runtime.jit import inner_jit, jit, variable
 from bezier_filters.runtime.lanes import LANES, aligned, load, multiply_add, spread, store, where_greater
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
-FREE_DEGREE = 2
-"""Height, slope and curvature are what we are after: no prior touches them."""
+FREE_DEGREE = 2  # height, slope and curvature are what we are after: no prior touches them
 FEWEST_SAMPLES = 12
 FEWEST_POINTS_PER_COEFFICIENT = 1.2
-FIRST = 8
-"""Neighbourhoods by which plans are compared."""
+FIRST = 8  # neighbourhoods by which plans are compared
+# neighbourhoods of a sample whose factors are kept: a part of the sample has some of them, as its order is random
 FACTORED = 64
-"""Neighbourhoods of a sample whose factors are kept: a part of the sample has some of them, as its order is random."""
-CHUNK = 4 * LANES
-"""Neighbourhoods per chunk."""
+CHUNK = 4 * LANES  # neighbourhoods per chunk
+# a term whose column keeps less than this of its length, once what earlier terms explain is gone, is not seen
 UNSEEN = 3e-5
-"""A term whose column keeps less than this of its length, once what earlier terms explain is gone, is not seen."""
+# of the largest entry of normal equations, what is added to each: makes those of points on a line solvable
 SINGULAR = 1e-12
-"""Of the largest entry of normal equations, what is added to each: makes those of points on a line solvable."""
-POINTS = 16
-"""Points whose terms are held at a time."""
+POINTS = 16  # points whose terms are held at a time
 _ROW_STARTS = np.cumsum(np.arange(len(harmonic_basis().degrees) + 2)).astype(np.int32)
 
 

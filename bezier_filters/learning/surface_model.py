@@ -17,18 +17,12 @@ from bezier_filters.learning.noise_model import NoiseModel, RingNoise, ring_nois
 from bezier_filters.learning.ring_analysis import FREE_DEGREE, RingAnalysis
 from bezier_filters.patches.harmonics import HIGHEST_DEGREE, harmonic_basis
 
-FEWEST_RINGS_FOR_NOISE = 2
-"""Narrower rings leave too few points for a fit of high degree to tell noise from shape."""
-PRIOR_RANGE = 8.0
-"""Standard errors over which a variance is as likely, beforehand, as it is to be nothing at all."""
-CAUTIOUS_RANGE = 4.0
-"""The same for standard errors, which had better be too large than too small."""
-SURELY = 4.0
-"""Standard errors by which one estimate of a variance must be above another to be taken instead."""
-UNSURE = 0.4
-"""Relative standard error of what correlated noise adds to the squares of coefficients."""
-CERTAIN = 30.0
-"""Standard errors beyond which an estimate is taken as it is."""
+FEWEST_RINGS_FOR_NOISE = 2  # narrower rings leave too few points for a fit of high degree to tell noise from shape
+PRIOR_RANGE = 8.0  # standard errors over which a variance is as likely, beforehand, as it is to be nothing at all
+CAUTIOUS_RANGE = 4.0  # the same for standard errors, which had better be too large than too small
+SURELY = 4.0  # standard errors by which one estimate of a variance must be above another to be taken instead
+UNSURE = 0.4  # relative standard error of what correlated noise adds to the squares of coefficients
+CERTAIN = 30.0  # standard errors beyond which an estimate is taken as it is
 
 
 @dataclass(frozen=True)

@@ -28,23 +28,18 @@ from bezier_filters.meshes.triangles import cosine_between, has_corner, next_cor
 from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
-SHARP, FOR_FITS = radians(40.0), radians(45.0)
-"""Angles up to which no edge is sharp."""
+SHARP, FOR_FITS = radians(40.0), radians(45.0)  # angles up to which no edge is sharp
+# how many times as sharp an edge must be as a quarter, or half, of those around it, in the same order
 TIMES_A_QUARTER, TIMES_HALF = 12.6, 10.0
-"""How many times as sharp an edge must be as a quarter, or half, of those around it, in the same order."""
-WEAK = 0.75
-"""Times the least angle of sharp edges: that of edges that continue them,"""
-STRAIGHT_ON = cos(radians(30.0))
-"""if they go straight on: least cosine of the angle between both."""
+WEAK = 0.75  # times the least angle of sharp edges: that of edges that continue them,
+STRAIGHT_ON = cos(radians(30.0))  # if they go straight on: least cosine of the angle between both
+# least angle between averaged normals at both ends of some edge, where a sharp edge is near: on a box it is half of
+# the angle there
 STEEP = SHARP / 5.0
-"""Least angle between averaged normals at both ends of some edge, where a sharp edge is near: on a box it is half of
-the angle there."""
-EXACT = radians(1.0)
-"""Least standard deviation of an angle."""
-MOST_EDGES = 256
-"""Around a vertex, of those that are looked at."""
+EXACT = radians(1.0)  # least standard deviation of an angle
+MOST_EDGES = 256  # around a vertex, of those that are looked at
+# where `TangentPlanes.safe_cosine` is less, the faces differ too little for a sharp edge
 NARROW_CONE = cos(STEEPEST - FOR_FITS / 2.0)
-"""Where `TangentPlanes.safe_cosine` is less, the faces differ too little for a sharp edge."""
 
 
 def sharp_edges(mesh: TriangleMesh, edges: MeshEdges, adjacency: Adjacency, angle: float = SHARP) -> BoolArray:

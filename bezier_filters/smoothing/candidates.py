@@ -19,41 +19,24 @@ from bezier_filters.smoothing.normal_filter import filter_normals, noisy_normals
 from bezier_filters.smoothing.probes import OTHER_SIGNS
 from bezier_filters.smoothing.vertex_update import move_to_normals
 
+# kinds of estimates: the low-pass filter proper, and one round after a slightly weaker one; then the sharp ones
 SMOOTH, GENTLE = 0, 1
-"""Kinds of estimates: the low-pass filter proper, and one round after a slightly weaker one; then the sharp ones."""
-ROUNDS = (0, 1, 2, 5, 16)
-"""Of filtering the normals, by kind: from the third on after a much weaker filter."""
-SHARPNESS = (0.0, 0.0, 0.33, 0.67, 1.0)
-"""As reported, by kind."""
+ROUNDS = (0, 1, 2, 5, 16)  # of filtering the normals, by kind: from the third on after a much weaker filter
+SHARPNESS = (0.0, 0.0, 0.33, 0.67, 1.0)  # as reported, by kind
 KINDS = range(len(ROUNDS))
-GENTLE_TOLERANCE, SHARP_TOLERANCE = 2.5, 1.5
-"""Of `filter_normals`."""
-PROBE = 0.1
-"""Times sigma: how far vertices are moved to find their leverages."""
-FEWEST_SAMPLED = 60_000
-"""Vertices times samples of the noise, that normals are filtered by."""
+GENTLE_TOLERANCE, SHARP_TOLERANCE = 2.5, 1.5  # of `filter_normals`
+PROBE = 0.1  # times sigma: how far vertices are moved to find their leverages
+FEWEST_SAMPLED = 60_000  # vertices times samples of the noise, that normals are filtered by
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """An estimate of the surface.
+    """An estimate of the surface."""
 
-    Attributes
-    ----------
-    kind : int
-        Which one it is.
-    moves : (n, 3) float32
-        How far each vertex moves.
-    residuals : (n,) float32
-        Heights of the measured vertices over it, times the standard deviation of the noise.
-    leverages : (n,) float32
-        How far it follows each vertex.
-    """
-
-    kind: int
-    moves: SingleArray
-    residuals: SingleArray
-    leverages: SingleArray
+    kind: int  # which one it is
+    moves: SingleArray  # (n, 3): how far each vertex moves
+    residuals: SingleArray  # (n,): heights of the measured vertices over it, times the standard deviation of the noise
+    leverages: SingleArray  # (n,): how far it follows each vertex
 
 
 def candidates(

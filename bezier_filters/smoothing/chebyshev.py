@@ -21,13 +21,11 @@ from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 from bezier_filters.smoothing.laplacian import Laplacian
 
-WIDTH = 4
-"""Signals that run side by side."""
-ORDER = 4
-"""Of the filters, where nothing else is said."""
+WIDTH = 4  # signals that run side by side
+ORDER = 4  # of the filters, where nothing else is said
+# of a series, times the square root of half the range of the eigenvalues over the end of the pass band, over the sine
+# of half the angle at which the poles of the filter lie: series converge the slower, the nearer these are
 TERMS = 4.6
-"""Of a series, times the square root of half the range of the eigenvalues over the end of the pass band, over the
-sine of half the angle at which the poles of the filter lie: series converge the slower, the nearer these are."""
 
 Signals = TypeVar("Signals", FloatArray, SingleArray)
 MakeStep = Callable[[SingleArray, SingleArray, SingleArray, np.float32, np.float32], RangeTask]

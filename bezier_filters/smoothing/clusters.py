@@ -24,33 +24,18 @@ from bezier_filters.smoothing.laplacian import Laplacian
 from bezier_filters.smoothing.mesh_parts import MeshPart
 from bezier_filters.smoothing.probes import random_bits
 
-CENTERS = 100
-"""Which of the random numbers at vertices say what order clusters form in."""
+CENTERS = 100  # which of the random numbers at vertices say what order clusters form in
 
 
 @dataclass(frozen=True)
 class Clusters:
-    """Disjoint clusters that cover a mesh, or a tile of one.
+    """Disjoint clusters that cover a mesh, or a tile of one."""
 
-    Attributes
-    ----------
-    of_vertex : (n,) int32
-        Number of the cluster that a vertex belongs to.
-    sizes : (k,) float64
-        Numbers of their vertices.
-    adjacency : Adjacency
-        Of the vertices.
-    laplacian : Laplacian
-        How values on clusters spread,
-    pace : float
-        and how much time that takes, per time on the mesh.
-    """
-
-    of_vertex: IntArray
-    sizes: FloatArray
-    adjacency: Adjacency
-    laplacian: Laplacian
-    pace: float
+    of_vertex: IntArray  # (n,): number of the cluster that a vertex belongs to
+    sizes: FloatArray  # (k,): numbers of their vertices
+    adjacency: Adjacency  # of the vertices
+    laplacian: Laplacian  # how values on clusters spread,
+    pace: float  # and how much time that takes, per time on the mesh
 
     def means(self, values: RealArray) -> FloatArray:
         """Mean of values at vertices (n, c) over each cluster, (k, c)."""

@@ -13,34 +13,20 @@ from bezier_filters.smoothing.chebyshev import diffuse
 from bezier_filters.smoothing.laplacian import Laplacian
 from bezier_filters.smoothing.probes import random_signs, white_noise
 
-FIRST_STREAM = 100
-"""Of the random bits that correlated noise is made of."""
+FIRST_STREAM = 100  # of the random bits that correlated noise is made of
+# of a lattice of triangles, where it is known how alike heat flow makes neighbours: its size, and the largest time
 GRID, LONGEST = 32, 64.0
-"""Of a lattice of triangles, where it is known how alike heat flow makes neighbours: its size, and the largest time."""
-AREA = 0.87
-"""Of a mesh per vertex, times the squared mean edge."""
+AREA = 0.87  # of a mesh per vertex, times the squared mean edge
 
 
 @dataclass(frozen=True)
 class Correlation:
-    """How noise of variance 1 is made of white noise: some of it is taken as it is, some after heat flow.
+    """How noise of variance 1 is made of white noise: some of it is taken as it is, some after heat flow."""
 
-    Attributes
-    ----------
-    white : float
-        Standard deviation of the part that is independent from vertex to vertex.
-    times : tuple of float
-        Times of the heat flow, squared edges, that make the other parts.
-    scales : tuple of float
-        What these are then multiplied by.
-    alike : float
-        Mean number of vertices whose noise is that of one: the sum of the squared correlations.
-    """
-
-    white: float = 1.0
-    times: tuple[float, ...] = ()
-    scales: tuple[float, ...] = ()
-    alike: float = 1.0
+    white: float = 1.0  # standard deviation of the part that is independent from vertex to vertex
+    times: tuple[float, ...] = ()  # times of the heat flow, squared edges, that make the other parts
+    scales: tuple[float, ...] = ()  # what these are then multiplied by
+    alike: float = 1.0  # mean number of vertices whose noise is that of one: the sum of the squared correlations
 
     @staticmethod
     def of(noise: NoiseModel, unit: float, ids: IntArray, laplacian: Laplacian, core: BoolArray) -> "Correlation":
@@ -78,8 +64,7 @@ def _time_until_alike(correlation: float) -> float:
     return float(np.interp(correlation, waves @ means / waves.sum(axis=1), times))
 
 
-WHITE = Correlation()
-"""That of noise that is independent from vertex to vertex."""
+WHITE = Correlation()  # that of noise that is independent from vertex to vertex
 
 
 def correlated_signs(

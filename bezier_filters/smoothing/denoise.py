@@ -33,65 +33,36 @@ from bezier_filters.smoothing.noise import (
 )
 from bezier_filters.smoothing.risk import Estimates, last_gain, local_risks, local_shares, noise_factor, overall_risks
 
+# times the mean edge: fine relief of clean scans, in which neighbours differ, too, and which is left alone
 DETAIL = 0.01
-"""Times the mean edge: fine relief of clean scans, in which neighbours differ, too, and which is left alone."""
-SMALLEST_NOISE = 1e-4
-"""Times the mean edge: below that there is nothing to take off."""
-GAIN = 1e-3
-"""Times sigma^2: mean decrease of the risk around a vertex below which a further estimate is left out."""
+SMALLEST_NOISE = 1e-4  # times the mean edge: below that there is nothing to take off
+GAIN = 1e-3  # times sigma^2: mean decrease of the risk around a vertex below which a further estimate is left out
+# around a tile there are the rings in which a low-pass filter fades by so many powers of e, those over which risks
+# are averaged, and those that a round of filtering the normals reaches across: measured, for a hundredth of the noise
 FADED, AVERAGED, RINGS_PER_ROUND = 7.0, 14, 1.25
-"""Around a tile there are the rings in which a low-pass filter fades by so many powers of e, those over which risks are
-averaged, and those that a round of filtering the normals reaches across: measured, for a hundredth of the noise."""
-STEPS = 6
-"""Of the progress."""
+STEPS = 6  # of the progress
 
 
 @dataclass(frozen=True)
 class SmoothingPlan:
-    """What holds for a mesh as a whole, and how its noise is taken off.
+    """What holds for a mesh as a whole, and how its noise is taken off."""
 
-    Attributes
-    ----------
-    center : (3,) float64
-        What is taken off the coordinates,
-    scale : float
-        and what they are then multiplied by: lengths of the plan are in these units.
-    cluster_pace : float
-        See `Clusters`.
-    noise : NoiseLevels
-    low_pass : LowPassPlan
-    kinds : tuple of int
-        Kinds of estimates that are worth their while.
-    noise_factor : float
-        How much less noise there is than was thought.
-    overall : (kinds,) float64
-        Risks of these estimates, see `overall_risks`.
-    """
-
-    center: FloatArray
-    scale: float
-    cluster_pace: float
+    center: FloatArray  # (3,): what is taken off the coordinates,
+    scale: float  # and what they are then multiplied by: lengths of the plan are in these units
+    cluster_pace: float  # see `Clusters`
     noise: NoiseLevels
     low_pass: LowPassPlan
-    kinds: tuple[int, ...]
-    noise_factor: float
-    overall: FloatArray
+    kinds: tuple[int, ...]  # kinds of estimates that are worth their while
+    noise_factor: float  # how much less noise there is than was thought
+    overall: FloatArray  # (kinds,): risks of these estimates, see `overall_risks`
 
 
 @dataclass(frozen=True)
 class Denoised:
-    """A mesh without its noise.
+    """A mesh without its noise."""
 
-    Attributes
-    ----------
-    points : (n, 3) float64
-        Coordinates.
-    sharpness : (n,) float64
-        0 where the surface was taken for smooth, 1 where edges were kept as sharp as can be.
-    """
-
-    points: FloatArray
-    sharpness: FloatArray
+    points: FloatArray  # (n, 3): coordinates
+    sharpness: FloatArray  # (n,): 0 where the surface was taken for smooth, 1 where edges were kept as sharp as can be
 
 
 def remove_noise(

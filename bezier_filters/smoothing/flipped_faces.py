@@ -11,29 +11,19 @@ from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
-THINNEST = 1e-7
-"""Twice the area over the squared longest edge, from which down a triangle counts as degenerate."""
-ROUNDS = 60
-"""After which everything is taken back; far more than there have ever been."""
+THINNEST = 1e-7  # twice the area over the squared longest edge, from which down a triangle counts as degenerate
+ROUNDS = 60  # after which everything is taken back; far more than there have ever been
+# edges from a face that is wrong to vertices that may be the cause; what happens to a vertex depends on a few times
+# as many rings around it
 REACH = 4
-"""Edges from a face that is wrong to vertices that may be the cause; what happens to a vertex depends on a few times as
-many rings around it."""
 
 
 @dataclass(frozen=True)
 class BadFaces:
-    """Faces that are wrong.
+    """Faces that are wrong."""
 
-    Attributes
-    ----------
-    flipped : (m,) bool
-        More than 90 degrees away from the mean normal of the faces around.
-    degenerate : (m,) bool
-        Without area, practically.
-    """
-
-    flipped: BoolArray
-    degenerate: BoolArray
+    flipped: BoolArray  # (m,): more than 90 degrees away from the mean normal of the faces around
+    degenerate: BoolArray  # (m,): without area, practically
 
     def new_since(self, before: "BadFaces") -> BoolArray:
         """Faces that are wrong in a way in which they were not before, (m,)."""

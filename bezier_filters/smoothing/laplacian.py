@@ -12,39 +12,28 @@ from bezier_filters.meshes.triangles import cotangent_and_area, has_corner
 from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
+# whether border vertices follow their neighbours along the border, stay, or follow all their neighbours
 Borders = Literal["curve", "fixed", "free"]
-"""Whether border vertices follow their neighbours along the border, stay, or follow all their neighbours."""
 
+# weights are kept within these bounds: none is negative, and slivers do not rule their vertices
 LEAST_COTANGENT, LARGEST_COTANGENT = 0.05, 3.0
-"""Weights are kept within these bounds: none is negative, and slivers do not rule their vertices."""
+# times a squared mean edge: a vertex with less area counts as having this, lest the Laplacian grow without bound
 LEAST_AREA = 0.2
-"""Times a squared mean edge: a vertex with less area counts as having this, lest the Laplacian grow without bound."""
+# rate of a vertex, at the most: a few faster ones would cost all the others many steps, and a low-pass filter takes
+# off what varies so fast in any case
 FASTEST = 8.0
-"""Rate of a vertex, at the most: a few faster ones would cost all the others many steps, and a low-pass filter
-takes off what varies so fast in any case."""
 
 
 @dataclass(frozen=True)
 class Laplacian:
-    """The operator (L x)_i = rate_i (x_i - sum_j weight_ij x_j), whose eigenvalues lie in [0, bound].
+    """The operator (L x)_i = rate_i (x_i - sum_j weight_ij x_j), whose eigenvalues lie in [0, bound]."""
 
-    Attributes
-    ----------
-    indptr, indices : int32
-        Rows of neighbours.
-    weights : float32
-        One for each neighbour; those of a row sum to 1, or are all 0.
-    rates : (n,) float32
-        How fast the vertices move, 1 on a regular mesh; 0 for those that do not.
-    bound : float
-        Twice the largest rate, or more: no eigenvalue is larger (Gershgorin).
-    """
-
+    # indptr, indices: rows of neighbours
     indptr: IntArray
     indices: IntArray
-    weights: SingleArray
-    rates: SingleArray
-    bound: float = 2.0
+    weights: SingleArray  # one for each neighbour; those of a row sum to 1, or are all 0
+    rates: SingleArray  # (n,): how fast the vertices move, 1 on a regular mesh; 0 for those that do not
+    bound: float = 2.0  # twice the largest rate, or more: no eigenvalue is larger (Gershgorin)
 
     @property
     def arrays(self) -> tuple[IntArray, IntArray, SingleArray, SingleArray]:

@@ -18,111 +18,56 @@ from bezier_filters.smoothing.laplacian import Borders, Laplacian, cotangent_lap
 from bezier_filters.smoothing.noise import NoisyMesh
 from bezier_filters.smoothing.risk import Estimates, local_risks, local_shares, overall_risks
 
+# of the filters; 0 leaves everything as it is
 STRENGTHS: FloatArray = np.concatenate([[0.0], 10.0 ** np.arange(-1.0, 6.1, 0.5)])
-"""Of the filters; 0 leaves everything as it is."""
-POWERS = (0.0, 0.5, 1.0)
-"""Of cotangent Laplacians, see `cotangent_laplacian`."""
+POWERS = (0.0, 0.5, 1.0)  # of cotangent Laplacians, see `cotangent_laplacian`
+# of filters: steeper ones suit surfaces whose detail ends at some size, as that of analytic surfaces does
 ORDERS = (ORDER, 6)
-"""Of filters: steeper ones suit surfaces whose detail ends at some size, as that of analytic surfaces does."""
-AROUND = 3
-"""Strengths on both sides of the one that is best for the mesh as a whole that its parts may take."""
-STRONGER = 6
-"""Steps of the strength beyond that of the umbrella Laplacian up to which others are tried."""
-RARE = 1e-3
-"""Mean share of a strength up to which it is left out if it is stronger than all others that are not."""
-SELDOM = 1e-3
-"""Share of the vertices that prefer the weakest strength, above which weaker ones are tried."""
-WEAKER = 2
-"""Steps of the strength by which a filter that another one follows is weaker."""
-ENOUGH = 10_000.0
-"""Strength of a filter whose normals need no stronger one."""
-AVERAGED = 100.0
-"""Squared edges around a vertex over which rates are averaged."""
-FARTHEST = 3.8
-"""Phase between the ends of an edge, beyond which waves are shorter than a mesh shows."""
-FEW = 20_000
-"""Vertices; on smaller meshes, leverages are averaged over more probes."""
+AROUND = 3  # strengths on both sides of the one that is best for the mesh as a whole that its parts may take
+STRONGER = 6  # steps of the strength beyond that of the umbrella Laplacian up to which others are tried
+RARE = 1e-3  # mean share of a strength up to which it is left out if it is stronger than all others that are not
+SELDOM = 1e-3  # share of the vertices that prefer the weakest strength, above which weaker ones are tried
+WEAKER = 2  # steps of the strength by which a filter that another one follows is weaker
+ENOUGH = 10_000.0  # strength of a filter whose normals need no stronger one
+AVERAGED = 100.0  # squared edges around a vertex over which rates are averaged
+FARTHEST = 3.8  # phase between the ends of an edge, beyond which waves are shorter than a mesh shows
+FEW = 20_000  # vertices; on smaller meshes, leverages are averaged over more probes
 
 
 @dataclass(frozen=True)
 class Shape:
-    """A mesh without most of its noise, but with the triangles that it has.
+    """A mesh without most of its noise, but with the triangles that it has."""
 
-    Attributes
-    ----------
-    normals : (n, 3) float64
-        Of the smooth surface.
-    vertices : (n, 3) float64
-        The vertices, moved onto the smooth surface along them.
-    """
-
-    normals: FloatArray
-    vertices: FloatArray
+    normals: FloatArray  # (n, 3): of the smooth surface
+    vertices: FloatArray  # (n, 3): the vertices, moved onto the smooth surface along them
 
 
 @dataclass(frozen=True)
 class LowPassPlan:
-    """What holds for a mesh as a whole.
+    """What holds for a mesh as a whole."""
 
-    Attributes
-    ----------
-    borders : {"curve", "fixed"}
-        What border vertices do.
-    unit : float
-        The mean edge, a length.
-    first : int
-        Number of the best strength with the umbrella Laplacian.
-    power : float or None
-        Of the best Laplacian, see `cotangent_laplacian`; None for that of umbrellas.
-    fastest : float or None
-        The largest rate of that.
-    haste : float
-        The largest rate on average around a vertex: where edges are short, filters reach across more of them.
-    order : int
-        The best order of its filters.
-    strengths : (s,) float64
-        Those that are tried around every vertex.
-    used : int
-        How many of them are mixed.
-    overall : (s,) float64
-        Their risks, see `overall_risks`.
-    """
-
-    borders: Borders
-    unit: float
-    first: int
-    power: float | None
-    fastest: float | None
+    borders: Borders  # what border vertices do
+    unit: float  # the mean edge, a length
+    first: int  # number of the best strength with the umbrella Laplacian
+    power: float | None  # of the best Laplacian, see `cotangent_laplacian`; None for that of umbrellas
+    fastest: float | None  # the largest rate of that
+    # the largest rate on average around a vertex: where edges are short, filters reach across more of them
     haste: float
-    order: int
-    strengths: FloatArray
-    used: int
-    overall: FloatArray
+    order: int  # the best order of its filters
+    strengths: FloatArray  # (s,): those that are tried around every vertex
+    used: int  # how many of them are mixed
+    overall: FloatArray  # (s,): their risks, see `overall_risks`
 
 
 @dataclass(frozen=True)
 class LowPass:
-    """The filters of a mesh, mixed as suits every vertex.
+    """The filters of a mesh, mixed as suits every vertex."""
 
-    Attributes
-    ----------
-    borders : {"curve", "fixed"}
-        What border vertices do.
-    laplacian : Laplacian
-        Of the filters.
-    order : int
-        Of the filters.
-    strengths : (s,) float64
-        Of the filters.
-    shares : (n, s) float32
-        Of the filters at each vertex.
-    """
-
-    borders: Borders
-    laplacian: Laplacian
-    order: int
-    strengths: FloatArray
-    shares: SingleArray
+    borders: Borders  # what border vertices do
+    laplacian: Laplacian  # of the filters
+    order: int  # of the filters
+    strengths: FloatArray  # (s,): of the filters
+    shares: SingleArray  # (n, s): of the filters at each vertex
 
     def apply(self, signals: Signals, *, threads: int = 1) -> Signals:
         """Filter signals (n, c)."""
@@ -143,19 +88,11 @@ class LowPass:
 
 @dataclass(frozen=True)
 class FittedLowPass:
-    """The filters that suit a mesh, and what they make of it.
-
-    Attributes
-    ----------
-    filters : LowPass
-    shape : Shape
-        What cotangents are those of.
-    residuals, leverages : (n,) float32
-        Of the mixture, see `Estimates`; the leverages by the probes that chose it.
-    """
+    """The filters that suit a mesh, and what they make of it."""
 
     filters: LowPass
-    shape: Shape
+    shape: Shape  # what cotangents are those of
+    # residuals, leverages: (n,): of the mixture, see `Estimates`; the leverages by the probes that chose it
     residuals: SingleArray
     leverages: SingleArray
 

@@ -10,35 +10,21 @@ from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.jit import jit
 
-LARGEST_WHOLE = 60_000
-"""Vertices up to which the sample is the whole mesh."""
+LARGEST_WHOLE = 60_000  # vertices up to which the sample is the whole mesh
+# how many parts, of how many vertices, and how many of these are so far inside that the strongest filters do not feel
+# where the part was cut out
 PARTS, PART, CORE = 6, 15_000, 6_000
-"""How many parts, of how many vertices, and how many of these are so far inside that the strongest filters do not feel
-where the part was cut out."""
 
 
 @dataclass(frozen=True)
 class MeshPart:
-    """A mesh that is a part of another one, or all of it.
-
-    Attributes
-    ----------
-    mesh : TriangleMesh
-    adjacency : Adjacency
-        Of that mesh.
-    ids : (k,) int32
-        Which vertices of the whole mesh they are.
-    cut : (k,) bool
-        Vertices some of whose faces are missing.
-    vertex_count : int
-        How many vertices the whole mesh has.
-    """
+    """A mesh that is a part of another one, or all of it."""
 
     mesh: TriangleMesh
-    adjacency: Adjacency
-    ids: IntArray
-    cut: BoolArray
-    vertex_count: int
+    adjacency: Adjacency  # of that mesh
+    ids: IntArray  # (k,): which vertices of the whole mesh they are
+    cut: BoolArray  # (k,): vertices some of whose faces are missing
+    vertex_count: int  # how many vertices the whole mesh has
 
 
 def whole_mesh(mesh: TriangleMesh, adjacency: Adjacency) -> MeshPart:
@@ -49,18 +35,10 @@ def whole_mesh(mesh: TriangleMesh, adjacency: Adjacency) -> MeshPart:
 
 @dataclass(frozen=True)
 class SampledParts:
-    """Connected parts from all over a mesh.
+    """Connected parts from all over a mesh."""
 
-    Attributes
-    ----------
-    part : MeshPart
-        All of them together.
-    core : (k,) bool
-        Vertices that stand for the mesh as a whole: not those near where a part was cut out.
-    """
-
-    part: MeshPart
-    core: BoolArray
+    part: MeshPart  # all of them together
+    core: BoolArray  # (k,): vertices that stand for the mesh as a whole: not those near where a part was cut out
 
 
 def sampled_parts(
@@ -123,22 +101,13 @@ def _grown(adjacency: Adjacency, seed: int) -> IntArray:
 
 @dataclass(frozen=True)
 class Growth:
-    """Vertices that a part has got, nearest first.
+    """Vertices that a part has got, nearest first."""
 
-    Attributes
-    ----------
-    order, depth : (size,) int32
-        The vertices and how many edges each is away from where it began.
-    count : int
-        How many there are.
-    looked_at : int
-        The depth of the last one whose neighbours were added; -1 if there is none.
-    """
-
+    # order, depth: (size,): the vertices and how many edges each is away from where it began
     order: IntArray
     depth: IntArray
-    count: int = 0
-    looked_at: int = -1
+    count: int = 0  # how many there are
+    looked_at: int = -1  # the depth of the last one whose neighbours were added; -1 if there is none
 
     @staticmethod
     def of(size: int) -> "Growth":

@@ -14,56 +14,31 @@ from bezier_filters.smoothing.laplacian import Laplacian, umbrella_laplacian
 from bezier_filters.smoothing.mesh_parts import MeshPart
 from bezier_filters.smoothing.probes import random_bits
 
-WEAK, STRONGER = np.array([1.0]), np.array([10.0])
-"""Strengths of the filters that residuals and normals are taken from."""
-STRONG = np.array([100.0])
-"""Strength of the filter that rough places do not follow."""
-ROUGHNESS_RINGS = 32
-"""Around a tile, within which something may be rough."""
-WIDTH = 100.0
-"""Squared edges: the residuals of some 700 vertices are averaged."""
+WEAK, STRONGER = np.array([1.0]), np.array([10.0])  # strengths of the filters that residuals and normals are taken from
+STRONG = np.array([100.0])  # strength of the filter that rough places do not follow
+ROUGHNESS_RINGS = 32  # around a tile, within which something may be rough
+WIDTH = 100.0  # squared edges: the residuals of some 700 vertices are averaged
+# of clusters, see there, where no mesh tells: on triangles of about one size it is within some hundredths of that
 PACE = 0.27
-"""Of clusters, see there, where no mesh tells: on triangles of about one size it is within some hundredths of that."""
+# times the largest roughness: which of such places is taken does not matter, but tiles have to take that of memory
 AS_ROUGH = 0.98
-"""Times the largest roughness: which of such places is taken does not matter, but tiles have to take that of memory."""
-LOTS = 101
-"""Which of the random numbers at vertices say what place that is."""
-SPREAD = 2.0
-"""Ratio of high levels to low ones from which on the noise is taken to vary."""
-NO_CREASES = 0.12
-"""Times the mean edge: creases of a mesh without noise look like less noise than this."""
-LEAST = 0.1
-"""Of the highest levels, the lowest."""
-MEAN_ROOT = 0.822
-"""Mean of sqrt(|x|) for a standard normal x."""
+LOTS = 101  # which of the random numbers at vertices say what place that is
+SPREAD = 2.0  # ratio of high levels to low ones from which on the noise is taken to vary
+NO_CREASES = 0.12  # times the mean edge: creases of a mesh without noise look like less noise than this
+LEAST = 0.1  # of the highest levels, the lowest
+MEAN_ROOT = 0.822  # mean of sqrt(|x|) for a standard normal x
 
 
 @dataclass(frozen=True)
 class NoiseLevels:
-    """How much noise there is, and where.
+    """How much noise there is, and where."""
 
-    Attributes
-    ----------
-    sigma : float or None
-        Its standard deviation everywhere, a length; None if it varies.
-    share : float
-        Of the noise, what a weak filter takes off.
-    lowest : float
-        The lowest level that there may be, a length.
-    detail : float
-        Standard deviation of the relief that is left alone, a shorter length.
-    correlation : Correlation
-        How alike it is at neighbouring vertices.
-    factor : float
-        How much more noise there is, where it varies, than can be seen.
-    """
-
-    sigma: float | None
-    share: float
-    lowest: float
-    detail: float
-    correlation: Correlation = WHITE
-    factor: float = 1.0
+    sigma: float | None  # its standard deviation everywhere, a length; None if it varies
+    share: float  # of the noise, what a weak filter takes off
+    lowest: float  # the lowest level that there may be, a length
+    detail: float  # standard deviation of the relief that is left alone, a shorter length
+    correlation: Correlation = WHITE  # how alike it is at neighbouring vertices
+    factor: float = 1.0  # how much more noise there is, where it varies, than can be seen
 
     def at(self, roots: SingleArray) -> FloatArray:
         """Standard deviation of the noise at vertices, (n,)."""
@@ -74,23 +49,12 @@ class NoiseLevels:
 
 @dataclass(frozen=True)
 class NoisyMesh:
-    """A mesh, or a part of one, and the noise of its vertices.
-
-    Attributes
-    ----------
-    part : MeshPart
-    clusters : Clusters
-        Of the same mesh.
-    sigma : (n,) float64
-        Standard deviation of the noise around every vertex, positive lengths.
-    correlation : Correlation
-        How alike the noise of neighbouring vertices is.
-    """
+    """A mesh, or a part of one, and the noise of its vertices."""
 
     part: MeshPart
-    clusters: Clusters
-    sigma: FloatArray
-    correlation: Correlation = WHITE
+    clusters: Clusters  # of the same mesh
+    sigma: FloatArray  # (n,): standard deviation of the noise around every vertex, positive lengths
+    correlation: Correlation = WHITE  # how alike the noise of neighbouring vertices is
 
     def probes(self, columns: int, *, first: int = 0, threads: int = 1) -> SingleArray:
         """Noise of variance 1, (n, columns): random signs if it is white."""

@@ -20,31 +20,20 @@ from bezier_filters.meshes.triangles import has_corner
 from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
-SMALLEST_VARIANCE = 1e-12
-"""Of a normal, radians^2: below that everything agrees only with itself."""
+SMALLEST_VARIANCE = 1e-12  # of a normal, radians^2: below that everything agrees only with itself
 SQUARINGS = 5
-POWER = 2**SQUARINGS
-"""Weights are (1 - x / power)^power, nearly exp(-x) and soon computed."""
+POWER = 2**SQUARINGS  # weights are (1 - x / power)^power, nearly exp(-x) and soon computed
 
 
 @dataclass(frozen=True)
 class NoisyNormals:
-    """Unit normals of faces, and what noise did to them.
+    """Unit normals of faces, and what noise did to them."""
 
-    Attributes
-    ----------
-    faces : (m, 3) int32
-        Vertices of the faces.
-    both : (m, 8) float32
-        Normal of the mesh, twice the area of the face, normal of the probe, variance of the normal around the face.
-        Normals of faces without area are zero.
-    samples : (m, k, 3) float32
-        Changes of the normals by k samples of the noise, radians.
-    """
-
-    faces: IntArray
+    faces: IntArray  # (m, 3): vertices of the faces
+    # (m, 8): normal of the mesh, twice the area of the face, normal of the probe, variance of the normal around the
+    # face. Normals of faces without area are zero.
     both: SingleArray
-    samples: SingleArray
+    samples: SingleArray  # (m, k, 3): changes of the normals by k samples of the noise, radians
 
     @property
     def normals(self) -> SingleArray:

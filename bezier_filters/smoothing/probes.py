@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from bezier_filters.arrays import IntArray, SingleArray
 
-OTHER_SIGNS = 32
-"""Column from which on random signs are others than those that chose the filters."""
+OTHER_SIGNS = 32  # column from which on random signs are others than those that chose the filters
 
 
 def random_bits(ids: IntArray, stream: int) -> NDArray[np.uint64]:

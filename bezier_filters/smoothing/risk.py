@@ -17,30 +17,21 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from bezier_filters.runtime.jit import jit
 from bezier_filters.smoothing.clusters import Clusters
 
-WIDTH = 100.0
-"""Squared edges over which risks are averaged around a vertex,"""
+WIDTH = 100.0  # squared edges over which risks are averaged around a vertex,
+# so many vertices that is, on a regular mesh: the reciprocal of the sum of their squared weights
 VERTICES = 7.26 * WIDTH
-"""so many vertices that is, on a regular mesh: the reciprocal of the sum of their squared weights."""
-DOUBT = 2.0
-"""Times its variance: up to that squared deviation from the mesh as a whole, a local risk is not believed."""
+DOUBT = 2.0  # times its variance: up to that squared deviation from the mesh as a whole, a local risk is not believed
+# times sigma^2, divided by the square root of the number of vertices: difference of risks at which the larger one's
+# share is exp(-1) times the other's. The overall difference of two risks is known about that well.
 TEMPERATURE = 0.3
-"""Times sigma^2, divided by the square root of the number of vertices: difference of risks at which the larger one's
-share is exp(-1) times the other's. The overall difference of two risks is known about that well."""
 
 
 @dataclass(frozen=True)
 class Estimates:
-    """Several estimates of the same vertices, in units of the standard deviation of the noise at each.
+    """Several estimates of the same vertices, in units of the standard deviation of the noise at each."""
 
-    Attributes
-    ----------
-    residuals : (n, s) float32
-        Heights of the measured vertices over each estimate.
-    leverages : (n, s) float32
-        How much each estimate follows its own vertex: 1 for no smoothing at all, near 0 for much.
-    """
-
-    residuals: SingleArray
+    residuals: SingleArray  # (n, s): heights of the measured vertices over each estimate
+    # (n, s): how much each estimate follows its own vertex: 1 for no smoothing at all, near 0 for much
     leverages: SingleArray
 
     def means(self, rows: BoolArray | slice = slice(None)) -> tuple[FloatArray, FloatArray]:

@@ -9,10 +9,8 @@ from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import run_in_chunks
 from bezier_filters.smoothing.chebyshev import coefficients
 
-ROUNDS = 20
-"""More would fit the normals better, but let the vertices drift away from where they were measured."""
-TERMS = 10
-"""Of the polynomial that does as much as all rounds."""
+ROUNDS = 20  # more would fit the normals better, but let the vertices drift away from where they were measured
+TERMS = 10  # of the polynomial that does as much as all rounds
 
 
 def move_to_normals(

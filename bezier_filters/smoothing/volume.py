@@ -11,26 +11,16 @@ from bezier_filters.meshes.frames import face_normal
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.jit import jit
 
-ROUNDS = 4
-"""Of Newton's method; the volume is a polynomial that is nearly linear in a small offset."""
-EXACT = 1e-13
-"""Relative error at which it ends early."""
+ROUNDS = 4  # of Newton's method; the volume is a polynomial that is nearly linear in a small offset
+EXACT = 1e-13  # relative error at which it ends early
 
 
 @dataclass(frozen=True)
 class ClosedComponents:
-    """Connected components without a border.
+    """Connected components without a border."""
 
-    Attributes
-    ----------
-    of_vertex : (n,) int32
-        Number of the closed component that a vertex belongs to, -1 for others.
-    origins : (c, 3) float64
-        A point of each: its first vertex.
-    """
-
-    of_vertex: IntArray
-    origins: FloatArray
+    of_vertex: IntArray  # (n,): number of the closed component that a vertex belongs to, -1 for others
+    origins: FloatArray  # (c, 3): a point of each: its first vertex
 
     @staticmethod
     def of(mesh: TriangleMesh, adjacency: Adjacency) -> "ClosedComponents":
