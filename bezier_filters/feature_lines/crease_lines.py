@@ -265,7 +265,7 @@ def _sharp_edges(
     sigma, surface = geometry.noise_sigma, mesh
     if geometry.noise_free is not None:
         surface = TriangleMesh(geometry.noise_free, mesh.faces)
-    elif sigma is None:
+    elif sigma is None or is_noisy(mesh, adjacency, sigma):
         noise = learn_noise(mesh, adjacency, threads=threads)
         sigma = None if noise is None else noise.sigma
         if noise is not None and hides_sharp_edges(mesh, adjacency, noise, threads=threads):
