@@ -1,6 +1,6 @@
 """How far the curvature can be trusted, where noise differs from place to place.
 
-The right half of a torus was scanned with five times the noise of the left half. One sees the mean curvature, the
+The right half of a torus was scanned with ten times the noise of the left half. One sees the mean curvature, the
 standard error that comes with it (`mean_curvature_std`), and the error that was really made: both are larger on the
 right half, and largest where the halves meet.
 """

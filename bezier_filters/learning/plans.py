@@ -29,7 +29,7 @@ THRIFT = 0.35
 PROMISED = 1.03  # per degree, by which the predicted error is multiplied: what is known of higher terms is less certain
 # time, in the same units (about nanoseconds), of finding the plans: on small meshes that of the fit hardly matters;
 # of a vertex, and of each of its points beside their moments
-LEARNING, PER_VERTEX, PER_POINT = 4e8, 700.0, 85.0
+LEARNING, PER_VERTEX, PER_POINT = 1e8, 700.0, 85.0
 # once a lower degree, or another ring, has raised the predicted error by this factor, none beyond it is tried
 MUCH_WORSE = 1.3
 # distance weights are looked at up to here: where narrow rings are best because the surface varies fast
@@ -267,7 +267,9 @@ def _term_prior(ring: RingModel, degree: int, noise: float) -> FloatArray:
     # Correlated noise looks more like terms of low degree than like what fits leave over.
     likeness = ring.noise.parts / max(float(ring.noise.residuals[min(degree, ring.analysis.degree)]), 1e-300)
     of_terms = np.full(m, noise)
-    of_terms[: len(likeness)] *= likeness[:m]
+    groups = basis.groups[: min(m, len(likeness))]  # both terms of a frequency alike: no direction is preferred
+    of_groups = np.bincount(groups, weights=likeness[: len(groups)]) / np.bincount(groups)
+    of_terms[: len(groups)] *= of_groups[groups]
     least = np.maximum(of_terms / (STRONGEST_PRIOR * np.maximum(said, 1e-300)), 1e-300)
     return np.where(basis.degrees[:m] <= FREE_DEGREE, 0.0, of_terms / np.maximum(ring.variances[:m], least))
 

@@ -64,7 +64,7 @@ def learn_model(
     free = basis.degrees <= FREE_DEGREE
     of_whole = {} if whole is None else {model.analysis.rings: model.variances for model in whole.by_rings}
     rings_of_whole: dict[int, RingNoise] = {}
-    if whole is not None and whole.noise.variance > 0.0:
+    if whole is not None and noise.sills:
         rings_of_whole = {model.analysis.rings: model.noise for model in whole.by_rings}
     models: list[RingModel] = []
     wider_errors = np.zeros(len(free))

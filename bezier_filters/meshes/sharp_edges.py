@@ -48,6 +48,7 @@ def sharp_edges(mesh: TriangleMesh, edges: MeshEdges, adjacency: Adjacency, angl
     Examples
     --------
     >>> from bezier_filters.meshes.adjacency import vertex_adjacency
+    >>> from bezier_filters.meshes.dihedral_angles import mesh_edges
     >>> from bezier_filters.meshes.mesh import triangle_mesh
     >>> from bezier_filters.surfaces import block_with_sharp_edges
     >>> block = triangle_mesh(*block_with_sharp_edges(resolution=8))
@@ -75,6 +76,7 @@ def certainties(edges: MeshEdges, noise: float, angle: float = SHARP) -> FloatAr
 
     Examples
     --------
+    >>> from bezier_filters.meshes.dihedral_angles import mesh_edges
     >>> from bezier_filters.meshes.mesh import triangle_mesh
     >>> from bezier_filters.surfaces import block_with_sharp_edges
     >>> block = triangle_mesh(*block_with_sharp_edges(resolution=8))
@@ -93,7 +95,8 @@ def may_have_sharp_edges(mesh: TriangleMesh, adjacency: Adjacency, *, threads: i
     >>> from bezier_filters.meshes.adjacency import vertex_adjacency
     >>> from bezier_filters.meshes.mesh import triangle_mesh
     >>> from bezier_filters.surfaces import block_with_sharp_edges, sphere
-    >>> meshes = [triangle_mesh(*block_with_sharp_edges(resolution=8)), triangle_mesh(*sphere(resolution=20)[:2])]
+    >>> ball = sphere(resolution=20)
+    >>> meshes = [triangle_mesh(*block_with_sharp_edges(resolution=8)), triangle_mesh(ball.vertices, ball.faces)]
     >>> [may_have_sharp_edges(mesh, vertex_adjacency(mesh)) for mesh in meshes]
     [True, False]
     """

@@ -67,6 +67,13 @@ def test_fits_end_at_edges_that_noise_hides():
     assert estimate_vertex_geometry(BLOCK, FACES).noise_free is None
 
 
+@pytest.mark.parametrize("make", [sphere, torus, bumpy_star])
+def test_where_fits_leave_nothing_but_noise_no_edges_are_looked_for(make):
+    """Which would cost ten times the time of the fits."""
+    shape = make(resolution=30, jitter=0.2)
+    assert estimate_vertex_geometry(along_normals(shape, 0.2, 0), shape.faces).noise_free is None
+
+
 def test_edges_are_the_same_for_a_geometry_that_knows_nothing_of_noise():
     vertices = noisy(0.2)
     fixed = estimate_vertex_geometry(vertices, FACES, rings=2, alpha=1.0)

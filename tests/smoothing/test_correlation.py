@@ -6,14 +6,13 @@ from numba import config
 from scanner_noise import along_normals, averaged_noise, in_all_directions, mean_edge_of, ring_means
 
 from bezier_filters import smooth
-from bezier_filters.learning.noise_model import NoiseModel
+from bezier_filters.learning.noise_model import NoiseModel, known_noise
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.smoothing.correlation import WHITE, Correlation, correlated_noise, correlated_signs
 from bezier_filters.smoothing.mesh_parts import whole_mesh
 from bezier_filters.smoothing.noise import NoisyMesh, free_laplacian
 from bezier_filters.smoothing.probes import random_signs
-from bezier_filters.smoothing.smooth import known_noise
 from bezier_filters.surfaces import bumpy_star, ellipsoid, torus, waves
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
@@ -108,7 +107,7 @@ def test_noise_of_known_strength_is_as_alike_as_was_learned():
     assert found.sigma == pytest.approx(3.0)
     assert found.lengths == learned.lengths
     assert found.white / found.variance == pytest.approx(learned.white / learned.variance)
-    assert known_noise(NoiseModel(2.0), 3.0) == known_noise(None, 3.0) == NoiseModel(9.0)
+    assert known_noise(NoiseModel(2.0), 3.0) == known_noise(None, 3.0) == NoiseModel(9.0, given=True)
 
 
 def height_error(surface, vertices):

@@ -327,3 +327,30 @@ def test_progress_ends_and_cancels(block):
     assert seen[-1] == 1.0
     with pytest.raises(CancelledError):
         smooth(noisy, faces, progress=lambda done, total: False)
+
+
+def test_impulses_at_a_fifth_of_the_vertices_go():
+    """Among so many some look sound at first, so they are taken off more than once."""
+    shape = bumpy_star(resolution=24, jitter=0.2)
+    random, edge = np.random.default_rng(0), edge_of(shape.vertices, shape.faces)
+    heights = 0.5 * edge * random.standard_normal(len(shape.vertices)) * (random.random(len(shape.vertices)) < 0.2)
+    noisy = shape.vertices + heights[:, np.newaxis] * shape.normals
+    left = np.einsum("ij,ij->i", smooth(noisy, shape.faces).vertices - shape.vertices, shape.normals)
+    assert np.sqrt(np.square(left).mean()) < 0.3 * np.sqrt(np.square(heights).mean())
+
+
+def test_a_given_strength_matters_where_the_noise_varies():
+    """Ten times as strong on one side as on the other: who says how strong it is gets it off."""
+    shape = torus(resolution=30, jitter=0.2)
+    place = shape.vertices[:, 0] - shape.vertices[:, 0].min()
+    edge = edge_of(shape.vertices, shape.faces)
+    sigma = 0.05 * edge * 10.0 ** (place / place.max() - 0.5)
+    noisy = (
+        shape.vertices + (sigma * np.random.default_rng(0).standard_normal(len(place)))[:, np.newaxis] * shape.normals
+    )
+    strength = np.sqrt(np.square(sigma).mean())
+    left = [
+        np.linalg.norm(smooth(noisy, shape.faces, noise=share * strength).vertices - shape.vertices, axis=1)
+        for share in (0.2, 1.0)
+    ]
+    assert np.sqrt(np.square(left[1]).mean()) < 0.7 * np.sqrt(np.square(left[0]).mean())
