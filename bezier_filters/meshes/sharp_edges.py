@@ -11,7 +11,7 @@ function                for                 larger than   of the edges around, s
 ======================  ==================  ============  =====================================================
 
 Lines that stop go straight on along less sharp edges. Noise makes angles, too: `estimation.noise_free` has the surface
-without it, whose edges these rules are for.
+without it, whose edges these rules are for; there, fits end at the edges of lines, too.
 """
 
 from math import cos, radians
