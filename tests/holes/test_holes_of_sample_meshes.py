@@ -8,7 +8,8 @@ from bezier_filters import fill_holes
 
 
 @pytest.mark.parametrize(
-    ("name", "holes", "rims"), [("bunny10k_textured.obj", 5, 0), ("rangemaps/face000.ply", 23, 22)]
+    ("name", "holes", "rims"),
+    [("bunny10k_textured.obj", 5, 0), pytest.param("rangemaps/face000.ply", 23, 22, marks=pytest.mark.slow)],
 )
 def test_every_hole_is_closed(name, holes, rims):
     """The range map has 22 sheets, each with one outer rim."""

@@ -18,7 +18,8 @@ VERTEX_FILTERS = (
 )
 
 
-NAMES = ["bunny.obj", "bunny10k_textured.obj", "cow.obj", "bone.ply", "airplane.obj", "rangemaps/face000.ply"]
+NAMES = ["bunny.obj", "bunny10k_textured.obj", "cow.obj", "bone.ply", "airplane.obj"]
+NAMES.append(pytest.param("rangemaps/face000.ply", marks=pytest.mark.slow))
 
 
 @pytest.mark.parametrize("name", NAMES)
