@@ -15,8 +15,8 @@ from bezier_filters.learning.ring_analysis import RingAnalysis
 from bezier_filters.patches.harmonics import harmonic_basis
 
 NEARLY_SINGULAR = 1e-10  # of the largest entry of normal equations, what is added to each
-STEEP = 1.02  # mean of 1 / cos^2 of the slopes: white noise along the normal is that of the heights below that,
-FEWEST_RINGS_FOR_SLOPES = 3  # and where too few points tell slopes from noise
+STEEP = 1.02  # mean of 1 / cos^2 of the slopes, below which white noise along the normal counts as that of the heights
+FEWEST_RINGS_FOR_SLOPES = 3  # narrower ones have too few points to tell slopes from noise, and count as flat
 LOOKED_AT = 24  # neighbourhoods of a ring over which it is averaged what noise does
 
 

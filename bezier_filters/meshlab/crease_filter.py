@@ -17,8 +17,8 @@ from bezier_filters.runtime.parallel import Progress
 KIND_CODES = {"ridge": 1.0, "ravine": -1.0}
 SHARP_FACTOR = 2.0
 COLUMNS = tuple(column_names(CREASES))
+# attribute of the points of the lines, which is that of the piece that follows: pymeshlab has none of edges
 CERTAINTY = PREFIX + "certainty"
-"""Attribute of the points of the lines, which is that of the piece that follows: pymeshlab has none of edges."""
 
 
 @documented(CREASES)

@@ -18,8 +18,10 @@ VERTEX_FILTERS = (
 )
 
 
-NAMES = ["bunny.obj", "bunny10k_textured.obj", "cow.obj", "bone.ply", "airplane.obj"]
-NAMES.append(pytest.param("rangemaps/face000.ply", marks=pytest.mark.slow))
+NAMES = [
+    *("bunny.obj", "bunny10k_textured.obj", "cow.obj", "bone.ply", "airplane.obj"),
+    pytest.param("rangemaps/face000.ply", marks=pytest.mark.slow),
+]
 
 
 @pytest.mark.parametrize("name", NAMES)
