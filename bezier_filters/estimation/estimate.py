@@ -29,7 +29,7 @@ from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
 from bezier_filters.meshes.spatial_order import in_spatial_order
 from bezier_filters.patches.smoothness import Smoothness
-from bezier_filters.runtime.parallel import Progress, thread_count
+from bezier_filters.runtime.parallel import Progress, one_thread_for_matrices, thread_count
 from bezier_filters.status import FitStatus
 
 # Root mean square of what a fit leaves, in standard deviations of the noise, and share of the places where it is more:
@@ -38,6 +38,7 @@ OFF, SOMEWHERE = 2.0, 0.004
 
 
 @takes_arrays
+@one_thread_for_matrices()
 def estimate_vertex_geometry(
     vertices: ArrayLike,
     faces: ArrayLike | None,

@@ -21,7 +21,7 @@ from bezier_filters.meshes.adjacency import Adjacency, mean_edge, vertex_adjacen
 from bezier_filters.meshes.dihedral_angles import MeshEdges, mesh_edges
 from bezier_filters.meshes.mesh import TriangleMesh, takes_arrays, triangle_mesh
 from bezier_filters.meshes.sharp_edges import certainties, sharp_edges
-from bezier_filters.runtime.parallel import Progress, thread_count
+from bezier_filters.runtime.parallel import Progress, one_thread_for_matrices, thread_count
 from bezier_filters.status import FitStatus
 
 CreaseKind = Literal["ridge", "ravine"]
@@ -156,6 +156,7 @@ def edge_mesh(lines: Sequence[CreaseLine]) -> tuple[FloatArray, IntArray, IntArr
 
 
 @takes_arrays
+@one_thread_for_matrices()
 def find_creases(
     vertices: ArrayLike,
     faces: ArrayLike,

@@ -18,7 +18,7 @@ from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import takes_arrays, triangle_mesh
 from bezier_filters.meshes.self_intersections import faces_in_boxes
 from bezier_filters.patches.fitting import PatchFit
-from bezier_filters.runtime.parallel import Progress, report, run_kernel, thread_count
+from bezier_filters.runtime.parallel import Progress, one_thread_for_matrices, report, run_kernel, thread_count
 
 
 @dataclass(frozen=True)
@@ -132,6 +132,7 @@ class HoleFillingResult:
 
 
 @takes_arrays
+@one_thread_for_matrices()
 def fill_holes(
     vertices: ArrayLike,
     faces: ArrayLike,

@@ -78,7 +78,8 @@ def learn_from_samples(
             analyses += found
             if stage is stages[0]:
                 correlated, outliers = learn_noise(analyses), outlier_share(sample)
-            whole = leaf_of(analyses, replace(choices, rings=None), correlated, heavy=heavy, outliers=outliers)
+            any_rings = replace(choices, rings=None)
+            whole = leaf_of(analyses, any_rings, correlated, heavy=heavy, outliers=outliers, before=whole)
         if whole is not None:
             errors = [plan.error for plan in whole.plans]
             promising = promising and errors[-1] <= HOPELESS * min(errors)

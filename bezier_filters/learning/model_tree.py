@@ -62,14 +62,18 @@ def leaf_of(
     *,
     heavy: bool = False,
     outliers: float = 0.0,
+    before: Leaf | None = None,
 ) -> Leaf | None:
-    """One model for all; None if the analyses allow no plan. The noise is white unless it is known to be otherwise."""
+    """One model for all; None if the analyses allow no plan. The noise is white unless it is known to be otherwise.
+
+    `before` is what fewer of the analyses have said.
+    """
     if not any(analysis.degree > FREE_DEGREE for analysis in analyses):
         return None
     if choices.noise is not None:
         correlated = known_noise(correlated, choices.noise)
     with _overflows():
-        surface = learn_model(analyses, correlated)
+        surface = learn_model(analyses, correlated, before=None if before is None else before.surface)
         surface = replace(surface, noise=replace(surface.noise, heavy=heavy, outliers=outliers))
         return best_leaf(surface, all_plans(surface, choices.degrees), choices)
 

@@ -51,26 +51,35 @@ class SurfaceModel:
 
 
 def learn_model(
-    analyses: Sequence[RingAnalysis], correlated: NoiseModel | None = None, whole: SurfaceModel | None = None
+    analyses: Sequence[RingAnalysis],
+    correlated: NoiseModel | None = None,
+    whole: SurfaceModel | None = None,
+    before: SurfaceModel | None = None,
 ) -> SurfaceModel:
     """Find the variances that noise leaves to the surface, from analyses in ascending order of rings.
 
     The noise is `correlated`, or else that of the whole of which this is a part at another strength, or white. Where a
     ring says little of a variance, the next wider one, which sees more of the term, is listened to, and the whole
-    with the same rings and possibly wider ones.
+    with the same rings and possibly wider ones. What noise does to the rings that were known before, with the same
+    noise, is not found out again.
     """
     noise = _noise(analyses, whole) if correlated is None else correlated
     basis = harmonic_basis()
     free = basis.degrees <= FREE_DEGREE
     of_whole = {} if whole is None else {model.analysis.rings: model.variances for model in whole.by_rings}
-    rings_of_whole: dict[int, RingNoise] = {}
+    known: dict[int, RingNoise] = {}
     if whole is not None and noise.sills:
-        rings_of_whole = {model.analysis.rings: model.noise for model in whole.by_rings}
+        known = {model.analysis.rings: model.noise for model in whole.by_rings}
+    elif before is not None:
+        known = {model.analysis.rings: model.noise for model in before.by_rings if model.noise.model == noise}
     models: list[RingModel] = []
     wider_errors = np.zeros(len(free))
     for analysis in reversed(analyses):
-        known = rings_of_whole.get(analysis.rings)
-        of_ring = ring_noise(noise, analysis) if known is None else known.of_part(noise, analysis)
+        of_ring = known.get(analysis.rings)
+        if of_ring is None:
+            of_ring = ring_noise(noise, analysis)
+        elif whole is not None:
+            of_ring = of_ring.of_part(noise, analysis)
         values, errors = _term_variances(analysis, of_ring.coefficients, noise.white)
         if models:
             scale = (analysis.radius / models[-1].analysis.radius) ** (2.0 * basis.degrees)

@@ -6,10 +6,13 @@ safe to fork, and each vertex is computed by the same operations whatever the th
 """
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
+from contextlib import contextmanager
+from functools import cache, partial
 from numbers import Integral
+from threading import Lock
+from typing import Any
 
 from bezier_filters.errors import CancelledError, InvalidParameterError
 
@@ -20,6 +23,7 @@ RangeTask = Callable[[int, int], object]  # ``task(start, stop)`` computes a ran
 
 THREADS_VARIABLE = "BEZIER_FILTERS_THREADS"
 CHUNK = 4096
+_lock, _limits = Lock(), list[Any]()  # of the calls under way, the first of which limits the threads of BLAS
 
 
 def thread_count(threads: int | None) -> int:
@@ -94,3 +98,29 @@ def report(progress: Progress | None, done: int, total: int) -> None:
     """Tell how far the work has come; raise `CancelledError` if that is answered by False."""
     if progress is not None and progress(done, total) is False:
         raise CancelledError("cancelled by the progress callback; nothing was changed")
+
+
+@contextmanager
+def one_thread_for_matrices() -> Iterator[None]:
+    """Around work with small matrices: the threads of BLAS would spend most of their time on waiting for each other.
+
+    The limit holds for the process until the last of several calls at a time has ended.
+    """
+    with _lock:
+        _limits.append(None if _limits else _blas().limit(limits=1, user_api="blas"))
+    try:
+        yield
+    finally:
+        with _lock:
+            limit = _limits.pop() if len(_limits) == 1 else _limits.pop(1)
+            if limit is not None:
+                limit.restore_original_limits()
+
+
+@cache
+def _blas() -> Any:
+    """The libraries of NumPy and SciPy, which take some milliseconds to find."""
+    import scipy.linalg  # noqa: F401  # has one of its own
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()

@@ -7,6 +7,7 @@ workers are ended when they use more than they were given.
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Lock
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -16,6 +17,7 @@ from bezier_filters.errors import FieldFileError
 
 Values: TypeAlias = NDArray[Any]  # rows of a table: (k,) if there is one column, else (k, columns)
 DType: TypeAlias = np.dtype[Any]
+_one_at_a_time = Lock()
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,13 @@ class ArrayFile:
         """The whole table as a memory map, to be dropped soon."""
         shape = (self.rows,) if self.columns == 1 else (self.rows, self.columns)
         return np.memmap(self.path, self.dtype, mode, self.offset, shape)
+
+
+def load_array(path: Path, mode: Literal["r"] | None = None) -> Values:
+    """What `np.save` wrote, or a memory map of it; its header is a literal, which CPython 3.11 fails to read in threads."""
+    with _one_at_a_time:
+        found: Values = np.load(path, mmap_mode=mode)
+    return found
 
 
 def saved_array(path: Path, values: Values) -> ArrayFile:

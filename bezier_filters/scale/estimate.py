@@ -14,6 +14,7 @@ from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, Vertex
 from bezier_filters.fields import values_of
 from bezier_filters.kernels.kernel_input import fitted_mesh, with_steady_normals
 from bezier_filters.learning.model_tree import leaves
+from bezier_filters.runtime.parallel import one_thread_for_matrices
 from bezier_filters.scale.columns import chosen_columns, estimated, table_of
 from bezier_filters.scale.halo import tile_part
 from bezier_filters.scale.learn import FitOptions, learn_fit, rings_needed
@@ -24,6 +25,7 @@ from bezier_filters.scale.store import Store
 from bezier_filters.status import FitStatus
 
 
+@one_thread_for_matrices()
 def estimate_file(
     source: SourcePath,
     target: str | os.PathLike[str],

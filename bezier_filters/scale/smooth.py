@@ -17,6 +17,7 @@ from bezier_filters.learning.noise_model import NoiseModel, known_noise
 from bezier_filters.meshes.adjacency import Adjacency, incoherent_vertices, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.atomic import atomic_write
+from bezier_filters.runtime.parallel import one_thread_for_matrices
 from bezier_filters.scale.array_file import ArrayFile, saved_array
 from bezier_filters.scale.columns import DISPLACEMENT, SHARPNESS, table_of
 from bezier_filters.scale.components import StoredComponents, labelled_vertices, unite_components
@@ -48,6 +49,7 @@ LARGEST_TILE = 5 << 18  # vertices: tiles of the automatic smoothing have many r
 COUNTS = ("flipped before", "flipped after", "degenerate before", "degenerate after", "new")
 
 
+@one_thread_for_matrices()
 def smooth_file(
     source: SourcePath,
     target: str | os.PathLike[str],

@@ -20,7 +20,7 @@ from bezier_filters.files.mesh_headers import (
     PlyHeader,
     parse_header,
 )
-from bezier_filters.scale.array_file import ArrayFile, DType, Values
+from bezier_filters.scale.array_file import ArrayFile, DType, Values, load_array
 
 # a PLY file, or a pair of NPY files with vertices (n, 3) and faces (m, 3)
 SourcePath: TypeAlias = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
@@ -158,7 +158,7 @@ def _rows_of(path: Path, header: PlyHeader, element: PlyElement, offset: int) ->
 def _open_npy(path: Path, kinds: str) -> ArrayFile:
     """The table (n, 3) of an NPY file."""
     try:
-        table: Values = np.load(path, mmap_mode="r")
+        table: Values = load_array(path, "r")
     except (ValueError, EOFError) as error:
         raise FieldFileError(f"{path} is no NPY file, or cut short: {error}") from error
     dtype, shape, fortran = table.dtype, table.shape, not table.flags.c_contiguous

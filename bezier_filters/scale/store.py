@@ -15,7 +15,7 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import FieldFileError
 from bezier_filters.meshes.spatial_order import Grid
 from bezier_filters.runtime.atomic import atomic_write
-from bezier_filters.scale.array_file import ArrayFile
+from bezier_filters.scale.array_file import ArrayFile, load_array
 from bezier_filters.scale.source import Fingerprint
 
 FORMAT = 1
@@ -81,7 +81,7 @@ class Store:
 
     def face_ptr(self) -> NDArray[np.int64]:
         """Where the faces of every block begin and end, (blocks + 1,)."""
-        return np.asarray(np.load(self.folder / FACE_PTR))
+        return load_array(self.folder / FACE_PTR)
 
     def faces(self, start: int, stop: int) -> IntArray:
         """Number in the source and corners of the faces in some rows, (k, 4)."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from bezier_filters.errors import FieldFileError
 from bezier_filters.runtime.atomic import atomic_write
-from bezier_filters.scale.array_file import Values
+from bezier_filters.scale.array_file import Values, load_array
 
 ROWS = 1 << 16  # that checksums are computed of at a time
 
@@ -45,8 +45,7 @@ class Tile:
 
     def rows(self) -> Values:
         """The rows as a memory map, to be dropped soon."""
-        found: Values = np.load(self.path, mmap_mode="r")
-        return found
+        return load_array(self.path, "r")
 
 
 def tile_path(folder: Path, tile: int) -> Path:

@@ -13,7 +13,7 @@ from bezier_filters.estimation.fit_options import check_detail, check_noise
 from bezier_filters.estimation.noise_free import denoised, learn_noise
 from bezier_filters.meshes.adjacency import Adjacency, mean_edge, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
-from bezier_filters.runtime.parallel import Progress, thread_count
+from bezier_filters.runtime.parallel import Progress, one_thread_for_matrices, thread_count
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.smoothing_result import SmoothingResult
 from bezier_filters.smoothing.volume import ClosedComponents, component_volumes, movement_around, restore_volumes
@@ -23,6 +23,7 @@ SmoothedBorders = Literal["curve", "fixed"]
 
 
 @takes_arrays
+@one_thread_for_matrices()
 def smooth(
     vertices: ArrayLike,
     faces: ArrayLike,

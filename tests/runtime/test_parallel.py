@@ -3,9 +3,10 @@ from time import sleep
 
 import numpy as np
 import pytest
+import threadpoolctl
 
 from bezier_filters import CancelledError
-from bezier_filters.runtime.parallel import run_in_chunks
+from bezier_filters.runtime.parallel import one_thread_for_matrices, run_in_chunks
 
 
 @pytest.mark.parametrize("threads", [1, 2, 5])
@@ -74,3 +75,25 @@ def test_errors_of_a_task_reach_the_caller(threads):
 
     with pytest.raises(ZeroDivisionError):
         run_in_chunks(lambda: task, 100, threads=threads, chunk=1)
+
+
+def blas_threads():
+    return {pool["num_threads"] for pool in threadpoolctl.threadpool_info() if pool["user_api"] == "blas"}
+
+
+def test_blas_works_on_one_thread_until_the_last_of_several_calls_has_ended():
+    with threadpoolctl.threadpool_limits(2, user_api="blas"):
+        first, second = one_thread_for_matrices(), one_thread_for_matrices()
+        first.__enter__()
+        second.__enter__()
+        first.__exit__(None, None, None)
+        assert blas_threads() == {1}
+        second.__exit__(None, None, None)
+        assert blas_threads() == {2}
+
+
+def test_blas_has_its_threads_back_after_an_error():
+    with threadpoolctl.threadpool_limits(2, user_api="blas"):
+        with pytest.raises(ZeroDivisionError), one_thread_for_matrices():
+            raise ZeroDivisionError
+        assert blas_threads() == {2}
