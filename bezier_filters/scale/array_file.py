@@ -50,7 +50,10 @@ class ArrayFile:
 
 
 def load_array(path: Path, mode: Literal["r"] | None = None) -> Values:
-    """What `np.save` wrote, or a memory map of it; its header is a literal, which CPython 3.11 fails to read in threads."""
+    """What `np.save` wrote, or a memory map of it.
+
+    Its header is Python, and CPython 3.11 now and then fails to parse two texts at once.
+    """
     with _one_at_a_time:
         found: Values = np.load(path, mmap_mode=mode)
     return found
