@@ -116,10 +116,14 @@ keepvolume : bool, optional
 detail : {LENGTH}, optional
     Size of the smallest detail to keep: waves of this length keep half of their height. A length or a percentage.
     The percentage is one of the diagonal of the bounding box. It bounds the low-pass filters; only for ``"auto"``.
-rings : int, default 2
-    Size of the neighbourhoods in edges; for the paper's method.
-alpha : float, default 0.8
-    Weight of the points, in (0, 1]; for the paper's method.
+relax : bool, default False
+    Let vertices slide along the surface, too, which evens out the triangles.
+    Otherwise they move along the normals, and slide only where noise in all directions has made triangles narrow. Only
+    for ``"auto"``.
+rings : int, optional
+    Size of the neighbourhoods in edges, 2 if left out; only for the paper's method.
+alpha : float, optional
+    Weight of the points, in (0, 1], 0.8 if left out; only for the paper's method.
 """)
 FILLING = parameters(f"""
 method : {{"auto", "paper"}}, default "auto"

@@ -30,7 +30,7 @@ BigTarget = Annotated[Path, typer.Argument(help="PLY file to write.", metavar="O
 Faces = Annotated[Path | None, typer.Option(help="NPY file of the faces, if the input is one of the vertices.")]
 Columns = Annotated[list[str] | None, typer.Option("--column", help="Column to write; may be repeated.")]
 
-_METHOD, _ITERATIONS, _NOISE, _BORDERS, _VOLUME, _DETAIL, *_ = SMOOTHING
+_METHOD, _ITERATIONS, _NOISE, _BORDERS, _VOLUME, _DETAIL, _RELAX, *_ = SMOOTHING
 _TILE_NOISE = replace(_NOISE, kind="float", help="Standard deviation of the noise, a length; learned if left out.")
 _IN_TILES = tuple(parameter for parameter in FIT if parameter.name not in ("radius", "noise", "detail"))
 _LENGTH_OF_DETAIL = replace(_DETAIL, kind="float", help="Size of the smallest detail to keep, a length.")
@@ -85,6 +85,7 @@ def curvature(
     _BORDERS,
     replace(_VOLUME, name="keep_volume"),
     _LENGTH_OF_DETAIL,
+    _RELAX,
     *PAPER_FIT,
     *TILES,
 )
@@ -102,11 +103,12 @@ def smooth(
     Rings, alpha, degree, smoothness and robust are for the paper's method, which moves every vertex onto its patch.
     """
     from bezier_filters.scale import FitOptions, smooth_file
+    from bezier_filters.scale.smooth import PAPER
 
     fit = FitOptions(**_taken(given, PAPER_FIT))
     files = source if faces is None else (source, faces)
     with _resumable(quiet=quiet or json) as progress:
-        paper = None if given["method"] == "auto" else fit
+        paper = None if given["method"] == "auto" and fit == PAPER else fit  # else it is refused
         report = smooth_file(files, target, options=paper, progress=progress, **given)
     _print(report, target, lambda: console.print_noise(report), quiet=quiet, json=json)
 

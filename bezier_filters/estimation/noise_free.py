@@ -44,6 +44,7 @@ def denoised(
     borders: Borders = "curve",
     detail: float | None = None,
     sigma: float | None = None,
+    relax: bool = False,
     *,
     threads: int = 1,
     progress: Progress | None = None,
@@ -59,7 +60,8 @@ def denoised(
         arrays, _ = fitted_mesh(mesh, adjacency=adjacency, creases=True, threads=threads)
         mesh = TriangleMesh(without_outliers(arrays, threads=threads).vertices, mesh.faces)
         noise = learn_noise(mesh, adjacency, sigma, threads=threads)
-    return remove_noise(mesh, adjacency, noise or NoiseModel(0.0), borders, detail, threads=threads, progress=progress)
+    noise = noise or NoiseModel(0.0)
+    return remove_noise(mesh, adjacency, noise, borders, detail, relax, threads=threads, progress=progress)
 
 
 def is_noisy(mesh: TriangleMesh, adjacency: Adjacency, sigma: float | None) -> bool:

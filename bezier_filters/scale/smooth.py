@@ -60,6 +60,7 @@ def smooth_file(
     borders: SmoothedBorders = "curve",
     keep_volume: bool | None = None,
     detail: float | None = None,
+    relax: bool = False,
     options: FitOptions | None = None,
     scheduler: Scheduler = None,
     workers: int | None = None,
@@ -89,7 +90,7 @@ def smooth_file(
         How to smooth.
     iterations : int
         How many times, at least 1; once is enough for ``"auto"``.
-    noise, borders, keep_volume, detail
+    noise, borders, keep_volume, detail, relax
         As in `smooth`, for ``"auto"`` only.
     options : FitOptions, optional
         How patches are fitted, for ``"paper"`` only, which by default fits them as the paper does. With others
@@ -120,7 +121,7 @@ def smooth_file(
     >>> bool(np.abs(moved - smooth(vertices, ball.faces).vertices).max() < 0.01 * report["noise"]["before"])
     True
     """
-    check_smoothing(method, iterations, noise, borders, detail)
+    check_smoothing(method, iterations, noise, borders, detail, relax)
     if method == "auto" and options is not None:
         raise InvalidParameterError("options: only method='paper' fits patches; leave it out")
     if method == "paper" and (borders != "curve" or keep_volume):
@@ -135,7 +136,7 @@ def smooth_file(
     with file_run(opened, target, how, row_size=48, in_store=once + each * iterations) as run:
         if method == "paper":
             return _onto_patches(run, iterations, fit_options)
-        return _automatic(run, iterations, noise, borders, keep_volume is not False, detail)
+        return _automatic(run, iterations, noise, borders, keep_volume is not False, detail, relax)
 
 
 def _automatic(
@@ -145,10 +146,11 @@ def _automatic(
     borders: SmoothedBorders,
     keep_volume: bool,
     detail: float | None,
+    relax: bool,
 ) -> Report:
     """The automatic smoothing: a round that measures the mesh, one for every iteration, and one that ends it."""
     options = {"iterations": iterations, "noise": noise, "borders": borders, "keep_volume": keep_volume}
-    options["detail"] = detail
+    options |= {"detail": detail, "relax": relax}
     results, mesh = run.results({"quantity": "automatic smoothing"} | options), run.store
     known = _noise_of(run, mesh, noise)
     components: StoredComponents | None = None
@@ -173,7 +175,7 @@ def _automatic(
             components = unite_components(mesh, done.tiles)
         with run.stages.stage("learn"):
             parts = sampled_parts_of(current, around, threads=run.workers)
-            plan = learn_plan(parts, here, borders, detail, threads=run.workers)
+            plan = learn_plan(parts, here, borders, detail, relax, threads=run.workers)
         is_last = step + 1 == iterations
         job = partial(smooth_tile, mesh, current, plan, borders == "fixed", components if is_last else None)
         folders.append(results / f"step-{step + 1}")

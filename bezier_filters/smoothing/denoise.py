@@ -32,6 +32,7 @@ from bezier_filters.smoothing.noise import (
     roughness,
 )
 from bezier_filters.smoothing.risk import Estimates, last_gain, local_risks, local_shares, noise_factor, overall_risks
+from bezier_filters.smoothing.sliding import Sliding, held_back, sliding_of
 
 # times the mean edge: fine relief of clean scans, in which neighbours differ, too, and which is left alone
 DETAIL = 0.01
@@ -55,6 +56,7 @@ class SmoothingPlan:
     kinds: tuple[int, ...]  # kinds of estimates that are worth their while
     noise_factor: float  # how much less noise there is than was thought
     overall: FloatArray  # (kinds,): risks of these estimates, see `overall_risks`
+    sliding: Sliding
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,7 @@ def remove_noise(
     noise: NoiseModel,
     borders: Borders,
     detail: float | None = None,
+    relax: bool = False,
     *,
     threads: int = 1,
     progress: Progress | None = None,
@@ -88,6 +91,8 @@ def remove_noise(
         Whether border vertices are smoothed along the border, or stay.
     detail : float, optional
         Length of the shortest waves that keep half of their height.
+    relax : bool
+        Whether vertices slide along the surface in any case, see `sliding`.
     threads : int
         Number of threads.
     progress : callable, optional
@@ -98,7 +103,7 @@ def remove_noise(
         around = (int(roughest(roughness(whole, noise.sigma, threads=threads), whole.ids)[0]),)
     parts = sampled_parts(mesh, adjacency, around, threads=threads)
     is_whole = parts.part.mesh is mesh
-    learned = _learn(parts, noise, borders, detail, threads, progress if is_whole else None)
+    learned = _learn(parts, noise, borders, detail, relax, threads, progress if is_whole else None)
     if learned is None:
         return Denoised(mesh.vertices.copy(), np.zeros(mesh.vertex_count))
     plan, result = learned
@@ -109,7 +114,13 @@ def remove_noise(
 
 
 def learn_plan(
-    parts: SampledParts, noise: NoiseModel, borders: Borders, detail: float | None = None, *, threads: int = 1
+    parts: SampledParts,
+    noise: NoiseModel,
+    borders: Borders,
+    detail: float | None = None,
+    relax: bool = False,
+    *,
+    threads: int = 1,
 ) -> SmoothingPlan | None:
     """Learn what holds for a mesh as a whole.
 
@@ -123,6 +134,8 @@ def learn_plan(
         Whether border vertices are smoothed along the border, or stay.
     detail : float, optional
         Length of the shortest waves that keep half of their height.
+    relax : bool
+        Whether vertices slide along the surface in any case, see `sliding`.
     threads : int
         Number of threads.
 
@@ -131,7 +144,7 @@ def learn_plan(
     SmoothingPlan or None
         None if there is no noise that is worth taking off.
     """
-    learned = _learn(parts, noise, borders, detail, threads, None)
+    learned = _learn(parts, noise, borders, detail, relax, threads, None)
     return None if learned is None else learned[0]
 
 
@@ -140,6 +153,7 @@ def _learn(
     noise: NoiseModel,
     borders: Borders,
     smallest: float | None,
+    relax: bool,
     threads: int,
     progress: Progress | None,
 ) -> tuple[SmoothingPlan, Denoised] | None:
@@ -185,13 +199,17 @@ def _learn(
         elif candidate.kind > GENTLE:
             break
     kinds = tuple(candidate.kind for candidate in found)
-    plan = SmoothingPlan(center, scale, clusters.pace, levels, low_pass, kinds, factor, overall)
     shares = None
     if risks is not None:
         shares = local_shares(clusters, risks, part.vertex_count, correlation.alike, threads=threads)
-    result = _mixture(parts.part.mesh, found, shares, scale)
+    mesh, adjacency = parts.part.mesh, parts.part.adjacency
+    result = _mixture(mesh, found, shares, scale)
+    sliding = Sliding.ALL
+    if not relax:
+        sliding = sliding_of(mesh, adjacency, result.points, at_vertices / scale, parts.core, threads=threads)
+    plan = SmoothingPlan(center, scale, clusters.pace, levels, low_pass, kinds, factor, overall, sliding)
     report(progress, STEPS, STEPS)
-    return plan, result
+    return plan, replace(result, points=held_back(mesh, adjacency, result.points, sliding, threads=threads))
 
 
 def denoise(part: MeshPart, plan: SmoothingPlan, *, threads: int = 1, progress: Progress | None = None) -> Denoised:
@@ -226,7 +244,7 @@ def denoise(part: MeshPart, plan: SmoothingPlan, *, threads: int = 1, progress: 
         shares = local_shares(clusters, risks, part.vertex_count, alike, threads=threads)
     result = _mixture(part.mesh, found, shares, plan.scale)
     report(progress, STEPS, STEPS)
-    return result
+    return replace(result, points=held_back(part.mesh, part.adjacency, result.points, plan.sliding, threads=threads))
 
 
 def rings_around(plan: SmoothingPlan | None) -> int:

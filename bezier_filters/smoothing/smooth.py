@@ -34,8 +34,9 @@ def smooth(
     borders: SmoothedBorders = "curve",
     keep_volume: bool | None = None,
     detail: float | None = None,
-    rings: int = 2,
-    alpha: float = 0.8,
+    relax: bool = False,
+    rings: int | None = None,
+    alpha: float | None = None,
     selected: BoolArray | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -75,8 +76,11 @@ def smooth(
         Size of the smallest detail to keep, a length: filters that take more than half off waves of this length are
         left out, and where a stronger one would be best, filters of the normals, too, which keep edges. For ``"auto"``
         only.
-    rings, alpha : int, float
-        Neighbourhood and weight of the points, in (0, 1], for ``"paper"`` only.
+    relax : bool
+        Whether vertices slide along the surface, too, which evens out the triangles. By default they move along the
+        normals, and slide only where noise in all directions has made triangles narrow. For ``"auto"`` only.
+    rings, alpha : int, float, optional
+        Neighbourhood, 2 by default, and weight of the points, in (0, 1], by default 0.8, for ``"paper"`` only.
     selected : (n,) bool, optional
         Vertices that may move; all by default.
     threads : int, optional
@@ -111,7 +115,7 @@ def smooth(
     (True, 1.0)
     """
     mesh = triangle_mesh(vertices, faces)
-    check_smoothing(method, iterations, noise, borders, detail)
+    check_smoothing(method, iterations, noise, borders, detail, relax, rings, alpha)
     threads = thread_count(threads)
     adjacency = vertex_adjacency(mesh, threads=threads)
     movable = _movable(selected, adjacency, borders)
@@ -122,12 +126,11 @@ def smooth(
             current, part = TriangleMesh(points, mesh.faces), part_of(progress, k, iterations)
             if method == "auto":
                 here = known if k == 0 else learn_noise(current, adjacency, threads=threads)
-                found = denoised(
-                    current, adjacency, here, borders, detail, noise if k == 0 else None, threads=threads, progress=part
-                )
+                options = borders, detail, noise if k == 0 else None, relax
+                found = denoised(current, adjacency, here, *options, threads=threads, progress=part)
                 points, sharpness = found.points, np.maximum(sharpness, found.sharpness)
             else:
-                points = _onto_patches(current, rings, alpha, threads, part)
+                points = _onto_patches(current, rings or 2, alpha or 0.8, threads, part)
             points = np.where(movable[:, np.newaxis], points, mesh.vertices)
         components = ClosedComponents.of(mesh, adjacency)
         volumes_before = component_volumes(components, mesh)
@@ -182,7 +185,16 @@ def _movable(selected: BoolArray | None, adjacency: Adjacency, borders: Smoothed
     return mask & ~adjacency.on_boundary if borders == "fixed" else mask
 
 
-def check_smoothing(method: object, iterations: object, noise: object, borders: object, detail: object = None) -> None:
+def check_smoothing(
+    method: object,
+    iterations: object,
+    noise: object,
+    borders: object,
+    detail: object = None,
+    relax: object = False,
+    rings: object = None,
+    alpha: object = None,
+) -> None:
     """Refuse options that are out of range.
 
     Raises
@@ -196,8 +208,11 @@ def check_smoothing(method: object, iterations: object, noise: object, borders: 
         raise InvalidParameterError(f"iterations: got {iterations!r}, expected an integer of 1 or more")
     check_noise(noise)
     check_detail(detail)
-    for name, value in (("noise", noise), ("detail", detail)):
-        if value is not None and method == "paper":
-            raise InvalidParameterError(f"{name}: the paper's method does not use it; leave it out")
+    others = {"noise": noise, "detail": detail, "relax": relax or None}
+    if method == "auto":
+        others = {"rings": rings, "alpha": alpha}
+    for name, value in others.items():
+        if value is not None:
+            raise InvalidParameterError(f"{name}: method={method!r} does not use it; leave it out")
     if borders not in ("curve", "fixed"):
         raise InvalidParameterError(f"borders: got {borders!r}, expected 'curve' or 'fixed'")

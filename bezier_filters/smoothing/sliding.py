@@ -1,0 +1,217 @@
+"""How far vertices slide along the surface while noise is taken off it.
+
+What filters take off along the surface moves textures, colours and marks with the vertices, and is mostly the
+unevenness of the triangles, not noise. So vertices move along the normals of the result; at its edges and corners,
+along those of all faces there. Noise in all directions makes triangles so narrow that normals suffer, or turns them
+over: where there may be such noise, the vertices of narrow faces slide, too, and all of them if such faces are many.
+Faces that would turn over otherwise let their vertices slide in any case.
+"""
+
+from enum import IntEnum
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
+from bezier_filters.meshes.adjacency import Adjacency
+from bezier_filters.meshes.frames import face_normal, tangent_planes
+from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.runtime.jit import inner_jit, jit
+from bezier_filters.runtime.parallel import run_kernel
+
+STEPS = 8  # each leaves of a move what is not along a normal: an edge at a right angle takes a half off in each
+# times the noise along the normal: unevenness of the triangles below which that is not in all directions
+UNEVEN = 0.8
+# height of a face over its longest edge from which down it is narrow, if filters would make it wider by a factor
+NARROW, WIDER = 0.05, 2.0
+ROUNDS = 4  # in which the vertices of narrow faces slide ever farther, up to where filters take them
+MANY = 0.05  # share of the vertices at narrow faces beyond which there is noise in all directions everywhere
+
+
+class Sliding(IntEnum):
+    """Which vertices slide."""
+
+    TURNED = 0  # those of faces that would turn over otherwise
+    NARROW = 1  # those of faces that would be narrow otherwise
+    ALL = 2
+
+
+def sliding_of(
+    mesh: TriangleMesh,
+    adjacency: Adjacency,
+    points: FloatArray,
+    sigma: FloatArray,
+    core: BoolArray,
+    *,
+    threads: int = 1,
+) -> Sliding:
+    """Which vertices of a mesh have to slide, as its `core` tells.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        With noise.
+    adjacency : Adjacency
+        Of the same mesh.
+    points : (n, 3) float64
+        Where filters take the vertices.
+    sigma : (n,) float64
+        Standard deviation of the noise along the normal, lengths.
+    core : (n,) bool
+        Vertices that stand for the mesh as a whole.
+    threads : int
+        Number of threads.
+
+    Examples
+    --------
+    >>> from bezier_filters.meshes.adjacency import vertex_adjacency
+    >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> from bezier_filters.surfaces import sphere
+    >>> ball = sphere(resolution=40)
+    >>> noise = 0.01 * np.random.default_rng(0).normal(size=ball.vertices.shape)
+    >>> in_all_directions, along_normals = ball.vertices + noise, ball.vertices * (1.0 + noise[:, :1])
+    >>> for noisy in (in_all_directions, along_normals):
+    ...     mesh = triangle_mesh(noisy, ball.faces)
+    ...     deviation, everywhere = np.full(len(noisy), 0.01), np.ones(len(noisy), dtype=np.bool_)
+    ...     sliding_of(mesh, vertex_adjacency(mesh), ball.vertices, deviation, everywhere)
+    <Sliding.ALL: 2>
+    <Sliding.TURNED: 0>
+    """
+    held = _along_normals(mesh, adjacency, points, threads)
+    uneven = _unevenness(TriangleMesh(points, mesh.faces), adjacency, held, threads)[core]
+    if not np.square(uneven).mean() > np.square(UNEVEN * sigma[core]).mean():
+        return Sliding.TURNED
+    slides = _slides(mesh, points, held, NARROW, threads)[core] > 0.0
+    return Sliding.ALL if slides.mean() > MANY else Sliding.NARROW
+
+
+def held_back(
+    mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray, sliding: Sliding, *, threads: int = 1
+) -> FloatArray:
+    """Where vertices that would move to points (n, 3) end if not all of them slide. Those at borders do.
+
+    Examples
+    --------
+    >>> from bezier_filters.meshes.adjacency import vertex_adjacency
+    >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> from bezier_filters.surfaces import block_with_sharp_edges
+    >>> block = triangle_mesh(*block_with_sharp_edges(resolution=4))
+    >>> noisy = triangle_mesh(block.vertices + [0.0, 0.0, 0.01], block.faces)
+    >>> moves = held_back(noisy, vertex_adjacency(block), block.vertices, Sliding.TURNED) - noisy.vertices
+    >>> on_top, beside = block.vertices[:, 2] > 0.49, np.abs(block.vertices[:, 2] + 0.25) < 0.1
+    >>> moves[on_top, 2].round(3).min(), abs(moves[beside]).max().round(3)
+    (np.float64(-0.01), np.float64(0.0))
+    """
+    if sliding == Sliding.ALL:
+        return points
+    held = _along_normals(mesh, adjacency, points, threads)
+    slides = _slides(mesh, points, held, NARROW if sliding == Sliding.NARROW else 0.0, threads)
+    return _slid(held, points, slides)
+
+
+def _along_normals(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray, threads: int) -> FloatArray:
+    held, rows = points.copy(), adjacency.faces
+    of_mesh = mesh.vertices, mesh.faces, rows.indptr, rows.indices, adjacency.on_boundary
+    run_kernel(_hold_back, len(points), *of_mesh, points, held, threads=threads)
+    return held
+
+
+def _unevenness(smooth: TriangleMesh, adjacency: Adjacency, points: FloatArray, threads: int) -> FloatArray:
+    """How far points are from the middle of their neighbours along a surface, per direction, lengths (n,)."""
+    rows, normals = adjacency.vertices, tangent_planes(smooth, adjacency, threads=threads).normals
+    ones = np.ones(len(rows.indices))
+    sums = csr_array((ones, rows.indices, rows.indptr), shape=(len(points), len(points))) @ points
+    away = points - sums / np.maximum(rows.lengths, 1)[:, np.newaxis]
+    away -= np.einsum("ij,ij->i", away, normals)[:, np.newaxis] * normals
+    away[adjacency.on_boundary] = 0.0
+    result: FloatArray = np.linalg.norm(away, axis=1) / np.sqrt(2.0)
+    return result
+
+
+def _slides(mesh: TriangleMesh, points: FloatArray, held: FloatArray, least: float, threads: int) -> SingleArray:
+    """How far vertices slide, (n,), from where they are held, 0, to the points, 1, lest faces be narrower than that."""
+    slides = np.zeros(len(points), dtype=np.float32)
+    for _ in range(ROUNDS):
+        more, current = slides.copy(), _slid(held, points, slides)
+        farther = slides + np.float32(1.0 / ROUNDS)
+        run_kernel(_mark_narrow, mesh.face_count, mesh.faces, points, current, least, farther, more, threads=threads)
+        if (more == slides).all():
+            break
+        slides = more
+    return slides
+
+
+def _slid(held: FloatArray, points: FloatArray, slides: SingleArray) -> FloatArray:
+    return held + slides[:, np.newaxis] * (points - held)
+
+
+@jit()
+def _hold_back(
+    vertices: FloatArray,
+    faces: IntArray,
+    face_ptr: IntArray,
+    face_indices: IntArray,
+    on_boundary: BoolArray,
+    points: FloatArray,
+    held: FloatArray,
+    start: int,
+    stop: int,
+) -> None:
+    """Take off the moves of vertices start .. stop-1 what is along the surface: normals span what stays."""
+    for i in range(start, stop):
+        if on_boundary[i]:
+            continue
+        xx = xy = xz = yy = yz = zz = 0.0
+        for q in range(face_ptr[i], face_ptr[i + 1]):
+            x, y, z = face_normal(points, faces, face_indices[q])
+            length = np.sqrt(x * x + y * y + z * z)
+            if length > 0.0:
+                xx, xy, xz = xx + x * x / length, xy + x * y / length, xz + x * z / length
+                yy, yz, zz = yy + y * y / length, yz + y * z / length, zz + z * z / length
+        total = xx + yy + zz
+        if total == 0.0:
+            continue
+        x, y, z = (points[i, 0] - vertices[i, 0], points[i, 1] - vertices[i, 1], points[i, 2] - vertices[i, 2])
+        for _ in range(STEPS):
+            x, y, z = (
+                x - (xx * x + xy * y + xz * z) / total,
+                y - (xy * x + yy * y + yz * z) / total,
+                z - (xz * x + yz * y + zz * z) / total,
+            )
+        held[i, 0], held[i, 1], held[i, 2] = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
+
+
+@jit()
+def _mark_narrow(
+    faces: IntArray,
+    points: FloatArray,
+    held: FloatArray,
+    least: float,
+    farther: SingleArray,
+    slides: SingleArray,
+    start: int,
+    stop: int,
+) -> None:
+    """Let the vertices of those of the faces start .. stop-1 slide farther that are narrow, and less so at points."""
+    for f in range(start, stop):
+        x, y, z = face_normal(points, faces, f)
+        length = np.sqrt(x * x + y * y + z * z)
+        u, v, w = face_normal(held, faces, f)
+        wide, here = length / _longest(points, faces, f), _longest(held, faces, f)
+        height = (u * x + v * y + w * z) / (length * here) if length * here > 0.0 else 0.0
+        if height < least and WIDER * height < wide:
+            for corner in range(3):
+                slides[faces[f, corner]] = farther[faces[f, corner]]
+
+
+@inner_jit()
+def _longest(points: FloatArray, faces: IntArray, f: int) -> float:
+    """Squared length of the longest edge of a face."""
+    result = 1e-300
+    for k in range(3):
+        i, j = faces[f, k], faces[f, (k + 1) % 3]
+        squared = 0.0
+        for axis in range(3):
+            squared += (points[i, axis] - points[j, axis]) ** 2
+        result = max(result, squared)
+    return result
