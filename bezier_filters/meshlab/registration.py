@@ -108,7 +108,7 @@ def _replace(owner: Any, name: str, value: Any) -> None:
 
 
 def _extended(original: Original, function: Callable[..., Any]) -> Callable[..., Any]:
-    """A function of pymeshlab that ours gets as its first argument, with the name and docstring it has there."""
+    """A function of ours, which gets that of pymeshlab as its first argument, under its name and docstring."""
 
     @wraps(original)
     def extended(*arguments: Any, **parameters: Any) -> Any:
@@ -129,6 +129,7 @@ def _apply_filter(original: Original, ms: MeshSet, filter_name: str, **parameter
     if filter_name not in OURS:
         return dict(original(ms, filter_name, **parameters))
     values = _values(filter_name, {name: value for name, value in parameters.items() if name != "progress"})
+    values["threads"] = None  # nothing depends on them
     report = OURS[filter_name](ms, **parameters)
     step = script_step(filter_name, **{key: "none" if value is None else value for key, value in values.items()})
     with interrupts_held(), one_at_a_time():

@@ -121,16 +121,8 @@ def roughness(part: MeshPart, sigma: float, *, threads: int = 1) -> FloatArray:
     """How much more a strong filter takes off around every vertex than a weak one, (n,): most at edges and corners.
 
     Where a large mesh is roughest, it has to be looked at, lest an edge be smoothed because no sample has met one.
-    It goes by ratios, as the noise itself may vary.
-
-    Parameters
-    ----------
-    part : MeshPart
-        A mesh, or a tile of one with `ROUGHNESS_RINGS` around what counts.
-    sigma : float
-        Standard deviation of the noise of the mesh as a whole, a length.
-    threads : int
-        Number of threads.
+    It goes by ratios, as the noise itself may vary. A tile has `ROUGHNESS_RINGS` around what counts; sigma is the
+    standard deviation of the noise of the mesh as a whole.
     """
     mesh, clusters, laplacian = part.mesh, clusters_of(part, PACE), free_laplacian(part, threads)
     smooth = low_pass(laplacian, mesh.vertices, STRONG, threads=threads)
