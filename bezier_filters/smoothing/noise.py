@@ -142,8 +142,6 @@ def roughest(values: FloatArray, ids: IntArray) -> IntArray:
     draws what memory draws, where the very largest would be a matter of rounding. The others are what may
     be drawn when there are more vertices: so a few of each tile do.
 
-    Examples
-    --------
     >>> values, ids = np.random.default_rng(0).random(10_000), np.arange(10_000, dtype=np.int32)
     >>> few = [k + roughest(values[k : k + 500], ids[k : k + 500]) for k in range(0, 10_000, 500)]
     >>> max(map(len, few)) < 12, ids[roughest(values, ids)[0]] == np.concatenate(few)[
