@@ -42,6 +42,7 @@ from .meshlab.mesh_colors import save_quality_map as save_quality_map
 from .meshlab.mesh_files import save_mesh as save_mesh
 from .meshlab.meshset import BezierFilterError as BezierFilterError
 from .meshlab.registration import register as register
+from .meshlab.registration import unregister as unregister
 from .meshlab.scripts import StepReport as StepReport
 from .meshlab.scripts import run_filter_script as run_filter_script
 from .meshlab.scripts import script_step as script_step

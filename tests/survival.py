@@ -27,7 +27,7 @@ from bezier_filters import (
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.meshes.mesh import LARGEST, SMALLEST
 from bezier_filters.meshlab.meshset import BezierFilterError
-from bezier_filters.meshlab.registration import FILTERS
+from bezier_filters.meshlab.scripts import FILTERS
 from bezier_filters.status import FitStatus
 
 ESTIMATES = {

@@ -21,12 +21,13 @@ def info(source: Source, json: Json = False) -> None:
     from bezier_filters.meshes.diagnosis import inspect_mesh
     from bezier_filters.meshes.mesh import triangle_mesh
     from bezier_filters.meshlab.mesh_files import load_mesh
-    from bezier_filters.meshlab.meshset import current_mesh, topological_measures
+    from bezier_filters.meshlab.meshset import current_mesh
+    from bezier_filters.meshlab.topology import topology_of
 
     ms = load_mesh(source)
     loaded = current_mesh(ms)
     mesh = triangle_mesh(loaded.vertex_matrix(), loaded.face_matrix())
-    topology = topological_measures(mesh.vertices, mesh.faces) if mesh.face_count else {}
+    topology = topology_of(mesh.vertices, mesh.faces).counts
     summary = console.mesh_summary(mesh, inspect_mesh(mesh), topology, _noise_of(mesh) if mesh.face_count else None)
     if json:
         console.print_json({"file": str(source), **summary})

@@ -201,10 +201,7 @@ def mesh_summary(mesh: TriangleMesh, report: MeshReport, topology: Report, noise
     return {
         "vertices": mesh.vertex_count,
         "faces": mesh.face_count,
-        "components": topology.get("connected_components_number", 0),
-        "genus": topology.get("genus", -1),
-        "boundary_loops": topology.get("number_holes", -1),
-        "non_manifold_vertices": topology.get("non_two_manifold_vertices", 0),
+        **topology,
         **asdict(report),
         "bounding_box": [low.tolist(), high.tolist()],
         "noise": noise,
@@ -219,7 +216,7 @@ def print_mesh_summary(summary: Report, source: str) -> None:
     low, high = summary["bounding_box"]
 
     def number(key: str) -> str:
-        return f"{summary[key]:,}" if summary[key] >= 0 else "undefined (not a manifold)"
+        return "undefined (not a manifold)" if summary[key] is None else f"{summary[key]:,}"
 
     table.add_row("vertices, faces", f"{summary['vertices']:,}, {summary['faces']:,}")
     table.add_row("size", " x ".join(f"{b - a:.6g}" for a, b in zip(low, high, strict=True)))

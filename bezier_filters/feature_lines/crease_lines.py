@@ -141,8 +141,6 @@ def edge_mesh(lines: Sequence[CreaseLine]) -> tuple[FloatArray, IntArray, IntArr
 
     Closed lines have their first point twice.
 
-    Examples
-    --------
     >>> from bezier_filters.surfaces import block_with_sharp_edges
     >>> points, edges, line_of_point = edge_mesh(find_creases(*block_with_sharp_edges(resolution=8)).lines)
     >>> np.ptp(points, axis=0), len(points) - len(edges) == line_of_point[-1] + 1

@@ -21,8 +21,6 @@ def chains(segments: IntArray, ends: IntArray | None = None) -> list[Chain]:
 
     Chains end at nodes with one segment, or with three or more, and at further nodes that are named as `ends`.
 
-    Examples
-    --------
     >>> [chain.nodes.tolist() for chain in chains(np.array([[4, 7], [9, 7], [1, 2], [2, 3], [3, 1]]))]
     [[4, 7, 9], [1, 2, 3, 1]]
     """

@@ -108,6 +108,12 @@ def save_filter_script(path: str | os.PathLike[str], steps: Sequence[ScriptStep]
     OSError
         If the file cannot be written.
     """
+    with atomic_write(path) as temporary:
+        Path(temporary).write_text(script_text(steps), encoding="utf-8")
+
+
+def script_text(steps: Sequence[ScriptStep]) -> str:
+    """What a file of a filter script says."""
     lines = ["<!DOCTYPE FilterScript>", "<FilterScript>"]
     for step in steps:
         lines.append(f" <filter name={quoteattr(step.name)}>")
@@ -115,6 +121,4 @@ def save_filter_script(path: str | os.PathLike[str], steps: Sequence[ScriptStep]
             others = "".join(f" {key}={quoteattr(value)}" for key, value in attributes.items())
             lines.append(f"  <Param name={quoteattr(name)}{others}/>")
         lines.append(" </filter>")
-    lines.append("</FilterScript>")
-    with atomic_write(path) as temporary:
-        Path(temporary).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return "\n".join([*lines, "</FilterScript>", ""])

@@ -236,8 +236,6 @@ def _corner_energy(points: FloatArray, tangents: FloatArray, group: list[int]) -
 def bending_energy(start: FloatArray, start_tangent: FloatArray, stop: FloatArray, stop_tangent: FloatArray) -> float:
     """Integral of the squared second derivative of the cubic curve over a unit chord; about the squared angle it turns.
 
-    Examples
-    --------
     >>> right = np.array([1.0, 0.0, 0.0])
     >>> bending_energy(0 * right, right, 5 * right, right)
     0.0

@@ -97,6 +97,8 @@ def _loops_around_gaps(mesh: TriangleMesh, adjacency: Adjacency) -> list[tuple[I
     order = np.argsort(start, kind="stable")
     start, end = start[order], end[order]
     first, last = np.searchsorted(start, end), np.searchsorted(start, end, side="right")
+    if (first == last).any():
+        raise InvalidParameterError("on_border: got other vertices than those on the edges of one face only")
     successor = first.astype(np.int32)
     gaps = 2.0 * pi - angle_sums(mesh, adjacency, end)  # at the end of each half-edge
     for vertex in np.unique(end[last - first > 1]):

@@ -15,7 +15,7 @@ from bezier_filters.holes.fill_placement import FaceSet, FilledHole, OpenMesh, f
 from bezier_filters.holes.hole_detection import HoleChoice, find_holes
 from bezier_filters.holes.influence_region import influence_region, known_surface
 from bezier_filters.meshes.adjacency import vertex_adjacency
-from bezier_filters.meshes.mesh import takes_arrays, triangle_mesh
+from bezier_filters.meshes.mesh import checked_selection, takes_arrays, triangle_mesh
 from bezier_filters.meshes.self_intersections import faces_in_boxes
 from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.runtime.parallel import Progress, one_thread_for_matrices, report, run_kernel, thread_count
@@ -147,6 +147,7 @@ def fill_holes(
     creases: bool = True,
     noise: float | None = None,
     alpha: float = 0.8,
+    on_border: BoolArray | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> HoleFillingResult:
@@ -188,6 +189,8 @@ def fill_holes(
         learned; 0 interpolates.
     alpha : float
         Weight of the points against the smoothness of the patch, in (0, 1], for ``"paper"`` only.
+    on_border : (n,) bool, optional
+        Vertices on an edge of one face only, if another program has found them; by default they are found here.
     threads : int, optional
         Number of threads; by default BEZIER_FILTERS_THREADS or all usable cores. The result
         does not depend on it.
@@ -229,6 +232,8 @@ def fill_holes(
     choice = HoleChoice(max_edges, max_perimeter, max_diameter, holes, selected, outer_rims)
     threads = thread_count(threads)
     adjacency = vertex_adjacency(mesh, threads=threads)
+    if on_border is not None:
+        adjacency = replace(adjacency, on_boundary=checked_selection(on_border, mesh.vertex_count, "on_border"))
     found = find_holes(mesh, adjacency)
     choice.check(mesh.vertex_count, len(found))
     refusals = [choice.refusal(k, hole) for k, hole in enumerate(found)]

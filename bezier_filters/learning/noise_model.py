@@ -75,8 +75,6 @@ class NoiseModel:
 def known_noise(learned: NoiseModel | None, sigma: float) -> NoiseModel:
     """Noise of a given standard deviation: how alike neighbouring vertices are is learned all the same.
 
-    Examples
-    --------
     >>> known_noise(NoiseModel(1.0, (3.0,), (0.5,)), 1.0)
     NoiseModel(white=0.25, sills=(0.75,), lengths=(0.5,), heavy=False, outliers=0.0, given=True)
     """

@@ -69,8 +69,6 @@ def learn_noise(analyses: Sequence[RingAnalysis]) -> NoiseModel | None:
     The flattest places decide whether there is any, which hold a little less of the noise, too. Most places say how
     strong it is, as far as that is not much more than at the flattest.
 
-    Examples
-    --------
     >>> learn_noise([]) is None
     True
     """

@@ -28,8 +28,6 @@ LEAST_FREEDOM = 0.05  # share of a point that a fit leaves free, at the least
 def outlier_share(sample: NeighbourhoodSample) -> float:
     """Share of the vertices that are outliers; 0 if these are too few to be told from chance.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> none = np.zeros((0, 4), dtype=np.int32)
     >>> outlier_share(NeighbourhoodSample(none[:, 0], np.zeros((0, 9, 3)), none, none > 0, none > 0, np.zeros(0)))

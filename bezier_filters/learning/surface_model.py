@@ -136,8 +136,6 @@ def expected_variance(surplus: FloatArray, by_chance: FloatArray, prior_range: f
     likely as nothing: what rises clearly above chance is believed, and what does not, hardly. It is 0 if v cannot be
     nothing. `surplus` (k,) are the estimates of v, `by_chance` (k,) their standard errors.
 
-    Examples
-    --------
     >>> expected_variance(np.array([-1.0, 0.0, 1.0, 5.0]), np.ones(4)).round(2)
     array([0.04, 0.11, 0.39, 5.  ])
     """

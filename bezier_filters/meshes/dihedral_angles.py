@@ -45,8 +45,6 @@ def dihedral_angles(normals: FloatArray, others: FloatArray) -> FloatArray:
 def mesh_edges(mesh: TriangleMesh) -> MeshEdges:
     """Find the edges of a mesh.
 
-    Examples
-    --------
     >>> from bezier_filters.meshes.mesh import triangle_mesh
     >>> ridge = triangle_mesh([[0, 0, 0], [0, 1, 0], [1, 0, -1], [-1, 0, -1]], [[0, 2, 1], [0, 1, 3]])
     >>> edges = mesh_edges(ridge)

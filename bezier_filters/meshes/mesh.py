@@ -118,11 +118,11 @@ def triangle_mesh(vertices: ArrayLike, faces: ArrayLike) -> TriangleMesh:
     return TriangleMesh(points, np.ascontiguousarray(triangles, dtype=np.int32))
 
 
-def checked_selection(selected: BoolArray, n: int) -> BoolArray:
+def checked_selection(selected: BoolArray, n: int, name: str = "selected") -> BoolArray:
     """A selection of n vertices, (n,), or an InvalidParameterError."""
     mask = np.asarray(selected)
     if mask.shape != (n,) or mask.dtype != np.bool_:
-        raise InvalidParameterError(f"selected: got {mask.dtype} of shape {mask.shape}, expected bool of shape ({n},)")
+        raise InvalidParameterError(f"{name}: got {mask.dtype} of shape {mask.shape}, expected bool of shape ({n},)")
     return mask
 
 

@@ -45,8 +45,6 @@ NARROW_CONE = cos(STEEPEST - FOR_FITS / 2.0)
 def sharp_edges(mesh: TriangleMesh, edges: MeshEdges, adjacency: Adjacency, angle: float = SHARP) -> BoolArray:
     """Which edges (e,) bend by more than an angle, in radians, and by much more than those around, or continue such.
 
-    Examples
-    --------
     >>> from bezier_filters.meshes.adjacency import vertex_adjacency
     >>> from bezier_filters.meshes.dihedral_angles import mesh_edges
     >>> from bezier_filters.meshes.mesh import triangle_mesh
@@ -74,8 +72,6 @@ def certainties(edges: MeshEdges, noise: float, angle: float = SHARP) -> FloatAr
     Independent errors of the vertices along the normal, of the standard deviation `noise`, change the angle at an edge
     of the width w by 4/3 noise / w: by propagation through two equal triangles.
 
-    Examples
-    --------
     >>> from bezier_filters.meshes.dihedral_angles import mesh_edges
     >>> from bezier_filters.meshes.mesh import triangle_mesh
     >>> from bezier_filters.surfaces import block_with_sharp_edges
@@ -90,8 +86,6 @@ def certainties(edges: MeshEdges, noise: float, angle: float = SHARP) -> FloatAr
 def may_have_sharp_edges(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> bool:
     """Whether the surface turns anywhere as quickly as at a sharp edge, which is soon told, with noise or without.
 
-    Examples
-    --------
     >>> from bezier_filters.meshes.adjacency import vertex_adjacency
     >>> from bezier_filters.meshes.mesh import triangle_mesh
     >>> from bezier_filters.surfaces import block_with_sharp_edges, sphere
@@ -202,8 +196,6 @@ def sharp_edge_vertices(
 ) -> BoolArray:
     """Vertices (n,) with two sharp edges or more: those inside one or at a corner, not where one ends.
 
-    Examples
-    --------
     >>> from bezier_filters.meshes.adjacency import vertex_adjacency
     >>> from bezier_filters.meshes.frames import tangent_planes
     >>> from bezier_filters.meshes.mesh import triangle_mesh

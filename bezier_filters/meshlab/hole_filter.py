@@ -23,6 +23,7 @@ from bezier_filters.meshlab.meshset import (
     preserved_filter_script,
     read_current_mesh,
 )
+from bezier_filters.meshlab.topology import topology_of
 from bezier_filters.parameters import documented
 from bezier_filters.runtime.parallel import Progress
 
@@ -75,11 +76,14 @@ def meshing_close_holes_by_bezier_patch(
         ``closed_holes``, ``open_holes``, ``new_vertices`` and ``new_faces`` (numbers), ``id`` (of the layer that is the
         mesh now), ``noise`` (standard deviation, a length, or None), ``lost_attributes`` (custom attributes that
         pymeshlab does not let us copy: those with capital letters or signs in their names), ``textured`` (whether the
-        new faces show a texture), ``seconds`` (read,
-        fit, write) and ``holes``, a dict for each with ``filled``, ``method``, ``reason``, ``edge_count``,
-        ``perimeter``, ``diameter``, ``islands``, ``is_outer_rim``, ``parts``, ``crease_edges``, ``new_vertices`` and
-        ``new_faces`` (numbers), ``rim_error`` (0), ``rim_dihedral`` (mean angle along the rim, degrees) and
-        ``self_intersections``; see `bezier_filters.HoleReport`. It can be written as JSON.
+        new faces show a texture), ``topology_before`` and ``topology_after`` (what pymeshlab counts: ``components``,
+        ``genus``, ``boundary_loops`` with those of outer rims and islands, ``boundary_edges``, ``non_manifold_faces``
+        at such edges, ``non_manifold_vertices`` and ``two_manifold``; where the mesh is not a manifold the genus is
+        None, and ``boundary_loops_by`` says that we have counted the loops), ``seconds`` (read, fit, write) and
+        ``holes``, a dict for each with ``filled``, ``method``, ``reason``, ``edge_count``, ``perimeter``, ``diameter``,
+        ``islands``, ``is_outer_rim``, ``parts``, ``crease_edges``, ``new_vertices`` and ``new_faces`` (numbers),
+        ``rim_error`` (0), ``rim_dihedral`` (mean angle along the rim, degrees) and ``self_intersections``; see
+        `bezier_filters.HoleReport`. It can be written as JSON.
 
     Examples
     --------
@@ -97,6 +101,7 @@ def meshing_close_holes_by_bezier_patch(
     if not len(mesh.faces):
         raise BezierFilterError("the current mesh has no faces, so it has no holes")
     start = time.perf_counter()
+    topology = topology_of(mesh.vertices, mesh.faces)
     try:
         result = fill_holes(
             mesh.vertices,
@@ -110,6 +115,7 @@ def meshing_close_holes_by_bezier_patch(
             creases=creases,
             noise=absolute_length(noise, mesh.vertices, "noise"),
             alpha=alpha,
+            on_border=topology.on_border,
             threads=threads,
             progress=progress,
         )
@@ -122,6 +128,7 @@ def meshing_close_holes_by_bezier_patch(
         with preserved_filter_script(ms):
             lost_attributes, textured = grow_mesh(ms, _growth(mesh, result), select=newfaceselected)
     written = time.perf_counter()
+    after = topology_of(result.vertices, result.faces) if result.filled else topology
     return {
         "closed_holes": result.filled,
         "open_holes": len(result.holes) - result.filled,
@@ -131,6 +138,8 @@ def meshing_close_holes_by_bezier_patch(
         "noise": result.noise,
         "lost_attributes": lost_attributes,
         "textured": textured,
+        "topology_before": topology.counts,
+        "topology_after": after.counts,
         "holes": [_described(hole) for hole in result.holes],
         "seconds": {"read": start - begin, "fit": fitted - start, "write": written - fitted},
     }

@@ -6,18 +6,18 @@ This is the only module that imports pymeshlab; the others take its names from h
 import os
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeAlias
-from xml.etree import ElementTree
 
 import numpy as np
 import pymeshlab
 
-from bezier_filters.arrays import BoolArray, FloatArray, IntArray, Report
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.files.filter_scripts import ScriptStep, read_filter_script, script_text
 from bezier_filters.runtime.interrupts import interrupts_held
 
 # pymeshlab has no type information, so these are Any to a type checker.
@@ -30,6 +30,9 @@ PureValue: TypeAlias = pymeshlab.PureValue
 Color: TypeAlias = pymeshlab.Color
 Length: TypeAlias = pymeshlab.PercentageValue | pymeshlab.PureValue | float
 
+LIBRARY = pymeshlab
+# as they are before `register` extends them
+_filter_list, _load_filter_script = pymeshlab.filter_list, pymeshlab.MeshSet.load_filter_script
 _lock = threading.RLock()
 
 
@@ -124,7 +127,7 @@ def shipped_bunny() -> Path:
 
 def mesh_filter_names() -> list[str]:
     """Names of pymeshlab's own filters."""
-    return list(pymeshlab.filter_list())
+    return list(_filter_list())
 
 
 def former_filter_names() -> dict[str, str]:
@@ -132,18 +135,6 @@ def former_filter_names() -> dict[str, str]:
     table = Path(pymeshlab.__file__).parent / "keys.txt"
     pairs = (line.split() for line in table.read_text(encoding="utf-8").splitlines()) if table.is_file() else ()
     return {pair[0]: pair[1] for pair in pairs if len(pair) == 2}
-
-
-def topological_measures(vertices: FloatArray, faces: IntArray) -> Report:
-    """What pymeshlab's ``get_topological_measures`` says of a mesh given as arrays.
-
-    On a MeshSet that filter clears the selection, so it runs on a MeshSet of its own. Genus and number of
-    holes are -1 where non-manifold parts leave them undefined; the rim of an open sheet is a hole.
-    """
-    with one_at_a_time():
-        scratch = MeshSet()
-        scratch.add_mesh(Mesh(vertices, faces))
-        return dict(scratch.get_topological_measures())
 
 
 @contextmanager
@@ -172,22 +163,33 @@ if hasattr(os, "register_at_fork"):
 def preserved_filter_script(ms: MeshSet) -> Iterator[None]:
     """Let filters run inside the block, without a trace in the MeshSet's filter script, interrupts or other threads.
 
-    pymeshlab records every filter. Ours would fail on replay, because the numbers that they read
-    come from Python, so the script is saved before and loaded after the block. Loading prints one
-    line per filter on stderr, whatever the verbosity; only that is silenced. Ctrl-C waits for the end of the
-    block, so that a MeshSet never stays between two states.
+    pymeshlab records every filter. Those that ours call would fail on replay, because the numbers that they read
+    come from Python, so the script is set again after the block. Ctrl-C waits for the end of the block, so that a
+    MeshSet never stays between two states.
     """
-    with interrupts_held(), one_at_a_time(), TemporaryDirectory(prefix="bezier_filters_") as folder:
-        script = str(Path(folder) / "script.mlx")
-        ms.save_filter_script(script)
+    with interrupts_held(), one_at_a_time():
+        steps = recorded_steps(ms)
         try:
             yield
         finally:
-            if len(ElementTree.parse(script).getroot()):
-                with _silent_stderr():
-                    ms.load_filter_script(script)  # replaces what was recorded since
-            else:
-                ms.clear_filter_script()
+            set_recorded_steps(ms, steps)
+
+
+def recorded_steps(ms: MeshSet) -> list[ScriptStep]:
+    """Steps of the filter script of a MeshSet; pymeshlab tells numbers of its own filters to six digits."""
+    with one_at_a_time(), TemporaryDirectory(prefix="bezier_filters_") as folder:
+        script = str(Path(folder) / "script.mlx")
+        ms.save_filter_script(script)
+        return read_filter_script(script)
+
+
+def set_recorded_steps(ms: MeshSet, steps: Sequence[ScriptStep]) -> None:
+    """Replace the filter script of a MeshSet, without the line per filter on stderr, whatever the verbosity."""
+    with one_at_a_time(), TemporaryDirectory(prefix="bezier_filters_") as folder:
+        script = Path(folder) / "script.mlx"
+        script.write_text(script_text(steps), encoding="utf-8")
+        with _silent_stderr():
+            _load_filter_script(ms, str(script))
 
 
 @contextmanager

@@ -1,33 +1,53 @@
-"""The filters as methods of `pymeshlab.MeshSet`, for those who ask for it."""
+"""The filters as part of pymeshlab, for those who ask for it: methods of MeshSet, names in lists, steps of scripts.
 
-from collections.abc import Callable
+The functions of pymeshlab and of its MeshSet that take or give names of filters are replaced by functions that pass on
+what is not about ours. Our steps lie in the MeshSet's own script: pymeshlab keeps and saves those that it does not
+know, in their order. But it rounds numbers to six digits and drops values without a type, so that ours lie there as
+text.
+"""
+
+import inspect
+from collections.abc import Callable, Mapping
+from functools import wraps
+from typing import Any
 
 from bezier_filters.arrays import Report
-from bezier_filters.meshlab.crease_filter import compute_selection_by_bezier_crease_per_edge
-from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
-from bezier_filters.meshlab.meshset import BezierFilterError, MeshSet
-from bezier_filters.meshlab.smoothing_filter import apply_coord_bezier_patch_smoothing
-from bezier_filters.meshlab.vertex_filters import (
-    compute_curvature_by_bezier_patch_per_vertex,
-    compute_normal_by_bezier_patch_per_vertex,
-    compute_torsion_by_bezier_patch_per_vertex,
+from bezier_filters.errors import InvalidScriptError
+from bezier_filters.files.filter_scripts import ScriptStep, read_filter_script
+from bezier_filters.meshlab.meshset import (
+    LIBRARY,
+    BezierFilterError,
+    MeshSet,
+    one_at_a_time,
+    recorded_steps,
+    set_recorded_steps,
 )
+from bezier_filters.meshlab.scripts import (
+    OURS,
+    described_type,
+    parameters_of,
+    run_filter_script,
+    script_step,
+    snake_case,
+)
+from bezier_filters.runtime.interrupts import interrupts_held
 
-FILTERS: tuple[Callable[..., Report], ...] = (
-    apply_coord_bezier_patch_smoothing,
-    meshing_close_holes_by_bezier_patch,
-    compute_normal_by_bezier_patch_per_vertex,
-    compute_curvature_by_bezier_patch_per_vertex,
-    compute_torsion_by_bezier_patch_per_vertex,
-    compute_selection_by_bezier_crease_per_edge,
-)
+Original = Callable[..., Any]
+
+_replaced: list[tuple[Any, str, Any]] = []  # what `register` replaced, where, and None where there was nothing
 
 
 def register() -> None:
-    """Add the filters to `pymeshlab.MeshSet` as methods, with their signatures and docstrings.
+    """Make the filters part of pymeshlab, as if they were its own.
 
-    Calling it again changes nothing. pymeshlab's ``filter_list``, ``apply_filter`` and filter scripts do
-    not know these methods.
+    They become methods of `pymeshlab.MeshSet`, with their signatures and docstrings, and
+    `MeshSet.apply_filter`, `MeshSet.filter_parameter_values`, `filter_list`, `search`, `print_filter_list` and
+    `print_filter_parameter_list` know them. What methods and `apply_filter` do is recorded in the filter script of the
+    MeshSet, in order, between the steps of MeshLab; `save_filter_script` writes it, and `load_filter_script` and
+    `apply_filter_script` replay it. The functions of `bezier_filters` leave the script as it is.
+
+    Calling it again changes nothing; `unregister` undoes it. Names that were imported from pymeshlab before, as by
+    ``from pymeshlab import filter_list``, stay those of pymeshlab.
 
     Raises
     ------
@@ -40,14 +60,157 @@ def register() -> None:
     >>> register()
     >>> ms = MeshSet()
     >>> ms.create_sphere(subdiv=3)
-    >>> ms.compute_curvature_by_bezier_patch_per_vertex(quality="mean")["status"]
+    >>> ms.apply_filter("compute_curvature_by_bezier_patch_per_vertex", quality="mean")["status"]
     {'OK': 642}
+    >>> ms.compute_torsion_by_bezier_patch_per_vertex()["status"]
+    {'OK': 642}
+    >>> unregister()
     """
-    for function in FILTERS:
-        existing = getattr(MeshSet, function.__name__, function)
-        if existing is not function:
+    for name, method in _METHODS.items():
+        if getattr(MeshSet, name, method) is not method:
             raise BezierFilterError(
-                f"pymeshlab.MeshSet has another attribute {function.__name__!r}; call the function of bezier_filters"
+                f"pymeshlab.MeshSet has another attribute {name!r}; call the function of bezier_filters"
             )
-    for function in FILTERS:
-        setattr(MeshSet, function.__name__, function)  # a function in a class is a method, signature and all
+    if _replaced:
+        return
+    for name, method in _METHODS.items():
+        _replace(MeshSet, name, method)
+    for owner, functions in ((MeshSet, _OF_MESHSETS), (LIBRARY, _OF_THE_LIBRARY)):
+        for function in functions:
+            name = function.__name__.removeprefix("_")
+            _replace(owner, name, _extended(vars(owner)[name], function))
+
+
+def unregister() -> None:
+    """Undo `register`: pymeshlab is as it was. Where nothing is registered, nothing happens.
+
+    Steps of ours that were recorded stay in the scripts of MeshSets, and pymeshlab alone cannot replay them.
+
+    Examples
+    --------
+    >>> from pymeshlab import MeshSet
+    >>> register()
+    >>> unregister()
+    >>> hasattr(MeshSet, "compute_curvature_by_bezier_patch_per_vertex")
+    False
+    """
+    while _replaced:
+        owner, name, original = _replaced.pop()
+        if original is None:
+            delattr(owner, name)
+        else:
+            setattr(owner, name, original)
+
+
+def _replace(owner: Any, name: str, value: Any) -> None:
+    _replaced.append((owner, name, vars(owner).get(name)))
+    setattr(owner, name, value)
+
+
+def _extended(original: Original, function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function of ours, which gets that of pymeshlab as its first argument, under its name and docstring."""
+
+    @wraps(original)
+    def extended(*arguments: Any, **parameters: Any) -> Any:
+        return function(original, *arguments, **parameters)
+
+    return extended
+
+
+def _method(function: Callable[..., Report]) -> Callable[..., Report]:
+    @wraps(function)
+    def method(ms: MeshSet, **parameters: Any) -> Report:
+        return dict(ms.apply_filter(function.__name__, **parameters))
+
+    return method
+
+
+def _apply_filter(original: Original, ms: MeshSet, filter_name: str, **parameters: Any) -> Report:
+    if filter_name not in OURS:
+        return dict(original(ms, filter_name, **parameters))
+    values = _values(filter_name, {name: value for name, value in parameters.items() if name != "progress"})
+    values["threads"] = None  # nothing depends on them
+    report = OURS[filter_name](ms, **parameters)
+    step = script_step(filter_name, **{key: "none" if value is None else value for key, value in values.items()})
+    with interrupts_held(), one_at_a_time():
+        set_recorded_steps(ms, [*recorded_steps(ms), _as_text(step)])
+    return report
+
+
+def _filter_parameter_values(original: Original, ms: MeshSet, name: str, **parameters: Any) -> dict[str, Any]:
+    return _values(name, parameters) if name in OURS else dict(original(ms, name, **parameters))
+
+
+def _values(name: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Values of all parameters of a filter of ours that scripts can set."""
+    signature = inspect.signature(OURS[name])
+    defaults = {key: signature.parameters[key].default for key in parameters_of(OURS[name])}
+    for key in given:
+        if key not in defaults:
+            raise BezierFilterError(f"Parameter {key} not found for filter {name}. It has {', '.join(defaults)}.")
+    return defaults | dict(given)
+
+
+def _load_filter_script(original: Original, ms: MeshSet, filter_script_name: str) -> None:
+    try:
+        steps = read_filter_script(filter_script_name)
+    except (OSError, InvalidScriptError):
+        steps = []
+    if any(map(_is_ours, steps)):
+        set_recorded_steps(ms, [_as_text(step) for step in steps])
+    else:
+        original(ms, filter_script_name)
+
+
+def _apply_filter_script(original: Original, ms: MeshSet) -> None:
+    steps = recorded_steps(ms)
+    if not any(map(_is_ours, steps)):
+        original(ms)
+        return
+    try:
+        run_filter_script(ms, steps)
+    finally:
+        set_recorded_steps(ms, steps)  # pymeshlab does not record a replay
+
+
+def _is_ours(step: ScriptStep) -> bool:
+    return step.name in OURS or snake_case(step.name) in OURS
+
+
+def _as_text(step: ScriptStep) -> ScriptStep:
+    """A step all of whose values outlast a stay in a MeshSet."""
+    kept = {"type": "RichString"} if _is_ours(step) else {}
+    least = {"type": "RichString", "min": "0", "max": "0"}  # of lengths, pymeshlab reads those with a range
+    return ScriptStep(step.name, {name: least | dict(given) | kept for name, given in step.parameters.items()})
+
+
+def _filter_list(original: Original) -> list[str]:
+    return sorted([*original(), *OURS])
+
+
+def _search(original: Original, keyword: str) -> None:
+    original(keyword)
+    for name, function in OURS.items():
+        summary = (function.__doc__ or "").partition("\n")[0]
+        if all(word in f"{name} {summary}".lower() for word in keyword.lower().split()):
+            print(f"{name} : {summary}", flush=True)
+
+
+def _print_filter_list(original: Original) -> None:
+    original()
+    print(*(f"\t{name}" for name in OURS), sep="\n", flush=True)
+
+
+def _print_filter_parameter_list(original: Original, name: str) -> None:
+    if name not in OURS:
+        original(name)
+        return
+    print(f"{name} filter - list of parameter names:")
+    hints = parameters_of(OURS[name])
+    for key, value in _values(name, {}).items():
+        print(f"\t{key} : {described_type(hints[key])} = {value}", flush=True)
+
+
+_METHODS = {name: _method(function) for name, function in OURS.items()}
+_OF_MESHSETS = (_apply_filter, _filter_parameter_values, _load_filter_script, _apply_filter_script)
+_OF_THE_LIBRARY = (_filter_list, _search, _print_filter_list, _print_filter_parameter_list)

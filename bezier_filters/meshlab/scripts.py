@@ -15,6 +15,8 @@ import numpy as np
 from bezier_filters.arrays import Report
 from bezier_filters.errors import InvalidScriptError
 from bezier_filters.files.filter_scripts import ScriptStep
+from bezier_filters.meshlab.crease_filter import compute_selection_by_bezier_crease_per_edge
+from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
     Color,
@@ -25,10 +27,23 @@ from bezier_filters.meshlab.meshset import (
     former_filter_names,
     mesh_filter_names,
 )
-from bezier_filters.meshlab.registration import FILTERS
+from bezier_filters.meshlab.smoothing_filter import apply_coord_bezier_patch_smoothing
+from bezier_filters.meshlab.vertex_filters import (
+    compute_curvature_by_bezier_patch_per_vertex,
+    compute_normal_by_bezier_patch_per_vertex,
+    compute_torsion_by_bezier_patch_per_vertex,
+)
 from bezier_filters.runtime.parallel import Progress
 
-_OURS = {function.__name__: function for function in FILTERS}
+FILTERS: tuple[Callable[..., Report], ...] = (
+    apply_coord_bezier_patch_smoothing,
+    meshing_close_holes_by_bezier_patch,
+    compute_normal_by_bezier_patch_per_vertex,
+    compute_curvature_by_bezier_patch_per_vertex,
+    compute_torsion_by_bezier_patch_per_vertex,
+    compute_selection_by_bezier_crease_per_edge,
+)
+OURS = {function.__name__: function for function in FILTERS}
 
 # MeshLab's names of filters that are younger than pymeshlab's table of former names.
 _NEWER_NAMES = {
@@ -114,15 +129,16 @@ def run_filter_script(
     for number, (name, step) in enumerate(zip(names, steps, strict=True), start=1):
         start = time.perf_counter()
         try:
-            if name in _OURS:
-                report = _OURS[name](ms, **_our_values(name, step), progress=progress)
+            if name in OURS:
+                function = getattr(MeshSet, name, OURS[name])  # the method, if there is one, is recorded
+                report = function(ms, **_our_values(name, step), progress=progress)
             else:
                 report = _run_meshlab(ms, name, step)
         except InvalidScriptError as error:
             raise InvalidScriptError(f"step {number}, {step.name!r}: {error}") from error
         except PyMeshLabException as error:
             raise BezierFilterError(f"step {number}, {step.name!r}: {error}") from error
-        whose = "bezier_filters" if name in _OURS else "MeshLab"
+        whose = "bezier_filters" if name in OURS else "MeshLab"
         reports.append(StepReport(name, whose, time.perf_counter() - start, _plain(report)))
     return reports
 
@@ -131,14 +147,14 @@ def check_steps(steps: Sequence[ScriptStep]) -> list[str]:
     """Names in Python of the filters of a script."""
     theirs = mesh_filter_names()
     former = {old: now for old, now in (former_filter_names() | _NEWER_NAMES).items() if now in theirs}
-    known = former | {name: name for name in (*theirs, *_OURS)}
+    known = former | {name: name for name in (*theirs, *OURS)}
     names = []
     for number, step in enumerate(steps, start=1):
         try:
-            name = known.get(step.name) or known.get(_snake_case(step.name))
+            name = known.get(step.name) or known.get(snake_case(step.name))
             if name is None:
-                raise InvalidScriptError(f"unknown filter; {_nearest(_snake_case(step.name), known)}")
-            if name in _OURS:
+                raise InvalidScriptError(f"unknown filter; {_nearest(snake_case(step.name), known)}")
+            if name in OURS:
                 _our_values(name, step)
         except InvalidScriptError as error:
             raise InvalidScriptError(f"step {number}, {step.name!r}: {error}") from error
@@ -146,10 +162,10 @@ def check_steps(steps: Sequence[ScriptStep]) -> list[str]:
     return names
 
 
-def _snake_case(name: str) -> str:
+def snake_case(name: str) -> str:
     """MeshLab's name of a filter as pymeshlab wrote it at first.
 
-    >>> _snake_case("Remeshing: Isotropic Explicit Remeshing")
+    >>> snake_case("Remeshing: Isotropic Explicit Remeshing")
     'remeshing_isotropic_explicit_remeshing'
     """
     return re.sub("[^0-9a-z]+", "_", name.lower()).strip("_")
@@ -161,7 +177,7 @@ def _nearest(name: str, known: Mapping[str, str]) -> str:
 
 
 def _our_values(name: str, step: ScriptStep) -> dict[str, Any]:
-    hints = parameters_of(_OURS[name])
+    hints = parameters_of(OURS[name])
     return _converted(step, hints, lambda key, attributes: value_of_type(hints[key], attributes))
 
 
@@ -240,7 +256,7 @@ def _attributes(value: Any) -> dict[str, str]:
         return {"type": "RichString", "value": f"{value.value()!r}%"}
     if type(value) is PureValue:
         return {"type": "RichAbsPerc", "value": repr(value.value())}
-    if isinstance(value, tuple):
+    if isinstance(value, tuple | list | np.ndarray):
         return {"type": "RichString", "value": " ".join(map(str, value))}
     return {"type": _TYPES.get(type(value), "RichString"), "value": str(value)}
 
@@ -258,13 +274,21 @@ def value_of_type(hint: Any, attributes: Mapping[str, str]) -> Any:
     3
     """
     text = _value(attributes)
-    options = _options(hint)
-    for option in options:
+    for option in sorted(_options(hint), key=lambda option: option is not type(None)):  # "none" may be any text
         try:
             return _read(option, text)
         except ValueError:
             continue
-    raise InvalidScriptError(f"got {text!r}, expected {' or '.join(dict.fromkeys(map(_described, options)))}")
+    raise InvalidScriptError(f"got {text!r}, expected {described_type(hint)}")
+
+
+def described_type(hint: Any) -> str:
+    """What values a parameter of ours takes, in words.
+
+    >>> described_type(int | Literal["auto"])
+    "an integer or 'auto'"
+    """
+    return " or ".join(dict.fromkeys(map(_described, _options(hint))))
 
 
 def _options(hint: Any) -> list[Any]:
@@ -296,7 +320,7 @@ _READERS: dict[object, tuple[Callable[[str], object], str]] = {
     int: (int, "an integer"),
     float: (float, "a number"),
     str: (str, "text"),
-    PureValue: (lambda text: PureValue(float(text)), "a number"),
+    PureValue: (float, "a number"),  # which our filters take, too; a PureValue has single precision
     PercentageValue: (_percentage, "a percentage such as 2%"),
     type(None): (_nothing, "nothing"),
 }

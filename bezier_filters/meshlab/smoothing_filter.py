@@ -8,6 +8,7 @@ from bezier_filters.arrays import BoolArray, Report
 from bezier_filters.fields import SMOOTH, columns
 from bezier_filters.meshlab.filter_run import Computed, Output, run_filter
 from bezier_filters.meshlab.meshset import BezierFilterError, CurrentMesh, Length, MeshSet, absolute_length
+from bezier_filters.meshlab.topology import topology_of
 from bezier_filters.parameters import documented
 from bezier_filters.runtime.parallel import Progress
 from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, smooth
@@ -59,11 +60,11 @@ def apply_coord_bezier_patch_smoothing(
         ``moved`` (number of vertices), ``displacement`` (mean, rms and max, lengths), ``noise_before`` and
         ``noise_after`` (standard deviation along the normal, lengths, or None), ``noise_length`` (over which that
         before is correlated, or 0), ``noise_heavy`` (whether it turns single normals), ``volume_before``,
-        ``volume_after`` (length^3) and ``volume_ratio`` (None if nothing is closed), ``mean_edge``, ``flipped_before``,
-        ``flipped_after``, ``degenerate_before``, ``degenerate_after`` and ``new_bad_faces`` (numbers of faces),
-        ``attributes`` (names written), ``quality``, ``unit``, ``statistics`` (min, median, max and mean of
-        the quality), ``seconds`` (read, fit, write, color) and, if coloured, ``color_range`` and
-        ``colormap``. It can be written as JSON.
+        ``volume_after`` (length^3) and ``volume_ratio`` (None if nothing is closed), ``topology`` (what pymeshlab
+        counts, as in `meshing_close_holes_by_bezier_patch`), ``mean_edge``, ``flipped_before``, ``flipped_after``,
+        ``degenerate_before``, ``degenerate_after`` and ``new_bad_faces`` (numbers of faces), ``attributes`` (names
+        written), ``quality``, ``unit``, ``statistics`` (min, median, max and mean of the quality), ``seconds`` (read,
+        fit, write, color) and, if coloured, ``color_range`` and ``colormap``. It can be written as JSON.
 
     Examples
     --------
@@ -100,7 +101,8 @@ def apply_coord_bezier_patch_smoothing(
             threads=threads,
             progress=progress,
         )
-        return Computed(columns(SMOOTH, result), mask, _report(result), vertices=result.vertices)
+        report = _report(result) | {"topology": topology_of(mesh.vertices, mesh.faces).counts}
+        return Computed(columns(SMOOTH, result), mask, report, vertices=result.vertices)
 
     return run_filter(ms, SMOOTH, work, Output(quality, onselected, color, colormap, percentile, colorrange))
 

@@ -34,8 +34,6 @@ MakeStep = Callable[[SingleArray, SingleArray, SingleArray, np.float32, np.float
 def coefficients(response: Callable[[FloatArray], FloatArray], bound: float, terms: int) -> FloatArray:
     """Of Chebyshev series of functions on [0, bound], (terms, s), from their values (k, s) at k places.
 
-    Examples
-    --------
     >>> np.round(coefficients(lambda x: x[:, np.newaxis] ** 2, 2.0, 3), 12).ravel()  # ((x - 1) + 1)^2
     array([1.5, 2. , 0.5])
     """
@@ -49,8 +47,6 @@ def coefficients(response: Callable[[FloatArray], FloatArray], bound: float, ter
 def low_pass_series(strengths: FloatArray, bound: float, order: int = ORDER) -> FloatArray:
     """Chebyshev coefficients, (terms, strengths), of (1 - f(x)) / x on [0, bound] for the filters f.
 
-    Examples
-    --------
     >>> rows = low_pass_series(np.array([0.0, 10.0]), 2.0)  # at x = 2, where all polynomials are 1
     >>> bool(np.allclose(rows.sum(axis=0), [0.0, 0.5 * (1.0 - 1.0 / 161.0)], atol=1e-3))
     True

@@ -60,16 +60,8 @@ class Clusters:
 
 
 def clusters_of(part: MeshPart, pace: float | None = None) -> Clusters:
-    """Cluster a mesh.
+    """Cluster a mesh, at the pace of the whole mesh or, by default, of this part.
 
-    Parameters
-    ----------
-    part : MeshPart
-    pace : float, optional
-        That of the whole mesh; by default, of this part.
-
-    Examples
-    --------
     >>> from bezier_filters.meshes.adjacency import vertex_adjacency
     >>> from bezier_filters.meshes.mesh import triangle_mesh
     >>> from bezier_filters.smoothing.mesh_parts import whole_mesh

@@ -80,23 +80,8 @@ def remove_noise(
 ) -> Denoised:
     """Take the noise off a mesh in memory: learn a plan from parts of it, and denoise all of it.
 
-    Parameters
-    ----------
-    mesh : TriangleMesh
-    adjacency : Adjacency
-        Of the same mesh.
-    noise : NoiseModel
-        Along the normal.
-    borders : {"curve", "fixed"}
-        Whether border vertices are smoothed along the border, or stay.
-    detail : float, optional
-        Length of the shortest waves that keep half of their height.
-    relax : bool
-        Whether vertices slide along the surface in any case, see `sliding`.
-    threads : int
-        Number of threads.
-    progress : callable, optional
-        Called after each of a few steps.
+    The noise is that along the normal; `detail` is the length of the shortest waves that keep half of their height.
+    All vertices `relax`, that is slide along the surface, only on request (see `sliding`).
     """
     whole, around = whole_mesh(mesh, adjacency), tuple[int, ...]()
     if mesh.vertex_count > LARGEST_WHOLE and noise.sigma > 0.0:
@@ -122,27 +107,9 @@ def learn_plan(
     *,
     threads: int = 1,
 ) -> SmoothingPlan | None:
-    """Learn what holds for a mesh as a whole.
+    """Learn what holds for a mesh as a whole; None if there is no noise that is worth taking off.
 
-    Parameters
-    ----------
-    parts : SampledParts
-        Parts of the mesh, see `sampled_parts`, of which one should be around its roughest place, see `roughness`.
-    noise : NoiseModel
-        Along the normal.
-    borders : {"curve", "fixed"}
-        Whether border vertices are smoothed along the border, or stay.
-    detail : float, optional
-        Length of the shortest waves that keep half of their height.
-    relax : bool
-        Whether vertices slide along the surface in any case, see `sliding`.
-    threads : int
-        Number of threads.
-
-    Returns
-    -------
-    SmoothingPlan or None
-        None if there is no noise that is worth taking off.
+    One of its parts should be around its roughest place, see `roughness`. The others are as for `remove_noise`.
     """
     learned = _learn(parts, noise, borders, detail, relax, threads, None)
     return None if learned is None else learned[0]
@@ -213,19 +180,7 @@ def _learn(
 
 
 def denoise(part: MeshPart, plan: SmoothingPlan, *, threads: int = 1, progress: Progress | None = None) -> Denoised:
-    """Take the noise off a mesh, or off a tile of it.
-
-    Parameters
-    ----------
-    part : MeshPart
-        The mesh, or a tile of it with `rings_around` what is wanted.
-    plan : SmoothingPlan
-        From `learn_plan`.
-    threads : int
-        Number of threads.
-    progress : callable, optional
-        Called after each of a few steps.
-    """
+    """Take the noise off a mesh, or off a tile of it with `rings_around` what is wanted, by a plan of `learn_plan`."""
     scaled = _normalised(part, plan.center, plan.scale)
     clusters = clusters_of(scaled, plan.cluster_pace)
     at_vertices, alike = local_sigma(scaled, clusters, plan.noise, threads=threads), plan.noise.correlation.alike

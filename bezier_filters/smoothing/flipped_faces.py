@@ -34,8 +34,6 @@ class BadFaces:
 def bad_faces(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> BadFaces:
     """Find the wrong faces of a mesh.
 
-    Examples
-    --------
     >>> from bezier_filters.meshes.adjacency import vertex_adjacency
     >>> from bezier_filters.meshes.mesh import triangle_mesh
     >>> sliver = triangle_mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]])

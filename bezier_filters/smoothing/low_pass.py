@@ -103,8 +103,6 @@ def strongest(detail: float) -> float:
     That is L^-4 where the Laplacian multiplies the wave by L. On triangles of one size L = 1 - J_0(2 pi / detail), the
     mean over all directions of an edge, which is (2 pi / detail)^2 / 4 for long waves.
 
-    Examples
-    --------
     >>> round(float(strongest(10.0)), 1), round(float(strongest(20.0) / strongest(10.0)), 1)
     (11633.8, 237.7)
     """

@@ -47,17 +47,8 @@ def sampled_parts(
     """Connected parts from all over a mesh, or all of it if it is not large.
 
     Each part grows ring by ring from a vertex until it has enough, and continues with another one where there
-    is nothing more to grow to.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-    adjacency : Adjacency
-        Of the same mesh.
-    around : sequence of int
-        Vertices that the sample has to hold with what is around them. These do not stand for the mesh as a whole.
-    threads : int
-        Number of threads.
+    is nothing more to grow to. The sample also holds the vertices `around` with what is around them; these do not
+    stand for the mesh as a whole.
     """
     n = mesh.vertex_count
     if n <= LARGEST_WHOLE:

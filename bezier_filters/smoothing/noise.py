@@ -121,16 +121,8 @@ def roughness(part: MeshPart, sigma: float, *, threads: int = 1) -> FloatArray:
     """How much more a strong filter takes off around every vertex than a weak one, (n,): most at edges and corners.
 
     Where a large mesh is roughest, it has to be looked at, lest an edge be smoothed because no sample has met one.
-    It goes by ratios, as the noise itself may vary.
-
-    Parameters
-    ----------
-    part : MeshPart
-        A mesh, or a tile of one with `ROUGHNESS_RINGS` around what counts.
-    sigma : float
-        Standard deviation of the noise of the mesh as a whole, a length.
-    threads : int
-        Number of threads.
+    It goes by ratios, as the noise itself may vary. A tile has `ROUGHNESS_RINGS` around what counts; sigma is the
+    standard deviation of the noise of the mesh as a whole.
     """
     mesh, clusters, laplacian = part.mesh, clusters_of(part, PACE), free_laplacian(part, threads)
     smooth = low_pass(laplacian, mesh.vertices, STRONG, threads=threads)
@@ -150,8 +142,6 @@ def roughest(values: FloatArray, ids: IntArray) -> IntArray:
     draws what memory draws, where the very largest would be a matter of rounding. The others are what may
     be drawn when there are more vertices: so a few of each tile do.
 
-    Examples
-    --------
     >>> values, ids = np.random.default_rng(0).random(10_000), np.arange(10_000, dtype=np.int32)
     >>> few = [k + roughest(values[k : k + 500], ids[k : k + 500]) for k in range(0, 10_000, 500)]
     >>> max(map(len, few)) < 12, ids[roughest(values, ids)[0]] == np.concatenate(few)[

@@ -68,8 +68,6 @@ def filter_normals(
     The arrays of the state are overwritten. A neighbour weighs exp(-1/2) if two normals differ by `tolerance` standard
     deviations of what noise makes of their difference.
 
-    Examples
-    --------
     >>> from bezier_filters.meshes.adjacency import vertex_adjacency
     >>> from bezier_filters.meshes.mesh import triangle_mesh
     >>> from bezier_filters.surfaces import block_with_sharp_edges

@@ -15,8 +15,6 @@ OTHER_SIGNS = 32  # column from which on random signs are others than those that
 def random_bits(ids: IntArray, stream: int) -> NDArray[np.uint64]:
     """64 random bits for every number, (n,) (the generator splitmix64 of Steele, Lea and Flood, at the place `id`).
 
-    Examples
-    --------
     >>> random_bits(np.array([0, 1], dtype=np.int32), 0)
     array([16294208416658607535,  7960286522194355700], dtype=uint64)
     """

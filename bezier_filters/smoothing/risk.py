@@ -106,12 +106,8 @@ def local_shares(
 def noise_factor(squares: FloatArray, leverages: FloatArray) -> float:
     """How much less noise there is if the estimate that predicts best leaves smaller residuals than the noise would.
 
-    Where a surface has edges, noise is easily overestimated until something keeps them.
-
-    Parameters
-    ----------
-    squares, leverages : (s,) float64
-        Mean squared residual and mean leverage of some estimates.
+    Where a surface has edges, noise is easily overestimated until something keeps them. Given are the mean squared
+    residuals and the mean leverages of some estimates, each (s,).
     """
     free = 1.0 - leverages
     best = np.argmin(squares / np.maximum(free, 1e-3) ** 2)

@@ -39,8 +39,6 @@ def component_volumes(components: ClosedComponents, mesh: TriangleMesh) -> Float
 
     Those of some of the faces add up to that of all.
 
-    Examples
-    --------
     >>> from bezier_filters.meshes.adjacency import vertex_adjacency
     >>> from bezier_filters.meshes.mesh import triangle_mesh
     >>> from bezier_filters.surfaces import block_with_sharp_edges

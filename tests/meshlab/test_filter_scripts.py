@@ -15,8 +15,7 @@ from typer.testing import CliRunner
 import bezier_filters as bf
 from bezier_filters.cli.commands import app
 from bezier_filters.meshlab.meshset import BezierFilterError, former_filter_names, mesh_filter_names
-from bezier_filters.meshlab.registration import FILTERS
-from bezier_filters.meshlab.scripts import _NEWER_NAMES, check_steps
+from bezier_filters.meshlab.scripts import _NEWER_NAMES, FILTERS, check_steps
 
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 WORDS = st.text(st.characters(codec="utf-8", exclude_categories=["C"]) | st.sampled_from("\n\t"), min_size=1)

@@ -20,7 +20,6 @@ from bezier_filters.meshlab.meshset import (
     BezierFilterError,
     preserved_filter_script,
     read_current_mesh,
-    topological_measures,
 )
 
 AWKWARD = np.array([-0.0, 0.0, 5e-324, -1e308, 1e-310, 1 / 3, np.pi, -2.0])
@@ -384,11 +383,3 @@ class TestColorRange:
     def test_percentile_out_of_range(self, percentile):
         with pytest.raises(InvalidParameterError, match="percentile: got"):
             color_range(np.ones(2), signed=False, percentile=percentile)
-
-
-def test_topological_measures_of_an_open_and_a_closed_mesh():
-    mesh = read_current_mesh(cube())
-    closed = topological_measures(mesh.vertices, mesh.faces)
-    assert (closed["number_holes"], closed["genus"], closed["is_mesh_two_manifold"]) == (0, 0, True)
-    opened = topological_measures(mesh.vertices, mesh.faces[1:])
-    assert (opened["number_holes"], opened["boundary_edges"]) == (1, 3)

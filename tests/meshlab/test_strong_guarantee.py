@@ -14,7 +14,7 @@ from meshset_state import changed, mesh_state
 from bezier_filters.errors import CancelledError
 from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
 from bezier_filters.meshlab.meshset import BezierFilterError
-from bezier_filters.meshlab.registration import FILTERS
+from bezier_filters.meshlab.scripts import FILTERS
 
 VERTEX_FILTERS = [function for function in FILTERS if function is not meshing_close_holes_by_bezier_patch]
 TESTS = Path(__file__).parents[1]
@@ -204,7 +204,7 @@ import numpy as np
 sys.path.insert(0, {tests!r})
 from furnished import furnished
 from meshset_state import changed, mesh_state
-from bezier_filters.meshlab.registration import FILTERS
+from bezier_filters.meshlab.scripts import FILTERS
 
 function = FILTERS[{number}]
 rng = np.random.default_rng({seed})

@@ -16,7 +16,7 @@ from bezier_filters.cli.commands import app
 from bezier_filters.feature_lines.crease_lines import COLORS
 from bezier_filters.fields import qualities
 from bezier_filters.meshlab.mesh_files import load_mesh, save_mesh
-from bezier_filters.meshlab.registration import FILTERS
+from bezier_filters.meshlab.scripts import FILTERS
 from bezier_filters.pictures import demo
 from bezier_filters.pictures.field_panels import check_field, crease_panel, field_limits, field_panels, read_mesh_file
 from bezier_filters.pictures.render import legend

@@ -12,7 +12,7 @@ from test_load import FUNCTIONS, digest_of, result_of
 from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
 from bezier_filters.meshlab.mesh_attributes import write_coordinates
 from bezier_filters.meshlab.meshset import preserved_filter_script
-from bezier_filters.meshlab.registration import FILTERS
+from bezier_filters.meshlab.scripts import FILTERS
 
 WARM_UP, REPETITIONS = 100, 1000
 free_unused_memory = getattr(ctypes.CDLL(None), "malloc_trim", lambda _: 0)

@@ -19,7 +19,7 @@ from bezier_filters.errors import FieldFileError
 from bezier_filters.files.mesh_headers import check_header
 from bezier_filters.meshlab.mesh_files import SAVE_SUFFIXES, load_mesh, save_mesh
 from bezier_filters.meshlab.meshset import BezierFilterError
-from bezier_filters.meshlab.registration import FILTERS
+from bezier_filters.meshlab.scripts import FILTERS
 
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 COMMANDS = {

@@ -15,7 +15,7 @@ from meshset_state import mesh_state
 
 from baselines import ouyang_feng_normals
 from bezier_filters import estimate_vertex_geometry, fill_holes, smooth
-from bezier_filters.meshlab.registration import FILTERS
+from bezier_filters.meshlab.scripts import FILTERS
 
 FUNCTIONS = {
     "estimate": estimate_vertex_geometry,

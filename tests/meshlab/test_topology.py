@@ -1,0 +1,127 @@
+"""Topology by pymeshlab next to our own: sample meshes, damaged meshes, scans."""
+
+from pathlib import Path
+
+import numpy as np
+import pymeshlab
+import pytest
+from bad_meshes import MAKERS
+from mesh_mutations import mutated
+
+from bezier_filters.errors import InvalidMeshError, InvalidParameterError
+from bezier_filters.holes.hole_detection import find_holes
+from bezier_filters.holes.hole_filling import fill_holes
+from bezier_filters.meshes.adjacency import vertex_adjacency
+from bezier_filters.meshes.diagnosis import inspect_mesh
+from bezier_filters.meshes.half_edges import boundary_loops
+from bezier_filters.meshes.mesh import LARGEST, triangle_mesh
+from bezier_filters.meshlab.converters import mesh_arrays
+from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
+from bezier_filters.meshlab.smoothing_filter import apply_coord_bezier_patch_smoothing
+from bezier_filters.meshlab.topology import topology_of
+
+ROOT = Path(__file__).parents[2]
+SAMPLES = sorted((ROOT / "sample_meshes").glob("*.ply"))
+SHIPPED = Path(pymeshlab.__file__).parent / "tests" / "sample_meshes"
+SCANS = [SHIPPED / name for name in ("bunny10k_textured.obj", "airplane.obj", "rangemaps/face000.ply")]
+SCANS += sorted(Path("/work/shared/meshes").glob("*.obj"))
+
+
+def load(path):
+    ms = pymeshlab.MeshSet()
+    ms.load_new_mesh(str(path))
+    return ms
+
+
+def compare(vertices, faces):
+    """pymeshlab's borders are ours on every mesh, and so are its counts wherever it has some and ours are defined."""
+    mesh = triangle_mesh(vertices, faces)
+    adjacency, topology = vertex_adjacency(mesh), topology_of(mesh.vertices, mesh.faces)
+    np.testing.assert_array_equal(topology.on_border, adjacency.on_boundary)
+    assert topology.counts["boundary_edges"] == inspect_mesh(mesh).boundary_edges
+    try:
+        loops = sum(len(hole.loops) for hole in find_holes(mesh, adjacency))
+    except InvalidMeshError:  # more than two faces, or faces with another side up, at a hole
+        loops = None
+    if topology.counts["boundary_loops_by"] == "pymeshlab":
+        assert loops in (None, topology.counts["boundary_loops"])
+        assert topology.counts["non_manifold_faces"] == topology.counts["non_manifold_vertices"] == 0
+    else:
+        assert topology.counts["genus"] is None
+        assert not topology.counts["two_manifold"]
+        assert topology.counts["boundary_loops"] == loops
+    return topology.counts
+
+
+@pytest.mark.parametrize("path", SAMPLES, ids=lambda path: path.stem)
+def test_on_sample_meshes(path):
+    counts = compare(*mesh_arrays(path))
+    assert counts["boundary_loops_by"] == "pymeshlab"
+    assert counts["two_manifold"]
+    assert counts["boundary_loops"] == len(boundary_loops(triangle_mesh(*mesh_arrays(path))))
+
+
+@pytest.mark.parametrize("path", SCANS, ids=lambda path: path.stem)
+def test_on_scans(path):
+    compare(*mesh_arrays(path))
+
+
+@pytest.mark.parametrize("name", [name for name in MAKERS if name != "no_vertices"])
+def test_on_bad_meshes(name):
+    compare(*MAKERS[name]())
+
+
+def test_on_damaged_meshes():
+    """Faces that name a vertex twice are among them, on which pymeshlab would run forever (number 240)."""
+    meshes = [mesh for mesh in map(mutated, range(230, 300)) if (np.abs(mesh[0]) < LARGEST).all()]
+    assert {compare(*mesh)["boundary_loops_by"] for mesh in meshes} == {"pymeshlab", "bezier_filters"}
+
+
+def test_on_no_faces():
+    counts = topology_of(np.zeros((3, 3)), np.empty((0, 3), dtype=np.int32)).counts
+    assert (counts["components"], counts["boundary_loops"], counts["boundary_edges"]) == (0, 0, 0)
+
+
+class TestReports:
+    def test_filling_tells_both_states(self):
+        ms = load(ROOT / "sample_meshes" / "punched_patch.ply")
+        report = meshing_close_holes_by_bezier_patch(ms)
+        before, after = report["topology_before"], report["topology_after"]
+        assert (before["boundary_loops"], after["boundary_loops"], after["boundary_loops_by"]) == (4, 1, "pymeshlab")
+        measures = ms.get_topological_measures()
+        assert after["boundary_edges"] == measures["boundary_edges"]
+        assert after["genus"] == measures["genus"] == 0
+        again = meshing_close_holes_by_bezier_patch(ms)
+        assert again["topology_before"] == again["topology_after"] == after
+
+    def test_where_pymeshlab_cannot_say_we_do(self):
+        """Two balls that share a vertex, each with a hole elsewhere."""
+        vertices, faces = MAKERS["bow_tie"]()
+        ms = pymeshlab.MeshSet()
+        ms.add_mesh(pymeshlab.Mesh(vertices, np.delete(faces, [len(faces) // 2 - 1, len(faces) - 1], axis=0)))
+        assert ms.get_topological_measures()["number_holes"] == -1
+        report = meshing_close_holes_by_bezier_patch(ms)
+        assert report["topology_before"]["boundary_loops"] == report["closed_holes"] == 2
+        assert report["topology_before"]["boundary_loops_by"] == "bezier_filters"
+        assert report["topology_after"]["boundary_edges"] == 0
+
+    def test_smoothing_tells_it(self):
+        report = apply_coord_bezier_patch_smoothing(load(ROOT / "sample_meshes" / "torus.ply"))
+        assert (report["topology"]["genus"], report["topology"]["boundary_loops"]) == (1, 0)
+
+
+def test_borders_that_are_given_are_those_that_are_filled():
+    mesh = triangle_mesh(*mesh_arrays(ROOT / "sample_meshes" / "punched_patch.ply"))
+    found = fill_holes(mesh.vertices, mesh.faces)
+    given = topology_of(mesh.vertices, mesh.faces).on_border
+    again = fill_holes(mesh.vertices, mesh.faces, on_border=given)
+    assert again.vertices.tobytes() == found.vertices.tobytes()
+    assert again.faces.tobytes() == found.faces.tobytes()
+    hole = found.holes[1].rim
+    without = given & ~np.isin(np.arange(len(given)), hole)
+    assert len(fill_holes(mesh.vertices, mesh.faces, holes=[], on_border=without).holes) == len(found.holes) - 1
+    broken = given & (np.arange(len(given)) != hole[0])
+    with pytest.raises(InvalidParameterError, match="on_border: got other vertices"):
+        fill_holes(mesh.vertices, mesh.faces, on_border=broken)
+    with pytest.raises(InvalidParameterError, match="on_border: got bool of shape"):
+        fill_holes(mesh.vertices, mesh.faces, on_border=given[1:])
