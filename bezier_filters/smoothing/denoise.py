@@ -41,6 +41,7 @@ GAIN = 1e-3  # times sigma^2: mean decrease of the risk around a vertex below wh
 # around a tile there are the rings in which a low-pass filter fades by so many powers of e, those over which risks
 # are averaged, and those that a round of filtering the normals reaches across: measured, for a hundredth of the noise
 FADED, AVERAGED, RINGS_PER_ROUND = 7.0, 14, 1.25
+HINT = GENTLE + 1  # kind of estimate that may not gain though sharper ones do: strong noise goes in more rounds
 STEPS = 6  # of the progress
 
 
@@ -163,7 +164,7 @@ def _learn(
         those = local_risks(clusters, estimates, these, correlation.alike, threads=threads)
         if last_gain(clusters, those) > GAIN:
             found, factor, overall, risks = tried, less_noise, these, those
-        elif candidate.kind > GENTLE:
+        elif candidate.kind > HINT:
             break
     kinds = tuple(candidate.kind for candidate in found)
     shares = None

@@ -12,7 +12,7 @@ from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
 THINNEST = 1e-7  # twice the area over the squared longest edge, from which down a triangle counts as degenerate
-ROUNDS = 60  # after which everything is taken back; far more than there have ever been
+ROUNDS = 60  # after which no more is tried; far more than there have ever been on meshes without many wrong faces
 # edges from a face that is wrong to vertices that may be the cause; what happens to a vertex depends on a few times
 # as many rings around it
 REACH = 4
@@ -80,14 +80,20 @@ def repair_flipped_faces(
 ) -> FloatArray:
     """Take back as much of the moves of vertices to points (n, 3) as makes faces of the mesh wrong that were not.
 
-    Returns where the vertices end.
+    Returns where the vertices end. Where strong noise has turned faces everywhere, taking back moves turns others, and
+    is only done as far as it leaves fewer that are wrong.
     """
     before = bad_faces(mesh, adjacency, threads=threads)
     rows, share, result = adjacency.vertices, np.ones(mesh.vertex_count), points
+    best, fewest = points, 2 * mesh.face_count + 1
     for _ in range(ROUNDS):
-        new = bad_faces(TriangleMesh(result, mesh.faces), adjacency, threads=threads).new_since(before)
+        bad = bad_faces(TriangleMesh(result, mesh.faces), adjacency, threads=threads)
+        new = bad.new_since(before)
+        count = int(np.count_nonzero(new)) + int(np.count_nonzero(bad.flipped | bad.degenerate))
+        if count < fewest:
+            best, fewest = result, count
         if not new.any():
-            return result
+            break
         chosen = np.zeros(mesh.vertex_count, dtype=np.bool_)
         chosen[mesh.faces[new]] = True
         # A face whose corners are back where they were is turned by those around it: on through vertices that are
@@ -99,4 +105,4 @@ def repair_flipped_faces(
         chosen |= spent
         share[chosen] = np.where(share[chosen] < 0.1, 0.0, 0.5 * share[chosen])
         result = mesh.vertices + share[:, np.newaxis] * (points - mesh.vertices)
-    return mesh.vertices.copy()
+    return best
