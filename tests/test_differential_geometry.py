@@ -1,17 +1,17 @@
 import numpy as np
 import pytest
-from graph_fits import geometry_of_graph
-from hypothesis import given
-from hypothesis import strategies as st
-
-from bezier_filters import FitStatus, VertexGeometry, estimate_vertex_geometry
-from bezier_filters.differential_geometry import (
+from fundamental_forms import (
     fundamental_forms,
     gaussian_curvature,
     mean_curvature,
     principal_curvatures,
     unit_normals,
 )
+from graph_fits import geometry_of_graph
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bezier_filters import FitStatus, VertexGeometry, estimate_vertex_geometry
 from bezier_filters.estimation.vertex_geometry import FitChoice
 from bezier_filters.surfaces import cylinder
 

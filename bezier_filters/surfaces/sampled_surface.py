@@ -74,5 +74,5 @@ class SampledSurface(DerivedCurvatures):
         frame = np.stack([first, second], axis=1)
         shape = frame @ hessians @ frame.transpose(0, 2, 1) / slope[:, :, None]
         twist = 0.5 * (shape[:, 0, 1] + shape[:, 1, 0])
-        k = principal_curvatures_of(shape[:, 0, 0], twist, shape[:, 1, 1], first, second)
-        return cls(vertices, faces, normals, k.k_min, k.k_max, k.direction_min, k.direction_max)
+        curvatures = principal_curvatures_of(shape[:, 0, 0], twist, shape[:, 1, 1], first, second)
+        return cls(vertices, faces, normals, *curvatures)

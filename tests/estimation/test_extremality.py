@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from fundamental_forms import fundamental_forms, principal_curvatures
 from graph_fits import fit_over_plane_z, geometry_of_graph
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from bezier_filters import FitStatus, PatchFit, estimate_vertex_geometry
-from bezier_filters.differential_geometry import fundamental_forms, principal_curvatures
 from bezier_filters.surfaces import ellipsoid, sphere, torus
 
 CUBIC = [(a, b) for a in range(4) for b in range(4 - a)]
