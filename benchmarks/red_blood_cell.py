@@ -17,7 +17,8 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from bezier_filters.surfaces import SampledSurface, red_blood_cell, red_blood_cell_at
+from bezier_filters.surfaces import SampledSurface
+from evans_fung import red_blood_cell, red_blood_cell_at
 from peers import (
     Estimate,
     Method,

@@ -1,14 +1,6 @@
 """Sample meshes of analytic surfaces with exact normals, curvatures and principal directions."""
 
-from bezier_filters.surfaces.closed import (
-    block_with_sharp_edges,
-    bumpy_star,
-    ellipsoid,
-    red_blood_cell,
-    red_blood_cell_at,
-    sphere,
-    torus,
-)
+from bezier_filters.surfaces.closed import block_with_sharp_edges, bumpy_star, ellipsoid, sphere, torus
 from bezier_filters.surfaces.open import HeightFunction, cylinder, height_field, monkey_saddle, punched_patch, waves
 from bezier_filters.surfaces.sampled_surface import SampledSurface
 
@@ -22,8 +14,6 @@ __all__ = [
     "height_field",
     "monkey_saddle",
     "punched_patch",
-    "red_blood_cell",
-    "red_blood_cell_at",
     "sphere",
     "torus",
     "waves",
