@@ -180,24 +180,9 @@ def _run(
         mesh = mesh._replace(stops=np.zeros(n, dtype=np.bool_))
     outcomes = np.empty(len(ids), dtype=np.int8)
     fit = kernel_fit(attempt, robust=robust)
-    g = geometry
-    results = VertexResults(
-        g.normals,
-        g.k_min,
-        g.k_max,
-        g.direction_min,
-        g.direction_max,
-        g.extremality_min,
-        g.extremality_max,
-        g.displacements,
-        g.residual,
-        g.normal_std,
-        g.mean_curvature_std,
-        g.gaussian_curvature_std,
-        g.rings_used,
-    )
+    results = VertexResults(*(getattr(geometry, name) for name in VertexResults._fields))
     run_in_chunks(
-        lambda: fit_task(mesh, fit, ids, results, outcomes, g.condition_number),
+        lambda: fit_task(mesh, fit, ids, results, outcomes, geometry.condition_number),
         len(ids),
         threads=threads,
         progress=progress,

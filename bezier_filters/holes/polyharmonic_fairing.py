@@ -68,12 +68,14 @@ def cotangent_matrix(points: FloatArray, faces: IntArray) -> tuple[Matrix, Float
     areas, weights = np.zeros(n), np.zeros((len(faces), 3))
     _measure(points, faces, areas, weights)
     areas = np.maximum(areas, 1e-3 * max(float(areas.mean()), 1e-300))
-    if n <= MOST_DENSE:
-        stiffness = np.zeros((n, n))
-        _write_stiffness(faces, weights, stiffness)
-        return stiffness, areas
     starts, ends = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     places = np.concatenate([starts, ends]), np.concatenate([ends, starts])
+    if n <= MOST_DENSE:
+        stiffness = np.zeros((n, n))
+        np.subtract.at(stiffness, places, np.tile(weights.ravel(), 2))
+        stiffness[places] = np.minimum(stiffness[places], -LEAST_COTANGENT)
+        stiffness[np.diag_indices(n)] -= stiffness.sum(axis=0)
+        return stiffness, areas
     off: csr_matrix = csr_matrix((np.tile(weights.ravel(), 2), places), shape=(n, n))
     off.data = np.maximum(off.data, LEAST_COTANGENT)
     return (diags(np.asarray(off.sum(axis=1)).ravel()) - off).tocsr(), areas
@@ -91,23 +93,3 @@ def _measure(points: FloatArray, faces: IntArray, areas: FloatArray, weights: Fl
             cotangent, area = cotangent_and_area(points, tip, faces[f, k], faces[f, (k + 1) % 3])
             weights[f, k] = 0.5 * min(max(cotangent, -LARGEST_COTANGENT), LARGEST_COTANGENT)
             areas[tip] += area / 3.0
-
-
-@jit()
-def _write_stiffness(faces: IntArray, weights: FloatArray, matrix: FloatArray) -> None:
-    """Write the cotangent matrix, zero at first, with the weights of edges, of which none is left too small."""
-    for f in range(faces.shape[0]):
-        for k in range(3):
-            i, j = faces[f, k], faces[f, (k + 1) % 3]
-            matrix[i, j] -= weights[f, k]
-            matrix[j, i] -= weights[f, k]
-    for f in range(faces.shape[0]):
-        for k in range(3):
-            i, j = faces[f, k], faces[f, (k + 1) % 3]
-            matrix[i, j] = min(matrix[i, j], -LEAST_COTANGENT)
-            matrix[j, i] = min(matrix[j, i], -LEAST_COTANGENT)
-    for i in range(matrix.shape[0]):
-        total = 0.0
-        for j in range(matrix.shape[0]):
-            total += matrix[i, j]
-        matrix[i, i] -= total

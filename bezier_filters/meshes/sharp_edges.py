@@ -15,12 +15,13 @@ without it, whose edges these rules are for; there, fits end at the edges of lin
 """
 
 from math import cos, radians
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import ndtr
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.meshes.adjacency import Adjacency, Rows
+from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.dihedral_angles import MeshEdges
 from bezier_filters.meshes.frames import STEEPEST, TangentPlanes, steady_normals, tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
@@ -43,26 +44,14 @@ NARROW_CONE = cos(STEEPEST - FOR_FITS / 2.0)
 
 
 def sharp_edges(mesh: TriangleMesh, edges: MeshEdges, adjacency: Adjacency, angle: float = SHARP) -> BoolArray:
-    """Which edges (e,) bend by more than an angle, in radians, and by much more than those around, or continue such.
-
-    >>> from bezier_filters.meshes.adjacency import vertex_adjacency
-    >>> from bezier_filters.meshes.dihedral_angles import mesh_edges
-    >>> from bezier_filters.meshes.mesh import triangle_mesh
-    >>> from bezier_filters.surfaces import block_with_sharp_edges
-    >>> block = triangle_mesh(*block_with_sharp_edges(resolution=8))
-    >>> edges = mesh_edges(block)
-    >>> sharp = sharp_edges(block, edges, vertex_adjacency(block))
-    >>> np.degrees(edges.angles[sharp]).round().min(), edges.angles[~sharp].max().round(6)
-    (np.float64(90.0), np.float64(0.0))
-    """
+    """Which edges (e,) bend by more than an angle, in radians, and by much more than those around, or continue such."""
     result = np.zeros(len(edges.angles), dtype=np.bool_)
     candidates = np.flatnonzero(edges.angles > angle).astype(np.int32)
     if len(candidates):
-        at_vertex, ring, ends = _edges_at_vertices(edges, mesh.vertex_count), adjacency.vertices, edges.vertices
-        own = at_vertex.indptr, at_vertex.indices
-        _mark(ends, edges.angles, candidates, *own, ring.indptr, ring.indices, angle, result)
-        count = np.bincount(ends[result].ravel(), minlength=mesh.vertex_count).astype(np.int32)
-        _continue(mesh.vertices, ends, edges.angles, candidates, *own, WEAK * angle, count, result)
+        arrays, ring = _edge_arrays(edges, mesh.vertex_count), adjacency.vertices
+        _mark(arrays, candidates, ring.indptr, ring.indices, angle, result)
+        count = np.bincount(edges.vertices[result].ravel(), minlength=mesh.vertex_count).astype(np.int32)
+        _continue(mesh.vertices, arrays, candidates, WEAK * angle, count, result)
     return result
 
 
@@ -71,13 +60,6 @@ def certainties(edges: MeshEdges, noise: float, angle: float = SHARP) -> FloatAr
 
     Independent errors of the vertices along the normal, of the standard deviation `noise`, change the angle at an edge
     of the width w by 4/3 noise / w: by propagation through two equal triangles.
-
-    >>> from bezier_filters.meshes.dihedral_angles import mesh_edges
-    >>> from bezier_filters.meshes.mesh import triangle_mesh
-    >>> from bezier_filters.surfaces import block_with_sharp_edges
-    >>> block = triangle_mesh(*block_with_sharp_edges(resolution=8))
-    >>> np.unique(certainties(mesh_edges(block), 0.0))
-    array([0., 1.])
     """
     deviations = np.maximum(4.0 / 3.0 * noise / np.maximum(edges.widths, 1e-300), EXACT)
     return np.asarray(ndtr((edges.angles - angle) / deviations), dtype=np.float64)
@@ -113,19 +95,25 @@ def _turns(ptr: IntArray, indices: IntArray, normals: FloatArray, least_cosine: 
     return False
 
 
-def _edges_at_vertices(edges: MeshEdges, n: int) -> Rows:
+class _EdgeArrays(NamedTuple):
+    """Edges as compiled code reads them: their ends and angles, and those at each vertex as compressed rows."""
+
+    ends: IntArray
+    angles: FloatArray
+    ptr: IntArray
+    indices: IntArray
+
+
+def _edge_arrays(edges: MeshEdges, n: int) -> _EdgeArrays:
     ends = edges.vertices.ravel()
-    indptr = np.concatenate([[0], np.cumsum(np.bincount(ends, minlength=n))]).astype(np.int32)
-    return Rows(indptr, (np.argsort(ends, kind="stable") // 2).astype(np.int32))
+    ptr = np.concatenate([[0], np.cumsum(np.bincount(ends, minlength=n))]).astype(np.int32)
+    return _EdgeArrays(edges.vertices, edges.angles, ptr, (np.argsort(ends, kind="stable") // 2).astype(np.int32))
 
 
 @jit()
 def _mark(
-    ends: IntArray,
-    angles: FloatArray,
+    edges: _EdgeArrays,
     candidates: IntArray,
-    edge_ptr: IntArray,
-    edge_indices: IntArray,
     ring_ptr: IntArray,
     ring_indices: IntArray,
     least: float,
@@ -135,40 +123,33 @@ def _mark(
     for e in candidates:
         count, clear = 0, 0
         for side in range(2):
-            i = ends[e, side]
+            i = edges.ends[e, side]
             for q in range(ring_ptr[i], ring_ptr[i + 1]):
                 j = ring_indices[q]
-                for p in range(edge_ptr[j], edge_ptr[j + 1]):
+                for p in range(edges.ptr[j], edges.ptr[j + 1]):
                     count += 1
-                    other = angles[edge_indices[p]]
-                    clear += TIMES_A_QUARTER * other < angles[e] or other > least
+                    other = edges.angles[edges.indices[p]]
+                    clear += TIMES_A_QUARTER * other < edges.angles[e] or other > least
         result[e] = 4 * clear >= count
 
 
 @jit()
 def _continue(
-    vertices: FloatArray,
-    ends: IntArray,
-    angles: FloatArray,
-    candidates: IntArray,
-    edge_ptr: IntArray,
-    edge_indices: IntArray,
-    least: float,
-    count: IntArray,
-    result: BoolArray,
+    vertices: FloatArray, edges: _EdgeArrays, candidates: IntArray, least: float, count: IntArray, result: BoolArray
 ) -> None:
     """Let lines of two edges or more go straight on along the sharpest edge: those of a rounded edge differ by chance.
 
     `count` says how many sharp edges meet at each vertex, and is kept.
     """
+    ends, angles = edges.ends, edges.angles
     for e in candidates:
         is_line = result[e] and count[ends[e, 0]] + count[ends[e, 1]] > 2
         for side in range(2 if is_line else 0):
             before, tip = ends[e, 1 - side], ends[e, side]
             while count[tip] == 1:
                 best, after = -1, -1
-                for p in range(edge_ptr[tip], edge_ptr[tip + 1]):
-                    k = edge_indices[p]
+                for p in range(edges.ptr[tip], edges.ptr[tip + 1]):
+                    k = edges.indices[p]
                     other = ends[k, 0] + ends[k, 1] - tip
                     is_sharper = not result[k] and angles[k] > (angles[best] if best >= 0 else least)
                     if is_sharper and _turn(vertices, before, tip, other) > STRAIGHT_ON:
@@ -194,64 +175,44 @@ def _turn(vertices: FloatArray, i: int, j: int, k: int) -> float:
 def sharp_edge_vertices(
     mesh: TriangleMesh, adjacency: Adjacency, planes: TangentPlanes, *, threads: int = 1
 ) -> BoolArray:
-    """Vertices (n,) with two sharp edges or more: those inside one or at a corner, not where one ends.
-
-    >>> from bezier_filters.meshes.adjacency import vertex_adjacency
-    >>> from bezier_filters.meshes.frames import tangent_planes
-    >>> from bezier_filters.meshes.mesh import triangle_mesh
-    >>> from bezier_filters.surfaces import block_with_sharp_edges
-    >>> block = triangle_mesh(*block_with_sharp_edges(resolution=8))
-    >>> adjacency = vertex_adjacency(block)
-    >>> sharp = sharp_edge_vertices(block, adjacency, tangent_planes(block, adjacency))
-    >>> inside_a_face = (np.abs(block.vertices[:, :2]) < 0.4).all(axis=1) & (block.vertices[:, 2] == -0.5)
-    >>> bool(sharp.any()), bool(sharp[inside_a_face].any())
-    (True, False)
-    """
+    """Vertices (n,) with two sharp edges or more: those inside one or at a corner, not where one ends."""
     result = np.zeros(mesh.vertex_count, dtype=np.bool_)
     candidates = np.flatnonzero(planes.safe_cosine >= NARROW_CONE).astype(np.int32)
     at_vertex, ring = adjacency.faces, adjacency.vertices
+    arrays = _FaceArrays(mesh.vertices, mesh.faces, at_vertex.indptr, at_vertex.indices, ring.indptr, ring.indices)
 
     def make_task() -> RangeTask:
         angles = np.empty(MOST_EDGES)
-        return lambda start, stop: _find_sharp_vertices(
-            mesh.vertices,
-            mesh.faces,
-            at_vertex.indptr,
-            at_vertex.indices,
-            ring.indptr,
-            ring.indices,
-            candidates[start:stop],
-            angles,
-            result,
-        )
+        return lambda start, stop: _find_sharp_vertices(arrays, candidates[start:stop], angles, result)
 
     run_in_chunks(make_task, len(candidates), threads=threads)
     return result
 
 
+class _FaceArrays(NamedTuple):
+    """A mesh as compiled code reads it: the faces at each vertex, and its neighbours, as compressed rows."""
+
+    vertices: FloatArray
+    faces: IntArray
+    face_ptr: IntArray
+    face_indices: IntArray
+    ring_ptr: IntArray
+    ring_indices: IntArray
+
+
 @jit()
-def _find_sharp_vertices(
-    vertices: FloatArray,
-    faces: IntArray,
-    face_ptr: IntArray,
-    face_indices: IntArray,
-    ring_ptr: IntArray,
-    ring_indices: IntArray,
-    ids: IntArray,
-    angles: FloatArray,
-    result: BoolArray,
-) -> None:
+def _find_sharp_vertices(mesh: _FaceArrays, ids: IntArray, angles: FloatArray, result: BoolArray) -> None:
     """Mark those of the vertices `ids` that have two sharp edges or more; `angles` is work space."""
     for i in ids:
-        own = _edge_angles(vertices, faces, face_ptr, face_indices, i, angles, 0)
+        own = _edge_angles(mesh, i, angles, 0)
         large = 0
         for a in range(own):
             large += angles[a] > FOR_FITS
         if large < 2:
             continue
-        count = _edge_angles(vertices, faces, face_ptr, face_indices, i, angles, own)
-        for q in range(ring_ptr[i], ring_ptr[i + 1]):
-            count = _edge_angles(vertices, faces, face_ptr, face_indices, ring_indices[q], angles, count)
+        count = _edge_angles(mesh, i, angles, own)
+        for q in range(mesh.ring_ptr[i], mesh.ring_ptr[i + 1]):
+            count = _edge_angles(mesh, mesh.ring_indices[q], angles, count)
         sharp = 0
         for a in range(own):
             if angles[a] > FOR_FITS:
@@ -263,33 +224,26 @@ def _find_sharp_vertices(
 
 
 @inner_jit()
-def _edge_angles(
-    vertices: FloatArray,
-    faces: IntArray,
-    face_ptr: IntArray,
-    face_indices: IntArray,
-    i: int,
-    angles: FloatArray,
-    count: int,
-) -> int:
+def _edge_angles(mesh: _FaceArrays, i: int, angles: FloatArray, count: int) -> int:
     """Append the angles between the faces at the edges of vertex i, as far as there is room; return the new count."""
-    for q in range(face_ptr[i], face_ptr[i + 1]):
-        f = face_indices[q]
-        other = _other_face(faces, face_ptr, face_indices, i, f)
+    faces = mesh.faces
+    for q in range(mesh.face_ptr[i], mesh.face_ptr[i + 1]):
+        f = mesh.face_indices[q]
+        other = _other_face(mesh, i, f)
         if other >= 0 and count < angles.shape[0]:
             a, b, c, d, e, g = faces[f, 0], faces[f, 1], faces[f, 2], faces[other, 0], faces[other, 1], faces[other, 2]
-            cosine = cosine_between(vertices, a, b, c, d, e, g, 1.0)
+            cosine = cosine_between(mesh.vertices, a, b, c, d, e, g, 1.0)
             angles[count] = np.arccos(min(max(cosine, -1.0), 1.0))
             count += 1
     return count
 
 
 @inner_jit()
-def _other_face(faces: IntArray, face_ptr: IntArray, face_indices: IntArray, i: int, f: int) -> int:
+def _other_face(mesh: _FaceArrays, i: int, f: int) -> int:
     """The face at vertex i behind the edge of face f that leaves i, counter-clockwise; -1 if there is none."""
-    tip = next_corner(faces, f, i)
-    for q in range(face_ptr[i], face_ptr[i + 1]):
-        g = face_indices[q]
-        if g != f and has_corner(faces, g, tip):
+    tip = next_corner(mesh.faces, f, i)
+    for q in range(mesh.face_ptr[i], mesh.face_ptr[i + 1]):
+        g = mesh.face_indices[q]
+        if g != f and has_corner(mesh.faces, g, tip):
             return int(g)
     return -1
