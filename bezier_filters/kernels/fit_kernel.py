@@ -9,13 +9,7 @@ import numpy as np
 
 from bezier_filters.arrays import ByteArray, FloatArray, IntArray
 from bezier_filters.kernels.fit_frames import point_to_farthest, write_any_axes, write_plane
-from bezier_filters.kernels.fit_workspace import (
-    CHUNK,
-    FitWorkspace,
-    RobustWorkspace,
-    fit_workspace,
-    robust_workspace,
-)
+from bezier_filters.kernels.fit_workspace import CHUNK, FitWorkspace, RobustWorkspace, fit_workspace, robust_workspace
 from bezier_filters.kernels.graph_geometry import write_block
 from bezier_filters.kernels.kernel_input import FITTED, KernelFit, KernelMesh, VertexResults
 from bezier_filters.kernels.lane_algebra import (

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.display.colors import AUTO, color_range, matplotlib_colormap, round_limits
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
+from bezier_filters.meshes.mesh import triangle_mesh
 
 if TYPE_CHECKING:
     import pyvista
@@ -118,14 +119,9 @@ class Panel:
 
     def __post_init__(self) -> None:
         n = len(self.vertices)
-        if np.shape(self.vertices) != (n, 3) or n == 0:
-            raise InvalidMeshError(f"vertices have the shape {np.shape(self.vertices)}, expected (n, 3) with n > 0")
-        if not np.isfinite(self.vertices).all():
-            raise InvalidMeshError("some vertices are not finite")
-        if len(self.faces) and np.shape(self.faces)[1:] != (3,):
-            raise InvalidMeshError(f"faces have the shape {np.shape(self.faces)}, expected (m, 3)")
-        if len(self.faces) and (np.min(self.faces) < 0 or np.max(self.faces) >= n):
-            raise InvalidMeshError(f"faces name vertices {np.min(self.faces)} to {np.max(self.faces)} of {n}")
+        if n == 0:
+            raise InvalidMeshError("vertices: got none, expected one or more")
+        triangle_mesh(self.vertices, self.faces)
         if (self.values is None) == (self.colors is None):
             raise InvalidParameterError("a panel takes either values or colors")
         if self.values is not None and np.shape(self.values) != (n,):

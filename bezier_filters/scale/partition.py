@@ -19,17 +19,7 @@ from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import Progress, report, run_kernel
 from bezier_filters.scale.array_file import ArrayFile, new_array_file
 from bezier_filters.scale.source import MeshSource
-from bezier_filters.scale.store import (
-    FACE_PTR,
-    FACES,
-    ORDER,
-    RANK,
-    VERTICES,
-    Layout,
-    Store,
-    open_store,
-    write_manifest,
-)
+from bezier_filters.scale.store import FACE_PTR, FACES, ORDER, RANK, VERTICES, Layout, Store, open_store, write_manifest
 
 ROWS = 1 << 20  # vertices or faces that are held at a time
 LARGEST_BLOCK_BITS = 10  # of the number of vertices in a block: sampled neighbourhoods and halos read whole blocks

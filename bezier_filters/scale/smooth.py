@@ -34,12 +34,7 @@ from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_fac
 from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, MeshPart
 from bezier_filters.smoothing.noise import ROUGHNESS_RINGS, roughest, roughness
 from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, check_smoothing
-from bezier_filters.smoothing.volume import (
-    component_gains,
-    component_volumes,
-    movement_around,
-    offset_along_normals,
-)
+from bezier_filters.smoothing.volume import component_gains, component_volumes, movement_around, offset_along_normals
 
 PAPER = FitOptions(rings=2, alpha=0.8, smoothness="paper")  # as ``bezier_filters.smooth(..., method="paper")``
 IN_STORE = {"auto": (90, 56), "paper": (0, 64)}  # bytes per vertex in the store, once and for each iteration

@@ -327,9 +327,9 @@ def test_an_unknown_colour_map_gets_suggestions(tmp_path: Path) -> None:
         ({"values": np.zeros(3)}, InvalidParameterError, r"values have the shape \(3,\), expected \(441,\)"),
         ({"values": None, "colors": np.zeros(441)}, InvalidParameterError, "colors have the shape"),
         ({"limits": (1.0, 1.0)}, InvalidParameterError, "limits .* lower one first"),
-        ({"vertices": np.zeros((0, 3))}, InvalidMeshError, r"expected \(n, 3\)"),
-        ({"vertices": np.full((441, 3), np.nan)}, InvalidMeshError, "not finite"),
-        ({"faces": np.array([[0, 1, 441]])}, InvalidMeshError, "faces name vertices 0 to 441 of 441"),
+        ({"vertices": np.zeros((0, 3))}, InvalidMeshError, "vertices: got none"),
+        ({"vertices": np.full((441, 3), np.nan)}, InvalidMeshError, "NaN or infinite"),
+        ({"faces": np.array([[0, 1, 441]])}, InvalidMeshError, "indices run from 0 to 441, expected 0 to 440"),
         ({"faces": np.array([[0, 1, 2, 3]])}, InvalidMeshError, r"expected \(m, 3\)"),
     ],
 )
