@@ -10,7 +10,6 @@ from bezier_filters.meshes.triangles import area_vector, cosine_between, has_cor
 from bezier_filters.runtime.jit import inner_jit, jit
 
 FEWEST_CELLS, MOST_CELLS = 4, 128  # per axis, in which boxes are looked up
-FEW_PAIRS = 100_000  # of faces, up to which the boxes of all are compared
 FOLDED = -0.9999  # cosine of the angle between two faces on one edge from which down they lie on each other
 
 
@@ -147,9 +146,6 @@ def cut_faces(vertices: FloatArray, faces: IntArray, new: int) -> BoolArray:
     """
     first = len(faces) - new
     result = np.zeros(new, dtype=np.bool_)
-    if new * len(faces) <= FEW_PAIRS:
-        _find_cuts_of_few(vertices, faces, np.empty((len(faces), 2, 3)), result)
-        return result
     corners = vertices[faces[first:]]
     near = faces_in_boxes(vertices, faces, corners.min(axis=1), corners.max(axis=1))
     _find_cuts(vertices, faces, near.indptr, near.indices, first, result)
@@ -166,30 +162,6 @@ def _find_cuts(
             if near[p] != first + q and _cut(vertices, faces, first + q, near[p]):
                 result[q] = True
                 break
-
-
-@jit()
-def _find_cuts_of_few(vertices: FloatArray, faces: IntArray, boxes: FloatArray, result: BoolArray) -> None:
-    """Mark those of the last faces that cut another one; `boxes` (m, 2, 3) is room for their boxes."""
-    for f in range(faces.shape[0]):
-        for axis in range(3):
-            a, b, c = vertices[faces[f, 0], axis], vertices[faces[f, 1], axis], vertices[faces[f, 2], axis]
-            boxes[f, 0, axis], boxes[f, 1, axis] = min(a, b, c), max(a, b, c)
-    first = faces.shape[0] - result.shape[0]
-    for q in range(result.shape[0]):
-        f = first + q
-        for g in range(faces.shape[0]):
-            if g != f and _boxes_meet(boxes[f], boxes[g]) and _cut(vertices, faces, f, g):
-                result[q] = True
-                break
-
-
-@inner_jit()
-def _boxes_meet(box: FloatArray, other: FloatArray) -> bool:
-    result = True
-    for axis in range(3):
-        result = result and other[0, axis] <= box[1, axis] and other[1, axis] >= box[0, axis]
-    return bool(result)
 
 
 @inner_jit()

@@ -64,7 +64,7 @@ class MeshSource:
         """Coordinates of vertices start .. stop-1, (k, 3)."""
         rows = self.vertex_rows.read(start, stop)
         if self.coordinates:
-            rows = _columns(rows, self.coordinates)
+            rows = np.column_stack([rows[name] for name in self.coordinates])
         return np.ascontiguousarray(rows, dtype=self.dtype)
 
     def faces(self, start: int, stop: int) -> IntArray:
@@ -78,7 +78,7 @@ class MeshSource:
                     f"{self.paths[-1]}: face {face} has {sizes[face - start]} corners, expected triangles only; "
                     "triangulate polygons first"
                 )
-            rows = _columns(rows, [f"{self.corners} {k}" for k in range(TRIPLE)])
+            rows = np.column_stack([rows[f"{self.corners} {k}"] for k in range(TRIPLE)])
         if rows.size and (rows.min() < 0 or rows.max() >= self.vertex_count):
             raise InvalidMeshError(
                 f"{self.paths[-1]}: corners of faces {start} to {stop - 1} run from {rows.min()} to {rows.max()}, "
@@ -170,17 +170,6 @@ def _open_npy(path: Path, kinds: str) -> ArrayFile:
             "row after row (numpy.ascontiguousarray)"
         )
     return ArrayFile(path, dtype, 3, shape[0], path.stat().st_size - table.nbytes)
-
-
-def _columns(rows: Values, names: Sequence[str]) -> Values:
-    """Some columns side by side: a view, if that is how they are."""
-    fields = rows.dtype.fields
-    assert fields is not None
-    kinds, places = zip(*(fields[name][:2] for name in names), strict=True)
-    size = kinds[0].itemsize
-    if len(set(kinds)) > 1 or set(np.diff(places)) != {size}:
-        return np.column_stack([rows[name] for name in names])
-    return np.ndarray((len(rows), len(names)), kinds[0], rows, places[0], (rows.itemsize, size))
 
 
 def _fingerprint(path: Path) -> list[str | int]:

@@ -3,7 +3,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bezier_filters.meshes import self_intersections
 from bezier_filters.meshes.self_intersections import cut_faces, faces_in_boxes
 from bezier_filters.surfaces import sphere, torus
 
@@ -33,15 +32,6 @@ def test_cuts_agree_with_points_common_to_both_triangles(seed):
     equal = np.vstack([np.hstack([points[:3].T, -points[3:].T]), [1, 1, 1, 0, 0, 0], [0, 0, 0, 1, 1, 1]])
     meet = linprog(np.zeros(6), A_eq=equal, b_eq=[0, 0, 0, 1, 1], bounds=[(0, None)] * 6).status == 0
     assert found == meet
-
-
-def test_few_faces_and_many_are_looked_at_alike(monkeypatch):
-    rng = np.random.default_rng(0)
-    points, faces = rng.normal(size=(60, 3)), rng.permutation(60).reshape(-1, 3).astype(np.int32)
-    few = cut_faces(points, faces, 12)
-    monkeypatch.setattr(self_intersections, "FEW_PAIRS", 0)
-    np.testing.assert_array_equal(few, cut_faces(points, faces, 12))
-    assert 0 < few.sum() < 12
 
 
 def test_faces_that_touch_do_not_cut_but_folded_ones_do():
