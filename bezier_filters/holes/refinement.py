@@ -39,7 +39,7 @@ class Fill:
 
 def refine(fill: Fill, existing: AbstractSet[tuple[int, int]]) -> Fill:
     """Split triangles that are too large, and flip edges; pairs of rim vertices that exist are not joined again."""
-    keys = _sorted_pairs(existing)
+    pairs = _as_rows(existing)
     points, sizes, faces = fill.points, fill.sizes, fill.faces
     neighbours = face_neighbours(faces)
     n, m = len(points), len(faces)
@@ -52,7 +52,7 @@ def refine(fill: Fill, existing: AbstractSet[tuple[int, int]]) -> Fill:
             faces, neighbours = _with_room(faces, GROWTH * m), _with_room(neighbours, GROWTH * m)
         added = _split(points, sizes, faces, neighbours, n, m)
         n, m = n + added, m + 2 * added
-        if _flip(points, faces[:m], neighbours, keys, fill.rim_count) == added == 0:
+        if _flip(points, faces[:m], neighbours, pairs, fill.rim_count) == added == 0:
             break
     return Fill(points[:n].copy(), sizes[:n].copy(), faces[:m].copy(), fill.rim_count)
 
@@ -65,13 +65,13 @@ def _with_room(part: Values, count: int) -> Values:
 def flip_edges(fill: Fill, existing: AbstractSet[tuple[int, int]]) -> Fill:
     """Flip edges until all are locally Delaunay, without joining rim vertices again."""
     faces = fill.faces.copy()
-    _flip(fill.points, faces, face_neighbours(faces), _sorted_pairs(existing), fill.rim_count)
+    _flip(fill.points, faces, face_neighbours(faces), _as_rows(existing), fill.rim_count)
     return replace(fill, faces=faces)
 
 
-def _sorted_pairs(pairs: AbstractSet[tuple[int, int]]) -> IntArray:
-    """Pairs in ascending order, (p, 2)."""
-    return np.array(sorted(pairs), dtype=np.int32).reshape(-1, 2)
+def _as_rows(pairs: AbstractSet[tuple[int, int]]) -> IntArray:
+    """Pairs as an array (p, 2)."""
+    return np.array(list(pairs), dtype=np.int32).reshape(-1, 2)
 
 
 def relax_tangentially(fill: Fill) -> Fill:
@@ -181,15 +181,11 @@ def _is_better_flipped(points: FloatArray, a: int, b: int, c: int, d: int) -> bo
 
 @inner_jit()
 def _is_listed(pairs: IntArray, a: int, b: int) -> bool:
-    """Whether (a, b) is among sorted pairs."""
-    low, high = 0, pairs.shape[0]
-    while low < high:
-        middle = (low + high) // 2
-        if pairs[middle, 0] < a or (pairs[middle, 0] == a and pairs[middle, 1] < b):
-            low = middle + 1
-        else:
-            high = middle
-    return bool(low < pairs.shape[0] and pairs[low, 0] == a and pairs[low, 1] == b)
+    """Whether (a, b) is among pairs."""
+    listed = False
+    for p in range(pairs.shape[0]):
+        listed = listed or (pairs[p, 0] == a and pairs[p, 1] == b)
+    return listed
 
 
 @inner_jit()

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain
 from typing import Literal
 
 import numpy as np
@@ -182,58 +183,33 @@ def sampled_parts_of(store: Store, around: Sequence[int] = (), *, threads: int =
 
 def _grown(store: Store, seed: int) -> IntArray:
     """Vertices of the source around one, nearest first, and then around the next one that is not among them."""
-    n = store.layout.vertex_count
-    found, following = np.zeros(0, dtype=np.int32), seed
+    n, found = store.layout.vertex_count, np.zeros(0, dtype=np.int32)
     seeds, rings = np.array([seed], dtype=np.int32), FIRST_RINGS
-    while len(found) < PART:
-        part = _Surroundings(store, seeds, rings, found)
-        for k in seeds:
-            if part.has_seen(k):
+    while True:
+        ids, mesh = in_source_order(store, part_around(store, np.sort(_ranks(store, seeds)), rings))
+        numbers, rows = store.sources(ids), vertex_adjacency(mesh).vertices
+        seen = np.isin(numbers, found)
+        for seed, place in zip(seeds.tolist(), np.searchsorted(numbers, seeds).tolist(), strict=True):
+            if seen[place]:
                 continue
-            more = part.around(k, PART - len(found))
-            if more is None:  # they go on further than was read
-                seeds, rings = np.array([k], dtype=np.int32), 2 * rings
+            growth = Growth.of(PART - len(found)).around(rows.indptr, rows.indices, place, seen)
+            if growth.looked_at >= rings:  # it goes on further than was read
+                seeds, rings = np.array([seed], dtype=np.int32), 2 * rings
                 break
-            found = np.concatenate([found, more])
+            found = np.concatenate([found, numbers[growth.order[: growth.count]]])
             if len(found) == PART:
                 return found
         else:
-            following = _next_unseen(found, int(seeds[-1]), n)
+            following = _next_unseen(found, seed, n)
             if following < 0:
                 return found
             seeds, rings = np.arange(following, min(following + NEXT, n), dtype=np.int32), NEXT_RINGS
-    return found
-
-
-class _Surroundings:
-    """Some rings around some vertices of the source, and which of them were met before."""
-
-    def __init__(self, store: Store, seeds: IntArray, rings: int, found: IntArray) -> None:
-        self.rings = rings
-        ids, mesh = in_source_order(store, part_around(store, np.sort(_ranks(store, seeds)), rings))
-        self.numbers = store.sources(ids)
-        self.rows = vertex_adjacency(mesh).vertices
-        self.seen = np.isin(self.numbers, found)
-
-    def has_seen(self, number: int) -> bool:
-        """Whether a vertex was met."""
-        return bool(self.seen[np.searchsorted(self.numbers, number)])
-
-    def around(self, number: int, most: int) -> IntArray | None:
-        """What is connected to a vertex and was not met before; None if that goes on further than is known."""
-        before = self.seen.copy()
-        seed = int(np.searchsorted(self.numbers, number))
-        growth = Growth.of(most).around(self.rows.indptr, self.rows.indices, seed, self.seen)
-        if growth.looked_at >= self.rings:
-            self.seen = before
-            return None
-        return self.numbers[growth.order[: growth.count]]
 
 
 def _next_unseen(found: IntArray, after: int, n: int) -> int:
     """The next vertex, beginning anew after the last one; -1 if all were found."""
     met = set(found.tolist())
-    return next((k for k in (*range(after + 1, n), *range(after)) if k not in met), -1) if len(met) < n else -1
+    return next((k for k in chain(range(after + 1, n), range(after)) if k not in met), -1)
 
 
 def _ranks(store: Store, numbers: IntArray) -> IntArray:
