@@ -1,27 +1,17 @@
 """Segments joined to lines."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from bezier_filters.arrays import IntArray
 
 
-class Chain(NamedTuple):
-    """Segments one after the other."""
-
-    nodes: IntArray
-    """Nodes in order, (k + 1,); the last one is the first one again if the chain is closed."""
-    segments: IntArray
-    """Segments between them, (k,)."""
-
-
-def chains(segments: IntArray, ends: IntArray | None = None) -> list[Chain]:
+def chains(segments: IntArray, ends: IntArray | None = None) -> list[tuple[IntArray, IntArray]]:
     """Join segments (s, 2), given by the numbers of the nodes at their ends, to chains as long as possible.
 
-    Chains end at nodes with one segment, or with three or more, and at further nodes that are named as `ends`.
+    Chains end at nodes with one segment, or with three or more, and at further nodes that are named as `ends`. Each is
+    its nodes in order, (k + 1,), the last one the first one again if it is closed, and the segments between them, (k,).
 
-    >>> [chain.nodes.tolist() for chain in chains(np.array([[4, 7], [9, 7], [1, 2], [2, 3], [3, 1]]))]
+    >>> [nodes.tolist() for nodes, _ in chains(np.array([[4, 7], [9, 7], [1, 2], [2, 3], [3, 1]]))]
     [[4, 7, 9], [1, 2, 3, 1]]
     """
     nodes, local = np.unique(segments, return_inverse=True)
@@ -34,7 +24,7 @@ def chains(segments: IntArray, ends: IntArray | None = None) -> list[Chain]:
     is_end = [named[node] or len(here) != 2 for node, here in enumerate(at_node)]
     used = [False] * len(pairs)
 
-    def walk(node: int, segment: int) -> Chain:
+    def walk(node: int, segment: int) -> tuple[IntArray, IntArray]:
         path, passed = [node], []
         while not used[segment]:
             used[segment] = True
@@ -46,7 +36,7 @@ def chains(segments: IntArray, ends: IntArray | None = None) -> list[Chain]:
             if is_end[node]:
                 break
             segment = here[0] if here[1] == segment else here[1]
-        return Chain(nodes[path], np.array(passed, dtype=np.int32))
+        return nodes[path], np.array(passed, dtype=np.int32)
 
     result = [
         walk(node, segment)

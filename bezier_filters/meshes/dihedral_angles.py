@@ -16,7 +16,6 @@ class MeshEdges:
     vertices: IntArray  # (e, 2): their ends, the smaller one first; rows in ascending order
     # (m, 3): number of the edge from each corner of a face to the next; -1 where the face names a vertex twice
     of_faces: IntArray
-    is_inner: BoolArray  # (e,): whether there are two faces
     # (e,): angle between the normals of the two faces, in radians, 0 to pi: 0 where the surface is flat, where there
     # are not just two faces, and where a face has no area
     angles: FloatArray
@@ -77,4 +76,4 @@ def mesh_edges(mesh: TriangleMesh) -> MeshEdges:
     angles[is_inner] = np.where(known[own] & known[other], dihedral_angles(normals[own], normals[other]), 0.0)
     tips = faces[other, (second + 2) % 3]
     is_convex[is_inner] = np.einsum("ij,ij->i", mesh.vertices[tips] - corners[own, 0], normals[own]) < 0.0
-    return MeshEdges(vertices, of_faces, is_inner, angles, is_convex, widths)
+    return MeshEdges(vertices, of_faces, angles, is_convex, widths)
