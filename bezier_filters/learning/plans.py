@@ -177,7 +177,7 @@ def _ring_plan(surface: SurfaceModel, ring: RingModel, degrees: Sequence[int]) -
     if not np.isfinite(ring.variances).all():
         return None
     plans = ring_plans(surface, ring, degrees)
-    return _calibrated(surface, ring, best_plan(plans)) if plans else None
+    return _calibrated(ring, best_plan(plans)) if plans else None
 
 
 def ring_plans(surface: SurfaceModel, ring: RingModel, degrees: Sequence[int] = CANDIDATE_DEGREES) -> list[FitPlan]:
@@ -193,11 +193,11 @@ def ring_plans(surface: SurfaceModel, ring: RingModel, degrees: Sequence[int] = 
     plans: list[FitPlan] = []
     if ring.analysis.rings <= WEIGHTED_RINGS:
         _add_until_much_worse(plans, from_the_highest, lambda degree: _weighted_plan(surface, ring, degree))
-    _add_until_much_worse(plans, from_the_highest, lambda degree: _plan(surface, ring, degree))
+    _add_until_much_worse(plans, from_the_highest, lambda degree: _plan(ring, degree))
     if plans:
         best = best_plan(plans)
         if np.isinf(best.weight_radius):
-            plans += [_plan(surface, ring, best.degree, strength) for strength in WEAKER_PRIORS]
+            plans += [_plan(ring, best.degree, strength) for strength in WEAKER_PRIORS]
     return plans
 
 
@@ -223,15 +223,15 @@ def plan_for(plan: FitPlan, surface: SurfaceModel) -> FitPlan | None:
     """The same fit with the errors that another model predicts; None if that has no such ring."""
     for ring in surface.by_rings:
         if ring.analysis.rings == plan.rings:
-            return _calibrated(surface, ring, _predicted(surface, ring, plan))
+            return _calibrated(ring, _predicted(ring, plan))
     return None
 
 
-def _plan(surface: SurfaceModel, ring: RingModel, degree: int, strength: float = 1.0) -> FitPlan:
+def _plan(ring: RingModel, degree: int, strength: float = 1.0) -> FitPlan:
     """The optimal prior of one degree over one ring, times a factor."""
     # What the degree leaves out acts on the fit much like noise.
     noise = float(ring.analysis.mean_squares[min(degree, ring.analysis.degree)])
-    return _plan_for_noise(surface, ring, degree, strength * noise)
+    return _plan_for_noise(ring, degree, strength * noise)
 
 
 def _weighted_plan(surface: SurfaceModel, ring: RingModel, degree: int) -> FitPlan | None:
@@ -245,17 +245,15 @@ def _weighted_plan(surface: SurfaceModel, ring: RingModel, degree: int) -> FitPl
     near = max(LEAST_WEIGHT_RADIUS, (noise / left_out) ** (1.0 / power))  # where noise = left_out r^power
     if near >= 1.0:
         return None
-    return _plan_for_noise(surface, ring, degree, max(noise, left_out * near**power), near * ring.analysis.radius)
+    return _plan_for_noise(ring, degree, max(noise, left_out * near**power), near * ring.analysis.radius)
 
 
-def _plan_for_noise(
-    surface: SurfaceModel, ring: RingModel, degree: int, noise: float, weight_radius: float = np.inf
-) -> FitPlan:
+def _plan_for_noise(ring: RingModel, degree: int, noise: float, weight_radius: float = np.inf) -> FitPlan:
     """The fit that would be best if heights had this noise, length^2, with the errors that are predicted for it."""
     points, radius = float(ring.analysis.sizes.mean()), ring.analysis.radius
     prior, overhead = _term_prior(ring, degree, noise), LEARNING / ring.analysis.vertex_count
     plan = FitPlan(ring.analysis.rings, degree, points, radius, prior, weight_radius, 0.0, 0.0, overhead=overhead)
-    return _predicted(surface, ring, plan)
+    return _predicted(ring, plan)
 
 
 def _term_prior(ring: RingModel, degree: int, noise: float) -> FloatArray:
@@ -274,7 +272,7 @@ def _term_prior(ring: RingModel, degree: int, noise: float) -> FloatArray:
     return np.where(basis.degrees[:m] <= FREE_DEGREE, 0.0, of_terms / np.maximum(ring.variances[:m], least))
 
 
-def _predicted(surface: SurfaceModel, ring: RingModel, plan: FitPlan) -> FitPlan:
+def _predicted(ring: RingModel, plan: FitPlan) -> FitPlan:
     """A fit with the errors that a model predicts."""
     slopes, curvatures = squared_errors(fit_equations(ring, plan), ring.variances)
     return replace(
@@ -289,7 +287,7 @@ def _root(squared_error: float) -> float:
     return float(np.sqrt(squared_error)) if squared_error >= 0.0 else np.inf
 
 
-def _calibrated(surface: SurfaceModel, ring: RingModel, plan: FitPlan) -> FitPlan:
+def _calibrated(ring: RingModel, plan: FitPlan) -> FitPlan:
     """The plan with the noise that makes its standard errors those that are predicted cautiously."""
     equations = fit_equations(ring, plan)
     if ring.noise.model.sills:  # long waves of the noise are easily taken for shape

@@ -16,9 +16,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from bezier_filters.arrays import FloatArray, IntArray, RealArray, SingleArray
+from bezier_filters.arrays import FloatArray, RealArray, SingleArray
 from bezier_filters.runtime.jit import inner_jit, jit
-from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
+from bezier_filters.runtime.parallel import RangeTask, run_in_chunks, run_kernel
 from bezier_filters.smoothing.laplacian import Laplacian
 
 WIDTH = 4  # signals that run side by side
@@ -112,7 +112,7 @@ def _taken_off(
         before: SingleArray, current: SingleArray, row: SingleArray, scale: np.float32, factor: np.float32
     ) -> RangeTask:
         return lambda first, last: _advance_and_mix(
-            *laplacian.arrays, scale, factor, before, current, first, last, shares, row, result
+            laplacian, scale, factor, before, current, first, last, shares, row, result
         )
 
     _run(laplacian, signals, series, make_step, threads)
@@ -139,7 +139,7 @@ def add_heights(
         before: SingleArray, current: SingleArray, row: SingleArray, scale: np.float32, factor: np.float32
     ) -> RangeTask:
         return lambda first, last: _advance_and_measure(
-            *laplacian.arrays, scale, factor, before, current, first, last, directions, row, sums, products
+            laplacian, scale, factor, before, current, first, last, directions, row, sums, products
         )
 
     _run(laplacian, signals, series, make_step, threads)
@@ -148,11 +148,7 @@ def add_heights(
 def _run(laplacian: Laplacian, signals: RealArray, series: FloatArray, make_step: MakeStep, threads: int) -> None:
     """Make steps with T_0, T_1, ... of A = 2 L / bound - 1: factor 0 for the first, 1 for the second, 2 for others."""
     before, current = np.zeros((2, *signals.shape), dtype=np.float32)
-    run_in_chunks(
-        lambda: lambda start, stop: _differences(*laplacian.arrays, signals, start, stop, current),
-        len(signals),
-        threads=threads,
-    )
+    run_kernel(_differences, len(signals), laplacian, signals, current, threads=threads)
     scale = 2.0 / laplacian.bound
     for k, row in enumerate(series.astype(np.float32)):
         task = make_step(before, current, row, np.float32(scale), np.float32(min(k, 2)))
@@ -162,36 +158,24 @@ def _run(laplacian: Laplacian, signals: RealArray, series: FloatArray, make_step
 
 
 @jit()
-def _differences(
-    ptr: IntArray,
-    indices: IntArray,
-    weights: SingleArray,
-    rates: SingleArray,
-    signals: RealArray,
-    start: int,
-    stop: int,
-    result: SingleArray,
-) -> None:
+def _differences(laplacian: Laplacian, signals: RealArray, result: SingleArray, start: int, stop: int) -> None:
     """Write the Laplacian of vertices start .. stop-1."""
     for i in range(start, stop):
         a, b, c, d = signals[i, 0], signals[i, 1], signals[i, 2], signals[i, 3]
         da, db, dc, dd = 0.0, 0.0, 0.0, 0.0
-        for q in range(ptr[i], ptr[i + 1]):
-            j, w = indices[q], weights[q]
+        for q in range(laplacian.indptr[i], laplacian.indptr[i + 1]):
+            j, w = laplacian.indices[q], laplacian.weights[q]
             da += w * (a - signals[j, 0])
             db += w * (b - signals[j, 1])
             dc += w * (c - signals[j, 2])
             dd += w * (d - signals[j, 3])
-        rate = rates[i]
+        rate = laplacian.rates[i]
         result[i, 0], result[i, 1], result[i, 2], result[i, 3] = rate * da, rate * db, rate * dc, rate * dd
 
 
 @inner_jit()
 def _advance(
-    ptr: IntArray,
-    indices: IntArray,
-    weights: SingleArray,
-    rates: SingleArray,
+    laplacian: Laplacian,
     scale: np.float32,
     factor: np.float32,
     before: SingleArray,
@@ -203,13 +187,13 @@ def _advance(
     if factor == np.float32(0.0):
         return a, b, c, d
     sa = sb = sc = sd = np.float32(0.0)
-    for q in range(ptr[i], ptr[i + 1]):
-        j, w = indices[q], weights[q]
+    for q in range(laplacian.indptr[i], laplacian.indptr[i + 1]):
+        j, w = laplacian.indices[q], laplacian.weights[q]
         sa += w * current[j, 0]
         sb += w * current[j, 1]
         sc += w * current[j, 2]
         sd += w * current[j, 3]
-    rate = factor * scale * rates[i]
+    rate = factor * scale * laplacian.rates[i]
     own, kept = rate - factor, factor - np.float32(1.0)
     before[i, 0] = own * a - rate * sa - kept * before[i, 0]
     before[i, 1] = own * b - rate * sb - kept * before[i, 1]
@@ -220,10 +204,7 @@ def _advance(
 
 @jit(fastmath={"reassoc", "contract"})
 def _advance_and_mix(
-    ptr: IntArray,
-    indices: IntArray,
-    weights: SingleArray,
-    rates: SingleArray,
+    laplacian: Laplacian,
     scale: np.float32,
     factor: np.float32,
     before: SingleArray,
@@ -235,7 +216,7 @@ def _advance_and_mix(
     result: SingleArray,
 ) -> None:
     for i in range(start, stop):
-        a, b, c, d = _advance(ptr, indices, weights, rates, scale, factor, before, current, i)
+        a, b, c, d = _advance(laplacian, scale, factor, before, current, i)
         mixed = np.float32(0.0)
         for s in range(row.shape[0]):
             mixed += shares[i, s] * row[s]
@@ -247,10 +228,7 @@ def _advance_and_mix(
 
 @jit()
 def _advance_and_measure(
-    ptr: IntArray,
-    indices: IntArray,
-    weights: SingleArray,
-    rates: SingleArray,
+    laplacian: Laplacian,
     scale: np.float32,
     factor: np.float32,
     before: SingleArray,
@@ -263,7 +241,7 @@ def _advance_and_measure(
     products: SingleArray,
 ) -> None:
     for i in range(start, stop):
-        a, b, c, d = _advance(ptr, indices, weights, rates, scale, factor, before, current, i)
+        a, b, c, d = _advance(laplacian, scale, factor, before, current, i)
         height = a * directions[i, 0] + b * directions[i, 1] + c * directions[i, 2]
         other = d * directions[i, 3]
         for s in range(row.shape[0]):

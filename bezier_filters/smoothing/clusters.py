@@ -18,7 +18,7 @@ from bezier_filters.arrays import FloatArray, IntArray, RealArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency, Rows
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.jit import jit
-from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
+from bezier_filters.runtime.parallel import run_kernel
 from bezier_filters.smoothing.chebyshev import diffuse
 from bezier_filters.smoothing.laplacian import Laplacian
 from bezier_filters.smoothing.mesh_parts import MeshPart
@@ -51,11 +51,8 @@ class Clusters:
         """Values on clusters (k, c) as means over each vertex and its neighbours, (n, c)."""
         single, rows = values.astype(np.float32), self.adjacency.vertices
         result = np.zeros((len(self.of_vertex), values.shape[1]), dtype=np.float32)
-
-        def make_task() -> RangeTask:
-            return lambda start, stop: _spread(rows.indptr, rows.indices, self.of_vertex, single, start, stop, result)
-
-        run_in_chunks(make_task, len(result), threads=threads)
+        of_mesh = rows.indptr, rows.indices, self.of_vertex
+        run_kernel(_spread, len(result), *of_mesh, single, result, threads=threads)
         return result
 
 
@@ -154,9 +151,9 @@ def _spread(
     indices: IntArray,
     of_vertex: IntArray,
     values: SingleArray,
+    result: SingleArray,
     start: int,
     stop: int,
-    result: SingleArray,
 ) -> None:
     """Write means over vertices start .. stop-1 and their neighbours."""
     for i in range(start, stop):

@@ -9,7 +9,7 @@ from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.frames import face_normal, tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.jit import jit
-from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
+from bezier_filters.runtime.parallel import run_kernel
 
 THINNEST = 1e-7  # twice the area over the squared longest edge, from which down a triangle counts as degenerate
 ROUNDS = 60  # after which no more is tried; far more than there have ever been on meshes without many wrong faces
@@ -42,11 +42,7 @@ def bad_faces(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> 
     """
     normals = tangent_planes(mesh, adjacency, threads=threads).normals
     flipped, degenerate = np.zeros((2, mesh.face_count), dtype=np.bool_)
-
-    def make_task() -> RangeTask:
-        return lambda start, stop: _find(mesh.vertices, mesh.faces, normals, start, stop, flipped, degenerate)
-
-    run_in_chunks(make_task, mesh.face_count, threads=threads)
+    run_kernel(_find, mesh.face_count, mesh.vertices, mesh.faces, normals, flipped, degenerate, threads=threads)
     return BadFaces(flipped, degenerate)
 
 
@@ -55,10 +51,10 @@ def _find(
     vertices: FloatArray,
     faces: IntArray,
     around: FloatArray,
-    start: int,
-    stop: int,
     flipped: BoolArray,
     degenerate: BoolArray,
+    start: int,
+    stop: int,
 ) -> None:
     """Mark the wrong ones of faces start .. stop-1."""
     for f in range(start, stop):

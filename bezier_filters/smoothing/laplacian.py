@@ -1,7 +1,6 @@
 """Laplacians of a mesh: how far every vertex is from the mean of its neighbours."""
 
-from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -10,7 +9,7 @@ from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.triangles import cotangent_and_area, has_corner
 from bezier_filters.runtime.jit import jit
-from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
+from bezier_filters.runtime.parallel import run_kernel
 
 # whether border vertices follow their neighbours along the border, stay, or follow all their neighbours
 Borders = Literal["curve", "fixed", "free"]
@@ -24,8 +23,7 @@ LEAST_AREA = 0.2
 FASTEST = 8.0
 
 
-@dataclass(frozen=True)
-class Laplacian:
+class Laplacian(NamedTuple):
     """The operator (L x)_i = rate_i (x_i - sum_j weight_ij x_j), whose eigenvalues lie in [0, bound]."""
 
     # indptr, indices: rows of neighbours
@@ -34,11 +32,6 @@ class Laplacian:
     weights: SingleArray  # one for each neighbour; those of a row sum to 1, or are all 0
     rates: SingleArray  # (n,): how fast the vertices move, 1 on a regular mesh; 0 for those that do not
     bound: float = 2.0  # twice the largest rate, or more: no eigenvalue is larger (Gershgorin)
-
-    @property
-    def arrays(self) -> tuple[IntArray, IntArray, SingleArray, SingleArray]:
-        """All of it, as compiled code takes it."""
-        return self.indptr, self.indices, self.weights, self.rates
 
 
 def umbrella_laplacian(
@@ -71,7 +64,7 @@ def cotangent_laplacian(
     """
     result = _laplacian(mesh, adjacency, borders, power, unit, FASTEST if fastest is None else fastest, cut, threads)
     largest = float(result.rates.max(initial=0.5)) if fastest is None else fastest
-    return replace(result, bound=2.0 * largest)
+    return result._replace(bound=2.0 * largest)
 
 
 def _laplacian(
@@ -88,25 +81,9 @@ def _laplacian(
     rows, n = adjacency.vertices, mesh.vertex_count
     weights, rates = np.zeros(len(rows.indices), np.float32), np.zeros(n, np.float32)
 
-    def make_task() -> RangeTask:
-        return lambda start, stop: _write_rows(
-            mesh.vertices,
-            mesh.faces,
-            adjacency.faces.indptr,
-            adjacency.faces.indices,
-            rows.indptr,
-            rows.indices,
-            start,
-            stop,
-            unit,
-            power,
-            fastest,
-            {"curve": 1, "fixed": 0, "free": 2}[borders],
-            weights,
-            rates,
-        )
-
-    run_in_chunks(make_task, n, threads=threads)
+    of_mesh = mesh.vertices, mesh.faces, adjacency.faces.indptr, adjacency.faces.indices, rows.indptr, rows.indices
+    options = unit, power, fastest, {"curve": 1, "fixed": 0, "free": 2}[borders]
+    run_kernel(_write_rows, n, *of_mesh, *options, weights, rates, threads=threads)
     if cut is not None:
         rates[cut] = 0.0
     return Laplacian(rows.indptr, rows.indices, weights, rates)
@@ -120,14 +97,14 @@ def _write_rows(
     face_indices: IntArray,
     ptr: IntArray,
     indices: IntArray,
-    start: int,
-    stop: int,
     unit: float,
     power: float,
     fastest: float,
     borders: int,
     weights: SingleArray,
     rates: SingleArray,
+    start: int,
+    stop: int,
 ) -> None:
     """Write the weights and rates of vertices start .. stop-1; plain means if the unit is 0."""
     for i in range(start, stop):

@@ -18,7 +18,7 @@ from bezier_filters.meshes.frames import face_normal
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.triangles import has_corner
 from bezier_filters.runtime.jit import inner_jit, jit
-from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
+from bezier_filters.runtime.parallel import RangeTask, run_in_chunks, run_kernel
 
 SMALLEST_VARIANCE = 1e-12  # of a normal, radians^2: below that everything agrees only with itself
 SQUARINGS = 5
@@ -50,13 +50,8 @@ def noisy_normals(mesh: TriangleMesh, probe: TriangleMesh, noise: SingleArray, *
     """Normals of two meshes, and how samples of the noise of vertices (n, k, 3) turn the first ones, to first order."""
     m = mesh.face_count
     both, samples = np.zeros((m, 8), dtype=np.float32), np.zeros((m, noise.shape[1], 3), dtype=np.float32)
-
-    def make_task() -> RangeTask:
-        return lambda start, stop: _write_normals(
-            mesh.vertices, probe.vertices, mesh.faces, noise, start, stop, both, samples
-        )
-
-    run_in_chunks(make_task, m, threads=threads)
+    of_meshes = mesh.vertices, probe.vertices, mesh.faces
+    run_kernel(_write_normals, m, *of_meshes, noise, both, samples, threads=threads)
     return NoisyNormals(mesh.faces, both, samples)
 
 
@@ -102,24 +97,14 @@ def _write_variances(state: NoisyNormals, faces_at: Rows, tolerance: float, thre
     m, n = len(faces), len(faces_at.lengths)
     values = np.zeros(n, dtype=np.float32)
     squared, least = np.float32(tolerance**2), np.float32(SMALLEST_VARIANCE)
-
-    def of_samples(start: int, stop: int) -> None:
-        _mean_squares(state.samples, squared, start, stop, both)
-
-    def to_vertices(start: int, stop: int) -> None:
-        _to_vertices(faces_at.indptr, faces_at.indices, both, start, stop, values)
-
-    def to_faces(start: int, stop: int) -> None:
-        _to_faces(faces, values, least * squared, start, stop, both)
-
-    run_in_chunks(lambda: of_samples, m, threads=threads)
+    run_kernel(_mean_squares, m, state.samples, squared, both, threads=threads)
     for _ in range(2):
-        run_in_chunks(lambda: to_vertices, n, threads=threads)
-        run_in_chunks(lambda: to_faces, m, threads=threads)
+        run_kernel(_to_vertices, n, faces_at.indptr, faces_at.indices, both, values, threads=threads)
+        run_kernel(_to_faces, m, faces, values, least * squared, both, threads=threads)
 
 
 @jit()
-def _mean_squares(samples: SingleArray, factor: np.float32, start: int, stop: int, both: SingleArray) -> None:
+def _mean_squares(samples: SingleArray, factor: np.float32, both: SingleArray, start: int, stop: int) -> None:
     for f in range(start, stop):
         total = np.float32(0.0)
         for k in range(samples.shape[1]):
@@ -129,7 +114,7 @@ def _mean_squares(samples: SingleArray, factor: np.float32, start: int, stop: in
 
 @jit()
 def _to_vertices(
-    face_ptr: IntArray, face_indices: IntArray, both: SingleArray, start: int, stop: int, values: SingleArray
+    face_ptr: IntArray, face_indices: IntArray, both: SingleArray, values: SingleArray, start: int, stop: int
 ) -> None:
     for i in range(start, stop):
         total = np.float32(0.0)
@@ -140,7 +125,7 @@ def _to_vertices(
 
 @jit()
 def _to_faces(
-    faces: IntArray, values: SingleArray, least: np.float32, start: int, stop: int, both: SingleArray
+    faces: IntArray, values: SingleArray, least: np.float32, both: SingleArray, start: int, stop: int
 ) -> None:
     for f in range(start, stop):
         mean = (values[faces[f, 0]] + values[faces[f, 1]] + values[faces[f, 2]]) / np.float32(3.0)
@@ -153,10 +138,10 @@ def _write_normals(
     moved: FloatArray,
     faces: IntArray,
     noise: SingleArray,
-    start: int,
-    stop: int,
     both: SingleArray,
     samples: SingleArray,
+    start: int,
+    stop: int,
 ) -> None:
     """Write unit normals, areas and the changes of the normals."""
     for f in range(start, stop):

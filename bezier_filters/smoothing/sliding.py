@@ -45,37 +45,9 @@ def sliding_of(
     *,
     threads: int = 1,
 ) -> Sliding:
-    """Which vertices of a mesh have to slide, as its `core` tells.
+    """Which vertices of a mesh have to slide on their way to points, as its `core` tells.
 
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        With noise.
-    adjacency : Adjacency
-        Of the same mesh.
-    points : (n, 3) float64
-        Where filters take the vertices.
-    sigma : (n,) float64
-        Standard deviation of the noise along the normal, lengths.
-    core : (n,) bool
-        Vertices that stand for the mesh as a whole.
-    threads : int
-        Number of threads.
-
-    Examples
-    --------
-    >>> from bezier_filters.meshes.adjacency import vertex_adjacency
-    >>> from bezier_filters.meshes.mesh import triangle_mesh
-    >>> from bezier_filters.surfaces import sphere
-    >>> ball = sphere(resolution=40)
-    >>> noise = 0.01 * np.random.default_rng(0).normal(size=ball.vertices.shape)
-    >>> in_all_directions, along_normals = ball.vertices + noise, ball.vertices * (1.0 + noise[:, :1])
-    >>> for noisy in (in_all_directions, along_normals):
-    ...     mesh = triangle_mesh(noisy, ball.faces)
-    ...     deviation, everywhere = np.full(len(noisy), 0.01), np.ones(len(noisy), dtype=np.bool_)
-    ...     sliding_of(mesh, vertex_adjacency(mesh), ball.vertices, deviation, everywhere)
-    <Sliding.ALL: 2>
-    <Sliding.TURNED: 0>
+    `sigma` (n,) is the standard deviation of the noise along the normal, lengths.
     """
     held = _along_normals(mesh, adjacency, points, threads)
     uneven = _unevenness(TriangleMesh(points, mesh.faces), adjacency, held, threads)[core]
@@ -88,20 +60,7 @@ def sliding_of(
 def held_back(
     mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray, sliding: Sliding, *, threads: int = 1
 ) -> FloatArray:
-    """Where vertices that would move to points (n, 3) end if not all of them slide. Those at borders do.
-
-    Examples
-    --------
-    >>> from bezier_filters.meshes.adjacency import vertex_adjacency
-    >>> from bezier_filters.meshes.mesh import triangle_mesh
-    >>> from bezier_filters.surfaces import block_with_sharp_edges
-    >>> block = triangle_mesh(*block_with_sharp_edges(resolution=4))
-    >>> noisy = triangle_mesh(block.vertices + [0.0, 0.0, 0.01], block.faces)
-    >>> moves = held_back(noisy, vertex_adjacency(block), block.vertices, Sliding.TURNED) - noisy.vertices
-    >>> on_top, beside = block.vertices[:, 2] > 0.49, np.abs(block.vertices[:, 2] + 0.25) < 0.1
-    >>> moves[on_top, 2].round(3).min(), abs(moves[beside]).max().round(3)
-    (np.float64(-0.01), np.float64(0.0))
-    """
+    """Where vertices that would move to points (n, 3) end if not all of them slide. Those at borders do."""
     if sliding == Sliding.ALL:
         return points
     held = _along_normals(mesh, adjacency, points, threads)

@@ -6,7 +6,7 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.jit import jit
-from bezier_filters.runtime.parallel import run_in_chunks
+from bezier_filters.runtime.parallel import run_kernel
 from bezier_filters.smoothing.chebyshev import coefficients
 
 ROUNDS = 20  # more would fit the normals better, but let the vertices drift away from where they were measured
@@ -31,26 +31,13 @@ def move_to_normals(
     planes[:, :3] = normals
     before, current, result = np.zeros((3, n, 3), dtype=np.float32)
 
-    def first(start: int, stop: int) -> None:
-        _first_step(mesh.vertices, mesh.faces, rows.indptr, rows.indices, planes, movable, start, stop, current)
-
-    run_in_chunks(lambda: first, n, threads=threads)
+    around = mesh.vertices, mesh.faces, rows.indptr, rows.indices, planes, movable
+    run_kernel(_first_step, n, *around, current, threads=threads)
     polynomial = coefficients(lambda x: (-np.expm1(ROUNDS * np.log1p(-x)) / x)[:, np.newaxis], 1.0, TERMS)
-
-    def advance(factor: np.float32, coefficient: np.float32, before: SingleArray, current: SingleArray) -> None:
-        def on_faces(start: int, stop: int) -> None:
-            _heights(mesh.faces, current, start, stop, planes)
-
-        def at_vertices(start: int, stop: int) -> None:
-            _advance(
-                rows.indptr, rows.indices, planes, movable, factor, coefficient, before, current, start, stop, result
-            )
-
-        run_in_chunks(lambda: on_faces, mesh.face_count, threads=threads)
-        run_in_chunks(lambda: at_vertices, n, threads=threads)
-
     for k, coefficient in enumerate(polynomial[:, 0].astype(np.float32)):
-        advance(np.float32(min(k, 2)), coefficient, before, current)
+        of_step = np.float32(min(k, 2)), coefficient, before, current, result
+        run_kernel(_heights, mesh.face_count, mesh.faces, current, planes, threads=threads)
+        run_kernel(_advance, n, rows.indptr, rows.indices, planes, movable, *of_step, threads=threads)
         if k > 0:
             before, current = current, before
     return result
@@ -64,9 +51,9 @@ def _first_step(
     face_indices: IntArray,
     planes: SingleArray,
     movable: BoolArray,
+    moves: SingleArray,
     start: int,
     stop: int,
-    moves: SingleArray,
 ) -> None:
     """Write how far vertices start .. stop-1 move in the first round."""
     for i in range(start, stop):
@@ -89,7 +76,7 @@ def _first_step(
 
 
 @jit()
-def _heights(faces: IntArray, moves: SingleArray, start: int, stop: int, planes: SingleArray) -> None:
+def _heights(faces: IntArray, moves: SingleArray, planes: SingleArray, start: int, stop: int) -> None:
     """Write how far the centers of faces start .. stop-1 move along their normals."""
     third = np.float32(1.0 / 3.0)
     for f in range(start, stop):
@@ -111,9 +98,9 @@ def _advance(
     coefficient: np.float32,
     before: SingleArray,
     current: SingleArray,
+    result: SingleArray,
     start: int,
     stop: int,
-    result: SingleArray,
 ) -> None:
     """Overwrite T_k-1 by T_k+1 = 2 (2 A - 1) T_k - T_k-1, or T_1; add it to the result. Factor 0 leaves T_0."""
     for i in range(start, stop):
