@@ -183,7 +183,7 @@ def test_known_noise_takes_the_place_of_the_learned_one(block):
     ],
 )
 def test_the_result_says_what_the_noise_was_in_words(sigma, blurred, in_all_directions, words):
-    ball = sphere(resolution=40, jitter=0.2)
+    ball = sphere(resolution=20, jitter=0.2)
     unit, n = edge_of(ball.vertices, ball.faces), len(ball.vertices)
     noise = np.random.default_rng(0).standard_normal((n, 3 if in_all_directions else 1))
     if blurred:
@@ -204,7 +204,7 @@ def test_the_result_says_what_the_noise_was_in_words(sigma, blurred, in_all_dire
 
 def test_waves_as_long_as_the_detail_keep_half_of_their_height():
     """Waves of 8 edges that are hidden in noise: the difference between the mesh with them and with their opposite."""
-    sheet = waves(resolution=70, amplitude=0.0)
+    sheet = waves(resolution=50, amplitude=0.0)
     unit, n = edge_of(sheet.vertices, sheet.faces), len(sheet.vertices)
     wave, noise = np.sin(2.0 * np.pi * sheet.vertices[:, 0] / (8.0 * unit)), np.random.default_rng(0).standard_normal(n)
     inside = np.abs(sheet.vertices[:, :2]).max(axis=1) < 0.7
