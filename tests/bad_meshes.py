@@ -14,13 +14,13 @@ def surface(make, resolution):
     return make(resolution=resolution, jitter=0.2)
 
 
-def ball(resolution=6):
+def ball(resolution=4):
     found = surface(sphere, resolution)
     return found.vertices.copy(), found.faces.copy()
 
 
 def ring():
-    found = surface(torus, 12)
+    found = surface(torus, 10)
     return found.vertices.copy(), found.faces.copy()
 
 
