@@ -12,7 +12,7 @@ import matplotlib
 import numpy as np
 
 import bezier_filters as bf
-from bezier_filters.surfaces import torus
+from bezier_filters.surfaces import SampledSurface, torus
 from common import run
 
 RESOLUTIONS = (20, 30, 45, 67)
@@ -23,9 +23,8 @@ SETTINGS: dict[str, dict[str, Any]] = {
 }
 
 
-def error_and_edge(resolution: int, **options: Any) -> tuple[float, float]:
+def error_and_edge(shape: SampledSurface, **options: Any) -> tuple[float, float]:
     """Relative RMS error of the mean curvature, and mean length of the edges."""
-    shape = torus(resolution=resolution, jitter=0.3)
     found = bf.estimate_vertex_geometry(shape.vertices, shape.faces, **options).mean_curvature
     edges = shape.vertices[shape.faces] - shape.vertices[np.roll(shape.faces, 1, axis=1)]
     error = np.linalg.norm(found - shape.mean_curvature) / np.linalg.norm(shape.mean_curvature)
@@ -38,9 +37,9 @@ def main(out: Path) -> dict[str, Any]:
     from matplotlib import pyplot
 
     figure, axes = pyplot.subplots(figsize=(6, 4.5), layout="constrained")
-    orders = {}
+    shapes, orders = [torus(resolution=resolution, jitter=0.3) for resolution in RESOLUTIONS], {}
     for name, options in SETTINGS.items():
-        errors, edges = np.array([error_and_edge(resolution, **options) for resolution in RESOLUTIONS]).T
+        errors, edges = np.array([error_and_edge(shape, **options) for shape in shapes]).T
         orders[name] = float(np.polyfit(np.log(edges), np.log(errors), 1)[0])
         axes.loglog(edges, errors, "o-", label=f"{name}: order {orders[name]:.1f}")
     axes.set_xlabel("mean edge / large radius of the torus")

@@ -1,5 +1,7 @@
 """Meshes as they should not be, for every function to survive."""
 
+from functools import cache
+
 import numpy as np
 
 from bezier_filters.surfaces import sphere, torus
@@ -7,14 +9,19 @@ from bezier_filters.surfaces import sphere, torus
 TRIANGLE = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]])
 
 
-def ball(resolution=6):
-    surface = sphere(resolution=resolution, jitter=0.2)
-    return surface.vertices.copy(), surface.faces.copy()
+@cache
+def surface(make, resolution):
+    return make(resolution=resolution, jitter=0.2)
+
+
+def ball(resolution=4):
+    found = surface(sphere, resolution)
+    return found.vertices.copy(), found.faces.copy()
 
 
 def ring():
-    surface = torus(resolution=12, jitter=0.2)
-    return surface.vertices.copy(), surface.faces.copy()
+    found = surface(torus, 10)
+    return found.vertices.copy(), found.faces.copy()
 
 
 def duplicate_faces():

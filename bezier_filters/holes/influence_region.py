@@ -177,20 +177,26 @@ def known_surface(
     """Find out what is known around holes; the noise is learned if it is not given."""
     if not regions:
         return KnownSurface(np.zeros_like(mesh.vertices), noise, regions)
-    noisy = [region.is_noisy(noise) for region in regions]
-    while True:
-        selected = np.zeros(mesh.vertex_count, dtype=np.bool_)
-        for region, is_noisy in zip(regions, noisy, strict=True):
-            selected[region.ids[fitted_points(region, noisy=is_noisy)]] = True
-        geometry = estimate_vertex_geometry(mesh.vertices, mesh.faces, selected=selected, threads=threads)
-        noise = geometry.noise_sigma if noise is None else noise
-        expected, noisy = noisy, [region.is_noisy(noise) for region in regions]
-        if noisy == expected:
-            shape = geometry.noise_free
-            if shape is not None:
-                regions = [replace(region, noise_free=shape[region.ids]) for region in regions]
-            return KnownSurface(geometry.normals, noise, regions)
-        # Otherwise more points are fitted than was thought: once more, now with what is known of the noise.
+    # The noise decides which points are fitted, and is learned together with the normals: both choices are looked at.
+    points = [
+        {
+            noisy: region.ids[fitted_points(region, noisy=noisy)]
+            for noisy in ((False, True) if noise is None else (region.is_noisy(noise),))
+        }
+        for region in regions
+    ]
+    selected = np.zeros(mesh.vertex_count, dtype=np.bool_)
+    selected[np.concatenate([ids for of_region in points for ids in of_region.values()])] = True
+    geometry = estimate_vertex_geometry(mesh.vertices, mesh.faces, selected=selected, threads=threads)
+    noise = geometry.noise_sigma if noise is None else noise
+    fitted = [of_region[region.is_noisy(noise)] for region, of_region in zip(regions, points, strict=True)]
+    normals = np.zeros_like(mesh.vertices)
+    for ids in fitted:
+        normals[ids] = geometry.normals[ids]
+    shape = geometry.noise_free
+    if shape is not None:
+        regions = [replace(region, noise_free=shape[region.ids]) for region in regions]
+    return KnownSurface(normals, noise, regions)
 
 
 def fitted_points(region: InfluenceRegion, known: BoolArray | None = None, *, noisy: bool) -> IntArray:

@@ -120,16 +120,18 @@ class RingAnalysis:
     def quadratics(self, numbers: IntArray) -> tuple[FloatArray, FloatArray]:
         """Points of k neighbourhoods on quadratic fits, (k, n, 3) in units of the radius, and how steep these are.
 
+        The terms are 1, x, y, x^2 - y^2, 2 x y and x^2 + y^2, the first of `designs`, which has far more of them.
         The second result is 1 / cos of the slope, (k, n): heights hold so much of noise along the normal.
         """
-        parameters, design = self.parameters(numbers), self.designs(numbers)[..., : harmonic_basis().up_to(FREE_DEGREE)]
-        heights = self.points[self.rows[numbers], :, 2:] * (self._present(numbers) / self.radius)[..., np.newaxis]
+        parameters, present = self.parameters(numbers), self._present(numbers)
+        x, y = np.moveaxis(parameters, 2, 0)
+        xx, yy = x * x, y * y
+        design = np.stack([present.astype(np.float64), x, y, xx - yy, 2.0 * (x * y), xx + yy], axis=-1)
+        heights = self.points[self.rows[numbers], :, 2:] * (present / self.radius)[..., np.newaxis]
         transposed = design.transpose(0, 2, 1)
         inner, places = transposed @ design, np.arange(design.shape[2])
         inner[:, places, places] += SINGULAR * inner[:, places, places].max(axis=1, keepdims=True)
         a = np.linalg.solve(inner, transposed @ heights)
-        x, y = parameters[..., 0], parameters[..., 1]
-        # the terms are 1, x, y, x^2 - y^2, 2 x y, x^2 + y^2
         slope_x = a[:, 1] + 2.0 * ((a[:, 5] + a[:, 3]) * x + a[:, 4] * y)
         slope_y = a[:, 2] + 2.0 * ((a[:, 5] - a[:, 3]) * y + a[:, 4] * x)
         return np.concatenate([parameters, design @ a], axis=2), np.sqrt(1.0 + slope_x**2 + slope_y**2)

@@ -23,6 +23,7 @@ TIE_JITTER = 1e-6
 # empty and the whole rim consists of Delaunay edges.
 RIM_CLEARANCE = 0.6
 
+MARGIN = 4.0  # edges of a wrapped rectangle that are repeated around it: triangles are far smaller
 HOLE_GAP = 3.0  # least distance between two holes, and between a hole and the border, in edges
 
 
@@ -228,7 +229,9 @@ def _delaunay(points: FloatArray, periods: tuple[int, ...]) -> IntArray:
     """Delaunay triangulation in the plane, on a strip or on a torus (period 0: not periodic)."""
     shifts = np.array(list(product(*((0, -period, period) if period else (0,) for period in periods))))
     tiles = (points + shifts[:, None, :]).reshape(-1, 2)
-    tiled = Delaunay(tiles).simplices
+    low, high = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
+    near = np.flatnonzero(((tiles >= low) & (tiles <= high)).all(axis=1))
+    tiled = near[Delaunay(tiles[near]).simplices]
     faces = tiled % len(points)
     # Each triangle recurs in every tile: keep the one whose lowest vertex lies in the first tile.
     lowest = np.take_along_axis(tiled, faces.argmin(axis=1)[:, None], axis=1)[:, 0]

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -18,13 +19,20 @@ from bezier_filters.patches.polynomials import total_degree_space
 from bezier_filters.surfaces import bumpy_star, ellipsoid, height_field, monkey_saddle, sphere, torus, waves
 
 SURFACES = {
-    "sphere": lambda r: sphere(resolution=r, jitter=0.3),
-    "ellipsoid": lambda r: ellipsoid(resolution=r, jitter=0.3),
-    "bumpy_star": lambda r: bumpy_star(resolution=r, jitter=0.3),
-    "torus": lambda r: torus(resolution=2 * r, jitter=0.3),
-    "waves": lambda r: waves(resolution=3 * r, jitter=0.3),
-    "monkey_saddle": lambda r: monkey_saddle(resolution=3 * r, jitter=0.3),
+    "sphere": cache(lambda r: sphere(resolution=r, jitter=0.3)),
+    "ellipsoid": cache(lambda r: ellipsoid(resolution=r, jitter=0.3)),
+    "bumpy_star": cache(lambda r: bumpy_star(resolution=r, jitter=0.3)),
+    "torus": cache(lambda r: torus(resolution=2 * r, jitter=0.3)),
+    "waves": cache(lambda r: waves(resolution=3 * r, jitter=0.3)),
+    "monkey_saddle": cache(lambda r: monkey_saddle(resolution=3 * r, jitter=0.3)),
 }
+
+
+@cache
+def clean(name):
+    """A surface, and the estimate of its mesh without noise."""
+    surface = SURFACES[name](18)
+    return surface, estimate_vertex_geometry(surface.vertices, surface.faces)
 
 
 def mean_edge(surface):
@@ -124,8 +132,7 @@ def test_noise_and_detail_that_are_no_lengths_or_that_nothing_depends_on_are_ref
 
 @pytest.mark.parametrize("name", SURFACES)
 def test_clean_meshes_have_no_noise_and_an_accurate_curvature(name):
-    surface = SURFACES[name](18)
-    geometry = estimate_vertex_geometry(surface.vertices, surface.faces)
+    surface, geometry = clean(name)
     assert geometry.noise_sigma < 1e-4 * mean_edge(surface)
     mask = inner(surface)
     error = relative_rms((geometry.mean_curvature - surface.mean_curvature)[mask], surface.mean_curvature[mask])
@@ -150,11 +157,10 @@ def test_the_automatic_choice_beats_every_single_setting_over_clean_and_noisy_me
 
 
 def test_wide_rings_are_taken_for_noise_and_narrow_ones_without():
-    surface = SURFACES["waves"](18)
-    clean = estimate_vertex_geometry(surface.vertices, surface.faces).fit
+    surface, geometry = clean("waves")
     noisy = estimate_vertex_geometry(with_noise(surface, 0.1), surface.faces).fit
-    assert clean.rings <= 4 < noisy.rings
-    assert clean.alpha is None
+    assert geometry.fit.rings <= 4 < noisy.rings
+    assert geometry.fit.alpha is None
 
 
 def test_each_choice_can_be_fixed():
@@ -220,8 +226,7 @@ MEASURED = {  # relative error of H and error of the normal in degrees, on clean
 @pytest.mark.parametrize("name", MEASURED)
 def test_clean_irregular_meshes_are_as_accurate_as_they_were(name):
     """Up to a factor of three, and to what is near rounding."""
-    surface = SURFACES[name](18)
-    geometry = estimate_vertex_geometry(surface.vertices, surface.faces)
+    surface, geometry = clean(name)
     mask = inner(surface)
     mean = relative_rms((geometry.mean_curvature - surface.mean_curvature)[mask], surface.mean_curvature[mask])
     turned = np.linalg.norm((geometry.normals - surface.normals)[mask], axis=1)

@@ -28,7 +28,9 @@ NAMES = [
 @pytest.mark.parametrize("function", VERTEX_FILTERS)
 def test_sample_meshes(name, function):
     ms = load_sample(name)
-    result = function(ms, color=True)
+    # All three choose their fits alike: that is looked at in one of them.
+    is_curvature = function is compute_curvature_by_bezier_patch_per_vertex
+    result = function(ms, color=True, **({} if is_curvature else {"rings": 2, "alpha": 0.8}))
     mesh = ms.current_mesh()
     assert sum(result["status"].values()) == mesh.vertex_number()
     assert np.isfinite(mesh.vertex_scalar_array()).all()
@@ -36,7 +38,7 @@ def test_sample_meshes(name, function):
         assert np.isfinite(mesh.vertex_custom_scalar_attribute_array(attribute)).all()
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [pytest.param(NAMES[0], marks=pytest.mark.slow), *NAMES[1:]])  # 10k is the same scan
 def test_smoothing_of_sample_meshes(name):
     ms = load_sample(name)
     report = apply_coord_bezier_patch_smoothing(ms, quality="displacement", color=True)

@@ -77,8 +77,10 @@ def test_everything_old_stays(textured):
     after = layer_state(textured.current_mesh()) | {k: frozen(v) for k, v in attributes(textured).items()}
     assert report["lost_attributes"] == []
     assert before.keys() == after.keys()
+    vertices, _ = arrays(textured)
+    np.testing.assert_array_equal(thawed(after["bounding_box"]), [*vertices.min(axis=0), *vertices.max(axis=0)])
     for key, old in before.items():
-        if key in NORMALS:
+        if key in {*NORMALS, "bounding_box"}:
             continue
         if old != after[key]:  # then it has more rows
             rows = thawed(old)

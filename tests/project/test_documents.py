@@ -69,7 +69,7 @@ def in_help():
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def prepared(tmp_path_factory):
     """Files of the names that the pages use: a scan with holes, points, and what the commands before made of them."""
     folder = tmp_path_factory.mktemp("documents")
     shutil.copy(ROOT / "sample_meshes" / "punched_patch.ply", folder / "scan.ply")
@@ -85,8 +85,19 @@ def folder(tmp_path_factory):
     ms.save_current_mesh(str(folder / "points.ply"))
     (folder / "scans").mkdir()
     shutil.copy(folder / "scan.ply", folder / "scans")
-    assert CliRunner().invoke(app, ["curvature", str(folder / "scan.ply"), str(folder / "curved.ply")]).exit_code == 0
+    for command, result, *options in (
+        ("curvature", "curved.ply"),
+        ("smooth", "clean.ply", "--quality", "displacement"),
+    ):
+        arguments = [command, str(folder / "scan.ply"), str(folder / result), *options]
+        assert CliRunner().invoke(app, arguments).exit_code == 0
     return folder
+
+
+@pytest.fixture
+def folder(prepared, tmp_path):
+    """The same for one command alone, which then needs no other before it."""
+    return shutil.copytree(prepared, tmp_path / "documents")
 
 
 @pytest.mark.parametrize("command", [*found(COMMAND), *in_help()])

@@ -24,7 +24,8 @@ def stored(folder, vertices, faces, tile=256):
 def assert_is_part(part, mesh, seeds, rings):
     """What `k_rings` finds around the seeds, and the faces at all of it but the last ring."""
     adjacency = vertex_adjacency(mesh)
-    within = [np.unique(np.concatenate([k_rings(adjacency, k).row(i) for i in seeds])) for k in (rings - 1, rings)]
+    around = (k_rings(adjacency, k) for k in (rings - 1, rings))
+    within = [np.unique(np.concatenate([rows.row(i) for i in seeds])) for rows in around]
     assert np.array_equal(part.ids, within[1])
     is_inner = np.isin(mesh.faces, within[0]).any(axis=1)
     assert np.array_equal(part.ids[part.mesh.faces], mesh.faces[is_inner])

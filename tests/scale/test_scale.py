@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scale_cases import MESHES, assert_same_as_in_memory, clean, noisy, save_arrays
+from scale_cases import MESHES, assert_same_as_in_memory, clean, in_memory, noisy, save_arrays
 
 from bezier_filters import InvalidParameterError, estimate_vertex_geometry, read_fields, smooth
 from bezier_filters.fields import ESTIMATES
@@ -86,7 +86,7 @@ def test_normals_and_torsion_have_their_columns(quantity, tmp_path):
     files = save_arrays(tmp_path, vertices, faces)
     estimate_file(files, tmp_path / "out.ply", quantity, scheduler="synchronous", tile_vertices=512)
     fields = read_fields(tmp_path / "out.ply")
-    expected = columns_of(quantity, estimate_vertex_geometry(vertices, faces))
+    expected = columns_of(quantity, in_memory(vertices, faces))
     assert fields.keys() - {"quality"} == expected.keys()
     for name, values in expected.items():
         assert np.array_equal(fields[name], values), name
@@ -104,7 +104,7 @@ def test_some_columns_can_be_chosen(tmp_path):
 def test_columns_of_all_filters_come_from_one_run(tmp_path):
     """What is there for each of them, with any quality."""
     vertices, faces = clean()
-    files, geometry = save_arrays(tmp_path, vertices, faces), estimate_vertex_geometry(vertices, faces)
+    files, geometry = save_arrays(tmp_path, vertices, faces), in_memory(vertices, faces)
     how = {"scheduler": "synchronous", "tile_vertices": 512}
     report = estimate_file(files, tmp_path / "out.ply", "all", quality="torsion", **how)
     fields = read_fields(tmp_path / "out.ply")

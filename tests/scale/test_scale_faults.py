@@ -24,6 +24,7 @@ from bezier_filters.surfaces import bumpy_star
 
 TILES = 9
 OPTIONS = {"scheduler": "synchronous", "workers": 1, "tile_vertices": 256}
+GIVEN = {"rings": 2, "alpha": 0.8}  # where it does not matter how fits are chosen
 
 
 @pytest.fixture
@@ -76,7 +77,8 @@ def test_a_run_that_is_stopped_while_it_sorts_starts_anew(files, tmp_path):
 @pytest.mark.parametrize("find", [tile_path, report_path])
 @pytest.mark.parametrize("place", [3, 100, -3, None])
 def test_a_damaged_tile_is_named_and_computed_again(find, place, files, tmp_path):
-    results = interrupted(files, tmp_path / "out.ply", 8)
+    given = {"options": FitOptions(**GIVEN)}
+    results = interrupted(files, tmp_path / "out.ply", 8, **given)
     path = find(results, 5)
     data = bytearray(path.read_bytes())
     if place is None:
@@ -87,10 +89,10 @@ def test_a_damaged_tile_is_named_and_computed_again(find, place, files, tmp_path
     with pytest.raises(DamagedTileError, match=r"tile 5 .*tile-000005\.npy"):
         open_tile(results, 5)
     done = len(tiles_in(results))
-    report = estimate_file(files, tmp_path / "out.ply", resume=True, **OPTIONS)
+    report = estimate_file(files, tmp_path / "out.ply", resume=True, **OPTIONS, **given)
     assert report["damaged_tiles"] == [5]
     assert report["computed_tiles"] == TILES - done + 1
-    assert_same_as_in_memory(report, *clean())
+    assert_same_as_in_memory(report, *clean(), **GIVEN)
 
 
 def test_what_a_killed_process_leaves_is_no_result(files, tmp_path):
@@ -135,14 +137,15 @@ def test_a_store_of_another_mesh_is_refused(files, tmp_path):
 @pytest.mark.parametrize("name", ["vertices.bin", "order.bin", "rank.bin", "faces.bin", "face_ptr.npy"])
 @pytest.mark.parametrize("damage", ["cut short", "empty", "missing"])
 def test_a_store_that_is_damaged_is_named(name, damage, files, tmp_path):
-    interrupted(files, tmp_path / "out.ply", 2)
+    given = {"options": FitOptions(**GIVEN)}
+    interrupted(files, tmp_path / "out.ply", 2, **given)
     path = tmp_path / "out.ply.tiles" / name
     if damage == "missing":
         path.unlink()
     else:
         os.truncate(path, 0 if damage == "empty" else path.stat().st_size - 16)
     with pytest.raises(FieldFileError, match=rf"{name} is damaged or missing; remove the folder$"):
-        estimate_file(files, tmp_path / "out.ply", resume=True, **OPTIONS)
+        estimate_file(files, tmp_path / "out.ply", resume=True, **OPTIONS, **given)
 
 
 def test_other_tiles_are_refused(files, tmp_path):

@@ -88,11 +88,13 @@ CASES = MESHES | {
     "large block": lambda: with_noise(*block_with_sharp_edges(resolution=130, jitter=0.2)),
     "many": many_components,
     "pipe": lambda: with_noise(*pipe(12, 5200)),
+    "short pipe": lambda: with_noise(*pipe(12, 700)),
     "far away": far_away,
     "large": lambda: with_noise(*star(120)),
 }
-QUICK = {"several": 1024, "clean": 1024, "pipe": 8192}
+QUICK = {"several": 1024, "clean": 1024, "short pipe": 1024}
 SLOW = {
+    "pipe": 8192,
     "noisy": 512,
     "shuffled": 512,
     "open": 512,

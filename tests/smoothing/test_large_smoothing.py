@@ -17,12 +17,18 @@ from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, sphere
 compiled = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
 
 
-@pytest.fixture(scope="module")
-def star():
-    """A surface with more vertices than are looked at as a whole."""
-    surface = bumpy_star(resolution=80, jitter=0.2)
-    assert len(surface.vertices) > LARGEST_WHOLE
-    return surface
+@pytest.fixture(scope="module", params=[4, pytest.param(1, marks=pytest.mark.slow)])
+def star(request):
+    """A surface with more vertices than are looked at as a whole, or a fourth of that, and parts as much smaller."""
+    share = request.param
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(mesh_parts, "PART", PART // share)
+        patch.setattr(mesh_parts, "CORE", CORE // share)
+        for module in (mesh_parts, denoise):
+            patch.setattr(module, "LARGEST_WHOLE", LARGEST_WHOLE // share)
+        surface = bumpy_star(resolution=80 if share == 1 else 42, jitter=0.2)
+        assert len(surface.vertices) > max(LARGEST_WHOLE // share, 2 * CHUNK)
+        yield surface
 
 
 @compiled
@@ -30,8 +36,8 @@ def test_parts_are_of_one_piece_with_a_margin(star):
     mesh = triangle_mesh(star.vertices, star.faces)
     adjacency = vertex_adjacency(mesh)
     parts = sampled_parts(mesh, adjacency)
-    assert PART < parts.part.mesh.vertex_count < mesh.vertex_count
-    assert parts.core.sum() > CORE
+    assert mesh_parts.PART < parts.part.mesh.vertex_count < mesh.vertex_count
+    assert parts.core.sum() > mesh_parts.CORE
     assert np.array_equal(parts.part.mesh.vertices, star.vertices[parts.part.ids])
     # Nothing is missing around the vertices that count.
     inside = parts.part.adjacency.vertices.lengths[parts.core]
@@ -49,8 +55,8 @@ def test_small_meshes_are_their_own_sample():
 
 @pytest.fixture(scope="module")
 def smoothed(star):
-    """The star and a block beside it, as they were, and with noise that was taken off."""
-    block, faces = block_with_sharp_edges(resolution=20, jitter=0.2)
+    """The star and a block beside it, as they were, with noise, and with that taken off."""
+    block, faces = block_with_sharp_edges(resolution=16, jitter=0.2)
     scale = edge_of(star.vertices, star.faces) / edge_of(block, faces)
     clean = np.vstack([star.vertices, block * scale + [5.0, 0.0, 0.0]])
     both = np.vstack([star.faces, faces + len(star.vertices)])
@@ -59,35 +65,28 @@ def smoothed(star):
         np.add.at(normals, both[:, k], face_normals(clean, both))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     noisy = with_noise(clean, both, normals, 0.2)
-    return clean, faces, smooth(noisy, both, threads=2)
+    return clean, faces, (noisy, both), smooth(noisy, both, threads=2)
 
 
 @compiled
 def test_large_meshes_become_smooth(star, smoothed):
-    _, _, result = smoothed
+    *_, result = smoothed
     assert mean_angle(result.vertices[: len(star.vertices)], star.vertices, star.faces) < 1.0
     assert result.volume_ratio == pytest.approx(1.0, abs=1e-9)
 
 
 @compiled
-def test_the_number_of_threads_does_not_matter(monkeypatch):
-    """On a mesh of several chunks of vertices, and with parts that are as much smaller as it is."""
-    share = 5
-    monkeypatch.setattr(mesh_parts, "PART", PART // share)
-    monkeypatch.setattr(mesh_parts, "CORE", CORE // share)
-    for module in (mesh_parts, denoise):
-        monkeypatch.setattr(module, "LARGEST_WHOLE", LARGEST_WHOLE // share)
-    star = bumpy_star(resolution=38, jitter=0.2)
-    assert len(star.vertices) > max(LARGEST_WHOLE // share, 2 * CHUNK)
-    noisy = with_noise(star.vertices, star.faces, star.normals, 0.2)
-    one, two = (smooth(noisy, star.faces, threads=threads) for threads in (1, 2))
+def test_the_number_of_threads_does_not_matter(smoothed):
+    """On a mesh of several chunks of vertices."""
+    *_, noisy, two = smoothed
+    one = smooth(*noisy, threads=1)
     assert np.array_equal(one.vertices, two.vertices)
     assert np.array_equal(one.sharpness, two.sharpness)
 
 
 @compiled
 def test_edges_that_no_part_need_have_met_stay_sharp(star, smoothed):
-    clean, faces, result = smoothed
+    clean, faces, _, result = smoothed
     rest = slice(len(star.vertices), None)
     assert result.sharpness[rest].mean() > 0.5
     assert mean_angle(result.vertices[rest], clean[rest], faces) < 3.0

@@ -31,12 +31,12 @@ def part_around(mesh, adjacency, inner, rings):
 
 
 def noisy_star():
-    star = bumpy_star(resolution=70, jitter=0.2)
+    star = bumpy_star(resolution=52, jitter=0.2)
     return with_noise(star.vertices, star.faces, star.normals, 0.2), star.faces
 
 
 def noisy_block():
-    block, faces = block_with_sharp_edges(resolution=90, jitter=0.2)
+    block, faces = block_with_sharp_edges(resolution=50, jitter=0.2)
     normals = np.zeros_like(block)
     for k in range(3):
         np.add.at(normals, faces[:, k], face_normals(block, faces))
