@@ -16,30 +16,6 @@ def red_blood_cell(*, resolution: int = 16, jitter: float = 0.0, seed: int = 0) 
     The shape that Evans and Fung ("Improved measurements of the erythrocyte geometry",
     Microvascular Research 4, 1972) measured, in units of its radius: a disc with a thick rim and a
     dimple on either side. The mesh is that of the unit sphere, squeezed along z.
-
-    Parameters
-    ----------
-    resolution, jitter, seed
-        As in `sphere`; the jitter is that of the points of the sphere.
-
-    Returns
-    -------
-    SampledSurface
-        Closed mesh with outward normals.
-
-    Raises
-    ------
-    InvalidParameterError
-        If a parameter is out of range.
-
-    Examples
-    --------
-    The dimples are hollow, seen from outside:
-
-    >>> cell = red_blood_cell()
-    >>> middle = np.hypot(cell.vertices[:, 0], cell.vertices[:, 1]).argmin()
-    >>> bool(cell.mean_curvature[middle] < 0 < cell.gaussian_curvature[middle])
-    True
     """
     directions, faces = sampling.sphere_directions(resolution, jitter=jitter, seed=seed)
     x, y = directions[:, 0], directions[:, 1]
@@ -50,21 +26,8 @@ def red_blood_cell(*, resolution: int = 16, jitter: float = 0.0, seed: int = 0) 
 def red_blood_cell_at(vertices: FloatArray, faces: IntArray) -> SampledSurface:
     """`red_blood_cell` sampled at given points of it.
 
-    Parameters
-    ----------
-    vertices : (n, 3) float64
-        Points of the surface.
-    faces : (m, 3) int32
-        Triangles, counter-clockwise seen from outside.
-
-    Returns
-    -------
-    SampledSurface
-
-    Raises
-    ------
-    InvalidParameterError
-        If a point is not on the surface: z^2 may be off by rounding to single precision.
+    These are points (n, 3) and triangles (m, 3), counter-clockwise seen from outside. Points off the surface are
+    refused: z^2 may be off by rounding to single precision.
     """
     x, y, z = vertices.T
     square = x * x + y * y

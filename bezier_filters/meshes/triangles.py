@@ -57,3 +57,16 @@ def edge_length(points: FloatArray, a: int, b: int) -> float:
     """Distance of two points."""
     x, y, z = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
     return float(np.sqrt(x * x + y * y + z * z))
+
+
+@inner_jit()
+def longest_squared(vertices: FloatArray, faces: IntArray, f: int) -> float:
+    """Squared length of the longest edge of a face."""
+    result = 0.0
+    for k in range(3):
+        i, j = faces[f, k], faces[f, (k + 1) % 3]
+        squared = 0.0
+        for axis in range(3):
+            squared += (vertices[i, axis] - vertices[j, axis]) ** 2
+        result = max(result, squared)
+    return result

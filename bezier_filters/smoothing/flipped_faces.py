@@ -8,6 +8,7 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.frames import face_normal, tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.triangles import longest_squared
 from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import run_kernel
 
@@ -59,15 +60,11 @@ def _find(
     """Mark the wrong ones of faces start .. stop-1."""
     for f in range(start, stop):
         x, y, z = face_normal(vertices, faces, f)
-        longest, against = 0.0, 0.0
+        against = 0.0
         for k in range(3):
-            i, j = faces[f, k], faces[f, (k + 1) % 3]
-            squared = 0.0
-            for axis in range(3):
-                squared += (vertices[i, axis] - vertices[j, axis]) ** 2
-            longest = max(longest, squared)
+            i = faces[f, k]
             against += x * around[i, 0] + y * around[i, 1] + z * around[i, 2]
-        degenerate[f] = np.sqrt(x * x + y * y + z * z) <= THINNEST * longest
+        degenerate[f] = np.sqrt(x * x + y * y + z * z) <= THINNEST * longest_squared(vertices, faces, f)
         flipped[f] = against < 0.0 and not degenerate[f]
 
 

@@ -16,7 +16,8 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.frames import face_normal, tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.runtime.jit import inner_jit, jit
+from bezier_filters.meshes.triangles import longest_squared
+from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import run_kernel
 
 STEPS = 8  # each leaves of a move what is not along a normal: an edge at a right angle takes a half off in each
@@ -156,21 +157,9 @@ def _mark_narrow(
         x, y, z = face_normal(points, faces, f)
         length = np.sqrt(x * x + y * y + z * z)
         u, v, w = face_normal(held, faces, f)
-        wide, here = length / _longest(points, faces, f), _longest(held, faces, f)
+        there, here = longest_squared(points, faces, f), longest_squared(held, faces, f)
+        wide = length / there if there > 0.0 else 0.0
         height = (u * x + v * y + w * z) / (length * here) if length * here > 0.0 else 0.0
         if height < least and WIDER * height < wide:
             for corner in range(3):
                 slides[faces[f, corner]] = farther[faces[f, corner]]
-
-
-@inner_jit()
-def _longest(points: FloatArray, faces: IntArray, f: int) -> float:
-    """Squared length of the longest edge of a face."""
-    result = 1e-300
-    for k in range(3):
-        i, j = faces[f, k], faces[f, (k + 1) % 3]
-        squared = 0.0
-        for axis in range(3):
-            squared += (points[i, axis] - points[j, axis]) ** 2
-        result = max(result, squared)
-    return result

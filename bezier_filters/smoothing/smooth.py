@@ -130,7 +130,7 @@ def smooth(
                 found = denoised(current, adjacency, here, *options, threads=threads, progress=part)
                 points, sharpness = found.points, np.maximum(sharpness, found.sharpness)
             else:
-                points = _onto_patches(current, rings or 2, alpha or 0.8, threads, part)
+                points = _onto_patches(current, rings, alpha, threads, part)
             points = np.where(movable[:, np.newaxis], points, mesh.vertices)
         components = ClosedComponents.of(mesh, adjacency)
         volumes_before = component_volumes(components, mesh)
@@ -162,8 +162,11 @@ def smooth(
         )
 
 
-def _onto_patches(mesh: TriangleMesh, rings: int, alpha: float, threads: int, progress: Progress | None) -> FloatArray:
+def _onto_patches(
+    mesh: TriangleMesh, rings: int | None, alpha: float | None, threads: int, progress: Progress | None
+) -> FloatArray:
     """The vertices on their patches, as the paper has it."""
+    rings, alpha = 2 if rings is None else rings, 0.8 if alpha is None else alpha
     geometry = estimate_vertex_geometry(
         mesh.vertices, mesh.faces, rings=rings, alpha=alpha, smoothness="paper", threads=threads, progress=progress
     )

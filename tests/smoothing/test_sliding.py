@@ -70,6 +70,12 @@ def test_options_of_the_other_method_are_refused(options):
         smooth(*block, **options)
 
 
+@pytest.mark.parametrize(("options", "message"), [({"rings": 0}, "rings: got 0"), ({"alpha": 0.0}, "alpha: got 0.0")])
+def test_options_of_the_paper_are_checked_where_they_are_used(options, message):
+    with pytest.raises(InvalidParameterError, match=message):
+        smooth(*block_with_sharp_edges(resolution=4), method="paper", **options)
+
+
 def test_fits_are_refused_by_automatic_smoothing_in_tiles(tmp_path):
     with pytest.raises(InvalidParameterError, match="options: only method='paper' fits patches"):
         smooth_file("scan.ply", tmp_path / "out.ply", options=FitOptions(rings=3))

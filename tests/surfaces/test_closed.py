@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from surface_cases import CLOSED, each_jitter, make, volume
 
 from bezier_filters import surfaces
+from evans_fung import red_blood_cell
 
 
 @each_jitter
@@ -21,6 +22,12 @@ def test_torus_has_the_textbook_curvatures_and_directions(jitter: float) -> None
     parallel = np.stack([-ring.vertices[:, 1], ring.vertices[:, 0], np.zeros_like(cosine)], axis=1)
     along = np.einsum("ni,ni->n", ring.direction_min, parallel / axis_distance[:, None])
     np.testing.assert_allclose(np.abs(along), 1, atol=1e-13)
+
+
+def test_the_dimples_of_the_red_blood_cell_are_hollow_seen_from_outside() -> None:
+    cell = red_blood_cell()
+    middle = np.hypot(cell.vertices[:, 0], cell.vertices[:, 1]).argmin()
+    assert cell.mean_curvature[middle] < 0.0 < cell.gaussian_curvature[middle]
 
 
 @each_jitter
