@@ -28,6 +28,7 @@ from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.meshes.mesh import LARGEST, SMALLEST
 from bezier_filters.meshlab.meshset import BezierFilterError
 from bezier_filters.meshlab.scripts import FILTERS
+from bezier_filters.smoothing.flipped_faces import WORSE
 from bezier_filters.status import FitStatus
 
 ESTIMATES = {
@@ -96,7 +97,9 @@ def check_smoothing(vertices, faces, method):
     assert result.vertices.shape == vertices.shape
     assert np.isfinite(result.displacement).all()
     if method == "auto":
-        assert result.new_bad_faces == 0
+        # A face that becomes wrong is paid for by more that are mended.
+        before, after = result.flipped_before + result.degenerate_before, result.flipped_after + result.degenerate_after
+        assert after + WORSE * result.new_bad_faces <= before
 
 
 def check_holes(vertices, faces, method):

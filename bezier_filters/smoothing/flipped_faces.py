@@ -17,6 +17,7 @@ ROUNDS = 60  # after which no more is tried; far more than there have ever been 
 # edges from a face that is wrong to vertices that may be the cause; what happens to a vertex depends on a few times
 # as many rings around it
 REACH = 4
+WORSE = 4  # how many faces that stay wrong weigh as much as one that becomes wrong
 
 
 @dataclass(frozen=True)
@@ -73,17 +74,18 @@ def repair_flipped_faces(
 ) -> FloatArray:
     """Take back as much of the moves of vertices to points (n, 3) as makes faces of the mesh wrong that were not.
 
-    Returns where the vertices end. Where strong noise has turned faces everywhere, taking back moves turns others, and
-    is only done as far as it leaves fewer that are wrong.
+    Returns where the vertices end. Where strong noise has turned faces everywhere, taking back moves turns others: it
+    stops where the faces that are wrong, those that were not before weighed `WORSE` + 1 times, are fewest, and
+    they are never more than before.
     """
     before = bad_faces(mesh, adjacency, threads=threads)
     rows, share, result = adjacency.vertices, np.ones(mesh.vertex_count), points
-    best, fewest = points, 2 * mesh.face_count + 1
+    best, fewest = mesh.vertices, int(np.count_nonzero(before.flipped | before.degenerate))
     for _ in range(ROUNDS):
         bad = bad_faces(TriangleMesh(result, mesh.faces), adjacency, threads=threads)
         new = bad.new_since(before)
-        count = int(np.count_nonzero(new)) + int(np.count_nonzero(bad.flipped | bad.degenerate))
-        if count < fewest:
+        count = WORSE * int(np.count_nonzero(new)) + int(np.count_nonzero(bad.flipped | bad.degenerate))
+        if count <= fewest:
             best, fewest = result, count
         if not new.any():
             break

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bad_meshes import MAKERS
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from mesh_mutations import mutated
 from survival import CHECKS
@@ -23,6 +23,7 @@ def test_bad_meshes(name):
 @pytest.mark.parametrize("check", CHECKS)
 @settings(max_examples=12, deadline=None)
 @given(st.integers(0, 2**32 - 1))
+@example(212)  # so noisy that every way to have no new bad face leaves more bad ones
 def test_mutated_meshes(check, seed):
     CHECKS[check](*mutated(seed))
 
