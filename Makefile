@@ -3,18 +3,19 @@ PYTHON ?= python3
 MESH ?=
 OUT ?= out
 ARGS ?=
+DIR ?=
 PYTHONS ?= python3.10 python3.13
 SOURCES := pyproject.toml
 BIN := $(if $(filter Windows_NT,$(OS)),Scripts,bin)
 
-.PHONY: help demo test test-slow test-oldest test-pythons frozen style check coverage docs wheel bench bench-kernels bench-scale \
-    fuzz clean
+.PHONY: help demo test test-slow test-oldest test-pythons frozen style check coverage docs wheel bench paper bench-kernels bench-scale \
+    fuzz corpus clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 16
 
 demo: .venv/ready  ## curvature, torsion and normals of the bunny (or MESH=file) into out/
-	.venv/$(BIN)/bezier-filters demo $(MESH) --out $(OUT)
+	.venv/$(BIN)/bezier-filters demo $(if $(MESH),'$(MESH)') --out '$(OUT)'
 
 test: .venv-dev/ready  ## run the test suite, in two processes
 	.venv-dev/$(BIN)/python -m pytest -n 2 --dist worksteal $(ARGS)
@@ -61,17 +62,20 @@ wheel: .venv-dev/ready  ## wheel and sdist in dist/, installed and tried outside
 	.venv-dev/$(BIN)/python -m build
 	.venv-dev/$(BIN)/python -m pytest -m "slow or not slow" tests/project/test_packaging.py
 
-bench: .venv-dev/bench-ready  ## accuracy, stability and speed next to MeshLab and libigl
-	.venv-dev/$(BIN)/python benchmarks/accuracy.py
-	.venv-dev/$(BIN)/python benchmarks/reduction.py --slow
-	.venv-dev/$(BIN)/python benchmarks/red_blood_cell.py
-	.venv-dev/$(BIN)/python benchmarks/uneven_shape.py
-	.venv-dev/$(BIN)/python benchmarks/holes.py
-	.venv-dev/$(BIN)/python benchmarks/speed.py
+bench: .venv-dev/bench-ready  ## accuracy, stability and speed next to MeshLab and libigl; ARGS=--save keeps it
+	.venv-dev/$(BIN)/python benchmarks/accuracy.py $(ARGS)
+	.venv-dev/$(BIN)/python benchmarks/reduction.py --slow $(ARGS)
+	.venv-dev/$(BIN)/python benchmarks/red_blood_cell.py $(ARGS)
+	.venv-dev/$(BIN)/python benchmarks/uneven_shape.py $(ARGS)
+	.venv-dev/$(BIN)/python benchmarks/holes.py $(ARGS)
+	.venv-dev/$(BIN)/python benchmarks/speed.py $(ARGS)
 
 bench-scale: .venv-dev/ready  ## 50 million vertices in tiles, next to smaller meshes in memory (30 GB of disk)
 	.venv-dev/$(BIN)/python benchmarks/scale.py --vertices 1000000 7000000 50000000 --save benchmarks/results/scale.json
 	.venv-dev/$(BIN)/python benchmarks/scale.py --smooth --save benchmarks/results/scale_smoothing.json
+
+paper: .venv-dev/ready  ## the paper's figures and tables on one page, in build/paper (some three minutes)
+	.venv-dev/$(BIN)/python benchmarks/paper_figures.py $(ARGS)
 
 bench-kernels: .venv-dev/bench-ready  ## times of the stages, next to the last run of this target
 	.venv-dev/$(BIN)/python -m pytest -q -W default benchmarks/bench_kernels.py --benchmark-autosave --benchmark-compare \
@@ -80,6 +84,9 @@ bench-kernels: .venv-dev/bench-ready  ## times of the stages, next to the last r
 fuzz: .venv-dev/ready  ## damage 100,000 meshes and 10,000 files at random and run everything on them
 	.venv-dev/$(BIN)/python benchmarks/fuzz.py
 	.venv-dev/$(BIN)/python benchmarks/fuzz_files.py
+
+corpus: .venv-dev/ready  ## run everything on every mesh file below a folder (DIR=folder), into out/corpus.csv
+	.venv-dev/$(BIN)/python benchmarks/corpus.py $(DIR) $(ARGS)
 
 clean:  ## remove environments, caches and outputs
 	rm -rf .venv .venv-dev .venv-oldest .venv-python* out build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

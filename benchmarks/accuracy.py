@@ -2,8 +2,8 @@
 
 Surfaces are sampled irregularly; noise is Gaussian, along the normal, in fractions of the mean
 edge. Errors: normal, root mean square angle in degrees; H and K, root mean square difference over
-root mean square truth; vertices near a boundary are left out. Writes the table as CSV beside
-itself and prints geometric means over the surfaces.
+root mean square truth; vertices near a boundary are left out. Prints geometric means over the
+surfaces; with --save, writes accuracy.csv.
 """
 
 import argparse
@@ -72,31 +72,42 @@ def errors(surface: SampledSurface, estimate: Estimate, inner: np.ndarray) -> li
     return found
 
 
+def with_noise(surface: SampledSurface, level: float, seed: int) -> np.ndarray:
+    """Vertices displaced along the normals, in mean edges."""
+    edges = surface.vertices[surface.faces[:, 0]] - surface.vertices[surface.faces[:, 1]]
+    edge = np.linalg.norm(edges, axis=1).mean()
+    noise = np.random.default_rng(seed).standard_normal(len(surface.vertices)) * level * edge
+    return surface.vertices + noise[:, None] * surface.normals
+
+
+def inner_vertices(surface: SampledSurface) -> np.ndarray:
+    """Which vertices are more than two edges away from a boundary."""
+    mesh = bf.triangle_mesh(surface.vertices, surface.faces)
+    adjacency = bf.vertex_adjacency(mesh)
+    rows_of = bf.k_rings(adjacency, 2)
+    return np.array([not adjacency.on_boundary[rows_of.row(i)].any() for i in range(mesh.vertex_count)])
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--resolution", type=int, default=30, help="sampling; 30 gives about 9,000 vertices")
     parser.add_argument("--noise", type=float, nargs="+", default=[0.0, 0.01, 0.05, 0.1, 0.2])
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--save", action="store_true", help="write benchmarks/results/accuracy.csv")
     arguments = parser.parse_args()
     rows = []
     for name, make in SURFACES.items():
         surface = make(arguments.resolution)
-        edges = surface.vertices[surface.faces[:, 0]] - surface.vertices[surface.faces[:, 1]]
-        edge = np.linalg.norm(edges, axis=1).mean()
-        mesh = bf.triangle_mesh(surface.vertices, surface.faces)
-        adjacency = bf.vertex_adjacency(mesh)
-        rows_of = bf.k_rings(adjacency, 2)
-        inner = np.array([not adjacency.on_boundary[rows_of.row(i)].any() for i in range(mesh.vertex_count)])
+        inner = inner_vertices(surface)
         for level in arguments.noise:
-            noise = np.random.default_rng(arguments.seed).standard_normal(mesh.vertex_count) * level * edge
-            vertices = surface.vertices + noise[:, None] * surface.normals
+            vertices = with_noise(surface, level, arguments.seed)
             for method, run in methods().items():
                 rows.append((name, level, method, *errors(surface, run(vertices, surface.faces), inner)))
-    RESULTS.mkdir(exist_ok=True)
-    with (RESULTS / "accuracy.csv").open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(["surface", "noise", "method", "normal_degrees", "mean_curvature", "gaussian_curvature"])
-        writer.writerows([*row[:3], *(f"{value:.4g}" for value in row[3:])] for row in rows)
+    if arguments.save:
+        with (RESULTS / "accuracy.csv").open("w", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow(["surface", "noise", "method", "normal_degrees", "mean_curvature", "gaussian_curvature"])
+            writer.writerows([*row[:3], *(f"{value:.4g}" for value in row[3:])] for row in rows)
     print(f"{'noise':>6}  {'method':26}{'normal [deg]':>14}{'H':>12}{'K':>12}")
     for level in arguments.noise:
         for method in methods():

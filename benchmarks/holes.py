@@ -24,21 +24,12 @@ from bezier_filters import surfaces
 from bezier_filters.holes.loops import diameter
 from bezier_filters.meshes.self_intersections import cut_faces
 from bezier_filters.meshlab.meshset import shipped_bunny
+from cut_holes import Case, compact, cut, normals, surface_points
 from hole_peers import Filler, fillers
 
 RESULTS = Path(__file__).parent / "results"
-SAMPLES = 10_000
 SMALLEST = 0.01
 """RMS, in percent, that counts as no error in ratios: blocks are continued exactly."""
-
-
-class Case(NamedTuple):
-    """A mesh with one hole, and the faces that were there."""
-
-    name: str
-    vertices: np.ndarray
-    faces: np.ndarray
-    removed: np.ndarray
 
 
 class Score(NamedTuple):
@@ -51,22 +42,6 @@ class Score(NamedTuple):
     cuts: int
     angle: float
     seconds: float
-
-
-def cut(name: str, vertices: np.ndarray, faces: np.ndarray, center: np.ndarray, radius: float) -> Case:
-    """Cut the faces near a point of the surface that hang together with the nearest one."""
-    centers = vertices[faces].mean(axis=1)
-    near = np.linalg.norm(centers - center, axis=1) < radius
-    linked = np.zeros(len(vertices), dtype=bool)
-    first = np.argmin(np.linalg.norm(centers - center, axis=1))
-    inside = np.zeros(len(faces), dtype=bool)
-    inside[first] = True
-    while True:
-        linked[faces[inside]] = True
-        grown = near & linked[faces].any(axis=1) | inside
-        if grown.sum() == inside.sum():
-            return Case(name, vertices, faces[~inside], faces[inside])
-        inside = grown
 
 
 def own_cases() -> Iterator[Case]:
@@ -96,26 +71,9 @@ def cases_of(folder: Path) -> Iterator[Case]:
             yield Case(path.stem, data["vertices"], data["faces"], data["removed_faces"])
 
 
-def compact(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A mesh without unused vertices: fillers must not see what was cut out."""
-    used, local = np.unique(faces, return_inverse=True)
-    return np.ascontiguousarray(vertices[used]), local.reshape(-1, 3).astype(np.int32)
-
-
-def normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    a, b, c = vertices[faces].transpose(1, 0, 2)
-    return np.cross(b - a, c - a)
-
-
 def distances(vertices: np.ndarray, faces: np.ndarray, other: np.ndarray, other_faces: np.ndarray) -> float:
     """RMS distance from points spread over some faces to another surface."""
-    rng = np.random.default_rng(0)
-    areas = np.linalg.norm(normals(vertices, faces), axis=1)
-    chosen = rng.choice(len(faces), SAMPLES, p=areas / areas.sum())
-    u, v = rng.random((2, SAMPLES, 1))
-    root = np.sqrt(u)
-    a, b, c = vertices[faces[chosen]].transpose(1, 0, 2)
-    points = (1 - root) * a + root * (1 - v) * b + root * v * c
+    points = surface_points(vertices, faces)
     squares = igl.point_mesh_squared_distance(points, other, other_faces.astype(np.int64))[0]
     return float(np.sqrt(squares.mean()))
 
@@ -230,6 +188,15 @@ def summary(rows: list[dict[str, object]], names: list[str]) -> None:
         print(f"{name:20}{counts}{ratio:12.2f}{angles}{mean['seconds']:9.2f}")
 
 
+def kept_rows(run: list[dict[str, object]]) -> list[dict[str, object]]:
+    """Rows that are stored of fillers and cases which have not been run."""
+    new = {(row["case"], row["filler"]) for row in run}
+    with (RESULTS / "holes.csv").open(newline="") as file:
+        rows = [row for row in csv.DictReader(file) if (row["case"], row["filler"]) not in new]
+    words = {"case": str, "filler": str, "valid": lambda text: text == "True", "cuts": int}
+    return [{key: words.get(key, float)(value) for key, value in row.items()} for row in rows]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cases", type=Path, help="folder of further cases")
@@ -251,7 +218,9 @@ def main() -> None:
             mark = ("" if score.valid else "!") + ("x" if score.cuts else "")
             print(f"{score.rms:>18.3f}{mark:2}", end="", flush=True)
         print()
-    summary(rows, list(contenders))
+    if options.save:
+        rows += kept_rows(rows)
+    summary(rows, list(dict.fromkeys(row["filler"] for row in rows)))
     if options.save:
         with (RESULTS / "holes.csv").open("w", newline="") as file:
             writer = csv.DictWriter(file, rows[0])

@@ -3,7 +3,7 @@
 The surface and the sizes are those of the curvature test of curvpack; its own triangulations, if
 at hand as mesh0.npz, mesh1.npz, ... with the arrays vertices and faces, can be given as a
 directory. Errors: normal in degrees; H and K as differences over the largest exact value, by
-absolute value; mean and maximum over the vertices. Prints a table and writes red_blood_cell.csv and
+absolute value; mean and maximum over the vertices. Prints a table; with --save, writes red_blood_cell.csv and
 red_blood_cell.png.
 """
 
@@ -130,6 +130,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("directory", type=Path, nargs="?", help="triangulations to use; by default, ours")
     parser.add_argument("--finest", type=int, default=max(RESOLUTIONS), help="resolution; 48 has 46,080 triangles")
+    parser.add_argument("--save", action="store_true", help="write benchmarks/results/red_blood_cell.csv and .png")
     arguments = parser.parse_args()
     rows, sizes = [], []
     for surface in sampled(arguments.directory, arguments.finest):
@@ -138,7 +139,8 @@ def main() -> None:
             for quantity, (mean, largest) in errors(surface, run(surface.vertices, surface.faces)).items():
                 rows.append((sizes[-1], method, quantity, mean, largest))
     print_tables(rows, sizes)
-    RESULTS.mkdir(exist_ok=True)
+    if not arguments.save:
+        return
     with (RESULTS / "red_blood_cell.csv").open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["triangles", "method", "quantity", "mean_error", "max_error"])

@@ -6,12 +6,13 @@ own estimates on the full, clean model, at the survivors: normals, mean angle in
 sum of the differences over sum of the references, both by absolute value. So this is stability, not
 accuracy: a method that smooths over a fixed length stays where it is, right or wrong.
 
-Prints tables and writes reduction.csv and reduction.png. What MeshLab calls curvature by normal
+Prints tables; with --save, writes reduction.csv and reduction.png. What MeshLab calls curvature by normal
 cycles and by PCA is not in units of curvature; it is in the tables, not in the picture.
 """
 
 import argparse
 import csv
+from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib
@@ -91,24 +92,30 @@ def deviations(estimate: Estimate, reference: Estimate, rows: np.ndarray, full_r
     return found
 
 
-def measure(vertices: np.ndarray, faces: np.ndarray, arguments: argparse.Namespace) -> list[tuple]:
+def measured(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    compared: dict[str, Method],
+    percentages: Sequence[int],
+    levels: Sequence[float],
+    seed: int,
+) -> list[tuple]:
     """Rows (noise, deleted, method, normal, H, K)."""
     edges = vertices[faces] - vertices[np.roll(faces, 1, axis=1)]
     edge = np.linalg.norm(edges, axis=2).mean()
     mesh = bf.triangle_mesh(vertices, faces)
     normals = tangent_planes(mesh, bf.vertex_adjacency(mesh)).normals
-    compared = methods(slow=arguments.slow)
     reference = {name: method(vertices, faces) for name, method in compared.items()}
     rows = []
-    for deleted in arguments.deleted:
-        random = np.random.default_rng([arguments.seed, deleted])
+    for deleted in percentages:
+        random = np.random.default_rng([seed, deleted])
         survivors = np.ones(len(vertices), dtype=bool)
         survivors[random.permutation(len(vertices))[: round(deleted / 100 * len(vertices))]] = False
         kept, reduced = keep_survivors(vertices, faces, survivors)
         at = np.flatnonzero(survivors[kept])
         print(f"{deleted} % deleted: {len(kept):,} vertices, {len(kept) - len(at)} of them could not be deleted")
         noise = random.standard_normal(len(kept)) * edge
-        for level in (0.0, arguments.noise):
+        for level in levels:
             points = vertices[kept] + level * noise[:, np.newaxis] * normals[kept]
             for name, method in compared.items():
                 found = deviations(method(points, reduced), reference[name], at, kept[at])
@@ -169,12 +176,19 @@ def main() -> None:
     parser.add_argument("--noise", type=float, default=0.05, help="standard deviation in mean edges of the full mesh")
     parser.add_argument("--seed", type=int, default=0, help="of the deletions and of the noise")
     parser.add_argument("--slow", action="store_true", help="also MeshLab's scale-dependent fits and its PCA")
+    parser.add_argument("--save", action="store_true", help="write benchmarks/results/reduction.csv and .png")
     arguments = parser.parse_args()
     vertices, faces = model(arguments.mesh)
     print(f"{arguments.mesh.name}: {len(vertices):,} vertices, seed {arguments.seed}")
-    rows = measure(vertices, faces, arguments)
+    levels = 0.0, arguments.noise
+    rows = measured(vertices, faces, methods(slow=arguments.slow), arguments.deleted, levels, arguments.seed)
     print_tables(rows, arguments.deleted)
-    RESULTS.mkdir(exist_ok=True)
+    if not arguments.save:
+        return
+    with (RESULTS / "reduction.csv").open(newline="") as file:  # methods that have not been run stay
+        kept = [tuple(row) for row in csv.reader(file)][1:]
+    names = {row[2] for row in rows}
+    rows += [(*map(float, row[:2]), row[2], *map(float, row[3:])) for row in kept if row[2] not in names]
     with (RESULTS / "reduction.csv").open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(

@@ -97,6 +97,16 @@ def distance(vertices: np.ndarray, case: Case) -> float:
     return float(np.sqrt(squared.mean()))
 
 
+def with_stored(rows: list[dict[str, object]]) -> list[dict[str, object]]:
+    """Rows after the stored ones of other methods and cases, case by case."""
+    new = {(row["case"], row["method"]) for row in rows}
+    with (RESULTS / "smoothing.csv").open(newline="") as file:
+        kept = [row for row in csv.DictReader(file) if (row["case"], row["method"]) not in new]
+    scored = [{key: v if key in ("case", "method", "seed") else float(v) for key, v in row.items()} for row in kept]
+    cases = list(dict.fromkeys(row["case"] for row in scored + rows))
+    return sorted([*scored, *rows], key=lambda row: cases.index(row["case"]))
+
+
 def plot(rows: list[dict[str, object]], path: Path) -> None:
     """Angles and distances of all methods, case by case."""
     from matplotlib.figure import Figure
@@ -106,7 +116,11 @@ def plot(rows: list[dict[str, object]], path: Path) -> None:
     for axes, score in zip(figure.subplots(2, 1, sharex=True), ("angle", "distance"), strict=True):
         for k, method in enumerate(methods):
             values = [np.mean([r[score] for r in rows if r["case"] == c and r["method"] == method]) for c in cases]
-            style = {"color": "black", "marker": "o", "zorder": 3} if method == "automatic" else {"marker": "."}
+            styles = {
+                "automatic": {"color": "black", "marker": "o", "zorder": 3},
+                "noisy": {"color": "gray", "marker": "x"},
+            }
+            style = styles.get(method, {"marker": "."})
             axes.semilogy(np.arange(len(cases)) + 0.04 * (k - 4), values, linestyle="", label=method, **style)
         axes.set(ylabel={"angle": "mean angle [deg]", "distance": "RMS distance [edges]"}[score])
         axes.grid(alpha=0.3)
@@ -119,16 +133,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("directory", nargs="?", type=Path, help="of further cases")
     parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--only", default="", help="methods whose name contains this; stored rows of others stay")
     parser.add_argument("--save", action="store_true", help="write benchmarks/results/smoothing.csv and .png")
     options = parser.parse_args()
     cases = made_cases() | (stored_cases(options.directory) if options.directory else {})
     rows: list[dict[str, object]] = []
-    methods = smoothers()
+    methods = {"noisy": lambda vertices, _: vertices, **smoothers()}
+    methods = {name: smooth for name, smooth in methods.items() if options.only in name}
     first = next(iter(cases.values()))
-    methods["automatic"](with_noise(first, 0), first.faces)  # loads or compiles the code
+    for smooth in methods.values():
+        smooth(first.clean, first.faces)  # loads or compiles the code
     print(f"{'case':14}{'method':30}{'angle':>8}{'distance':>10}{'volume %':>10}{'flipped':>9}{'seconds':>9}")
     for name, case in cases.items():
-        for method, smooth in {"noisy": lambda vertices, _: vertices, **methods}.items():
+        for method, smooth in methods.items():
             found = []
             for seed in range(options.seeds):
                 noisy = with_noise(case, seed)
@@ -144,7 +161,8 @@ def main() -> None:
                 flush=True,
             )
     if options.save:
-        RESULTS.mkdir(exist_ok=True)
+        if options.only:
+            rows = with_stored(rows)
         with (RESULTS / "smoothing.csv").open("w", newline="") as file:
             writer = csv.writer(file)
             writer.writerow(rows[0])

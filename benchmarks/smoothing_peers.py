@@ -13,6 +13,7 @@ from scipy.sparse import coo_array, diags_array, eye_array
 from scipy.sparse.linalg import spsolve
 
 import bezier_filters as bf
+from baselines import adaptive_gaussian_smoothing
 
 Smoother: TypeAlias = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
@@ -103,6 +104,7 @@ def smoothers() -> dict[str, Smoother]:
         "MeshLab Laplacian": meshlab("apply_coord_laplacian_smoothing"),
         "MeshLab two steps (Ohtake)": meshlab("apply_coord_two_steps_smoothing"),
         "implicit fairing (Desbrun)": implicit_fairing,
+        "adaptive Gaussian (Ohtake)": adaptive_gaussian_smoothing,
     }
     others = {
         "open3d": {"open3d Taubin, 20 steps": open3d_taubin},

@@ -1,4 +1,4 @@
-"""Speed and memory of the curvature estimate next to MeshLab's, libigl's, VTK's and CGAL's, in one run.
+"""Speed and memory of the curvature estimate next to MeshLab's, libigl's, VTK's, CGAL's and trimesh2's, in one run.
 
 The mesh is the bunny that pymeshlab ships, Loop-subdivided. Every contender runs in a process of its
 own: once on the smallest mesh to load its code, then as often as is said on the mesh in question, of
@@ -24,6 +24,7 @@ import pymeshlab
 
 import bezier_filters as bf
 
+TRIMESH2 = "TRIMESH2"
 BUNNY = Path(pymeshlab.__file__).parent / "tests" / "sample_meshes" / "bunny.obj"
 RESULTS = Path(__file__).parent / "results"
 LEVELS = (0, 2, 3, 4)
@@ -87,14 +88,14 @@ def vtk_discrete(vertices: np.ndarray, faces: np.ndarray) -> Call:
     return lambda: surface.curvature("mean")
 
 
-def cgal_jets(degree: int) -> Callable[[np.ndarray, np.ndarray], Call]:
-    """CGAL's jets, compiled here; needs a C++ compiler and the headers of CGAL and Eigen."""
+def compiled(source: str, flags: Callable[[], list[str]], degree: int = 0) -> Callable[[np.ndarray, np.ndarray], Call]:
+    """A C++ function beside this file that writes principal curvatures, compiled here with some flags and files."""
 
     def prepare(vertices: np.ndarray, faces: np.ndarray) -> Call:
-        library = Path(tempfile.mkdtemp()) / "cgal_jets.so"
-        flags = ["-O3", "-march=native", "-DNDEBUG", "-shared", "-fPIC", "-I/usr/include/eigen3"]
-        source = str(Path(__file__).parent / "cgal_jets.cpp")
-        subprocess.run(["g++", *flags, source, "-o", str(library), "-lgmp", "-lmpfr"], check=True)
+        library = Path(tempfile.mkdtemp()) / "peer.so"
+        usual = ["-O3", "-march=native", "-DNDEBUG", "-shared", "-fPIC", "-w"]
+        path = str(Path(__file__).parent / source)
+        subprocess.run(["g++", *usual, path, *flags(), "-o", str(library)], check=True)
         function = ctypes.CDLL(str(library)).principal_curvatures
         array, number = ctypes.c_void_p, ctypes.c_long
         function.argtypes = array, number, array, number, number, array
@@ -110,12 +111,27 @@ def cgal_jets(degree: int) -> Callable[[np.ndarray, np.ndarray], Call]:
     return prepare
 
 
+def of_cgal() -> list[str]:
+    """Needs the headers of CGAL and Eigen."""
+    return ["-I/usr/include/eigen3", "-lgmp", "-lmpfr"]
+
+
+def of_trimesh2() -> list[str]:
+    """Needs its source (github.com/Forceflow/trimesh2), in a folder that the variable TRIMESH2 names."""
+    if TRIMESH2 not in os.environ:
+        raise SystemExit(f"no source of trimesh2: {TRIMESH2}=folder says where it is")
+    folder = Path(os.environ[TRIMESH2])
+    sources = [str(path) for path in sorted((folder / "libsrc").glob("*.cc")) if not path.name.startswith("GL")]
+    return [*sources, "-I" + str(folder / "include")]
+
+
 CONTENDERS: dict[str, Callable[[np.ndarray, np.ndarray], Call]] = {
     MESHLAB: meshlab_filter,
     "libigl, quadric, radius 2": libigl,
     "VTK, discrete mean curvature": vtk_discrete,
-    "CGAL, jets of degree 3, 2 rings": cgal_jets(3),
-    "CGAL, jets of degree 4, 2 rings": cgal_jets(4),
+    "trimesh2, 1 ring, 1 thread": compiled("trimesh2_curvature.cpp", of_trimesh2),
+    "CGAL, jets of degree 3, 2 rings": compiled("cgal_jets.cpp", of_cgal, 3),
+    "CGAL, jets of degree 4, 2 rings": compiled("cgal_jets.cpp", of_cgal, 4),
     "2 rings, degree 3, 1 thread": estimate(1, rings=2, alpha=0.8),
     "2 rings, degree 3, 2 threads": estimate(2, rings=2, alpha=0.8),
     "paper, 2 threads": estimate(2, smoothness="paper"),
@@ -125,6 +141,8 @@ CONTENDERS: dict[str, Callable[[np.ndarray, np.ndarray], Call]] = {
     "2 rings, degree 3 (filter), 2 threads": bezier_filter(rings=2, alpha=0.8),
     "automatic (filter), 2 threads": bezier_filter(),
 }
+
+PEERS = ("MeshLab", "libigl", "VTK", "CGAL", "trimesh2")
 
 
 def resident(field: str) -> int:
@@ -182,7 +200,7 @@ def plot(rows: list[dict[str, object]], path: Path) -> None:
     for name in CONTENDERS:
         of_name = [row for row in rows if row["contender"] == name]
         if of_name and "1 thread" not in name:
-            style = ":" if name.startswith(("MeshLab", "libigl", "VTK", "CGAL")) else "--" if "filter" in name else "-"
+            style = ":" if name.startswith(PEERS) else "--" if "filter" in name else "-"
             function = name.split(" (filter)")[0].removesuffix(", 2 threads")
             axes.loglog(
                 [row["vertices"] for row in of_name],

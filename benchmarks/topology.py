@@ -11,7 +11,7 @@ import numpy as np
 import pymeshlab
 
 import bezier_filters as bf
-from bezier_filters.meshes.half_edges import border_half_edges
+from bezier_filters.meshes.half_edges import border_edges
 from bezier_filters.meshlab.topology import topology_of
 from bezier_filters.surfaces import torus
 
@@ -53,7 +53,7 @@ def main() -> None:
 
     def ours() -> None:
         mesh = bf.triangle_mesh(vertices, faces)
-        border_half_edges(mesh, bf.vertex_adjacency(mesh).on_boundary)
+        border_edges(mesh, bf.vertex_adjacency(mesh).on_boundary)
 
     asked = seconds(lambda: topology_of(vertices, faces), arguments.runs)
     print(f"{'topology by pymeshlab':45} {asked:6.2f}")

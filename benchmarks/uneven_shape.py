@@ -3,8 +3,8 @@
 The bunny is remeshed on some of its vertices and subdivided; normals and curvatures of the limit are
 exact. Ears and toes beside smooth flanks are what a choice for all of them finds hardest.
 Noise is Gaussian, along the normal, in mean edges. Errors: normals, mean angle in degrees; H and K,
-sum of the differences over sum of the truth, both by absolute value. Prints tables and writes
-uneven_shape.csv.
+sum of the differences over sum of the truth, both by absolute value. Prints tables; with --save,
+writes uneven_shape.csv.
 """
 
 import argparse
@@ -63,21 +63,27 @@ def errors(surface: SampledSurface, regular: np.ndarray, estimate: Estimate) -> 
     return found
 
 
+def shape(share: int, subdivisions: int, seed: int) -> tuple[SampledSurface, np.ndarray, np.ndarray]:
+    """The limit surface of the bunny on a percentage of its vertices, which ones are regular, and noise of one edge."""
+    vertices, faces = model(shipped_bunny())
+    random = np.random.default_rng([seed, share])
+    survivors = random.permutation(len(vertices)) < share / 100 * len(vertices)
+    kept, control = keep_survivors(vertices, faces, survivors)
+    surface, regular = limit_surface(vertices[kept], control, subdivisions=subdivisions)
+    sides = surface.vertices[surface.faces] - surface.vertices[np.roll(surface.faces, 1, axis=1)]
+    edge = np.linalg.norm(sides, axis=2).mean()
+    return surface, regular, random.standard_normal((len(surface.vertices), 1)) * edge * surface.normals
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--noise", type=float, nargs="+", default=[0.0, 0.01, 0.05, 0.1])
     parser.add_argument("--seed", type=int, default=0, help="of the choice of vertices and of the noise")
+    parser.add_argument("--save", action="store_true", help="write benchmarks/results/uneven_shape.csv")
     arguments = parser.parse_args()
-    vertices, faces = model(shipped_bunny())
     rows = []
     for share, subdivisions in SHAPES.items():
-        random = np.random.default_rng([arguments.seed, share])
-        survivors = random.permutation(len(vertices)) < share / 100 * len(vertices)
-        kept, control = keep_survivors(vertices, faces, survivors)
-        surface, regular = limit_surface(vertices[kept], control, subdivisions=subdivisions)
-        sides = surface.vertices[surface.faces] - surface.vertices[np.roll(surface.faces, 1, axis=1)]
-        edge = np.linalg.norm(sides, axis=2).mean()
-        noise = random.standard_normal((len(surface.vertices), 1)) * edge * surface.normals
+        surface, regular, noise = shape(share, subdivisions, arguments.seed)
         print(f"\n{share} % of the vertices, subdivided {subdivisions} times: {len(noise):,} vertices")
         for level in arguments.noise:
             for name, method in methods().items():
@@ -89,7 +95,8 @@ def main() -> None:
                 cells = [row[3 + k] for row in rows if row[0] == share and row[2] == name]
                 if not np.isnan(cells).any():
                     print(f"{name:26}" + "".join(f"{cell:10.3g}" for cell in cells))
-    RESULTS.mkdir(exist_ok=True)
+    if not arguments.save:
+        return
     with (RESULTS / "uneven_shape.csv").open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["kept_percent", "noise", "method", "normal_degrees", "mean_curvature", "gaussian_curvature"])

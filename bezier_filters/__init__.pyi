@@ -39,6 +39,7 @@ from .meshlab.crease_filter import (
 from .meshlab.hole_filter import meshing_close_holes_by_bezier_patch as meshing_close_holes_by_bezier_patch
 from .meshlab.mesh_colors import color_by_quality as color_by_quality
 from .meshlab.mesh_colors import save_quality_map as save_quality_map
+from .meshlab.mesh_files import load_mesh as load_mesh
 from .meshlab.mesh_files import save_mesh as save_mesh
 from .meshlab.meshset import BezierFilterError as BezierFilterError
 from .meshlab.registration import register as register

@@ -52,7 +52,7 @@ def parameters(table: str) -> tuple[Parameter, ...]:
     return tuple(found)
 
 
-LENGTH = "pymeshlab.PercentageValue, pymeshlab.PureValue or float"  # kind of parameters that are lengths
+LENGTH = 'float, text such as "2%", pymeshlab.PercentageValue or pymeshlab.PureValue'  # kind of lengths
 FIT = parameters(f"""
 rings : int or "auto", default "auto"
     Size of the fitted neighbourhood in edges, at least 1; auto lets the data choose.
@@ -128,7 +128,8 @@ alpha : float, optional
 FILLING = parameters(f"""
 method : {{"auto", "paper"}}, default "auto"
     auto (continues the surface, sharp edges included) or paper.
-    ``"paper"`` lifts a flat triangulation to one bicubic patch, as Li, Barsky, Jin (2009) do.
+    ``"paper"`` lifts flat triangulations to a bicubic patch for each part that sharp edges cut the hole into, as Li,
+    Barsky, Jin (2009) do.
 maxholesize : int, optional
     Leave holes with more edges open; 3 or more.
     (MeshLab's own filter leaves holes of just this size open, too.)
@@ -140,11 +141,17 @@ outerrims : bool, default False
     Fill the outer rims of open sheets, too.
 creases : bool, default True
     Continue sharp edges that end at a hole through it.
+repair : bool, default False
+    Weld borders that lie on each other, split non-manifold edges and vertices, and turn faces that disagree first.
 noise : {LENGTH}, optional
     Standard deviation of the noise, a length or a percentage of the diagonal of the bounding box; learned if left out.
     It is that along the normal. 0 takes every point as it is.
-alpha : float, default 0.8
-    Weight of the points, in (0, 1]; for the paper's method.
+alpha : float, optional
+    Weight of the points, in (0, 1], 0.8 if left out; only for the paper's method.
+correction : {{"harmonic", "lagrange", "lagrange_pieces"}}, default "harmonic"
+    How patches are made to end at the rim: harmonic, lagrange or lagrange_pieces; for the paper's method.
+    The paper's products of Lagrange polynomials are infinite where two vertices of the rim share a parameter;
+    ``"lagrange_pieces"`` takes them in pieces of the plane with four vertices of the rim at most.
 """)
 LINES = parameters("""
 angle : float, default 40.0

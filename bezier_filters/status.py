@@ -17,10 +17,10 @@ class FitStatus(IntEnum):
     WIDER_RING = 1, "fitted on more rings than most: too few or badly placed points, as at a boundary"
     NARROWER_RING = 2, "fitted on fewer rings than most: the wider ones fold in the projection"
     OTHER_PLANE = 3, "fitted over another plane: the projection along the vertex normal folds"
-    ONE_RING = 4, "quadratic fit of the 1-ring: wider neighbourhoods fold in every plane"
+    ONE_RING = 4, "fitted on the 1-ring, mostly by a quadratic: wider neighbourhoods fold in every plane"
     LOWER_DEGREE = 5, "quadratic fit: too few or badly placed points for the patch asked for"
     FOLDED = 6, "quadratic fit of a folded neighbourhood: unreliable"
-    NORMAL_ONLY = 7, "normal of the faces or nearest points; no curvature: fewer than six usable points"
+    NORMAL_ONLY = 7, "normal of the faces or nearest points; no curvature: its points determine none"
     ISOLATED = 8, "no usable face, or points on a line: nothing estimated"
     SKIPPED = 9, "not selected: nothing estimated"
 

@@ -6,11 +6,16 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from html import unescape
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import typer
+from latex2mathml.converter import convert
 from mkdocs.structure.files import File, Files
+
+from bezier_filters.cli.commands import app
 
 ROOT = Path(__file__).parent.parent
 EXAMPLES = sorted((ROOT / "examples").glob("ex*.py"))
@@ -37,8 +42,44 @@ def on_files(files: Files, *, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Pages name plots of the benchmarks where the tree has them; the site has its own folder."""
-    return markdown.replace("](../benchmarks/results/", "](results/")
+    """Pages name plots of the benchmarks where the tree has them; the site has its own folder. Names become links."""
+    return linked(markdown.replace("](../benchmarks/results/", "](results/"))
+
+
+def on_page_content(html: str, **_: Any) -> str:
+    """Equations as MathML, which browsers draw without any script."""
+    return re.sub(r'<(span|div) class="arithmatex">(.*?)</\1>', _mathml, html, flags=re.DOTALL)
+
+
+def _mathml(found: re.Match[str]) -> str:
+    return convert(unescape(found[2]).strip()[2:-2], display="block" if found[1] == "div" else "inline")
+
+
+def references() -> dict[str, str]:
+    """What the pages describe by `:::`, by the last part of its name."""
+    pages = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "docs").rglob("*.md"))
+    return {name.rpartition(".")[2]: name for name in re.findall(r"^::: ([\w.]+)", pages, re.MULTILINE)}
+
+
+def _is_name(found: re.Match[str], known: dict[str, str]) -> bool:
+    """Whether a text is a name of the package, and not that of a command or a word."""
+    text, name = found.groups()
+    return name in known and (text != name or "_" in name or not name.islower())
+
+
+def linked(markdown: str) -> str:
+    """The text with links from names of the package to what describes them, but for code, headings and links."""
+    known, lines, in_code = references(), [], False
+    for line in markdown.splitlines():
+        in_code ^= line.lstrip().startswith("```")
+        if not in_code and not line.startswith(("    ", "#", ":::")):
+            line = re.sub(
+                r"(?<![\[`])`((?:bezier_filters\.|bf\.)?(\w+)(?:\(\))?)`(?![\]`])",
+                lambda found: f"[`{found[1]}`][{known[found[2]]}]" if _is_name(found, known) else found[0],
+                line,
+            )
+        lines.append(line)
+    return "\n".join(lines)
 
 
 def pictures() -> Iterator[tuple[str, bytes]]:
@@ -70,11 +111,18 @@ def _indented(code: str) -> str:
     return "\n".join(f"    {line}".rstrip() for line in code.strip().splitlines())
 
 
+def summary(text: str) -> str:
+    """The first paragraph of a help, as one line."""
+    return " ".join(text.partition("\n\n")[0].split())
+
+
 def command_line() -> str:
     """Every command with its arguments and options, as typer documents them."""
     command = [sys.executable, "-m", "typer", "bezier_filters.cli.commands", "utils", "docs"]
     command += ["--name", "bezier-filters", "--title", "Command line"]
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
+    for name, entry in typer.main.get_command(app).commands.items():  # the list cuts them off
+        done.stdout = re.sub(rf"(?m)^\* `{name}`: .*$", f"* `{name}`: {summary(entry.help)}", done.stdout)
     completion = "`bezier-filters --install-completion` makes the shell complete commands and options."
     return re.sub(r"^Example: (.*)$", r"Example:\n\n    \1", done.stdout, flags=re.MULTILINE).replace(
         "**Usage**", f"{completion}\n\n**Usage**", 1

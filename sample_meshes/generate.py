@@ -14,6 +14,10 @@ from plyfile import PlyData, PlyElement, PlyParseError
 from bezier_filters import surfaces
 from bezier_filters.arrays import FloatArray, IntArray
 
+INNER, OUTER, ANGLE, HEIGHT = 0.4, 1.0, 2.0, 0.4
+"""Radii, opening angle and height of the fan,"""
+HOLE_ANGLE, HOLE_RADIUS = 1.35, 0.27
+"""and where its hole is, and how large."""
 FOLDER = Path(__file__).parent
 TOLERANCE = 1e-12
 """Sines differ in the last digit from processor to processor; so may the files, and no more."""
@@ -33,7 +37,38 @@ def sample_meshes() -> dict[str, PlyData]:
     meshes = {name: _ply_of_surface(surface) for name, surface in sampled.items()}
     vertices, faces = surfaces.block_with_sharp_edges()
     meshes["block.ply"] = _ply(vertices, faces, _mean_face_normals(vertices, faces), {})
+    vertices, faces = fan_with_hole()
+    meshes["fan.ply"] = _ply(vertices, faces, _mean_face_normals(vertices, faces), {})
     return meshes
+
+
+def fan_with_hole(cells: int = 16) -> tuple[FloatArray, IntArray]:
+    """Surface of the body INNER <= r <= OUTER, 0 <= angle <= ANGLE, 0 <= z <= HEIGHT, without some of its outer wall.
+
+    The hole reaches across both edges of the wall, as that of Figure 10 of the paper does in the fandisk.
+    """
+    counts = (cells, 3 * cells, (2 * cells) // 3)
+    points: list[FloatArray] = []
+    faces: list[IntArray] = []
+    for axis in range(3):
+        others = [k for k in range(3) if k != axis]
+        for end in (0.0, 1.0):
+            grids = np.meshgrid(*(np.linspace(0.0, 1.0, counts[k] + 1) for k in others), indexing="ij")
+            side = np.full((grids[0].size, 3), end)
+            side[:, others] = np.stack([grid.ravel() for grid in grids], axis=1)
+            index = np.arange(len(side)).reshape(grids[0].shape) + sum(map(len, points))
+            a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
+            new = np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
+            faces.append(new if (end == 1.0) == (axis != 1) else new[:, ::-1])
+            points.append(side)
+    unique, inverse = np.unique(np.round(np.concatenate(points), 12), axis=0, return_inverse=True)
+    r, angle, z = (unique * [OUTER - INNER, ANGLE, HEIGHT] + [INNER, 0.0, 0.0]).T
+    vertices = np.stack([r * np.cos(angle), r * np.sin(angle), z], axis=1)
+    whole = inverse.ravel()[np.concatenate(faces)].astype(np.int32)
+    place = np.array([OUTER * np.cos(HOLE_ANGLE), OUTER * np.sin(HOLE_ANGLE), 0.5 * HEIGHT])
+    rest = whole[(np.linalg.norm(vertices - place, axis=1) > HOLE_RADIUS)[whole].all(axis=1)]
+    used, local = np.unique(rest, return_inverse=True)
+    return vertices[used], local.reshape(-1, 3).astype(np.int32)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -9,4 +9,5 @@ from numba import njit
 @cache
 def from_python(function):
     """The function behind an entry from Python; without the compiler it warns of no more than compiled code does."""
-    return np.errstate(all="ignore")(njit(lambda *arguments: function(*arguments)))
+    plain = getattr(function, "py_func", function)
+    return np.errstate(all="ignore")(njit(plain, error_model="numpy"))

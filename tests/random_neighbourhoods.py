@@ -96,6 +96,7 @@ def fit_stars(drawn, plan):
         np.full(total, 2.0, dtype=np.float32),
         np.zeros(total, dtype=np.bool_),
         np.arange(total, dtype=np.int32),
+        np.empty((0, 3)),
     )
     geometry = empty_geometry(total)
     fit_with_fallbacks(mesh, centers, list(planned_chain([plan], plan)), geometry)

@@ -21,6 +21,9 @@ SMALLEST_WIDTH = 1e-60
 FLAT = 1e-14
 """Width of a neighbourhood, as a part of its size, below which it is rounding that says where its points are."""
 
+ROUNDED = 1e-6
+"""Of the longest edge of a face: a smaller height may be rounding."""
+
 
 @dataclass(frozen=True)
 class Opinion:
@@ -65,10 +68,10 @@ def opinion(vertices, faces, vertex):
         return Opinion(False, False)
     if (cosines <= FOLD_COSINE + CERTAIN).any():
         return Opinion(False)
-    return fitted(vertices, vertex, rings, z_axis)
+    return fitted(vertices, vertex, rings, z_axis, largest_curvature(vertices, proper, vertex))
 
 
-def fitted(vertices, vertex, rings, z_axis):
+def fitted(vertices, vertex, rings, z_axis, bound):
     edges = vertices[sorted(rings[RINGS])] - vertices[vertex]
     near = vertices[sorted(rings[1] - {vertex})] - vertices[vertex]
     near = near - np.outer(near @ z_axis, z_axis)
@@ -100,7 +103,20 @@ def fitted(vertices, vertex, rings, z_axis):
     curvature = -((1 + q * q) * r - 2 * p * q * s + (1 + p * p) * t) / (2 * w**3)
     condition = np.linalg.cond(stacked / scale)
     tolerance = 1e-9 * condition**2 * np.linalg.norm(edges, axis=1).max() / width**2
+    largest = abs(curvature) + np.sqrt(max(curvature**2 - (r * t - s * s) / w**4, 0.0))
+    if largest > bound * (1.0 - CERTAIN) - tolerance:
+        return Opinion(False, False if largest > bound * (1.0 + CERTAIN) + tolerance else None)
     return Opinion(False, True, (z_axis - p * x_axis - q * y_axis) / w, curvature, tolerance)
+
+
+def largest_curvature(vertices, faces, vertex):
+    """The largest one that the faces at a vertex hold, since the surface turns by pi at most from one to the next."""
+    corners = vertices[faces[(faces == vertex).any(axis=1)]]
+    edges = np.roll(corners, -1, axis=1) - corners
+    longest = np.linalg.norm(edges, axis=2).max(axis=1)
+    heights = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)[longest > 0.0] / longest[longest > 0.0]
+    heights = heights[heights > ROUNDED * longest[longest > 0.0]]
+    return np.pi / heights.min() if len(heights) else np.inf
 
 
 def smallest_pivot(matrix):

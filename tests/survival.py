@@ -9,7 +9,7 @@ from dataclasses import fields
 import numpy as np
 import pymeshlab
 from meshset_state import changed, mesh_state
-from second_opinion import opinion
+from second_opinion import largest_curvature, opinion
 
 from baselines import ouyang_feng_normals, razdan_bae
 from bezier_filters import (
@@ -70,8 +70,19 @@ def check_estimate(vertices, faces, mode):
     assert not geometry.k_min[nothing].any()
     assert not geometry.k_max[nothing].any()
     assert (geometry.k_min <= geometry.k_max).all()
+    if len(faces):
+        check_curvatures(triangle_mesh(vertices, faces), geometry)
     if mode == "fixed" and len(faces):
         check_statuses(np.asarray(vertices, dtype=float), np.asarray(faces), geometry)
+
+
+def check_curvatures(mesh, geometry):
+    """No curvature, nor its standard error, exceeds what the faces at a vertex can hold."""
+    a, b, c = mesh.faces.T
+    proper = mesh.faces[(a != b) & (b != c) & (c != a)]
+    for vertex in range(0, mesh.vertex_count, 1 + mesh.vertex_count // 50):
+        sizes = [-geometry.k_min[vertex], geometry.k_max[vertex], geometry.mean_curvature_std[vertex]]
+        assert max(sizes) <= 1.000001 * largest_curvature(mesh.vertices, proper, vertex), vertex
 
 
 def check_statuses(vertices, faces, geometry):
@@ -105,7 +116,7 @@ def check_smoothing(vertices, faces, method):
 def check_holes(vertices, faces, method):
     result, refusal = attempt(fill_holes, vertices, faces, method)
     if result is None:
-        assert "faces:" in refusal or not are_sound(vertices), refusal
+        assert not are_sound(vertices), refusal
         return
     assert np.isfinite(result.vertices).all()
     np.testing.assert_array_equal(result.vertices[: len(vertices)], np.asarray(vertices, dtype=float))
@@ -126,9 +137,8 @@ def check_topology(vertices, faces):
     assert report.non_manifold_edges == sum(count > 2 for count in edges.values())
     assert report.unreferenced_vertices == mesh.vertex_count - len(set(mesh.faces.ravel().tolist()))
     assert all(isinstance(line, str) for line in diagnose(mesh, report))
-    loops, refusal = attempt(boundary_loops, mesh)
-    assert loops is not None or refusal
-    for loop in loops or []:
+    loops = boundary_loops(mesh)
+    for loop in loops:
         assert all(edges[frozenset(pair)] == 1 for pair in zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True))
     neighbours = vertex_adjacency(mesh).vertices
     for vertex in range(0, mesh.vertex_count, 1 + mesh.vertex_count // 8):

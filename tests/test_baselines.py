@@ -5,12 +5,15 @@ import doctest
 import numpy as np
 import pytest
 from reference import biquadratic_rows, one_ring, tensor_fit
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import Delaunay
 
 import baselines
-from baselines import ouyang_feng_normals, razdan_bae
+from baselines import REACH, SCALES, adaptive_gaussian_smoothing, gaussian_means, ouyang_feng_normals, razdan_bae
 from bezier_filters import FitStatus, InvalidMeshError, InvalidParameterError
-from bezier_filters.surfaces import bumpy_star, ellipsoid, sphere, torus, waves
+from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, ellipsoid, sphere, torus, waves
+from smoothing_peers import implicit_fairing
 
 
 def rotation(seed):
@@ -178,3 +181,89 @@ def test_meshes_that_are_none_are_refused():
     ball = sphere(resolution=2)
     with pytest.raises(InvalidParameterError, match="threads"):
         ouyang_feng_normals(ball.vertices, ball.faces, threads=0)
+
+
+# --- Ohtake, Belyaev and Seidel -------------------------------------------------------------------
+
+
+def faces_of(vertices, faces):
+    """Centroids, areas and unit normals."""
+    a, b, c = vertices[faces].transpose(1, 0, 2)
+    normals = 0.5 * np.cross(b - a, c - a)
+    areas = np.linalg.norm(normals, axis=1)
+    return (a + b + c) / 3.0, areas, normals / areas[:, np.newaxis]
+
+
+def dual_distances(centroids, faces):
+    """Lengths of the shortest paths along centroids of faces that share an edge, (m, m)."""
+    edges = {}
+    for f, face in enumerate(faces.tolist()):
+        for k in range(3):
+            edges.setdefault(frozenset((face[k], face[(k + 1) % 3])), []).append(f)
+    pairs = np.array([pair for pair in edges.values() if len(pair) == 2])
+    lengths = np.linalg.norm(centroids[pairs[:, 0]] - centroids[pairs[:, 1]], axis=1)
+    graph = coo_array((lengths, tuple(pairs.T)), shape=(len(faces), len(faces)))
+    return dijkstra(graph.tocsr(), directed=False), pairs, lengths.mean()
+
+
+def test_gaussian_means_are_those_of_all_faces_with_shortest_paths():
+    surface = bumpy_star(resolution=5, jitter=0.3)
+    centroids, areas, normals = faces_of(surface.vertices, surface.faces)
+    distances, pairs, step = dual_distances(centroids, surface.faces)
+    beside = np.full((len(surface.faces), 3), -1, dtype=np.int32)
+    for pair in pairs.tolist():
+        for f, g in (pair, pair[::-1]):
+            beside[f, np.argmax(beside[f] < 0)] = g
+    widths = step * np.array([0.5, 2.0])
+    means, variances = gaussian_means(centroids, areas, normals, beside, widths)
+    for s, width in enumerate(widths):
+        weights = areas * np.exp(-0.5 * (distances / width) ** 2) * (distances <= REACH * width)
+        expected = weights @ normals
+        lengths = np.linalg.norm(expected, axis=1)
+        np.testing.assert_allclose(means[:, s], expected / lengths[:, np.newaxis], atol=1e-12)
+        unit = expected / weights.sum(axis=1, keepdims=True)
+        spread = [(w * ((normals - m) ** 2).sum(axis=1)).sum() / w.sum() for w, m in zip(weights, unit, strict=True)]
+        np.testing.assert_allclose(variances[:, s], spread, atol=1e-12)
+
+
+def test_one_round_takes_the_best_width_and_moves_vertices_to_the_planes():
+    surface = bumpy_star(resolution=4, jitter=0.3)
+    noise = 0.01
+    centroids, areas, normals = faces_of(surface.vertices, surface.faces)
+    distances, _, step = dual_distances(centroids, surface.faces)
+    best, filtered = np.full(len(areas), np.inf), np.zeros_like(normals)
+    for scale in SCALES:
+        weights = areas * np.exp(-0.5 * (distances / (scale * step)) ** 2) * (distances <= REACH * scale * step)
+        mean = weights @ normals / weights.sum(axis=1, keepdims=True)
+        length = np.linalg.norm(mean, axis=1)
+        cost = noise / scale**2 + 1.0 - length**2
+        better = cost < best
+        best[better], filtered[better] = cost[better], (mean / length[:, np.newaxis])[better]
+    expected = surface.vertices.copy()
+    for i, point in enumerate(surface.vertices):
+        at = np.flatnonzero((surface.faces == i).any(axis=1))
+        heights = ((centroids[at] - point) * filtered[at]).sum(axis=1)
+        expected[i] += ((areas[at] * heights)[:, np.newaxis] * filtered[at]).sum(axis=0) / areas[at].sum()
+    found = adaptive_gaussian_smoothing(surface.vertices, surface.faces, rounds=1, noise=noise)
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def test_adaptive_gaussians_keep_edges_better_than_implicit_fairing():
+    vertices, faces = block_with_sharp_edges(resolution=10)
+    noisy = vertices + 0.02 * np.random.default_rng(0).standard_normal(vertices.shape)
+    truth = faces_of(vertices, faces)[2]
+
+    def off(points):
+        return np.degrees(np.arccos(np.clip((faces_of(points, faces)[2] * truth).sum(axis=1), -1, 1))).mean()
+
+    def moved(smooth):
+        return np.abs(smooth(vertices, faces) - vertices).max()
+
+    assert off(adaptive_gaussian_smoothing(noisy, faces)) < off(noisy)
+    assert moved(adaptive_gaussian_smoothing) < moved(implicit_fairing)
+
+
+def test_a_single_face_and_no_faces_stay():
+    corners = np.eye(3)
+    np.testing.assert_allclose(adaptive_gaussian_smoothing(corners, [[0, 1, 2]]), corners, atol=1e-15)
+    np.testing.assert_array_equal(adaptive_gaussian_smoothing(corners, np.empty((0, 3), dtype=int)), corners)

@@ -2,18 +2,27 @@
 
 import inspect
 import re
+import shutil
+import sys
 from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated, Any, TypeVar
 
 import typer
 
 from bezier_filters._version import __version__
-from bezier_filters.parameters import LENGTH, Parameter
+from bezier_filters.cli import console
+from bezier_filters.errors import InvalidParameterError
+from bezier_filters.parameters import LENGTH, PARAMETERS, Parameter
 
 EPILOG = """Every command explains itself: bezier-filters COMMAND --help
 
-Exit status: 0 if all was done, 1 if files of a batch failed, 2 if the input was refused; one line on stderr says why.
+Exit status: 0 if all was done, 1 if files of a batch failed, 2 if the input was refused, 3 if the result was written
+but needs a look; one line on stderr says why.
+
+A mesh named - is read from the standard input, or written as PLY to the standard output, where pipes are (not on
+Windows); what is said goes to stderr then.
 
 BEZIER_FILTERS_THREADS sets the number of threads, as --threads does."""
 
@@ -50,12 +59,70 @@ def _app(
     pass
 
 
+PIPE = Path("-")
+NEEDS_A_LOOK = 3  # exit status
+
+
+def _from_pipe(context: typer.Context, source: Path | None) -> Path | None:
+    """A file with what comes through the standard input, if that is meant; its beginning tells the format."""
+    if source != PIPE:
+        return source
+    data = sys.stdin.buffer.read()
+    is_stl = len(data) == 84 + 50 * int.from_bytes(data[80:84], "little") or data.startswith(b"solid")
+    suffix = ".ply" if data.startswith(b"ply") else ".off" if b"OFF" in data[:8] else ".stl" if is_stl else ".obj"
+    folder = TemporaryDirectory(prefix="bezier_filters_")
+    context.call_on_close(folder.cleanup)
+    path = Path(folder.name) / f"stdin{suffix}"
+    path.write_bytes(data)
+    return path
+
+
+def _to_pipe(context: typer.Context, target: Path) -> Path:
+    """A file that goes to the standard output when the command is done, if that is meant."""
+    if target != PIPE:
+        return target
+    folder = TemporaryDirectory(prefix="bezier_filters_")
+    path = Path(folder.name) / "stdout.ply"
+    console.out.stderr = True
+
+    def send() -> None:
+        console.out.stderr = False
+        if path.exists():
+            with path.open("rb") as stream:
+                shutil.copyfileobj(stream, sys.stdout.buffer)
+        folder.cleanup()
+
+    context.call_on_close(send)
+    return path
+
+
+def check_target(target: Path, *sources: Path, overwrite: bool) -> None:
+    """Refuse to write over an input, or over a file that is write-protected, unless that is asked for."""
+    if overwrite or not target.exists():
+        return
+    if any(source.exists() and target.samefile(source) for source in sources):
+        raise InvalidParameterError(f"{target} is the input; give --overwrite to replace it")
+    if not target.stat().st_mode & 0o222:
+        raise InvalidParameterError(f"{target} is write-protected; give --overwrite to replace it")
+
+
 Source = Annotated[
-    Path, typer.Argument(help="Mesh or point cloud to read: any format that pymeshlab reads.", metavar="INPUT")
+    Path,
+    typer.Argument(
+        help="Mesh or point cloud to read: any format that pymeshlab reads, or - for the standard input.",
+        metavar="INPUT",
+        callback=_from_pipe,
+    ),
 ]
 Target = Annotated[
-    Path, typer.Argument(help="Mesh to write. PLY keeps quality, colour and all fields.", metavar="OUTPUT")
+    Path,
+    typer.Argument(
+        help="Mesh to write, or - for the standard output. PLY keeps quality, colour and all fields.",
+        metavar="OUTPUT",
+        callback=_to_pipe,
+    ),
 ]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Also replace the input, or a write-protected file.")]
 Percentile = Annotated[float, typer.Option(help="Percentage of values clipped at each end of the colours.")]
 ColorRange = Annotated[
     tuple[float, float] | None,
@@ -91,10 +158,17 @@ def options(*parameters: Parameter) -> Callable[[_Command], _Command]:
     return with_options
 
 
+def option_of(name: str) -> str:
+    """The option that sets a parameter of a filter, or of the array function that it calls; empty if none does."""
+    known = {item.name.replace("_", ""): item.name for table in PARAMETERS.values() for item in table}
+    name = known.get(name.replace("_", ""), "") or {"maxedges": "maxholesize"}.get(name.replace("_", ""), "")
+    return f"--{_NAMES.get(name, name.replace('_', '-'))}" if name else ""
+
+
 def _option(parameter: Parameter) -> object:
     """A parameter as typer wants it."""
     name = _NAMES.get(parameter.name, parameter.name.replace("_", "-"))
-    words = parameter.kind.startswith("{")
+    words = re.findall(r'"(\w+)"', parameter.kind) if parameter.kind.startswith("{") else []
     kind, parser, metavar = (str, None, None) if words else _KINDS[parameter.kind]
     return Annotated[
         kind | None if parameter.default is None and parser is None else kind,
@@ -104,6 +178,7 @@ def _option(parameter: Parameter) -> object:
             min=_LEAST.get(parameter.name) if parser is None else None,
             parser=parser,
             metavar=metavar,
+            autocompletion=(lambda: words) if words else None,
         ),
     ]
 
@@ -122,17 +197,12 @@ def _auto_or(kind: type[int] | type[float]) -> Callable[[str], str | float]:
 
 def _length(text: str) -> object:
     """Parse an option that is a length, or a percentage of the diagonal of the bounding box."""
-    try:
-        if not text.endswith("%"):
-            return float(text)
-        percentage = float(text.removesuffix("%"))
-    except ValueError:
-        percentage = -1.0
-    if not 0.0 < percentage <= 100.0:
-        raise typer.BadParameter(f"got {text!r}, expected a length such as 0.5, or a percentage such as 2%")
-    from bezier_filters.meshlab.meshset import PercentageValue
+    from bezier_filters.meshlab.meshset import length_of
 
-    return PercentageValue(percentage)
+    try:
+        return length_of(text)
+    except InvalidParameterError as error:
+        raise typer.BadParameter(str(error)) from None
 
 
 _SIZE = re.compile(r"(\d+(?:\.\d+)?)\s*([KMGT]?)(I?)B?", re.IGNORECASE)

@@ -6,9 +6,10 @@ import json as json_module
 import os
 import shlex
 import time
-from collections.abc import Sequence
-from contextlib import closing, redirect_stderr, redirect_stdout
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager, redirect_stderr, redirect_stdout, suppress
 from dataclasses import asdict, dataclass, replace
+from itertools import takewhile
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -21,6 +22,9 @@ from bezier_filters.errors import InvalidParameterError
 from bezier_filters.parameters import PARAMETERS
 
 __all__ = ["Item", "batch", "filters", "plan", "run_command"]
+
+# below the folder of the results: a line of JSON for each, its path, the command and the options
+RECORDS = ".bezier-filters-batch"
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,7 @@ def batch(
     jobs: Annotated[int | None, typer.Option(help="Number of processes; all cores by default.", min=1)] = None,
     options: Annotated[str, typer.Option(help="Options of the command, in quotes.")] = "",
     suffix: Annotated[str, typer.Option(help="Format of the results.")] = ".ply",
-    redo: Annotated[bool, typer.Option("--redo", help="Also where the result is newer than the file.")] = False,
+    redo: Annotated[bool, typer.Option("--redo", help="Also where there is a result already.")] = False,
     scheduler: Annotated[
         str | None,
         typer.Option(
@@ -59,9 +63,9 @@ def batch(
 ) -> None:
     """Run a command on many files, several at a time.
 
-    Results that are newer than their files are skipped, so that a batch that was interrupted goes on where it was; give
-    --redo when the options have changed. A file that fails does not stop the others: the table says why, and the exit
-    status is 1.
+    Results that are newer than their files, of the same command and options, are skipped, so that a batch that was
+    interrupted goes on where it was. A file that fails does not stop the others: the table says why, and the exit
+    status is 1. Below --out, results have the names of the files, and the folders below the fixed part of a pattern.
     """
     from bezier_filters.runtime.parallel import thread_count
     from bezier_filters.runtime.worker_processes import run_in_processes
@@ -69,7 +73,7 @@ def batch(
     start = time.perf_counter()
     arguments = shlex.split(options)
     check_command(command, arguments)
-    items = plan(find_files(sources), out, suffix, redo=redo)
+    items = plan(find_files(sources), out, suffix, [] if redo else [command, *arguments])
     todo = [index for index, item in enumerate(items) if item.result == "waiting"]
     cores = thread_count(None)
     processes = max(1, min(jobs or cores, len(todo)))
@@ -86,9 +90,11 @@ def batch(
             [command, os.path.abspath(source), os.path.abspath(target), *arguments] for _, source, target, *_ in work
         ]
         run = run_on_scheduler(absolute, scheduler, workers=processes)
-    with console.progress_bar(command, quiet=quiet or json) as progress, closing(run) as outcomes:
+    with console.progress_bar(command, quiet=quiet or json) as progress, closing(run) as outcomes, _kept(items, out):
         for done, (position, outcome) in enumerate(outcomes, start=1):
             index = todo[position]
+            if not outcome.error:
+                _record(out, items[index].output, [command, *arguments])
             items[index] = replace(
                 items[index],
                 result="failed" if outcome.error else "done",
@@ -105,6 +111,32 @@ def batch(
         console.print_batch(summary)
     if summary["failed"]:
         raise typer.Exit(1)
+
+
+@contextmanager
+def _kept(items: Sequence[Item], out: Path) -> Iterator[None]:
+    """If the block is interrupted, say what is there."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        there = sum(item.result in ("done", "skipped") for item in items)
+        console.err.print(f"{there:,} of {len(items):,} results are in {out}; the same command goes on", markup=False)
+        raise
+
+
+def _record(out: Path, target: str, arguments: Sequence[str]) -> None:
+    with (out / RECORDS).open("a", encoding="utf-8") as records:
+        print(json_module.dumps([os.path.relpath(target, out), *arguments]), file=records)
+
+
+def _recorded(out: Path) -> dict[str, list[str]]:
+    """Command and options of the results below a folder, by their paths there; of lines cut short nothing is known."""
+    found = {}
+    with suppress(FileNotFoundError, ValueError):
+        for line in (out / RECORDS).read_text(encoding="utf-8").splitlines():
+            target, *arguments = json_module.loads(line)
+            found[target] = arguments
+    return found
 
 
 def run_command(arguments: Sequence[str]) -> Report:
@@ -130,42 +162,49 @@ def check_command(command: str, options: list[str]) -> None:
             raise InvalidParameterError(f"options: got --{name.replace('_', '-')}, which names one file for all")
 
 
-def find_files(sources: Sequence[str]) -> list[Path]:
-    """Files that are named or match a pattern, each once, in order; a pattern that matches nothing is refused."""
-    found: dict[str, None] = {}
+def find_files(sources: Sequence[str]) -> dict[Path, str]:
+    """Files that are named or match a pattern, each once, in order; a pattern that matches nothing is refused.
+
+    Each comes with its folder below the part of the pattern that is fixed, so that others have no influence on it.
+    """
+    found: dict[Path, str] = {}
     for source in sources:
         if not glob.has_magic(source) or os.path.exists(source):
-            found[source] = None
+            found[Path(source)] = ""
             continue
         matches = sorted(path for path in glob.glob(source, recursive=True) if os.path.isfile(path))
         if not matches:
             raise InvalidParameterError(f"files: nothing matches {source!r}")
-        found.update(dict.fromkeys(matches))
-    return [Path(path) for path in found]
+        fixed = Path(*takewhile(lambda part: not glob.has_magic(part), Path(source).parts))
+        found |= {Path(path): os.path.relpath(os.path.dirname(path) or ".", fixed) for path in matches}
+    return found
 
 
-def plan(sources: Sequence[Path], out: Path, suffix: str, *, redo: bool = False) -> list[Item]:
-    """Where the results go, and which are there already.
+def plan(sources: Mapping[Path, str], out: Path, suffix: str, done: Sequence[str] = ()) -> list[Item]:
+    """Where the results go, below `out`, and which are there already, done by this command with these options.
 
-    Below `out` they have the names of the files, and the folders that these do not share. No two may be the same file,
-    and none an input.
+    They have the names of the files, in the folders that come with them. No two may be the same file, and none an
+    input.
     """
     if not suffix.startswith("."):
         raise InvalidParameterError(f"suffix: got {suffix!r}, expected a suffix with its dot, such as .ply")
-    folders = [os.path.dirname(os.path.abspath(source)) for source in sources]
-    shared = os.path.commonpath(folders)
     items: dict[str, Item] = {}
     taken = {os.path.realpath(source) for source in sources}
-    for source, folder in zip(sources, folders, strict=True):
-        target = out / os.path.relpath(folder, shared) / f"{source.stem}{suffix}"
+    recorded = _recorded(out)
+    for source, folder in sources.items():
+        target = out / folder / f"{source.stem}{suffix}"
         real = os.path.realpath(target)
         if real in taken:
             raise InvalidParameterError(f"out: {target} is one of the inputs; choose another folder")
         if real in items:
-            raise InvalidParameterError(f"files: {items[real].input} and {source} would both become {target}")
-        both_exist = target.exists() and source.exists()
-        skipped = not redo and both_exist and target.stat().st_mtime_ns > source.stat().st_mtime_ns
-        items[real] = Item(str(source), str(target), "skipped" if skipped else "waiting")
+            raise InvalidParameterError(
+                f"files: {items[real].input} and {source} would both become {target}; a pattern in quotes from a "
+                "folder above them keeps their folders"
+            )
+        same = bool(done) and recorded.get(os.path.relpath(target, out)) == list(done)
+        there = same and target.exists() and source.exists()
+        newer = there and target.stat().st_mtime_ns > source.stat().st_mtime_ns
+        items[real] = Item(str(source), str(target), "skipped" if newer else "waiting")
     return list(items.values())
 
 

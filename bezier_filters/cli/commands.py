@@ -2,15 +2,18 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
 
 from bezier_filters.arrays import Report
 from bezier_filters.cli import batch, console, filters, pictures, scale
-from bezier_filters.cli.app import Json, Quiet, Source, app
+from bezier_filters.cli.app import Json, Overwrite, Quiet, Source, app, check_target, option_of
 from bezier_filters.meshes.mesh import TriangleMesh
+
+if TYPE_CHECKING:
+    from bezier_filters.meshlab.meshset import CurrentMesh
 
 __all__ = ["app", "batch", "filters", "pictures", "scale", "serve_command_line"]
 
@@ -18,21 +21,64 @@ __all__ = ["app", "batch", "filters", "pictures", "scale", "serve_command_line"]
 @app.command(epilog="Example: bezier-filters info scan.ply")
 def info(source: Source, json: Json = False) -> None:
     """Say what is in a mesh or point cloud, how much noise there is, and whether it is fit for fitting."""
-    from bezier_filters.meshes.diagnosis import inspect_mesh
-    from bezier_filters.meshes.mesh import triangle_mesh
-    from bezier_filters.meshlab.mesh_files import load_mesh
-    from bezier_filters.meshlab.meshset import current_mesh
-    from bezier_filters.meshlab.topology import topology_of
-
-    ms = load_mesh(source)
-    loaded = current_mesh(ms)
-    mesh = triangle_mesh(loaded.vertex_matrix(), loaded.face_matrix())
-    topology = topology_of(mesh.vertices, mesh.faces).counts
-    summary = console.mesh_summary(mesh, inspect_mesh(mesh), topology, _noise_of(mesh) if mesh.face_count else None)
+    _, summary = _inspected(source)
     if json:
         console.print_json({"file": str(source), **summary})
     else:
         console.print_mesh_summary(summary, str(source))
+
+
+@app.command(epilog="Example: bezier-filters report scan.ply")
+def report(
+    source: Source,
+    page: Annotated[
+        Path | None,
+        typer.Argument(
+            help="Page to write; in this folder, with the name of the mesh, if left out.", metavar="PAGE.html"
+        ),
+    ] = None,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Write a page with the mesh, to be turned in a browser, and all that is known of it: one file, no network.
+
+    It shows curvature, torsion, error bars, status and sharp edges with legends and histograms, what info tells, and
+    the mesh before and after smoothing and filling.
+    """
+    from bezier_filters.pictures.report import save_report
+
+    page = Path(source.name).with_suffix(".html") if page is None else page
+    if page.suffix.lower() not in (".html", ".htm"):
+        raise typer.BadParameter(f"PAGE: got {str(page)!r}, expected a file name that ends in .html")
+    check_target(page, source, overwrite=overwrite)
+    mesh, summary = _inspected(source)
+    with console.stage_bar(f"report on {source.name}", quiet=quiet or json) as progress:
+        told = save_report(
+            page, source.name, mesh, console.summary_rows(summary), summary["findings"], progress=progress
+        )
+    if json:
+        console.print_json({"input": str(source), "output": str(page), **told})
+    elif not quiet:
+        for note in told["notes"]:
+            console.out.print(note)
+        console.out.print(f"wrote [bold]{escape(str(page))}[/]; open it in a browser")
+
+
+def _inspected(source: Path) -> tuple["CurrentMesh", Report]:
+    """A mesh, and what `info` tells of it."""
+    from bezier_filters.meshes.diagnosis import inspect_mesh
+    from bezier_filters.meshes.mesh import triangle_mesh
+    from bezier_filters.meshlab.mesh_files import contents_of, load_mesh
+    from bezier_filters.meshlab.meshset import read_current_mesh
+    from bezier_filters.meshlab.topology import topology_of
+
+    ms = load_mesh(source)
+    loaded = read_current_mesh(ms)
+    mesh = triangle_mesh(loaded.vertices, loaded.faces)
+    topology = topology_of(mesh.vertices, mesh.faces).counts
+    summary = console.mesh_summary(mesh, inspect_mesh(mesh), topology, _noise_of(mesh) if mesh.face_count else None)
+    return loaded, summary | {"contents": contents_of(ms)}
 
 
 def _noise_of(mesh: TriangleMesh) -> Report:
@@ -106,4 +152,5 @@ def _run() -> str:
 def _in_one_line(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror and error.filename:
         return f"{error.filename}: {error.strerror}"
-    return " ".join(str(error).split()) or type(error).__name__
+    name, colon, text = " ".join(str(error).split()).replace("the current mesh", "the mesh").partition(": ")
+    return f"{option_of(name) or name}{colon}{text}" or type(error).__name__

@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.markup import escape
@@ -12,12 +13,14 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from rich.table import Table
 
 from bezier_filters.arrays import Report
-from bezier_filters.display.noise_words import noise_in_words, noise_level
+from bezier_filters.display.summaries import noise_in_words, noise_level
 from bezier_filters.fields import CURVATURE, qualities
-from bezier_filters.meshes.diagnosis import MeshReport, diagnose, is_fit
-from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.parallel import Progress as ProgressCallback
 from bezier_filters.status import FitStatus
+
+if TYPE_CHECKING:
+    from bezier_filters.meshes.diagnosis import MeshReport
+    from bezier_filters.meshes.mesh import TriangleMesh
 
 MOST_HOLES = 20  # that are listed one by one
 
@@ -49,8 +52,8 @@ def stage_bar(label: str, *, quiet: bool) -> Iterator[Callable[[str, int, int], 
 
 
 def print_json(data: Report) -> None:
-    """Print a report as JSON on stdout."""
-    print(json.dumps(data, indent=2, ensure_ascii=False))
+    """Print a report as JSON on stdout, or where text goes instead."""
+    print(json.dumps(data, indent=2, ensure_ascii=False), file=out.file)
 
 
 def print_status(report: Report, source: str) -> None:
@@ -106,6 +109,9 @@ def print_smoothing(report: Report, source: str) -> None:
     table.add_row("noise", _smoothed_noise(report).removeprefix("noise "))
     moved = ", ".join(f"{name} {edges(value)}" for name, value in report["displacement"].items())
     table.add_row("displacement", f"{moved} \\[mean edges]; {report['moved']:,} vertices moved")
+    if not report["moved"]:
+        clean = "nothing moved: the mesh is clean, smoothing would take more shape than noise"
+        table.add_row("", clean if report["noise_before"] is not None else "nothing moved: the noise is not known")
     if report["volume_ratio"] is not None:
         table.add_row("volume", f"{report['volume_ratio']:.6f} times as before")
     for kind in ("flipped", "degenerate"):
@@ -117,6 +123,9 @@ def print_smoothing(report: Report, source: str) -> None:
 def print_holes(report: Report, source: str) -> None:
     """Say what was done to the holes of a mesh."""
     out.print(f"[bold]{escape(source)}[/]")
+    changes = {name.replace("_", " "): count for name, count in (report["repaired"] or {}).items() if count}
+    if changes:
+        out.print("  repaired: " + ", ".join(f"{count:,} {name}" for name, count in changes.items()))
     if not report["holes"]:
         out.print("  no holes")
         return
@@ -128,12 +137,16 @@ def print_holes(report: Report, source: str) -> None:
         out.print(f"{size}  {method:<11}  {hole['new_faces']:>9,}  {angle:>19}".rstrip())
         if hole["reason"]:
             remark = hole["reason"].replace("outer_rims=True", "--outer-rims")
+            remark = remark.replace("repair=True of the filter", "--repair")
             out.print(Padding(escape(remark), (0, 2, 0, 11), expand=False), soft_wrap=False)
     if len(report["holes"]) > MOST_HOLES:
         out.print(f"  and {len(report['holes']) - MOST_HOLES:,} smaller ones")
     out.print(
         f"  {report['closed_holes']:,} filled with {report['new_faces']:,} faces, {report['open_holes']:,} left open"
     )
+    others = sum(hole["filled"] and hole["reason"].startswith("paper: ") for hole in report["holes"])
+    if others:
+        out.print(f"  {others:,} of them by another method than the paper's, which does not work there")
 
 
 def print_creases(report: Report, source: str) -> None:
@@ -185,7 +198,8 @@ def _remark(report: Report) -> str:
     if "sharp_edges" in report:
         return f"{len(report['lines']):,} lines, {report['sharp_edges']:,} sharp edges"
     if "closed_holes" in report:
-        return f"{report['closed_holes']:,} holes filled, {report['open_holes']:,} left open"
+        numbers = f"{report['closed_holes']:,} holes filled, {report['open_holes']:,} left open"
+        return "; look at: ".join([numbers, *report["warnings"]])
     if "noise_before" in report:
         return _smoothed_noise(report)
     if "statistics" in report:
@@ -195,8 +209,10 @@ def _remark(report: Report) -> str:
     return ""
 
 
-def mesh_summary(mesh: TriangleMesh, report: MeshReport, topology: Report, noise: Report | None) -> Report:
+def mesh_summary(mesh: "TriangleMesh", report: "MeshReport", topology: Report, noise: Report | None) -> Report:
     """What `info` tells, as one dict; the noise by the names of what `noise_in_words` takes, if there are faces."""
+    from bezier_filters.meshes.diagnosis import diagnose, is_fit
+
     low, high = (mesh.vertices.min(axis=0), mesh.vertices.max(axis=0))
     return {
         "vertices": mesh.vertex_count,
@@ -210,27 +226,36 @@ def mesh_summary(mesh: TriangleMesh, report: MeshReport, topology: Report, noise
     }
 
 
-def print_mesh_summary(summary: Report, source: str) -> None:
-    """Say what is in a mesh and whether it can be fitted."""
-    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+def summary_rows(summary: Report) -> list[tuple[str, str]]:
+    """What is in a mesh, in words."""
     low, high = summary["bounding_box"]
 
     def number(key: str) -> str:
         return "undefined (not a manifold)" if summary[key] is None else f"{summary[key]:,}"
 
-    table.add_row("vertices, faces", f"{summary['vertices']:,}, {summary['faces']:,}")
-    table.add_row("size", " x ".join(f"{b - a:.6g}" for a, b in zip(low, high, strict=True)))
+    rows = [
+        ("vertices, faces", f"{summary['vertices']:,}, {summary['faces']:,}"),
+        ("size", " x ".join(f"{b - a:.6g}" for a, b in zip(low, high, strict=True))),
+    ]
     if summary["faces"]:
-        table.add_row("mean edge", f"{summary['mean_edge_length']:.6g}")
-        table.add_row("components", number("components"))
-        table.add_row("genus", number("genus"))
-        table.add_row("boundary loops", f"{number('boundary_loops')}, {summary['boundary_edges']:,} edges")
-        table.add_row(
-            "non-manifold", f"{summary['non_manifold_edges']:,} edges, {number('non_manifold_vertices')} vertices"
-        )
+        rows += [
+            ("mean edge", f"{summary['mean_edge_length']:.6g}"),
+            ("components", number("components")),
+            ("genus", number("genus")),
+            ("boundary loops", f"{number('boundary_loops')}, {summary['boundary_edges']:,} edges"),
+            ("non-manifold", f"{summary['non_manifold_edges']:,} edges, {number('non_manifold_vertices')} vertices"),
+        ]
     if summary["noise"]:
         words = noise_in_words(**summary["noise"], edge=summary["mean_edge_length"])
-        table.add_row("noise", words.removeprefix("noise "))
+        rows.append(("noise", words.removeprefix("noise ")))
+    return [*rows, ("carries", "; ".join(summary["contents"]) or "nothing but its shape")]
+
+
+def print_mesh_summary(summary: Report, source: str) -> None:
+    """Say what is in a mesh and whether it can be fitted."""
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    for row in summary_rows(summary):
+        table.add_row(*map(escape, row))
     out.print(f"[bold]{escape(source)}[/]")
     out.print(table)
     if not summary["findings"]:

@@ -12,8 +12,20 @@ import typer
 import bezier_filters
 from bezier_filters.arrays import Report
 from bezier_filters.cli import console
-from bezier_filters.cli.app import Json, Quiet, SaveScript, Source, Target, app, examples, options
-from bezier_filters.fields import qualities
+from bezier_filters.cli.app import (
+    NEEDS_A_LOOK,
+    Json,
+    Overwrite,
+    Quiet,
+    SaveScript,
+    Source,
+    Target,
+    app,
+    check_target,
+    examples,
+    options,
+)
+from bezier_filters.fields import SMOOTH, qualities
 from bezier_filters.parameters import COLORS, PARAMETERS, RUN, Parameter
 
 _COLOR, _PROGRESS = COLORS[0], RUN[1]
@@ -44,17 +56,19 @@ def filter_command(
             target: Target,
             *,
             save_script: SaveScript = None,
+            overwrite: Overwrite = False,
             quiet: Quiet = False,
             json: Json = False,
             **given: object,
         ) -> None:
             from bezier_filters.meshlab.mesh_files import format_support, load_mesh, save_mesh
 
+            check_target(target, source, overwrite=overwrite)
             support, run = format_support(target), getattr(bezier_filters, filter_name)  # loaded only here
-            ms = load_mesh(source)
+            ms = load_mesh(source, attributes=name != SMOOTH)  # what they say is no longer true of other places
             with console.progress_bar(f"{verb} {source.name}", quiet=quiet or json) as progress:
                 report = run(ms, progress=progress, **given)
-            save_mesh(ms, target)
+            remarks = save_mesh(ms, target)
             if save_script is not None:
                 _add_step(save_script, filter_name, given)
             if json:
@@ -64,10 +78,15 @@ def filter_command(
                 if report.get("statistics"):
                     console.print_statistics(report, qualities(name)[report["quality"]].label)
                 console.print_written(report, str(target))
+            for remark in remarks:
+                console.err.print(f"note: {target.name} is {remark}", markup=False)
             if report.get("quality") and not support.quality:
                 console.err.print(
                     f"note: {target.suffix} files hold no quality and no bz_* columns; write a PLY file to keep them"
                 )
+            if report.get("warnings"):
+                console.err.print(f"look at {target}: {'; '.join(report['warnings'])}", markup=False)
+                raise typer.Exit(NEEDS_A_LOOK)
 
         return described
 
@@ -168,6 +187,7 @@ def creases(
     view: Annotated[
         list[str] | None, typer.Option(help="View of the picture: front, back, left, ...; may be repeated.")
     ] = None,
+    overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: Json = False,
     **given: Any,
@@ -181,6 +201,7 @@ def creases(
     from bezier_filters.pictures.render import check_picture, render_panels
 
     check_line_file(target)
+    check_target(target, source, overwrite=overwrite)
     if picture is not None:
         check_picture(picture)
     mesh = read_current_mesh(load_mesh(source))
@@ -211,6 +232,7 @@ def run(
     script: Annotated[Path, typer.Argument(help="Filter script to run.", metavar="SCRIPT.mlx")],
     source: Source,
     target: Target,
+    overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -227,10 +249,12 @@ def run(
     steps = read_filter_script(script)
     names = check_steps(steps)
     format_support(target)
+    check_target(target, source, script, overwrite=overwrite)
     ms = load_mesh(source)
     with console.progress_bar(script.name, quiet=quiet or json) as progress:
         done = run_filter_script(ms, steps, progress=progress)
-    save_mesh(ms, target)
+    for remark in save_mesh(ms, target):
+        console.err.print(f"note: {target.name} is {remark}", markup=False)
     if json:
         summary = {"script": str(script), "input": str(source), "output": str(target)}
         console.print_json(summary | {"steps": [asdict(report) for report in done]})

@@ -7,6 +7,7 @@ import typer
 
 from bezier_filters.cli import console
 from bezier_filters.cli.app import ColorRange, Json, Percentile, Quiet, Source, app, examples
+from bezier_filters.display.colors import ColorScale
 
 Sources = Annotated[
     list[Path], typer.Argument(help="Meshes side by side, for example before and after.", metavar="MESH")
@@ -21,6 +22,7 @@ FieldNames = Annotated[
 PictureColors = Annotated[
     str, typer.Option(help="auto (Cool Warm or Viridis), Paper, or a colour map of matplotlib: turbo, RdBu_r, ...")
 ]
+Scale = Annotated[ColorScale, typer.Option(help="symlog is logarithmic both ways from zero, for values of all sizes.")]
 Up = Annotated[str, typer.Option(help="Axis that points up: auto, x, y, z, -x, -y or -z.")]
 
 
@@ -32,7 +34,7 @@ Up = Annotated[str, typer.Option(help="Axis that points up: auto, x, y, z, -x, -
 )
 def render(
     sources: Sources,
-    picture: Annotated[Path, typer.Argument(help="PNG file to write.", metavar="PICTURE.png")],
+    picture: Annotated[Path, typer.Argument(help="Picture to write: .png, .jpg, .svg or .pdf.", metavar="PICTURE.png")],
     field: FieldNames = None,
     view: Annotated[
         list[str] | None, typer.Option(help="front, back, left, right, top, bottom or iso; may be repeated.")
@@ -40,16 +42,18 @@ def render(
     colormap: PictureColors = "auto",
     percentile: Percentile = 2.0,
     limits: ColorRange = None,
+    scale: Scale = "linear",
     histogram: Annotated[bool, typer.Option("--histogram", help="Draw a histogram above every colour bar.")] = False,
     size: Annotated[int, typer.Option(help="Largest side of one image in pixels.", min=50, max=4000)] = 600,
+    dpi: Annotated[float, typer.Option(help="Pixels per inch that the file tells.", min=1)] = 100,
     up: Up = "auto",
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Draw meshes with their quality or other fields as a PNG with colour bars, without any display.
+    """Draw meshes with their quality or other fields as a picture with colour bars, without any display.
 
     One mesh has a column for every field. Several have a column each and a row for every field, with the same colours
-    in the row; a mesh that lacks the field is grey.
+    for the same quantity; a mesh that lacks the field is grey.
     """
     from bezier_filters.pictures.field_panels import default_field, field_panels, read_mesh_file
     from bezier_filters.pictures.render import check_picture, render_panels
@@ -57,14 +61,15 @@ def render(
     check_picture(picture)
     files = [read_mesh_file(source) for source in sources]
     fields, views = field or [default_field(files)], view or ["front", "back"]
-    panels, shown = [], []
+    panels, shown, colors = [], [], (colormap, percentile, limits, scale)
     for name in fields:
-        row = field_panels(files, name, colormap=colormap, percentile=percentile, limits=limits, histogram=histogram)
+        row = field_panels(files, name, *colors, histogram=histogram)
         panels += row
         legend = next((panel for panel in row if panel.values is not None), row[0])
         shown.append({"field": name, "label": legend.label, "unit": legend.unit, "limits": legend.limits})
     columns = len(files) if len(files) > 1 else None
-    render_panels(picture, panels, views=views, columns=columns, size=(size, size), up=up)
+    title = sources[0].name if len(files) == 1 else None
+    render_panels(picture, panels, views=views, columns=columns, size=(size, size), title=title, up=up, dpi=dpi)
     if json:
         inputs = [str(source) for source in sources]
         console.print_json({"inputs": inputs, "output": str(picture), "views": views, "panels": shown})
@@ -79,6 +84,7 @@ def view(
     colormap: PictureColors = "auto",
     percentile: Percentile = 2.0,
     limits: ColorRange = None,
+    scale: Scale = "linear",
     up: Up = "auto",
 ) -> None:
     """Show meshes with their fields in a window, to turn with the mouse; q closes it. Needs a display."""
@@ -88,9 +94,9 @@ def view(
 
     check_display()
     files = [read_mesh_file(source) for source in sources]
-    panels = []
+    panels, colors = [], (colormap, percentile, limits, scale)
     for name in field or [default_field(files)]:
-        panels += field_panels(files, name, colormap=colormap, percentile=percentile, limits=limits)
+        panels += field_panels(files, name, *colors)
     with interrupts_end_the_process():
         show_panels(panels, columns=len(files) if len(files) > 1 else None, up=up)
 

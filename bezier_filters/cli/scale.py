@@ -10,7 +10,7 @@ import typer
 
 from bezier_filters.arrays import Report
 from bezier_filters.cli import console
-from bezier_filters.cli.app import Json, Quiet, app, options
+from bezier_filters.cli.app import Json, Overwrite, Quiet, app, check_target, options
 from bezier_filters.errors import CancelledError
 from bezier_filters.fields import CURVATURE
 from bezier_filters.parameters import FIT, QUALITY_OF, SMOOTHING, Parameter, parameters
@@ -63,6 +63,7 @@ def curvature(
     *,
     faces: Faces = None,
     column: Columns = None,
+    overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: Json = False,
     **given: Any,
@@ -70,6 +71,7 @@ def curvature(
     """Compute mean, Gaussian and principal curvatures and directions, with the values that the mesh has in memory."""
     from bezier_filters.scale import FitOptions, estimate_file
 
+    check_target(target, source, overwrite=overwrite)
     fit = FitOptions(**_taken(given, TILE_FIT))
     files = source if faces is None else (source, faces)
     with _resumable(quiet=quiet or json) as progress:
@@ -94,6 +96,7 @@ def smooth(
     target: BigTarget,
     *,
     faces: Faces = None,
+    overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: Json = False,
     **given: Any,
@@ -105,6 +108,7 @@ def smooth(
     from bezier_filters.scale import FitOptions, smooth_file
     from bezier_filters.scale.smooth import PAPER
 
+    check_target(target, source, overwrite=overwrite)
     fit = FitOptions(**_taken(given, PAPER_FIT))
     files = source if faces is None else (source, faces)
     with _resumable(quiet=quiet or json) as progress:

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 from numbers import Real
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from bezier_filters.errors import InvalidParameterError
 if TYPE_CHECKING:
     from matplotlib.colors import Colormap
 
+ColorScale: TypeAlias = Literal["linear", "symlog"]
 AUTO = "auto"  # stands for `default_colormap`
 
 _RESOLUTION = 1e-6  # relative; pymeshlab keeps the ends of the range in single precision

@@ -1,6 +1,7 @@
 """Differential geometry at every vertex of a mesh: the function that users call."""
 
 from dataclasses import fields, replace
+from typing import get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,13 +18,20 @@ from bezier_filters.estimation.adaptive_fit import (
     learner,
     with_parts,
 )
-from bezier_filters.estimation.fallbacks import fit_with_fallbacks, overall_progress
+from bezier_filters.estimation.fallbacks import Fallbacks, fallback_chain, fit_with_fallbacks, overall_progress
 from bezier_filters.estimation.first_call import first_call
 from bezier_filters.estimation.fit_options import Automatic, check_detail, check_fit_noise, check_radius, fit_options
 from bezier_filters.estimation.noise_free import hides_sharp_edges, noise_free_surface
 from bezier_filters.estimation.point_cloud import point_cloud
+from bezier_filters.estimation.remembered import LARGEST, LearnedFit, key_of, recall, remember
 from bezier_filters.estimation.vertex_geometry import FitChoice, VertexGeometry, empty_geometry
-from bezier_filters.kernels.kernel_input import KernelMesh, fitted_mesh, kernel_mesh, with_steady_normals
+from bezier_filters.kernels.kernel_input import (
+    SMALLEST_WIDTH,
+    KernelMesh,
+    fitted_mesh,
+    kernel_mesh,
+    with_steady_normals,
+)
 from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
@@ -49,6 +57,8 @@ def estimate_vertex_geometry(
     alpha: float | Automatic = "auto",
     degree: int | Automatic = "auto",
     smoothness: Smoothness = "third_order",
+    fallbacks: Fallbacks = "sound",
+    x_axis: ArrayLike | None = None,
     robust: bool | None = None,
     noise: float | None = None,
     detail: float | None = None,
@@ -100,6 +110,15 @@ def estimate_vertex_geometry(
     smoothness : {"third_order", "paper", "twists"}
         What S penalises: see `smoothness_matrix`. With ``"paper"``, "auto" stands for the paper's
         settings: 2 rings, alpha 0.8, degree 3. With ``"twists"``, `alpha` must be a number.
+    fallbacks : {"sound", "paper"}
+        What is tried where the surface folds over the tangent plane, with a number for `alpha`. ``"sound"``: the plane
+        of the mean normal of the neighbourhood, then a quadratic fit of the 1-ring. ``"paper"``: the plane of the
+        neighbour whose normal is closest, then the patch itself on the 1-ring; only where that determines no patch, as
+        it seldom does with six neighbours or fewer, a quadratic. Not with a radius.
+    x_axis : (3,) or (n, 3) array_like of float, optional
+        Directions of any length, one for all vertices or one each, whose projections are the x axes of the tangent
+        planes. By default, and where they are zero or normal to the plane, x points to the neighbour that projects
+        farthest. What ``"paper"`` and ``"twists"`` give depends on it; fits that follow the data do not, and refuse it.
     robust : bool, optional
         Whether points far off their patch lose their weight (Tukey's biweight), for scans with
         outliers: one vertex in twenty displaced by many times the noise. It takes some two times as long
@@ -155,6 +174,13 @@ def estimate_vertex_geometry(
     rings, fixed, degrees = fit_options(rings, alpha, degree, smoothness)
     check_fit_noise(noise, fixed, rings, radius)
     check_detail(detail, rings, radius)
+    if fallbacks not in get_args(Fallbacks):
+        raise InvalidParameterError(f"fallbacks: got {fallbacks!r}, expected one of {get_args(Fallbacks)}")
+    if fixed is None and (fallbacks != "sound" or x_axis is not None):
+        raise InvalidParameterError("fallbacks and x_axis are for fits with a number for alpha; give alpha, or neither")
+    if fallbacks != "sound" and radius is not None:
+        raise InvalidParameterError(f"fallbacks: got {fallbacks!r} and a radius; those of the paper are for rings")
+    axes = None if x_axis is None else _directions(x_axis, mesh, "x_axis")
     mask = None if selected is None else checked_selection(selected, mesh.vertex_count)
     threads = thread_count(threads)
 
@@ -167,11 +193,13 @@ def estimate_vertex_geometry(
         else:
             adjacency, planes = point_cloud(mesh, None if outside is None else outside[order], threads=threads)
             arrays = kernel_mesh(mesh, adjacency, planes, None, ordered)
+        if axes is not None:
+            arrays = arrays._replace(x_axes=axes[order])
         ids: IntArray = (np.arange(mesh.vertex_count) if mask is None else np.flatnonzero(mask[order])).astype(np.int32)
         geometry = empty_geometry(mesh.vertex_count)
         if conditions:
             geometry = replace(geometry, condition_number=np.zeros(mesh.vertex_count))
-        surface: TriangleMesh | None = None
+        surface: FloatArray | None = None
 
         def at_sharp_edges(arrays: KernelMesh, noise: NoiseModel) -> KernelMesh:
             nonlocal surface
@@ -180,17 +208,28 @@ def estimate_vertex_geometry(
             if not hides_sharp_edges(mesh, adjacency, noise, threads=threads):
                 return arrays
             around = vertex_adjacency(given, threads=threads)
-            surface, stops = noise_free_surface(given, around, noise, threads=threads)
+            found, stops = noise_free_surface(given, around, noise, threads=threads)
+            surface = found.vertices
             return arrays._replace(stops=arrays.stops | stops[order])
 
         if radius is None:
             wanted = rings, fixed, degrees, robust, noise, detail
-            fit, learned = choose_fit(learner(arrays, adjacency, threads=threads), *wanted)
-            if learned is not None and _misses_edges(arrays, fit, learned, geometry, threads):
+            is_learned = (fixed is None or rings == "auto") and given.vertex_count <= LARGEST
+            key = key_of(given.vertices, given.faces, outside, fallbacks, *wanted) if is_learned else None
+            known, learned = recall(key), None
+            if known is not None:
+                fit, surface, arrays = known.fit, known.surface, arrays._replace(stops=known.stops)
+            else:
+                fit, learned = choose_fit(learner(arrays, adjacency, threads=threads), *wanted)
+            if fixed is not None and fallbacks != "sound":
+                fit = replace(fit, attempts=tuple(fallback_chain(fit.choice.rings, fixed, fallbacks=fallbacks)))
+            if learned is not None and _misses_edges(arrays, fit, learned, threads):
                 before, arrays = arrays, at_sharp_edges(arrays, learned.root.surface.noise)
                 if (arrays.stops != before.stops).any():
                     fit, learned = choose_fit(learner(arrays, adjacency, threads=threads), *wanted)
-            choice = _fit(arrays, ids, fit, learned, geometry, threads, progress)
+            choice, fit = _fit(arrays, ids, fit, learned, geometry, threads, progress)
+            if learned is not None:
+                remember(key, LearnedFit(fit, arrays.stops, surface))
         else:
             choice = fit_in_balls(
                 arrays,
@@ -208,21 +247,19 @@ def estimate_vertex_geometry(
             )
         if mask is not None:
             _clear(geometry, ~mask & (geometry.status != FitStatus.SKIPPED))
-        return replace(geometry, fit=choice, noise_free=None if surface is None else surface.vertices)
+        return replace(geometry, fit=choice, noise_free=surface)
 
 
-def _misses_edges(
-    arrays: KernelMesh, fit: SurfaceFit, learned: Learned, geometry: VertexGeometry, threads: int
-) -> bool:
-    """Whether fits of sampled vertices leave more than noise, or fail, at some places, as they do across sharp edges.
-
-    What is written of these vertices means nothing.
-    """
+def _misses_edges(arrays: KernelMesh, fit: SurfaceFit, learned: Learned, threads: int) -> bool:
+    """Whether fits leave more than noise, or fail, at some of the sampled vertices, as they do across sharp edges."""
     seen = with_steady_normals(arrays, threads=threads) if fit.steady else arrays
-    fit_with_fallbacks(seen, learned.centers, fit.attempts, geometry, robust=fit.robust, threads=threads)
-    rows = arrays.origin[learned.centers]
-    is_off = geometry.residual[rows] > OFF * learned.root.surface.sigma
-    return bool((is_off | (geometry.status[rows] > FitStatus.WIDER_RING)).mean() > SOMEWHERE)
+    rows = np.zeros(len(arrays.vertices), dtype=np.int32)
+    rows[learned.centers] = np.arange(len(learned.centers))
+    found = empty_geometry(len(learned.centers))
+    seen = seen._replace(origin=rows)
+    fit_with_fallbacks(seen, learned.centers, fit.attempts, found, robust=fit.robust, threads=threads)
+    is_off = found.residual > OFF * learned.root.surface.sigma
+    return bool((is_off | (found.status > FitStatus.WIDER_RING)).mean() > SOMEWHERE)
 
 
 def _fit(
@@ -233,8 +270,8 @@ def _fit(
     geometry: VertexGeometry,
     threads: int,
     progress: Progress | None,
-) -> FitChoice:
-    """Fit vertices, all in one way first, and then the parts of the surface, if there are any.
+) -> tuple[FitChoice, SurfaceFit]:
+    """Fit vertices, all in one way first, and then the parts of the surface, if there are any; say with what.
 
     The sampled vertices are fitted, too, so that the parts do not depend on `ids`; what is written there means nothing.
     """
@@ -245,7 +282,7 @@ def _fit(
     fit_with_fallbacks(arrays, first, fit.attempts, geometry, robust=fit.robust, threads=threads, progress=of_wanted)
     if learned is not None:
         fit = with_parts(fit, learned, lambda centers: first_features(geometry, arrays.origin[centers]))
-    return fit_parts(arrays, ids, fit, geometry, threads=threads, progress=progress)
+    return fit_parts(arrays, ids, fit, geometry, threads=threads, progress=progress), fit
 
 
 def _outside(normals: ArrayLike | None, mesh: TriangleMesh) -> FloatArray | None:
@@ -254,13 +291,27 @@ def _outside(normals: ArrayLike | None, mesh: TriangleMesh) -> FloatArray | None
         return None
     if mesh.face_count:
         raise InvalidParameterError("normals: got some for a mesh with faces, whose orientation says what is outside")
+    return _vectors(normals, mesh, "normals")
+
+
+def _directions(given: ArrayLike, mesh: TriangleMesh, name: str) -> FloatArray:
+    """Unit vectors (n, 3), or zeros, from one for all vertices or one each."""
+    vectors = _vectors(given, mesh, name, one_for_all=True)
+    vectors = vectors / np.maximum(np.abs(vectors).max(axis=-1, keepdims=True), SMALLEST_WIDTH)
+    vectors /= np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), SMALLEST_WIDTH)
+    return np.broadcast_to(vectors, mesh.vertices.shape)
+
+
+def _vectors(given: ArrayLike, mesh: TriangleMesh, name: str, *, one_for_all: bool = False) -> FloatArray:
+    """Vectors of a mesh's vertices that a user gave, checked."""
     try:
-        vectors = np.asarray(normals, dtype=np.float64)
+        vectors = np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise InvalidParameterError(f"normals: expected real numbers of shape (n, 3); {error}") from None
-    if vectors.shape != mesh.vertices.shape or not np.isfinite(vectors).all():
+        raise InvalidParameterError(f"{name}: expected real numbers of shape (n, 3); {error}") from None
+    fits = vectors.shape == mesh.vertices.shape or (one_for_all and vectors.shape == (3,))
+    if not fits or not np.isfinite(vectors).all():
         raise InvalidParameterError(
-            f"normals: got shape {vectors.shape}, expected finite numbers of shape {mesh.vertices.shape}"
+            f"{name}: got shape {vectors.shape}, expected finite numbers of shape {mesh.vertices.shape}"
         )
     return vectors
 

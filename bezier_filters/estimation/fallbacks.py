@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -29,6 +30,7 @@ SMALLEST_PRIOR_PIVOT = 1e-10  # the same for fits with a prior, which decides wh
 MORE_RINGS = 3  # how many rings an ill-posed neighbourhood may grow
 # of the usual number: at a boundary or a crease, where a neighbourhood has fewer, it takes more rings
 ENOUGH_POINTS = 0.75
+Fallbacks = Literal["sound", "paper"]
 # practically a plain quadratic: six coefficients that six well-placed points determine
 QUADRATIC = PatchFit(degree=2, alpha=0.1)
 
@@ -45,6 +47,7 @@ class FitAttempt:
     fit: PatchFit | FitPlan
     # whether the plane is normal to the mean normal of the neighbourhood, not to the vertex normal
     mean_plane: bool = False
+    other_plane: bool = False  # whether it is that of a neighbour
     # share of the vertices whose normals may turn away from the plane; if negative, not even a single face may fold
     most_turned: float = -1.0
     # standard deviation of the heights, a length, for the standard errors of normal and curvatures; 0 for none
@@ -54,8 +57,10 @@ class FitAttempt:
     radius: float | None = None  # of the ball that is the neighbourhood, a length
 
 
-def fallback_chain(rings: int, fit: PatchFit, radius: float | None = None) -> Iterator[FitAttempt]:
-    """The fit asked for, then the paper's fallbacks made sound.
+def fallback_chain(
+    rings: int, fit: PatchFit, radius: float | None = None, fallbacks: Fallbacks = "sound"
+) -> Iterator[FitAttempt]:
+    """The fit asked for, then the paper's fallbacks, as they are or made sound.
 
     Too few or badly placed points take a wider ring; a folded projection takes another plane,
     then the 1-ring. What is left is fitted by a quadratic, because the paper's system is
@@ -66,7 +71,11 @@ def fallback_chain(rings: int, fit: PatchFit, radius: float | None = None) -> It
     yield FitAttempt(FitStatus.OK, frozenset({FITTED}), rings, fit, radius=radius)
     for more in range(1, MORE_RINGS + 1):
         yield FitAttempt(FitStatus.WIDER_RING, ill_posed, rings + more, fit)
-    yield FitAttempt(FitStatus.OTHER_PLANE, folded, rings, fit, mean_plane=True, radius=radius)
+    paper = fallbacks == "paper"
+    yield FitAttempt(FitStatus.OTHER_PLANE, folded, rings, fit, mean_plane=not paper, other_plane=paper, radius=radius)
+    if paper:
+        yield FitAttempt(FitStatus.ONE_RING, folded, 1, fit)
+        yield FitAttempt(FitStatus.LOWER_DEGREE, ill_posed, 1, QUADRATIC)
     yield from last_resorts(rings)
 
 
@@ -218,6 +227,7 @@ def kernel_fit(attempt: FitAttempt, *, robust: bool = False) -> KernelFit:
         free=free,
         square=square,
         mean_plane=attempt.mean_plane,
+        other_plane=attempt.other_plane,
         most_turned=attempt.most_turned,
         highest_power=2 * fit.degree,
         any_axis=isinstance(fit, FitPlan),

@@ -4,7 +4,6 @@ They are compiled in two parts that take about equally long, on two cores if the
 """
 
 import gc
-import logging
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -29,8 +28,6 @@ from bezier_filters.runtime.supervision import python_command
 from bezier_filters.status import FitStatus
 from bezier_filters.surfaces import sphere
 
-logger = logging.getLogger("bezier_filters")
-
 
 @contextmanager
 def first_call() -> Iterator[None]:
@@ -42,7 +39,7 @@ def first_call() -> Iterator[None]:
 
 @contextmanager
 def first_compilation(kernel: Any, compile_kernel: Callable[[], object], compile_others: str) -> Iterator[None]:
-    """Around the first call of a kernel: if it will be compiled, say so, and compile on two cores if there are two.
+    """Around the first call of a kernel: if it will be compiled, do so on two cores if there are two.
 
     A kernel that was compiled before is loaded from numba's cache on disk in a fraction of a second; then nothing
     of this happens. Otherwise this process compiles the largest kernel, and another one runs the code `compile_others`
@@ -52,7 +49,6 @@ def first_compilation(kernel: Any, compile_kernel: Callable[[], object], compile
     if compiled or any(Path(kernel.stats.cache_path).glob(f"*{kernel.py_func.__name__}*.nbi")):
         yield
         return
-    logger.warning("compiling the numerical kernels; this takes about ten seconds, once per installation")
     # The compiler makes millions of objects that live on; looking through the oldest of them again and again would
     # take a fifteenth of its time.
     thresholds = gc.get_threshold()

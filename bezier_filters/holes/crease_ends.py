@@ -16,7 +16,9 @@ from bezier_filters.meshes.sharp_edges import sharp_edges
 
 # angle up to which no edge is sharp, less than for lines: edges that are rounded a little are continued, too
 ROUNDED = radians(35.0)
-SHORTEST, LONGEST = 2, 6  # edges of a crease that are followed from the rim: one alone is no crease
+# edges of a crease that are followed from the rim: one alone is no crease, unless it is clear and ends at another
+SHORTEST, LONGEST = 2, 6
+CLEAR = radians(60.0)
 ALONG = cos(radians(10.0))  # least cosine of the angle between a crease and an edge of the rim that goes on as it does
 STRAIGHT = 0.5  # least cosine of the angle between two edges of a crease that follow each other
 
@@ -42,9 +44,10 @@ def may_have_creases(region: InfluenceRegion) -> bool:
 
 @dataclass(frozen=True)
 class Creases:
-    """Half-edges around a hole, each (3 m,): which are sharp, which of these convex, and the opposite ones or -1."""
+    """Half-edges around a hole, each (3 m,): which are sharp, clear and convex, and the opposite ones or -1."""
 
     is_sharp: BoolArray
+    is_clear: BoolArray
     is_convex: BoolArray
     twins: IntArray
 
@@ -55,7 +58,9 @@ def creases_around(region: InfluenceRegion) -> Creases:
     edges = mesh_edges(mesh)
     is_sharp = sharp_edges(mesh, edges, vertex_adjacency(mesh), ROUNDED)
     of_half_edges = edges.of_faces.ravel()  # no face of a region names a vertex twice, so all have an edge
-    return Creases(is_sharp[of_half_edges], edges.is_convex[of_half_edges], half_edge_twins(mesh))
+    is_clear = is_sharp & (edges.angles > CLEAR)
+    is_sharp, is_clear, is_convex = (values[of_half_edges] for values in (is_sharp, is_clear, edges.is_convex))
+    return Creases(is_sharp, is_clear, is_convex, half_edge_twins(mesh))
 
 
 def crease_ends(region: InfluenceRegion, creases: Creases) -> list[CreaseEnd]:
@@ -63,15 +68,20 @@ def crease_ends(region: InfluenceRegion, creases: Creases) -> list[CreaseEnd]:
     start, end = ends_of_half_edges(region.faces)
     leaving: dict[int, list[int]] = {}
     convex: dict[tuple[int, int], bool] = {}
+    clear: set[tuple[int, int]] = set()
     for half_edge in np.flatnonzero(creases.is_sharp).tolist():
         a, b = int(start[half_edge]), int(end[half_edge])
         leaving.setdefault(a, []).append(b)
         convex[a, b] = bool(creases.is_convex[half_edge])
+        if creases.is_clear[half_edge]:
+            clear.add((a, b))
     result = []
     for position, vertex in enumerate(region.loops[0].tolist()):
         chains = [_chain(region.shape, leaving, [vertex, other]) for other in leaving.get(vertex, [])]
         chain = max(chains, key=len, default=[])  # of equally long ones the one that leaves by the first half-edge
-        if len(chain) > SHORTEST:
+        # round a corner, or to one where creases meet
+        goes_on = len(chain) > 1 and (chain[0], chain[1]) in clear and len(leaving[chain[1]]) > 1
+        if len(chain) > SHORTEST or goes_on:
             result.append(_end(region, position, chain, convex[chain[0], chain[1]]))
     return list({end.position: end for end in sorted(result, key=lambda end: end.position)}.values())
 

@@ -4,9 +4,9 @@ Ends of creases are grouped by how little the curves between them would bend; th
 surfaces of their two sides meet, which in turn go through the curves.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from itertools import combinations
 
 import numpy as np
@@ -53,8 +53,14 @@ class _Curve:
     is_straight: bool  # whether it bends so little that its tangents at the rim tell all of it
 
 
-def crease_attempts(region: InfluenceRegion, *, noisy: bool) -> Iterator[Attempt]:
-    """Fills with the creases that end at the rim continued, the most likely first, or what went wrong; maybe none."""
+def crease_attempts(
+    region: InfluenceRegion, *, noisy: bool, fill_part: Callable[[InfluenceRegion], Fill | str] | None = None
+) -> Iterator[Attempt]:
+    """Fills with the creases that end at the rim continued, the most likely first, or what went wrong; maybe none.
+
+    `fill_part` fills a part between cubic curves, or says why it cannot; by default parts and curves are taken to the
+    surfaces of their sides first.
+    """
     if not region.has_simple_rim or not may_have_creases(region):
         return
     creases = creases_around(region)
@@ -64,7 +70,13 @@ def crease_attempts(region: InfluenceRegion, *, noisy: bool) -> Iterator[Attempt
         joined = sorted(k for group in groups for k in group)
         chosen = [ends[k] for k in joined]
         renumbered = [tuple(joined.index(k) for k in group) for group in groups]
-        fill = _fill(cut_hole(region, creases, chosen, renumbered), noisy=noisy)
+        cut = cut_hole(region, creases, chosen, renumbered)
+        if fill_part is None:
+            fill = _fill(cut, noisy=noisy)
+            yield Attempt("creases", None, fill) if isinstance(fill, str) else fill
+            if isinstance(fill, str):
+                continue
+        fill = _with_parts(cut, *_first_curves(cut, []), [fill_part or _spanned] * cut.part_count)
         yield Attempt("creases", None, fill) if isinstance(fill, str) else fill
 
 
@@ -73,22 +85,40 @@ def _fill(cut: CutHole, *, noisy: bool) -> Attempt | str:
     region = cut.region
     normals = [_side(region, cut.part_of_face == part) for part in range(cut.part_count)]
     surfaces = _surfaces(region, normals, [], noisy=noisy)
-    if surfaces is None:
-        return "too few faces on one side of a crease"
     corners, curves = _first_curves(cut, surfaces)
+    for part, surface in enumerate(surfaces):  # a strip between creases needs none
+        if surface is None and sum(part in curve.sides for curve in curves) < 2:
+            return "too few faces on one side of a crease"
     # What bends little is taken as it is; it tells the surfaces, and these tell where the other curves run.
     limit = FARTHEST * float(np.linalg.norm(np.ptp(region.vertices[: region.rim_count], axis=0)))
     edge = float(region.sizes.mean())
-    surfaces = _surfaces(region, normals, [curve for curve in curves if curve.is_straight], noisy=noisy) or surfaces
+    surfaces = _surfaces(region, normals, [curve for curve in curves if curve.is_straight], noisy=noisy)
     curves = [curve if curve.is_straight else _on_surfaces(curve, surfaces, limit, edge) for curve in curves]
-    surfaces = _surfaces(region, normals, curves, noisy=noisy) or surfaces
-    return _with_parts(cut, corners, curves, surfaces)
+    surfaces = _surfaces(region, normals, curves, noisy=noisy)
+    return _with_parts(cut, corners, curves, [partial(_on_surface, surface=surface) for surface in surfaces])
+
+
+def _spanned(side: InfluenceRegion) -> Fill | str:
+    """Fill a part by little more than its border."""
+    return lifted_fill(side) or first_fill(side, order=1) or "a part of the hole cannot be triangulated"
+
+
+def _on_surface(side: InfluenceRegion, surface: ImplicitSurface | None) -> Fill | str:
+    """Fill a part on a surface, if there is one."""
+    fill = _spanned(side)
+    if isinstance(fill, str) or surface is None:
+        return fill
+    moved = project_to_surface(fill, side, surface) if len(fill.points) > fill.rim_count else fill
+    return fill if moved is None else meet_rim(moved, side, surface)
 
 
 def _with_parts(
-    cut: CutHole, corners: FloatArray, curves: Sequence[_Curve], surfaces: Sequence[ImplicitSurface]
+    cut: CutHole,
+    corners: FloatArray,
+    curves: Sequence[_Curve],
+    fillers: Sequence[Callable[[InfluenceRegion], Fill | str]],
 ) -> Attempt | str:
-    """Fill the parts between the curves, each on the surface of its side."""
+    """Fill the parts between the curves, each by a way of its own."""
     region = cut.region
     # The vertices but those inside the parts: rim, corners, points of the curves.
     points = np.vstack([region.vertices[: region.rim_count], corners, *(curve.points for curve in curves)])
@@ -102,16 +132,14 @@ def _with_parts(
     shared = len(points)
     faces: list[IntArray] = []
     taken = set(region.rim_edges)
-    for part, surface in enumerate(surfaces):
+    for part, fill_part in enumerate(fillers):
         loop = border(cut, paths, part)
         if len(np.unique(loop)) < len(loop) or len(loop) < 3:
             return "creases meet before they cross the hole"
         side = sub_hole(cut, part, points, sizes, loop, taken)
-        fill = lifted_fill(side) or first_fill(side, order=1)
-        if fill is None:
-            return "a part of the hole cannot be triangulated"
-        moved = project_to_surface(fill, side, surface) if len(fill.points) > fill.rim_count else fill
-        fill = fill if moved is None else meet_rim(moved, side, surface)
+        fill = fill_part(side)
+        if isinstance(fill, str):
+            return fill
         new = np.arange(len(points), len(points) + len(fill.points) - fill.rim_count)
         faces.append(np.concatenate([side.ids[: fill.rim_count], new])[fill.faces].astype(np.int32))
         points = np.vstack([points, fill.points[fill.rim_count :]])
@@ -134,20 +162,18 @@ def _side(region: InfluenceRegion, faces: BoolArray) -> FloatArray:
 
 def _surfaces(
     region: InfluenceRegion, sides: Sequence[FloatArray], curves: Sequence[_Curve], *, noisy: bool
-) -> list[ImplicitSurface] | None:
-    """The surface of each side, through the curves at it, too; None if one cannot be found."""
+) -> list[ImplicitSurface | None]:
+    """The surface of each side, through the curves at it, too; None where too few faces tell it."""
     result = []
     for part, normals in enumerate(sides):
         others = np.vstack([np.empty((0, 3)), *(curve.points for curve in curves if part in curve.sides)])
         surface = surface_around(region, normals, noisy=noisy, others=others)
-        if isinstance(surface, str):
-            return None
-        result.append(surface)
+        result.append(None if isinstance(surface, str) else surface)
     return result
 
 
-def _first_curves(cut: CutHole, surfaces: Sequence[ImplicitSurface]) -> tuple[FloatArray, list[_Curve]]:
-    """Corners (c, 3), and cubic curves between ends, or from ends to corners."""
+def _first_curves(cut: CutHole, surfaces: Sequence[ImplicitSurface | None]) -> tuple[FloatArray, list[_Curve]]:
+    """Corners (c, 3), and cubic curves between ends, or from ends to corners; surfaces need not be known."""
     region, ends, part_of_sector = cut.region, cut.ends, cut.part_of_sector
     rim = region.loops[0]
     names = [int(rim[end.position]) for end in ends]
@@ -159,7 +185,8 @@ def _first_curves(cut: CutHole, surfaces: Sequence[ImplicitSurface]) -> tuple[Fl
         if len(group) == 2:
             targets = [(group[0], names[group[1]], places[1], -ends[group[1]].tangent)]
         else:
-            own = [surfaces[part] for part in sorted({part_of_sector[k] for k in group})]
+            parts = sorted({part_of_sector[k] for k in group}) if surfaces else []
+            own = [surface for part in parts if (surface := surfaces[part]) is not None]
             corner = nearest_corner(np.array(places), np.array([ends[k].tangent for k in group]), own, 0.01 * edge)
             name = region.rim_count + len(corners)
             corners.append(corner)
@@ -173,9 +200,9 @@ def _first_curves(cut: CutHole, surfaces: Sequence[ImplicitSurface]) -> tuple[Fl
     return np.array(corners).reshape(-1, 3), curves
 
 
-def _on_surfaces(curve: _Curve, surfaces: Sequence[ImplicitSurface], limit: float, edge: float) -> _Curve:
-    """A curve where the surfaces of its two sides meet."""
-    pair = [surfaces[part] for part in curve.sides]
+def _on_surfaces(curve: _Curve, surfaces: Sequence[ImplicitSurface | None], limit: float, edge: float) -> _Curve:
+    """A curve where the surfaces of its two sides meet, as far as these are known."""
+    pair = [surface for part in curve.sides if (surface := surfaces[part]) is not None]
     inner = onto_intersection(curve.points, pair, limit)
     inner = evenly_spaced(np.vstack([curve.start, inner, curve.stop]), edge)
     return replace(curve, points=onto_intersection(inner, pair, limit))

@@ -1,13 +1,14 @@
 """The methods to fill a hole. A further one is a function of a task and a line in the table."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 from bezier_filters.arrays import FloatArray
 from bezier_filters.holes.crease_fill import crease_attempts
 from bezier_filters.holes.influence_region import InfluenceRegion
-from bezier_filters.holes.planar_fill import paper_fill
+from bezier_filters.holes.planar_fill import Correction, paper_fill
 from bezier_filters.holes.smooth_fill import Attempt, smooth_attempts
 
 FillingMethod = Literal["auto", "paper"]
@@ -20,8 +21,10 @@ class FillTask:
     region: InfluenceRegion  # what surrounds it
     normals: FloatArray  # (b, 3): unit normals of the vertices of the region, zero where they are not known
     noisy: bool  # whether these vertices have errors that should not be followed
-    creases: bool  # whether creases are continued, if the method does that
-    alpha: float  # weight of the points for ``"paper"``
+    creases: bool  # whether creases are continued
+    # for ``"paper"``
+    alpha: float  # weight of the points
+    correction: Correction  # how patches are made to end at the rim
     threads: int
 
 
@@ -33,8 +36,12 @@ def _automatic(task: FillTask) -> Iterator[Attempt]:
 
 
 def _paper(task: FillTask) -> Iterator[Attempt]:
-    """In the paper's way, or else smooth."""
-    fill = paper_fill(task.region, task.alpha)
+    """In the paper's way: a patch for each part that creases cut the hole into, or one patch; or else smooth."""
+    fill_part = partial(paper_fill, alpha=task.alpha, correction=task.correction)
+    if task.creases:
+        for attempt in crease_attempts(task.region, noisy=task.noisy, fill_part=fill_part):
+            yield replace(attempt, method="paper")
+    fill = fill_part(task.region)
     yield Attempt("paper", None, fill) if isinstance(fill, str) else Attempt("paper", fill)
     yield from smooth_attempts(task.region, task.normals, noisy=task.noisy, threads=task.threads)
 

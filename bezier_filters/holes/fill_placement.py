@@ -12,6 +12,7 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.holes.fill_methods import FILL_METHODS, FillingMethod, FillTask
 from bezier_filters.holes.hole_detection import Hole
 from bezier_filters.holes.influence_region import InfluenceRegion, vertex_pairs
+from bezier_filters.holes.planar_fill import Correction
 from bezier_filters.holes.refinement import Fill
 from bezier_filters.holes.smooth_fill import Attempt
 from bezier_filters.meshes.adjacency import Rows
@@ -36,7 +37,8 @@ class OpenMesh:
     noise: float | None  # of the mesh, a length
     method: FillingMethod
     creases: bool
-    alpha: float  # weight of the points for ``"paper"``
+    alpha: float  # see `FillTask`
+    correction: Correction
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,7 @@ def fill_group(task: OpenMesh, group: Iterable[int], *, threads: int = 1) -> lis
     for number in group:
         region = task.regions[number].with_joined(joined)
         normals, noisy = task.normals[region.ids], region.is_noisy(task.noise)
-        hole = FillTask(region, normals, noisy, task.creases, task.alpha, threads)
+        hole = FillTask(region, normals, noisy, task.creases, task.alpha, task.correction, threads)
         filled = _first_without_cuts(FILL_METHODS[task.method](hole), task, number, region, placed, next_vertex)
         result.append(filled)
         if filled.placed is not None:
@@ -136,7 +138,7 @@ def _first_without_cuts(
     ids = task.mesh.faces[task.near.row(number)].ravel()
     of_mesh = FaceSet(ids, task.mesh.vertices[ids], np.arange(len(ids), dtype=np.int32).reshape(-1, 3))
     best = FilledHole()
-    reasons: list[str] = []
+    reasons: list[tuple[Attempt, str]] = []
     for attempt in attempts:
         problem = attempt.reason
         if attempt.fill is not None:
@@ -149,10 +151,13 @@ def _first_without_cuts(
                     best = FilledHole(attempt, placed, next_vertex, cuts, rim_error=error)
                 if cuts == 0:
                     break
-                problem = f"{cuts} new faces cut others"
-        reasons.append(f"{attempt.method}: {problem}")
+                problem = f"{cuts} of its faces would cut others"
+        reasons.append((attempt, f"{attempt.method}: {problem}"))
     angle = _rim_dihedral(best.attempt.fill, region) if best.attempt and best.attempt.fill else 0.0
-    return replace(best, reason="; ".join(dict.fromkeys(reasons)), rim_dihedral=angle)
+    told = [text for attempt, text in reasons if attempt is not best.attempt]
+    if best.attempt and best.cuts:
+        told.append(f"{best.attempt.method}: taken, though {best.cuts} of its faces cut others, the fewest")
+    return replace(best, reason="; ".join(dict.fromkeys(told)), rim_dihedral=angle)
 
 
 def _placed(fill: Fill, region: InfluenceRegion, next_vertex: int) -> FaceSet:

@@ -6,16 +6,20 @@ from math import pi
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError, is_integer, is_real
 from bezier_filters.holes.loops import corner_angles, diameter, edge_lengths, enclosed, plane_axes, vector_area
 from bezier_filters.meshes.adjacency import Adjacency
-from bezier_filters.meshes.half_edges import border_half_edges, cycles
+from bezier_filters.meshes.half_edges import BorderEdges, border_edges, cycles, doubled_edges
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection
 
 # a loop that turns towards its surface by more than this is an outer rim: half-way from a tube to a flat disk
 RIM_TURNING = pi
+WELD = "it has no width; weld them first (repair=True of the filter, or meshing_merge_close_vertices)"
+ORIENT = "repair them first (repair=True of the filter, or pymeshlab's meshing_repair filters)"
 ISLAND_HEIGHT = 0.25  # times the diameter of a hole: how far from its plane an island may lie
 
 
@@ -31,6 +35,8 @@ class Hole:
     turning: float
     perimeter: float  # of all loops
     diameter: float  # largest distance between two vertices of the rim, a length
+    obstacle: str = ""  # why nobody can fill it
+    unclear_edges: int = 0  # of a border whose order is unclear: its only "loop" just lists its vertices
 
     @property
     def rim(self) -> IntArray:
@@ -45,7 +51,7 @@ class Hole:
     @property
     def edge_count(self) -> int:
         """Number of edges of all loops."""
-        return sum(len(loop) for loop in self.loops)
+        return self.unclear_edges or sum(len(loop) for loop in self.loops)
 
 
 def find_holes(mesh: TriangleMesh, adjacency: Adjacency) -> list[Hole]:
@@ -53,17 +59,30 @@ def find_holes(mesh: TriangleMesh, adjacency: Adjacency) -> list[Hole]:
 
     Where several holes meet at a vertex, each goes on with the next edge around the vertex across the gap. A sheet
     within a hole, near its plane and with the same side up, is an island of that hole; its rim is not listed by
-    itself. If it touches the rim at a vertex, both are one loop, which passes that vertex twice. Raises an
-    InvalidMeshError if an edge at a hole has more than two faces, or two that run through it the same way.
+    itself. If it touches the rim at a vertex, both are one loop, which passes that vertex twice. A border that meets an
+    edge with more than two faces, or with two that run through it the same way, has an obstacle; so has one that
+    lies on another border.
     """
     holes = []
-    for loop, gaps in _loops_around_gaps(mesh, adjacency):
+    border = border_edges(mesh, adjacency.on_boundary)
+    n, doubled = mesh.vertex_count, doubled_edges(mesh, border)
+    cracks = (border.start * np.int64(n) + border.end)[doubled]
+    loops, rest = _loops_around_gaps(mesh, adjacency, border)
+    for loop, gaps in loops:
         turning = float((gaps - pi).sum())
         # Sheets that touch at a vertex share the outside around them, but each has a rim of its own.
         parts = simple_loops(loop) if turning > RIM_TURNING else [loop]
         for part in parts:
-            rim = mesh.vertices[part]
-            holes.append(Hole((part[::-1].copy(),), turning, float(edge_lengths(rim).sum()), diameter(rim)))
+            points, count = mesh.vertices[part], np.isin(part * np.int64(n) + np.roll(part, -1), cracks).sum()
+            obstacle = f"{count} of its {len(part)} edges lie on those of another border: {WELD}" if count else ""
+            length, rim = float(edge_lengths(points).sum()), part[::-1].copy()
+            holes.append(Hole((rim,), turning, length, diameter(points), obstacle))
+    for start, end in rest:
+        length = np.linalg.norm(mesh.vertices[end] - mesh.vertices[start], axis=1).sum()
+        where = end[border.unclear[end]][0]
+        obstacle = f"meets edges of several faces, or of faces that disagree, at vertex {where}: {ORIENT}"
+        rim = np.union1d(start, end)
+        holes.append(Hole((rim,), 0.0, float(length), diameter(mesh.vertices[rim]), obstacle, len(start)))
     holes.sort(key=lambda hole: int(hole.rim.min()))
     return _with_islands(mesh, holes)
 
@@ -89,23 +108,44 @@ def simple_loops(loop: IntArray) -> list[IntArray]:
     return [part for part in parts if len(part) > 2]
 
 
-def _loops_around_gaps(mesh: TriangleMesh, adjacency: Adjacency) -> list[tuple[IntArray, FloatArray]]:
-    """Loops of border half-edges, as their faces run, and the angle of the gap at each of their vertices, (k,)."""
-    start, end = border_half_edges(mesh, adjacency.on_boundary)
-    if len(start) == 0:
-        return []
-    order = np.argsort(start, kind="stable")
-    start, end = start[order], end[order]
+def _loops_around_gaps(
+    mesh: TriangleMesh, adjacency: Adjacency, border: BorderEdges
+) -> tuple[list[tuple[IntArray, FloatArray]], list[tuple[IntArray, IntArray]]]:
+    """Loops of border half-edges, as their faces run, and the angle of the gap at each of their vertices, (k,).
+
+    What is connected with a vertex where it is unclear how a border goes on comes apart: starts and ends of its edges.
+    """
+    if len(border.start) == 0:
+        return [], []
+    order = np.argsort(border.start, kind="stable")
+    start, end = border.start[order], border.end[order]
     first, last = np.searchsorted(start, end), np.searchsorted(start, end, side="right")
-    if (first == last).any():
+    arrivals = np.bincount(end, minlength=mesh.vertex_count)[end]
+    stuck = border.unclear[end] & ((last - first != 1) | (arrivals != 1))
+    if ((last - first != arrivals) & ~stuck).any():
         raise InvalidParameterError("on_border: got other vertices than those on the edges of one face only")
-    successor = first.astype(np.int32)
+    parts = _connected_with(stuck, start, end, mesh.vertex_count)
+    unclear = np.zeros(len(start), dtype=np.bool_)
+    unclear[np.concatenate([*parts, np.empty(0, dtype=np.int64)])] = True
+    rest = [(start[part], end[part]) for part in parts]
+    successor = np.where(unclear, np.arange(len(start)), first).astype(np.int32)
     gaps = 2.0 * pi - angle_sums(mesh, adjacency, end)  # at the end of each half-edge
-    for vertex in np.unique(end[last - first > 1]):
+    for vertex in np.unique(end[(last - first > 1) & ~unclear]):
         arriving, leaving = np.flatnonzero(end == vertex), np.flatnonzero(start == vertex)
         following, angles = _across_gaps(mesh, adjacency, vertex, start[arriving], end[leaving])
         successor[arriving], gaps[arriving] = leaving[following], angles
-    return [(end[loop], gaps[loop]) for loop in cycles(successor, np.arange(len(start), dtype=np.int32))]
+    return [(end[loop], gaps[loop]) for loop in cycles(successor, np.flatnonzero(~unclear).astype(np.int32))], rest
+
+
+def _connected_with(stuck: BoolArray, start: IntArray, end: IntArray, n: int) -> list[IntArray]:
+    """Numbers of the half-edges of every connected part of the border that has a stuck one."""
+    if not stuck.any():
+        return []
+    graph = coo_array((np.ones(len(start)), (start, end)), shape=(n, n))
+    part = connected_components(graph, directed=False)[1][start]
+    members = np.flatnonzero(np.isin(part, part[stuck]))
+    members = members[np.argsort(part[members], kind="stable")]
+    return np.split(members, np.flatnonzero(np.diff(part[members])) + 1)
 
 
 def _across_gaps(
@@ -141,9 +181,10 @@ def _with_islands(mesh: TriangleMesh, holes: list[Hole]) -> list[Hole]:
     """Move the outer rims that lie in a hole to the smallest such hole."""
     result = dict(enumerate(holes))
     for k, sheet in enumerate(holes):
-        if not sheet.is_outer_rim:
+        if not sheet.is_outer_rim or sheet.obstacle:
             continue
-        around = [j for j, hole in enumerate(holes) if not hole.is_outer_rim and _lies_in(mesh, sheet, hole)]
+        others = ((j, hole) for j, hole in enumerate(holes) if not (hole.is_outer_rim or hole.obstacle))
+        around = [j for j, hole in others if _lies_in(mesh, sheet, hole)]
         if around:
             j = min(around, key=lambda j: holes[j].diameter)
             hole = result[j]
@@ -200,6 +241,8 @@ class HoleChoice:
 
     def refusal(self, number: int, hole: Hole) -> str:
         """Why a hole is not filled; empty if it is."""
+        if hole.obstacle:
+            return hole.obstacle
         if self.holes is not None and number not in self.holes:
             return "not among the holes that were asked for"
         if hole.is_outer_rim and not self.outer_rims and self.holes is None:

@@ -2,18 +2,20 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.display.html_tables import html_table
+from bezier_filters.display.summaries import html_table
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.fit_options import check_noise
 from bezier_filters.holes.fill_methods import FILL_METHODS, FillingMethod
 from bezier_filters.holes.fill_placement import FaceSet, FilledHole, OpenMesh, fill_group, groups_of_boxes, hole_box
 from bezier_filters.holes.hole_detection import HoleChoice, find_holes
 from bezier_filters.holes.influence_region import influence_region, known_surface
+from bezier_filters.holes.planar_fill import Correction
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import checked_selection, takes_arrays, triangle_mesh
 from bezier_filters.meshes.self_intersections import faces_in_boxes
@@ -28,7 +30,7 @@ class HoleReport:
     Attributes
     ----------
     rim : (k,) int32
-        Vertices of the rim, in the direction of the faces that fill the hole.
+        Vertices of the rim, in the direction of the faces that fill the hole; ascending where that is unclear.
     islands : int
         Separate sheets within the hole, which the fill is joined to.
     edge_count : int
@@ -45,7 +47,8 @@ class HoleReport:
         ``"surface"``: triangles on the surface that continues the points and normals around the hole.
         ``"creases"``: sharp edges were continued through the hole, and its parts filled like that.
         ``"variational"``: no such surface; a fill without tension. ``"flat"``: triangles between the
-        vertices of the rim, and some more in between, of little area. ``"paper"``: the paper's patch. Empty if open.
+        vertices of the rim, and some more in between, of little area. ``"paper"``: the paper's patch, or one for each
+        part. Empty if open.
     reason : str
         Why the hole was left open, or why better methods were not used; empty if there is nothing to say.
     parts : int
@@ -146,7 +149,8 @@ def fill_holes(
     outer_rims: bool = False,
     creases: bool = True,
     noise: float | None = None,
-    alpha: float = 0.8,
+    alpha: float | None = None,
+    correction: Correction = "harmonic",
     on_border: BoolArray | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -157,11 +161,13 @@ def fill_holes(
     continues the one around the hole: the zero set of a polyharmonic spline that interpolates points of five rings and
     the normals of their Bezier patches, or fits them on noisy meshes, where the smoothness of the spline follows from
     the data. Where that is not possible, or cuts the mesh, simpler fills are tried, and the report says so. The old
-    vertices and faces stay as they are.
+    vertices and faces stay as they are. Left open are borders that lie on each other, which have no width, and those
+    that meet an edge with more than two faces or with two that run through it the same way; `reason` says where.
 
     ``method="paper"`` lifts the Delaunay triangulation of the rim in the plane of the hole to one bicubic patch and
     corrects it to pass through the rim (Li, Barsky, Jin, "An effective third-order local fitting patch and its
-    application", IEEE SMI 2009).
+    application", IEEE SMI 2009). Sharp edges that end at the rim are joined by cubic curves, which cut the hole into
+    parts; each has a patch of its own.
 
     Parameters
     ----------
@@ -187,8 +193,12 @@ def fill_holes(
     noise : float, optional
         Standard deviation of the noise along the normal, a length, if it is known better than it can be
         learned; 0 interpolates.
-    alpha : float
-        Weight of the points against the smoothness of the patch, in (0, 1], for ``"paper"`` only.
+    alpha : float, optional
+        Weight of the points against the smoothness of the patch, in (0, 1], by default 0.8, for ``"paper"`` only.
+    correction : {"harmonic", "lagrange", "lagrange_pieces"}
+        How the patch is made to end at the rim, for ``"paper"`` only: by harmonic functions, by the paper's products of
+        Lagrange polynomials, which are infinite where two vertices of the rim share a parameter, or by such products
+        in pieces of the plane with four vertices of the rim at most, which do not meet between these.
     on_border : (n,) bool, optional
         Vertices on an edge of one face only, if another program has found them; by default they are found here.
     threads : int, optional
@@ -205,8 +215,7 @@ def fill_holes(
     Raises
     ------
     InvalidMeshError
-        If the arrays are not a mesh with finite coordinates, or an edge at a hole has more than two faces or two
-        faces that run through it the same way.
+        If the arrays are not a mesh with finite coordinates.
     InvalidParameterError
         If a parameter is out of range.
     CancelledError
@@ -228,7 +237,12 @@ def fill_holes(
     if method not in FILL_METHODS:
         raise InvalidParameterError(f"method: got {method!r}, expected one of {tuple(FILL_METHODS)}")
     check_noise(noise)
+    if method != "paper" and alpha is not None:
+        raise InvalidParameterError(f"alpha: method={method!r} does not use it; leave it out")
+    alpha = 0.8 if alpha is None else alpha
     PatchFit(alpha=alpha)
+    if correction not in get_args(Correction):
+        raise InvalidParameterError(f"correction: got {correction!r}, expected one of {get_args(Correction)}")
     choice = HoleChoice(max_edges, max_perimeter, max_diameter, holes, selected, outer_rims)
     threads = thread_count(threads)
     adjacency = vertex_adjacency(mesh, threads=threads)
@@ -244,7 +258,9 @@ def fill_holes(
     known = known_surface(mesh, regions, noise, threads=threads)
     boxes = np.array([hole_box(mesh, hole) for hole in chosen]).reshape(-1, 2, 3)
     near = faces_in_boxes(mesh.vertices, mesh.faces, boxes[:, 0], boxes[:, 1])
-    task = OpenMesh(mesh, known.regions, boxes, near, known.normals, known.noise, method, creases, float(alpha))
+    task = OpenMesh(
+        mesh, known.regions, boxes, near, known.normals, known.noise, method, creases, float(alpha), correction
+    )
     reports = [
         HoleReport(h.rim, len(h.loops) - 1, h.edge_count, h.perimeter, h.diameter, h.is_outer_rim, reason=refusal)
         for h, refusal in zip(found, refusals, strict=True)

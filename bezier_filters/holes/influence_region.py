@@ -98,8 +98,9 @@ class InfluenceRegion:
         """Unit normal of the face beyond the edge that begins at each vertex of a rim, zero without one, (k, 3)."""
         at_rim = self._faces_at_rim
         beyond = faces_at_edges(self.faces[at_rim], np.roll(loop, -1), loop)
-        normals = self.face_normals[at_rim[beyond]]
-        return np.asarray(np.where((beyond >= 0)[:, np.newaxis], normals, 0.0), dtype=np.float64)
+        result = np.zeros((len(loop), 3))
+        result[beyond >= 0] = self.face_normals[at_rim[beyond[beyond >= 0]]]
+        return result
 
     def is_noisy(self, noise: float | None) -> bool:
         """Whether noise of that size, a length, is so large that points around the hole are fitted."""

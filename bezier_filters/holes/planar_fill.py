@@ -2,11 +2,13 @@
 
 The paper lifts it to one bicubic Bezier patch (Li, Barsky, Jin, IEEE SMI 2009): the influence area around the hole has
 a frame of its own, the patch is fitted to it, the polygon of the rim is triangulated in the parameter plane, and its
-vertices are lifted to the patch. The correction that makes it pass through the rim is harmonic: see
+vertices are lifted to the patch. A correction makes it pass through the rim: see
 docs/decisions/2026-11-21-border-correction.md.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
@@ -21,19 +23,22 @@ from bezier_filters.patches.fitting import PatchFit, fit_patch
 FLATTEST = 1e-12  # area of a triangle, over the square of an edge, that rounding may make of none
 INFLUENCE = 2  # rings around the hole that the paper's patch is fitted to; with too few points, all that are at hand
 PLENTY = 32  # points: twice as many as control points
+MOST_IN_PIECE = 4  # vertices of the rim whose product of Lagrange polynomials is bicubic, as the patch is
+
+Correction = Literal["harmonic", "lagrange", "lagrange_pieces"]
 
 
-def paper_fill(region: InfluenceRegion, alpha: float) -> Fill | str:
+def paper_fill(region: InfluenceRegion, alpha: float, correction: Correction = "harmonic") -> Fill | str:
     """Fill a hole in the paper's way, or say why it is not possible; `alpha` weighs the points, as in `PatchFit`."""
     if not region.has_simple_rim:
         return "there is an island in the hole"
     area = np.flatnonzero(region.rings <= INFLUENCE)
     area = area if len(area) >= PLENTY else np.arange(len(region.ids))
-    frame = _frame(region)
-    if frame is None:
-        return "the surroundings have no mean normal"
-    origin, axes = frame
-    fill = _flat_fill(region, origin, axes)
+    fill: Fill | str = "the hole and its surroundings have no mean normal"
+    for origin, axes in _frames(region):
+        fill = _flat_fill(region, origin, axes)
+        if not isinstance(fill, str):
+            break
     if isinstance(fill, str):
         return fill
     try:
@@ -41,23 +46,24 @@ def paper_fill(region: InfluenceRegion, alpha: float) -> Fill | str:
     except InvalidParameterError as error:
         return str(error)
     lifted = patch.evaluate(*patch.rectangle.parameters(fill.points[:, 0], fill.points[:, 1]))
-    return _through_rim(fill, lifted, region)
+    return _through_rim(fill, lifted, region, correction)
 
 
-def _frame(region: InfluenceRegion) -> tuple[FloatArray, FloatArray] | None:
-    """Origin and axes of the influence area: the mean normal of its faces, and x towards a vertex of the rim."""
-    origin = region.rim_vertices.mean(axis=0)
+def _frames(region: InfluenceRegion) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Origins and axes: the mean normal of the influence area, then that of the hole; x towards a vertex of the rim."""
+    rim = region.vertices[region.loops[0]]
+    origin = rim.mean(axis=0)
     near = (region.rings[region.faces] <= INFLUENCE).all(axis=1)
-    normal = region.face_normals[near].sum(axis=0)
-    if not np.linalg.norm(normal) > 0.1 * np.count_nonzero(near):
-        return None
-    axes = plane_axes(normal)
-    x, y = axes[:2] @ (region.vertices[region.loops[0][0]] - origin)
-    length = np.hypot(x, y)
-    if not length > 0.0:
-        return None
-    turn = np.array([[x, y, 0.0], [-y, x, 0.0], [0.0, 0.0, length]]) / length
-    return origin, turn @ axes
+    around = region.face_normals[near].sum(axis=0)
+    for normal, least in (around, 0.1 * np.count_nonzero(near)), (vector_area(rim), 0.0):
+        if not np.linalg.norm(normal) > least:
+            continue
+        axes = plane_axes(normal)
+        x, y = axes[:2] @ (rim[0] - origin)
+        length = np.hypot(x, y)
+        if length > 0.0:
+            turn = np.array([[x, y, 0.0], [-y, x, 0.0], [0.0, 0.0, length]]) / length
+            yield origin, turn @ axes
 
 
 def lifted_fill(region: InfluenceRegion) -> Fill | None:
@@ -74,12 +80,43 @@ def lifted_fill(region: InfluenceRegion) -> Fill | None:
     return None if isinstance(fill, str) else _through_rim(fill, fill.points @ axes + origin, region)
 
 
-def _through_rim(fill: Fill, points: FloatArray, region: InfluenceRegion) -> Fill:
-    """A flat fill with its points elsewhere, harmonically displaced to where those of the rim are."""
+def _through_rim(fill: Fill, points: FloatArray, region: InfluenceRegion, correction: Correction = "harmonic") -> Fill:
+    """A flat fill with its points elsewhere, displaced to where those of the rim are."""
     rim = region.rim_vertices
-    points = points + harmonic_displacement(fill.points, fill.faces, rim - points[: len(rim)])
+    shift = rim - points[: len(rim)]
+    if correction == "harmonic":
+        points = points + harmonic_displacement(fill.points, fill.faces, shift)
+    else:
+        most = len(rim) if correction == "lagrange" else MOST_IN_PIECE
+        points = points + lagrange_displacement(fill.points[:, :2], shift, most)
     points[: len(rim)] = rim
     return replace(fill, points=points)
+
+
+@np.errstate(all="ignore")
+def lagrange_displacement(flat: FloatArray, shift: FloatArray, most: int) -> FloatArray:
+    """The paper's continuation of shifts (r, 3) of the first r points of the plane to all n of them, (n, 3).
+
+    Each shift is weighed by the product of (u - u_j) (v - v_j) / (u_i - u_j) / (v_i - v_j) over the other first points,
+    which is not finite where two of them share a parameter. Where there are more than `most` first points, the plane is
+    cut between those in the middle, again and again, and each piece has the shifts of its own.
+    """
+    result = np.zeros((len(flat), 3))
+    pieces = [(np.arange(len(shift)), np.arange(len(flat)))]
+    while pieces:
+        first, all_of_it = pieces.pop()
+        if len(first) > most:
+            axis = int(np.ptp(flat[first], axis=0).argmax())
+            middle = np.median(flat[first, axis])
+            below, all_below = flat[first, axis] < middle, flat[all_of_it, axis] < middle
+            if below.any():
+                pieces += [(first[below], all_of_it[all_below]), (first[~below], all_of_it[~all_below])]
+                continue
+        for i in first.tolist():
+            others = flat[first[first != i]]
+            ratios = (flat[all_of_it, np.newaxis] - others) / (flat[i] - others)
+            result[all_of_it] += ratios.prod(axis=(1, 2))[:, np.newaxis] * shift[i]
+    return result
 
 
 def _flat_fill(region: InfluenceRegion, origin: FloatArray, axes: FloatArray) -> Fill | str:

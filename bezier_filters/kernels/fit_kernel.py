@@ -8,7 +8,7 @@ fewer points than the others of its block is filled up with points that weigh no
 import numpy as np
 
 from bezier_filters.arrays import ByteArray, FloatArray, IntArray
-from bezier_filters.kernels.fit_frames import point_to_farthest, write_any_axes, write_plane
+from bezier_filters.kernels.fit_frames import complete_axes, write_edge, write_plane
 from bezier_filters.kernels.fit_workspace import CHUNK, FitWorkspace, RobustWorkspace, fit_workspace, robust_workspace
 from bezier_filters.kernels.graph_geometry import write_block
 from bezier_filters.kernels.kernel_input import FITTED, KernelFit, KernelMesh, VertexResults
@@ -93,15 +93,14 @@ def fit_in_lanes(
         if most == 0:
             continue
         _mark_presence(work.counts, most, capacity, work.points)
-        if not fit.any_axis:
-            point_to_farthest(capacity, work)
+        complete_axes(work.frame)
         _project(fit.square, capacity, most, work)
         if robust is None:
             _solve(fit, capacity, most, work, None)
         else:
             _solve_robustly(fit, capacity, most, work, robust)
         _differentiate(fit, capacity, most, work)
-        write_block(fit, mesh.origin, block, work, of_block, results, conditions)
+        write_block(mesh, fit, block, work, of_block, results, conditions)
     return stop, 0
 
 
@@ -120,7 +119,6 @@ def _collect(
     """
     most, rings, visited, members = 0, work.rings, work.visited, work.members
     store(work.counts, 0, spread(0.0))
-    store(work.neighbours, 0, spread(0.0))
     for lane in range(block.shape[0]):
         i = block[lane]
         if fit.radius > 0.0:
@@ -132,18 +130,18 @@ def _collect(
             neighbours, rings[lane] = mesh.ring_ptr[i + 1] - mesh.ring_ptr[i], fit.rings
         if count + GROUP > capacity:
             return most, count + GROUP
-        outcome = write_plane(mesh, fit, members, count, inner, work.one_frame)
-        if outcome == FITTED and fit.any_axis:
-            outcome = write_any_axes(mesh, members, count, neighbours, work.one_frame)
+        outcome = write_plane(mesh, fit, members, count, inner, neighbours, work.one_frame)
+        if outcome == FITTED:
+            outcome = write_edge(mesh, fit.any_axis, members, count, neighbours, work.one_frame)
         outcomes[lane] = outcome
         if outcome == FITTED:
             _gather(mesh.vertices, members, count, lane, capacity, work)
-            work.counts[lane], work.neighbours[lane] = count, neighbours
+            work.counts[lane] = count
             most = max(most, count)
     return most, capacity
 
 
-@inner_jit()
+@inner_jit(inline="always")
 def _gather(vertices: FloatArray, members: IntArray, count: int, lane: int, stride: int, work: FitWorkspace) -> None:
     """Write the edges from members[0] and the frame of one neighbourhood to its lane."""
     points, i = work.points, members[0]
@@ -173,7 +171,8 @@ def _mark_presence(counts: FloatArray, most: int, stride: int, points: FloatArra
 def _project(square: bool, stride: int, count: int, work: FitWorkspace) -> None:
     """Turn edges into parameters and heights; the parameters of a rectangle without area are not finite."""
     points, frame, box = work.points, work.frame, work.box
-    low_x, high_x, low_y, high_y, radius = spread(0.0), spread(0.0), spread(0.0), spread(0.0), spread(0.0)
+    low_x, high_x, low_y, high_y = spread(0.0), spread(0.0), spread(0.0), spread(0.0)
+    radius, reach = spread(0.0), spread(0.0)
     for p in range(count):
         dx, dy, dz = load(points, p), load(points, stride + p), load(points, 2 * stride + p)
         x = multiply_add(dx, load(frame, 0), multiply_add(dy, load(frame, 1), dz * load(frame, 2)))
@@ -186,6 +185,8 @@ def _project(square: bool, stride: int, count: int, work: FitWorkspace) -> None:
         low_y, high_y = where_greater(low_y, y, y, low_y), where_greater(y, high_y, y, high_y)
         distance = multiply_add(x, x, y * y)
         radius = where_greater(distance, radius, distance, radius)
+        distance = multiply_add(z, z, distance)
+        reach = where_greater(distance, reach, distance, reach)
     if square:
         high_x = square_root(radius)
         low_x = spread(0.0) - high_x
@@ -197,6 +198,7 @@ def _project(square: bool, stride: int, count: int, work: FitWorkspace) -> None:
     store(box, 1, scale_x)
     store(box, 2, middle_y)
     store(box, 3, scale_y)
+    store(box, 4, reach)
     for p in range(count + GROUP):
         store(points, p, (load(points, p) - middle_x) * scale_x)
         store(points, stride + p, (load(points, stride + p) - middle_y) * scale_y)
@@ -277,14 +279,9 @@ def _differentiate(fit: KernelFit, stride: int, count: int, work: FitWorkspace) 
     zero, one = spread(0.0), spread(1.0)
     store(work.total, 0, zero)
     add_squared_residuals(work.coefficients, fit.starts, work.points, stride, count, work.total, None)
-    rows = fit.highest_power + 1
     for axis in range(2):
-        at_vertex = (zero - load(work.box, 2 * axis)) * load(work.box, 2 * axis + 1)
-        power = one
-        for k in range(rows):
-            store(work.origin, axis * rows + k, power)
-            power = power * at_vertex
-    differentiate(work.solution, fit.exponents, work.origin, work.origin[LANES * rows :], work.jets)
+        store(work.origin, axis, (zero - load(work.box, 2 * axis)) * load(work.box, 2 * axis + 1))
+    differentiate(work.coefficients, fit.starts, work.origin, work.jets)
     scale_r = one
     for r in range(4):
         scale = scale_r

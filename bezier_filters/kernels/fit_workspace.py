@@ -20,10 +20,10 @@ class FitWorkspace(NamedTuple):
     members: IntArray  # (n + 1,): what it found
     counts: FloatArray  # (1): number of points
     rings: IntArray  # (8,): how many the search went through
-    neighbours: FloatArray  # (1): how many of them, after the first, share an edge with it
     points: FloatArray  # table with rows x, y, height, presence; then s, t, height, presence
     frame: FloatArray  # (9): x, y and z axes
-    box: FloatArray  # (4): middle and reciprocal half width of the parameter rectangle along x, then y
+    # (5): middle and reciprocal half width of the parameter rectangle along x, then y; square of the farthest distance
+    box: FloatArray
     left: FloatArray  # table of the powers of s times the weights
     right: FloatArray  # table of the powers of t
     lifted: FloatArray  # table of those times the height
@@ -34,7 +34,7 @@ class FitWorkspace(NamedTuple):
     coefficients: FloatArray  # the solution in lexicographic order
     sound: FloatArray  # (1)
     total: FloatArray  # (1): sum of the squared residuals
-    origin: FloatArray  # table with 2 rows of powers: s and t of the vertex
+    origin: FloatArray  # (2): s and t of the vertex
     jets: FloatArray  # (16)
     outputs: FloatArray  # (OUTPUTS)
     one_frame: FloatArray  # (9,): of one vertex
@@ -48,10 +48,9 @@ def fit_workspace(fit: KernelFit, n: int, capacity: int) -> FitWorkspace:
         np.empty(n + 1, np.int32),
         aligned(1),
         np.zeros(LANES, np.int32),
-        aligned(1),
         aligned(4 * capacity),
         aligned(9),
-        aligned(4),
+        aligned(5),
         aligned(rows * CHUNK),
         aligned((rows + GROUP) * CHUNK),
         aligned((fit.highest_power // 2 + 1 + GROUP) * CHUNK),
@@ -62,7 +61,7 @@ def fit_workspace(fit: KernelFit, n: int, capacity: int) -> FitWorkspace:
         aligned(order),
         aligned(1),
         aligned(1),
-        aligned(2 * rows),
+        aligned(2),
         aligned(16),
         aligned(OUTPUTS),
         np.empty(9),

@@ -2,10 +2,20 @@
 
 from typing import TypeAlias
 
+import numpy as np
+
 from bezier_filters.arrays import ByteArray, FloatArray, IntArray
 from bezier_filters.kernels.fit_workspace import FitWorkspace
-from bezier_filters.kernels.kernel_input import FITTED, ILL_POSED, SMALLEST_WIDTH, KernelFit, VertexResults
+from bezier_filters.kernels.kernel_input import (
+    FITTED,
+    ILL_POSED,
+    SMALLEST_WIDTH,
+    KernelFit,
+    KernelMesh,
+    VertexResults,
+)
 from bezier_filters.kernels.lane_algebra import condition_numbers
+from bezier_filters.meshes.triangles import area_vector, longest_squared
 from bezier_filters.runtime.jit import inner_jit
 from bezier_filters.runtime.lanes import LANES, Lanes, load, multiply_add, spread, square_root, store, where_greater
 
@@ -13,21 +23,26 @@ from bezier_filters.runtime.lanes import LANES, Lanes, load, multiply_add, sprea
 NORMAL, ALONG_MIN, ALONG_MAX = 0, 3, 6
 K_MIN, K_MAX, EXTREMALITY_MIN, EXTREMALITY_MAX, RESIDUAL = 9, 10, 11, 12, 13
 STANDARD_ERRORS, DISPLACEMENT = 14, 17
+ROUNDED = 1e-6  # of the longest edge of a face: a smaller height is rounding
 SEEN = 5  # coefficients of which the geometry is a function: those of x, y, x^2, x y and y^2, eliminated last
 Gradient: TypeAlias = tuple[Lanes, Lanes, Lanes, Lanes, Lanes]  # derivatives by these
 
 
 @inner_jit()
 def write_block(
+    mesh: KernelMesh,
     fit: KernelFit,
-    origin: IntArray,
     block: IntArray,
     work: FitWorkspace,
     outcomes: ByteArray,
     results: VertexResults,
     conditions: FloatArray | None,
 ) -> None:
-    """Write the geometry of the vertices of a block, and which of them are ill posed."""
+    """Write the geometry of the vertices of a block, and which of them are ill posed.
+
+    A surface turns by pi at most from one face to the next: faces of height h hold no curvature beyond pi / h, and a
+    standard error beyond that says that the points determine none.
+    """
     has_third = fit.highest_power >= 2 * 3  # a lower degree says nothing of third derivatives
     graph_geometry(work.jets, work.frame, has_third, work.outputs)
     store(work.outputs, RESIDUAL, square_root(load(work.total, 0) / load(work.counts, 0)))
@@ -43,7 +58,14 @@ def write_block(
         if not (work.sound[lane] > 0.0 and per_half_width < 2.0 / SMALLEST_WIDTH):
             outcomes[lane] = ILL_POSED
             continue
-        i = origin[block[lane]]
+        bend = max(-work.outputs[LANES * K_MIN + lane], work.outputs[LANES * K_MAX + lane])
+        if has_errors:
+            bend = max(bend, work.outputs[LANES * (STANDARD_ERRORS + 1) + lane])
+        farthest = np.sqrt(work.box[4 * LANES + lane])  # of the points: no height is larger
+        if bend * farthest > np.pi and bend * _smallest_height(mesh, block[lane]) > np.pi:
+            outcomes[lane] = ILL_POSED
+            continue
+        i = mesh.origin[block[lane]]
         _write(work.outputs, lane, has_third, i, results)
         results.residual[i] = work.outputs[LANES * RESIDUAL + lane]
         results.rings_used[i] = work.rings[lane]
@@ -54,6 +76,19 @@ def write_block(
             results.gaussian_curvature_std[i] = work.outputs[place + 2 * LANES]
         if conditions is not None:
             conditions[i] = work.total[lane]
+
+
+@inner_jit()
+def _smallest_height(mesh: KernelMesh, i: int) -> float:
+    """Smallest height of the faces at a vertex, but for those that are rounding; 0 without any."""
+    smallest = np.inf
+    for q in range(mesh.face_ptr[i], mesh.face_ptr[i + 1]):
+        f = mesh.face_indices[q]
+        x, y, z = area_vector(mesh.vertices, mesh.faces[f, 0], mesh.faces[f, 1], mesh.faces[f, 2])
+        square, longest = x * x + y * y + z * z, longest_squared(mesh.vertices, mesh.faces, f)
+        if square > (ROUNDED * longest) ** 2:
+            smallest = min(smallest, square / longest)
+    return float(np.sqrt(smallest)) if smallest < np.inf else 0.0
 
 
 @inner_jit()

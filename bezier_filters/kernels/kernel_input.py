@@ -14,7 +14,7 @@ from bezier_filters.meshes.spatial_order import SpatialOrder
 # Outcomes of one fit.
 FITTED = 0
 NO_FRAME = 1  # the vertex has no face, or its face normals cancel out
-ILL_POSED = 2  # too few points, or points that do not determine the polynomial
+ILL_POSED = 2  # too few points, or points that do not determine the polynomial, or hold its curvature
 FOLDED = 3  # the neighbourhood folds over when projected onto the plane
 OUTCOMES = (FITTED, NO_FRAME, ILL_POSED, FOLDED)
 
@@ -35,6 +35,7 @@ class KernelMesh(NamedTuple):
     safe_cosine: SingleArray
     stops: BoolArray  # where neighbourhoods end: see `collect_ring`
     origin: IntArray  # row of each vertex in the results
+    x_axes: FloatArray  # (n, 3): directions of the x axes of local frames; (0, 3) where these follow from the points
 
 
 def kernel_mesh(
@@ -56,6 +57,7 @@ def kernel_mesh(
         planes.safe_cosine,
         np.zeros(mesh.vertex_count, dtype=np.bool_) if stops is None else stops,
         np.arange(mesh.vertex_count, dtype=np.int32) if ordered is None else ordered.order,
+        np.empty((0, 3)),
     )
 
 
@@ -94,6 +96,7 @@ class KernelFit(NamedTuple):
     square: bool
     any_axis: bool  # whether the result is the same for any direction of the x axis
     mean_plane: bool
+    other_plane: bool
     most_turned: float  # share of vertices that may turn away; if negative, no face may fold
     highest_power: int
     exponents: IntArray

@@ -228,27 +228,35 @@ def add_squared_residuals(
 
 
 @inner_jit()
-def differentiate(
-    coefficients: FloatArray, exponents: IntArray, powers_s: FloatArray, powers_t: FloatArray, jets: FloatArray
-) -> None:
-    """Partial derivatives, entry 4 r + q of `jets`: r times by s and q times by t, r + q <= 3.
+def differentiate(coefficients: FloatArray, starts: IntArray, where: FloatArray, jets: FloatArray) -> None:
+    """Partial derivatives of a polynomial, entry 4 r + q of `jets`: r times by s and q times by t, r + q <= 3.
 
-    `powers_s` and `powers_t` are lanes of 1, s, s^2, ... and 1, t, t^2, ..., where they are wanted.
+    The coefficient of s^a t^b is entry starts[a] + b, and `where` has the two entries s and t. Horner's scheme with
+    derivatives (Knuth, "The art of computer programming", vol. 2, 4.6.4): d_q is that of order q by t, over q!, and
+    s_rq that of order r of it by s, over r!.
     """
-    for k in range(16):
-        store(jets, k, spread(0.0))
-    for k in range(exponents.shape[0]):
-        a, b = exponents[k, 0], exponents[k, 1]
-        coefficient = load(coefficients, k)
-        factor_s = 1.0
-        for r in range(min(a, 3) + 1):
-            along_s = coefficient * load(powers_s, a - r)
-            factor = factor_s
-            for q in range(min(b, 3 - r) + 1):
-                term = spread(factor) * load(powers_t, b - q)
-                store(jets, 4 * r + q, multiply_add(along_s, term, load(jets, 4 * r + q)))
-                factor *= np.float64(b - q)
-            factor_s *= np.float64(a - r)
+    zero, s, t = spread(0.0), load(where, 0), load(where, 1)
+    s00, s01, s02, s03, s10, s11, s12, s20, s21, s30 = zero, zero, zero, zero, zero, zero, zero, zero, zero, zero
+    for a in range(starts.shape[0] - 2, -1, -1):
+        d0, d1, d2, d3 = zero, zero, zero, zero
+        for k in range(starts[a + 1] - 1, starts[a] - 1, -1):
+            d3, d2, d1 = multiply_add(d3, t, d2), multiply_add(d2, t, d1), multiply_add(d1, t, d0)
+            d0 = multiply_add(d0, t, load(coefficients, k))
+        s30, s20, s10 = multiply_add(s30, s, s20), multiply_add(s20, s, s10), multiply_add(s10, s, s00)
+        s21, s11, s12 = multiply_add(s21, s, s11), multiply_add(s11, s, s01), multiply_add(s12, s, s02)
+        s00, s01 = multiply_add(s00, s, d0), multiply_add(s01, s, d1)
+        s02, s03 = multiply_add(s02, s, d2), multiply_add(s03, s, d3)
+    two, six = spread(2.0), spread(6.0)
+    store(jets, 0, s00)
+    store(jets, 1, s01)
+    store(jets, 2, two * s02)
+    store(jets, 3, six * s03)
+    store(jets, 4, s10)
+    store(jets, 5, s11)
+    store(jets, 6, two * s12)
+    store(jets, 8, two * s20)
+    store(jets, 9, two * s21)
+    store(jets, 12, six * s30)
 
 
 @inner_jit()

@@ -9,8 +9,11 @@ from scipy.sparse.csgraph import connected_components
 from bezier_filters.arrays import BoolArray, IntArray
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.triangles import next_corner
-from bezier_filters.runtime.jit import inner_jit, jit, variable
+from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks, run_kernel
+
+FEW = 8  # faces around a vertex whose corners are sorted all at once
+NO_VERTEX = np.iinfo(np.int32).max
 
 
 @dataclass(frozen=True)
@@ -88,11 +91,10 @@ def vertex_adjacency(mesh: TriangleMesh, *, threads: int = 1) -> Adjacency:
     on_boundary = np.zeros(n, dtype=np.bool_)
     # Each range of rows is written where there is room for two vertices per face, then all are moved together.
     roomy = np.empty(2 * len(faces.indices), dtype=np.int32)
-
     most = int(faces.lengths.max(initial=0))
 
     def neighbour_task() -> RangeTask:
-        after, before = np.empty((2, most), dtype=np.int32)
+        after, before = np.empty((2, max(most, FEW)), dtype=np.int32)
         return lambda start, stop: _neighbours(
             mesh.faces, faces.indptr, faces.indices, start, stop, after, before, roomy, indptr[1:], on_boundary
         )
@@ -201,46 +203,53 @@ def _neighbours(
     written = 2 * face_ptr[start]
     for i in range(start, stop):
         begin, count = written, face_ptr[i + 1] - face_ptr[i]
+        for q in range(FEW):
+            after[q] = before[q] = NO_VERTEX
         for q in range(count):
             f = face_indices[face_ptr[i] + q]
             a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
             after[q] = b if a == i else c if b == i else a
             before[q] = c if a == i else a if b == i else b
-        _sort(after, variable(0), count)
-        _sort(before, variable(0), count)
-        if _are_distinct_and_equal(after, before, count):  # faces all around, seen from one side
-            for q in range(count):
-                roomy[begin + q] = after[q]
+        if count <= FEW and _write_sorted(after, before, count, begin, roomy):
             written = begin + count
-        else:
-            for q in range(count):
-                roomy[begin + q] = after[q]
-                roomy[begin + count + q] = before[q]
-            end = begin + 2 * count
-            _sort(roomy, begin, end)
-            q = begin
-            while q < end:
-                j = roomy[q]
-                met = 0
-                while q < end and roomy[q] == j:
-                    q += 1
-                    met += 1
-                roomy[written] = j
-                written += 1
-                if met == 1:
-                    on_boundary[i] = True
+            lengths[i] = count
+            continue
+        for q in range(count):
+            roomy[begin + q] = after[q]
+            roomy[begin + count + q] = before[q]
+        end = begin + 2 * count
+        _sort(roomy, begin, end)
+        q = begin
+        while q < end:
+            j = roomy[q]
+            met = 0
+            while q < end and roomy[q] == j:
+                q += 1
+                met += 1
+            roomy[written] = j
+            written += 1
+            if met == 1:
+                on_boundary[i] = True
         lengths[i] = written - begin
 
 
-@inner_jit()
-def _are_distinct_and_equal(values: IntArray, others: IntArray, count: int) -> bool:
-    """Whether two sorted lists are the same, without repetition."""
-    result = True
+@inner_jit(inline="always")
+def _write_sorted(after: IntArray, before: IntArray, count: int, begin: int, result: IntArray) -> bool:
+    """Write the vertices around one with faces all around, seen from one side, from entry `begin`; else say no.
+
+    They are at most `FEW`, and no vertex fills the rest: all comparisons of one with the others are one instruction,
+    and nobody has to predict how they end, which takes most of the time of sorting.
+    """
+    places, in_both = 0, True
     for q in range(count):
-        result &= values[q] == others[q]
-    for q in range(1, count):
-        result &= values[q] > values[q - 1]
-    return result
+        smaller, same = 0, 0
+        for p in range(FEW):
+            smaller += after[p] < after[q]
+            same += before[p] == after[q]
+        places |= 1 << smaller
+        in_both &= same == 1
+        result[begin + smaller] = after[q]
+    return in_both and places == (1 << count) - 1
 
 
 @inner_jit()

@@ -4,10 +4,16 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from bezier_filters.meshes.dihedral_angles import distinct_edges
-from bezier_filters.meshes.half_edges import ends_of_half_edges
-from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.half_edges import (
+    border_edges,
+    distinct_edges,
+    doubled_edges,
+    ends_of_half_edges,
+    proper_faces,
+)
+from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
 
 FEWEST_POINTS = 6  # points that determine a quadratic
 
@@ -17,6 +23,8 @@ _FINDINGS = {
     "(meshing_re_orient_faces_coherently)",
     "non_manifold_edges": "edges with three or more faces: neighbourhoods mix sheets "
     "(meshing_repair_non_manifold_edges)",
+    "doubled_edges": "border edges lie on others: seams and cracks, across which nothing is seen "
+    "(meshing_merge_close_vertices)",
     "degenerate_faces": "faces without area are ignored (meshing_remove_null_faces removes them)",
     "duplicate_faces": "duplicate faces (meshing_remove_duplicate_faces removes them)",
     "unreferenced_vertices": "unreferenced vertices get no estimate "
@@ -42,6 +50,8 @@ class MeshReport:
         Edges of three or more faces.
     incoherent_edges : int
         Edges that their two faces run through in the same direction.
+    doubled_edges : int
+        Boundary edges that lie on another one, as where a file has the vertices of a seam twice.
     mean_edge_length : float
         Mean over the distinct edges, in units of length; 0 without edges.
     """
@@ -52,6 +62,7 @@ class MeshReport:
     boundary_edges: int
     non_manifold_edges: int
     incoherent_edges: int
+    doubled_edges: int
     mean_edge_length: float
 
     @cached_property
@@ -60,11 +71,28 @@ class MeshReport:
         return self.incoherent_edges == 0
 
 
-def inspect_mesh(mesh: TriangleMesh) -> MeshReport:
-    """Count what makes a mesh hard to fit: see `MeshReport`."""
-    a, b, c = mesh.faces.T
-    twice = (a == b) | (b == c) | (c == a)
-    proper = mesh.faces[~twice]
+def inspect_mesh(mesh: TriangleMesh | ArrayLike, faces: ArrayLike | None = None) -> MeshReport:
+    """Count what makes a mesh hard to fit: see `MeshReport`.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh, or (n, 3) array_like of float
+        A mesh, or the coordinates of its vertices.
+    faces : (m, 3) array_like of int, optional
+        Triangles, if `mesh` is an array; none for a point cloud.
+
+    Raises
+    ------
+    InvalidMeshError
+        If the arrays are no mesh.
+
+    Examples
+    --------
+    >>> inspect_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]).boundary_edges
+    3
+    """
+    mesh = _as_mesh(mesh, faces)
+    proper = proper_faces(mesh.faces)
     corners = mesh.vertices[proper]
     flat = ~np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).any(axis=1)
     triples = np.sort(mesh.faces, axis=1)
@@ -74,16 +102,23 @@ def inspect_mesh(mesh: TriangleMesh) -> MeshReport:
     starts, ends = ends_of_half_edges(proper)
     edges, edge_of, count = distinct_edges(proper, mesh.vertex_count)
     forward = np.bincount(edge_of, weights=starts < ends, minlength=len(edges))
+    on_boundary = np.zeros(mesh.vertex_count, dtype=np.bool_)
+    on_boundary[edges[count == 1]] = True
     lengths = np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1)
     return MeshReport(
         unreferenced_vertices=mesh.vertex_count - len(np.unique(mesh.faces)),
-        degenerate_faces=int(twice.sum() + flat.sum()),
+        degenerate_faces=mesh.face_count - len(proper) + int(flat.sum()),
         duplicate_faces=int(duplicates.sum()),
         boundary_edges=int((count == 1).sum()),
         non_manifold_edges=int((count > 2).sum()),
         incoherent_edges=int(((count == 2) & (forward != 1)).sum()),
+        doubled_edges=int(doubled_edges(mesh, border_edges(mesh, on_boundary)).sum()),
         mean_edge_length=float(lengths.mean()) if len(lengths) else 0.0,
     )
+
+
+def _as_mesh(mesh: TriangleMesh | ArrayLike, faces: ArrayLike | None) -> TriangleMesh:
+    return mesh if isinstance(mesh, TriangleMesh) else triangle_mesh(mesh, [] if faces is None else faces)
 
 
 def is_fit(mesh: TriangleMesh) -> bool:
@@ -91,22 +126,23 @@ def is_fit(mesh: TriangleMesh) -> bool:
     return mesh.face_count > 0 or mesh.vertex_count >= FEWEST_POINTS
 
 
-def diagnose(mesh: TriangleMesh, report: MeshReport) -> list[str]:
+def diagnose(mesh: TriangleMesh | ArrayLike, report: MeshReport | ArrayLike | None = None) -> list[str]:
     """What stands in the way of good estimates, each with its remedy in pymeshlab; empty if nothing does.
 
     Parameters
     ----------
-    mesh : TriangleMesh
-    report : MeshReport
-        From `inspect_mesh` of the same mesh.
+    mesh : TriangleMesh, or (n, 3) array_like of float
+        A mesh, or the coordinates of its vertices.
+    report : MeshReport, or (m, 3) array_like of int, optional
+        From `inspect_mesh` of the same mesh, if that is known; or triangles, if `mesh` is an array.
 
     Examples
     --------
-    >>> from bezier_filters.meshes.mesh import triangle_mesh
-    >>> mesh = triangle_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 5, 5]], [[0, 1, 2]])
-    >>> diagnose(mesh, inspect_mesh(mesh))
+    >>> diagnose([[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 5, 5]], [[0, 1, 2]])
     ['1 unreferenced vertices get no estimate (meshing_remove_unreferenced_vertices removes them)']
     """
+    mesh = _as_mesh(mesh, None if isinstance(report, MeshReport) else report)
+    report = report if isinstance(report, MeshReport) else inspect_mesh(mesh)
     if not is_fit(mesh):
         return [f"{mesh.vertex_count:,} vertices without faces: curvature takes {FEWEST_POINTS} or more"]
     if mesh.face_count == 0:

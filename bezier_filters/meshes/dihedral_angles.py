@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.meshes.half_edges import ends_of_half_edges
+from bezier_filters.meshes.half_edges import distinct_edges
 from bezier_filters.meshes.mesh import TriangleMesh
 
 
@@ -23,16 +23,6 @@ class MeshEdges:
     # (e,): length across the edge of the part of its faces that is nearer to it than to their other edges: two thirds
     # of their area over the length of the edge, a third of each height
     widths: FloatArray
-
-
-def distinct_edges(faces: IntArray, n: int) -> tuple[IntArray, IntArray, IntArray]:
-    """Edges of faces (m, 3) between n vertices, each once: ends (e, 2), the edge of each half-edge, how many it has."""
-    starts, ends = (side.astype(np.int64) for side in ends_of_half_edges(faces))
-    keys, number, count = np.unique(
-        np.minimum(starts, ends) * n + np.maximum(starts, ends), return_inverse=True, return_counts=True
-    )
-    edges = np.stack(np.divmod(keys, max(n, 1)), axis=1)
-    return edges.astype(np.int32), number.astype(np.int32), count.astype(np.int32)
 
 
 def dihedral_angles(normals: FloatArray, others: FloatArray) -> FloatArray:

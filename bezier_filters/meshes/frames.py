@@ -181,16 +181,7 @@ def farthest_direction(
     The first `count` members are the center, its neighbours, and the rest of the neighbourhood; (nx, ny, nz) is the
     unit normal of the plane. Zero if every neighbour projects onto the center.
     """
-    farthest, second = 0.0, 0.0
-    bx, by, bz = 0.0, 0.0, 0.0
-    for a in range(1, neighbours + 1):
-        x, y, z = _projected_edge(vertices, members[0], members[a], nx, ny, nz)
-        square = x * x + y * y + z * z
-        if square > farthest:
-            farthest, second = square, farthest
-            bx, by, bz = x, y, z
-        else:
-            second = max(second, square)
+    bx, by, bz, farthest, second = farthest_edge(vertices, members, neighbours, nx, ny, nz)
     length = np.sqrt(farthest)
     if second <= (1.0 - TIE) * farthest:
         return (bx / length, by / length, bz / length) if farthest > 0.0 else (0.0, 0.0, 0.0)
@@ -213,20 +204,32 @@ def farthest_direction(
     return bx, by, bz
 
 
-@inner_jit()
-def direction_to(vertices: FloatArray, i: int, j: int, nx: float, ny: float, nz: float) -> Vector:
-    """Unit projection of the edge from vertex i to vertex j, zero if it stands on edge."""
-    x, y, z = _projected_edge(vertices, i, j, nx, ny, nz)
-    length = np.sqrt(x * x + y * y + z * z)
-    if length == 0.0:
-        return 0.0, 0.0, 0.0
-    return x / length, y / length, z / length
+@inner_jit(inline="always")
+def farthest_edge(
+    vertices: FloatArray, members: IntArray, neighbours: int, nx: float, ny: float, nz: float
+) -> tuple[float, float, float, float, float]:
+    """The longest of the projected edges to some neighbours, its squared length, and that of the second longest."""
+    bx, by, bz, farthest, second = 0.0, 0.0, 0.0, 0.0, 0.0
+    for a in range(1, neighbours + 1):
+        x, y, z = _projected_edge(vertices, members[0], members[a], nx, ny, nz)
+        square = x * x + y * y + z * z
+        is_farther = square > farthest  # without a branch, as nobody can predict it
+        bx, by, bz = (x if is_farther else bx), (y if is_farther else by), (z if is_farther else bz)
+        second = max(second, min(square, farthest))
+        farthest = max(farthest, square)
+    return bx, by, bz, farthest, second
 
 
-@inner_jit()
+@inner_jit(inline="always")
 def _projected_edge(vertices: FloatArray, i: int, j: int, nx: float, ny: float, nz: float) -> Vector:
     """Edge from vertex i to vertex j without its part along the normal."""
     x, y, z = vertices[j, 0] - vertices[i, 0], vertices[j, 1] - vertices[i, 1], vertices[j, 2] - vertices[i, 2]
+    return off_normal(x, y, z, nx, ny, nz)
+
+
+@inner_jit(inline="always")
+def off_normal(x: float, y: float, z: float, nx: float, ny: float, nz: float) -> Vector:
+    """A vector without its part along a unit normal."""
     height = x * nx + y * ny + z * nz
     return x - height * nx, y - height * ny, z - height * nz
 

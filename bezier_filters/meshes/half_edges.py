@@ -5,17 +5,39 @@ where they start, which takes no time to set up for the few faces of a fill. Who
 of a hundred thousand edges would have a list that takes a quadratic time.
 """
 
-import numpy as np
+from dataclasses import dataclass
 
-from bezier_filters.arrays import BoolArray, IntArray
-from bezier_filters.errors import InvalidMeshError
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.jit import inner_jit, jit
+
+COINCIDENT = 1e-4  # of the longest border edge at a vertex: others nearer than that lie at the same place
+UNCLEAR = -2  # in the place of the opposite half-edge, where there is not just one
 
 
 def ends_of_half_edges(faces: IntArray) -> tuple[IntArray, IntArray]:
     """Start and end of all half-edges of faces (m, 3), each (3 m,)."""
     return faces.ravel(), faces[:, [1, 2, 0]].ravel()
+
+
+def proper_faces(faces: IntArray) -> IntArray:
+    """Those of some faces (m, 3) that name no vertex twice."""
+    return np.asarray(faces[(faces != faces[:, [1, 2, 0]]).all(axis=1)])
+
+
+def distinct_edges(faces: IntArray, n: int) -> tuple[IntArray, IntArray, IntArray]:
+    """Edges of faces (m, 3) between n vertices, each once: ends (e, 2), the edge of each half-edge, how many it has."""
+    starts, ends = (side.astype(np.int64) for side in ends_of_half_edges(faces))
+    keys, number, count = np.unique(
+        np.minimum(starts, ends) * n + np.maximum(starts, ends), return_inverse=True, return_counts=True
+    )
+    edges = np.stack(np.divmod(keys, max(n, 1)), axis=1)
+    return edges.astype(np.int32), number.astype(np.int32), count.astype(np.int32)
 
 
 def half_edge_lists(faces: IntArray, n: int) -> tuple[IntArray, IntArray]:
@@ -72,35 +94,80 @@ def face_neighbours(faces: IntArray) -> IntArray:
 
 
 def half_edge_twins(mesh: TriangleMesh) -> IntArray:
-    """Opposite half-edges, (3 m,), -1 on the boundary; an InvalidMeshError without an oriented manifold along edges."""
-    start, end = (side.astype(np.int64) for side in ends_of_half_edges(mesh.faces))
-    forward, backward = start * mesh.vertex_count + end, end * mesh.vertex_count + start
-    order = np.argsort(forward, kind="stable")
-    repeated = int(np.count_nonzero(np.diff(forward[order]) == 0))
-    if repeated:
-        raise InvalidMeshError(
-            f"faces: {repeated} edges are run through twice in the same direction; repair non-manifold edges "
-            "and orient the faces coherently first (pymeshlab: meshing_repair_non_manifold_edges, "
-            "meshing_re_orient_faces_coherently)"
-        )
-    place = np.searchsorted(forward, backward, sorter=order)
-    candidate = order[np.minimum(place, len(order) - 1)] if len(order) else order
-    return np.where(forward[candidate] == backward, candidate, -1).astype(np.int32)
+    """Opposite half-edges, (3 m,): -1 on the boundary, `UNCLEAR` at edges of more faces or of two that disagree."""
+    start, end = ends_of_half_edges(mesh.faces)
+    _, edge, count = distinct_edges(mesh.faces, mesh.vertex_count)
+    order = np.argsort(edge, kind="stable")
+    first, last = order[np.cumsum(count) - count], order[np.cumsum(count) - 1]  # half-edges of each edge
+    twin = (first + last)[edge] - np.arange(len(edge))
+    opposite = (count == 2) & (start[first] == end[last])
+    return np.where(opposite[edge], twin, np.where(count[edge] == 1, -1, UNCLEAR)).astype(np.int32)
 
 
-def border_half_edges(mesh: TriangleMesh, on_boundary: BoolArray) -> tuple[IntArray, IntArray]:
-    """Start and end, each (b,), of the half-edges without another face, found among the faces at the boundary.
+@dataclass(frozen=True)
+class BorderEdges:
+    """The half-edges without another face, and what is unclear around them."""
 
-    `on_boundary` is that of `Adjacency`. Raises an InvalidMeshError as `half_edge_twins`, but only for these faces.
-    """
-    a, b, c = mesh.faces.T
-    near = (on_boundary[a] | on_boundary[b] | on_boundary[c]) & (a != b) & (b != c) & (c != a)
-    faces = mesh.faces[near]
+    # each (b,): the vertices where they start and end, and the third one of their faces
+    start: IntArray
+    end: IntArray
+    third: IntArray
+    unclear: BoolArray  # (n,): vertices of edges at the border with three faces or more, or with two that disagree
+
+
+def border_edges(mesh: TriangleMesh, on_boundary: BoolArray) -> BorderEdges:
+    """The border of a mesh, found among the faces at the boundary, with the `on_boundary` of `Adjacency`."""
+    faces = proper_faces(mesh.faces[on_boundary[mesh.faces].any(axis=1)])
     twin = half_edge_twins(TriangleMesh(mesh.vertices, faces))
     start, end = ends_of_half_edges(faces)
     # Where the other face of an edge was left out, one of its ends is not on the boundary.
-    borders = (twin < 0) & on_boundary[start] & on_boundary[end]
-    return start[borders], end[borders]
+    borders = (twin == -1) & on_boundary[start] & on_boundary[end]
+    third = faces[:, [2, 0, 1]].ravel()
+    return BorderEdges(start[borders], end[borders], third[borders], _at_unclear_edges(mesh, faces, twin))
+
+
+def unclear_vertices(mesh: TriangleMesh) -> BoolArray:
+    """Vertices of edges with three faces or more, or with two that run through it the same way, (n,)."""
+    faces = proper_faces(mesh.faces)
+    return _at_unclear_edges(mesh, faces, half_edge_twins(TriangleMesh(mesh.vertices, faces)))
+
+
+def _at_unclear_edges(mesh: TriangleMesh, faces: IntArray, twin: IntArray) -> BoolArray:
+    result = np.zeros(mesh.vertex_count, dtype=np.bool_)
+    for ends in ends_of_half_edges(faces):
+        result[ends[twin == UNCLEAR]] = True
+    return result
+
+
+def doubled_edges(mesh: TriangleMesh, border: BorderEdges) -> BoolArray:
+    """Border edges that lie on another one, as in files of patches or seams that have vertices twice, (b,).
+
+    They count unless their faces lie on each other, too, as in a sheet of two sides.
+    """
+    ids, place = np.unique(np.concatenate([border.start, border.end, border.third]), return_inverse=True)
+    points = mesh.vertices[ids]
+    edge = np.linalg.norm(mesh.vertices[border.end] - mesh.vertices[border.start], axis=1)
+    longest = np.zeros(mesh.vertex_count)
+    np.maximum.at(longest, border.start, edge)
+    np.maximum.at(longest, border.end, edge)
+    welded = _welded(points, COINCIDENT * longest[ids])[place]
+    start, end, third = welded.reshape(3, -1).astype(np.int64)
+    pair = np.minimum(start, end) * len(ids) + np.maximum(start, end)
+    _, edge_of, count = np.unique(pair, return_inverse=True, return_counts=True)
+    _, face_of, same = np.unique(edge_of * len(ids) + third, return_inverse=True, return_counts=True)
+    return np.asarray((start != end) & (count[edge_of] > same[face_of]))
+
+
+def _welded(points: FloatArray, tolerances: FloatArray) -> IntArray:
+    """A number for each point, (k,), the same for those no farther from each other than their tolerances."""
+    places, place = np.unique(points, axis=0, return_inverse=True)
+    place, reach = place.ravel(), np.zeros(len(places))
+    np.maximum.at(reach, place, tolerances)
+    distance, other = cKDTree(places).query(places, k=[2, 3], distance_upper_bound=max(reach.max(initial=0.0), 1e-300))
+    near = distance <= np.minimum(reach[:, np.newaxis], np.append(reach, 0.0)[other])
+    row, column = np.nonzero(near)
+    graph = coo_array((np.ones(len(row)), (row, other[row, column])), shape=(len(places), len(places)))
+    return np.asarray(connected_components(graph, directed=False)[1][place])
 
 
 def boundary_loops(mesh: TriangleMesh) -> list[IntArray]:
@@ -113,12 +180,8 @@ def boundary_loops(mesh: TriangleMesh) -> list[IntArray]:
     Returns
     -------
     list of (k,) int32
-        Loops ordered by their smallest vertex, at which each one starts.
-
-    Raises
-    ------
-    InvalidMeshError
-        If an edge has more than two faces, or two faces that run through it the same way.
+        Loops ordered by their smallest vertex, at which each one starts. A border that meets an edge with more than two
+        faces, or with two that run through it the same way, is no loop and not among them; `fill_holes` lists it.
 
     Examples
     --------
@@ -126,15 +189,20 @@ def boundary_loops(mesh: TriangleMesh) -> list[IntArray]:
     >>> boundary_loops(triangle_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
     [array([0, 1, 2], dtype=int32)]
     """
-    twin = half_edge_twins(mesh)
-    start = mesh.faces.ravel()
-    boundary = np.flatnonzero(twin < 0)
+    faces = proper_faces(mesh.faces)
+    twin, start = half_edge_twins(TriangleMesh(mesh.vertices, faces)), faces.ravel()
+    boundary = np.flatnonzero(twin == -1)
     order = boundary[np.argsort(start[boundary], kind="stable")].astype(np.int32)
-    return [start[loop] for loop in cycles(_boundary_successors(twin), order)]
+    successor = _boundary_successors(twin)
+    paths = cycles(successor, order)
+    return [start[path] for path in paths if twin[path[-1]] == -1 and successor[path[-1]] == path[0]]
 
 
 def cycles(successor: IntArray, order: IntArray) -> list[IntArray]:
-    """Cycles of a permutation, given by what follows each item, in the order of items at which they begin."""
+    """Cycles of a permutation, given by what follows each item, in the order of items at which they begin.
+
+    Where no item is followed twice, but some are the last and follow themselves, it gives pieces of paths, too.
+    """
     result = []
     seen = np.zeros(len(successor), dtype=np.bool_)
     for first in order.tolist():
@@ -153,8 +221,9 @@ def _boundary_successors(twin: IntArray) -> IntArray:
     """Next boundary half-edge after each boundary half-edge; other entries mean nothing."""
     following = np.arange(len(twin)).reshape(-1, 3)[:, [1, 2, 0]].ravel()
     successor = following.copy()
+    successor[twin == UNCLEAR] = np.flatnonzero(twin == UNCLEAR)
     # Turn around the end vertex of all half-edges at once, each within its own fan of faces.
-    turning = np.flatnonzero(twin < 0)
+    turning = np.flatnonzero(twin == -1)
     while len(turning):
         turning = turning[twin[successor[turning]] >= 0]
         successor[turning] = following[twin[successor[turning]]]

@@ -75,7 +75,14 @@ def collect_ring(
     members[0] = center
     visited[center] = True
     inner, count = variable(0), variable(1)
-    for _ in range(rings):
+    if rings > 0:  # of the first ring, all are new
+        inner = count
+        for q in range(indptr[center], indptr[center + 1]):
+            k = indices[np.uint32(q)]
+            members[np.uint64(count)] = k
+            visited[np.uint32(k)] = True
+            count += 1
+    for _ in range(1, rings):
         start, inner = inner, count
         count = next_ring(indptr, indices, stops, start, count, visited, members)
     forget(visited, members, count)

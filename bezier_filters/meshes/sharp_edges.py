@@ -61,7 +61,7 @@ def certainties(edges: MeshEdges, noise: float, angle: float = SHARP) -> FloatAr
     Independent errors of the vertices along the normal, of the standard deviation `noise`, change the angle at an edge
     of the width w by 4/3 noise / w: by propagation through two equal triangles.
     """
-    deviations = np.maximum(4.0 / 3.0 * noise / np.maximum(edges.widths, 1e-300), EXACT)
+    deviations = np.maximum(4.0 / 3.0 * noise / np.maximum(edges.widths, 1e-300 * max(noise, 1.0)), EXACT)
     return np.asarray(ndtr((edges.angles - angle) / deviations), dtype=np.float64)
 
 
@@ -228,9 +228,11 @@ def _edge_angles(mesh: _FaceArrays, i: int, angles: FloatArray, count: int) -> i
     """Append the angles between the faces at the edges of vertex i, as far as there is room; return the new count."""
     faces = mesh.faces
     for q in range(mesh.face_ptr[i], mesh.face_ptr[i + 1]):
+        if count == angles.shape[0]:
+            break
         f = mesh.face_indices[q]
         other = _other_face(mesh, i, f)
-        if other >= 0 and count < angles.shape[0]:
+        if other >= 0:
             a, b, c, d, e, g = faces[f, 0], faces[f, 1], faces[f, 2], faces[other, 0], faces[other, 1], faces[other, 2]
             cosine = cosine_between(mesh.vertices, a, b, c, d, e, g, 1.0)
             angles[count] = np.arccos(min(max(cosine, -1.0), 1.0))
@@ -242,8 +244,11 @@ def _edge_angles(mesh: _FaceArrays, i: int, angles: FloatArray, count: int) -> i
 def _other_face(mesh: _FaceArrays, i: int, f: int) -> int:
     """The face at vertex i behind the edge of face f that leaves i, counter-clockwise; -1 if there is none."""
     tip = next_corner(mesh.faces, f, i)
-    for q in range(mesh.face_ptr[i], mesh.face_ptr[i + 1]):
+    here, there = i, tip  # of which the first has no more faces than the second: hubs have thousands
+    if mesh.face_ptr[tip + 1] - mesh.face_ptr[tip] < mesh.face_ptr[i + 1] - mesh.face_ptr[i]:
+        here, there = tip, i
+    for q in range(mesh.face_ptr[here], mesh.face_ptr[here + 1]):
         g = mesh.face_indices[q]
-        if g != f and has_corner(mesh.faces, g, tip):
+        if g != f and has_corner(mesh.faces, g, there):
             return int(g)
     return -1

@@ -133,7 +133,7 @@ def mesh_arrays(mesh: Any) -> tuple[FloatArray, IntArray]:
     if isinstance(mesh, str) or hasattr(mesh, "__fspath__"):
         from bezier_filters.meshlab.mesh_files import load_mesh
 
-        owner = load_mesh(mesh)
+        owner = load_mesh(mesh, attributes=False)
     mesh = owner.current_mesh() if hasattr(owner, "current_mesh") else owner
     if hasattr(mesh, "vertex_matrix"):
         vertices, faces = mesh.vertex_matrix(), mesh.face_matrix()

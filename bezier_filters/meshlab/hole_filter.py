@@ -11,6 +11,7 @@ from bezier_filters.arrays import Report
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.holes.fill_methods import FillingMethod
 from bezier_filters.holes.hole_filling import HoleFillingResult, HoleReport, fill_holes
+from bezier_filters.holes.planar_fill import Correction
 from bezier_filters.meshes.half_edges import ends_of_half_edges, faces_at_edges
 from bezier_filters.meshlab.mesh_growth import MeshGrowth, grow_mesh
 from bezier_filters.meshlab.meshset import (
@@ -23,9 +24,12 @@ from bezier_filters.meshlab.meshset import (
     preserved_filter_script,
     read_current_mesh,
 )
-from bezier_filters.meshlab.topology import topology_of
+from bezier_filters.meshlab.topology import repair as repair_mesh
+from bezier_filters.meshlab.topology import repaired_copy, topology_of
 from bezier_filters.parameters import documented
 from bezier_filters.runtime.parallel import Progress
+
+WIDE = 0.5  # of the diagonal of the bounding box: where a hole may be none
 
 
 @documented("fill-holes")
@@ -38,26 +42,30 @@ def meshing_close_holes_by_bezier_patch(
     maxdiameter: Length | None = None,
     outerrims: bool = False,
     creases: bool = True,
+    repair: bool = False,
     noise: Length | None = None,
-    alpha: float = 0.8,
+    alpha: float | None = None,
+    correction: Correction = "harmonic",
     onselected: bool = False,
     newfaceselected: bool = False,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Report:
-    """Fill the holes of the current mesh: smooth where the surface is smooth, sharp where it is sharp.
+    """Fill the holes of the current mesh, which becomes a new layer with the id ``result["id"]``.
 
-    The new triangles are about as large as those around a hole, and lie on the surface that continues the one around
-    it; sharp edges that end at a hole are continued through it. See `bezier_filters.fill_holes`. A hole is filled
-    whole or left as it is.
+    Fills are smooth where the surface is smooth, and sharp where it is sharp. The new triangles are about as large as
+    those around a hole, and lie on the surface that continues the one around it; sharp edges that end at a hole are
+    continued through it. See `bezier_filters.fill_holes`. A hole is filled whole or left as it is.
 
-    pymeshlab can add faces only by merging layers, so the mesh becomes a new layer with a new id, which is the current
-    one then. Old vertices and faces stay the first, bit for bit and in their order, with their textures, colours,
-    quality, selection and custom attributes; label, transform and visibility stay, too. New vertices and faces have the
-    colours, quality and attributes of the nearest old ones, and 0 in ``bz_*`` columns, where nothing has been
+    pymeshlab can add faces only by merging layers: the new layer is the last and the current one, and the old one, with
+    its id, is gone. Old vertices and faces stay the first, bit for bit and in their order, with their textures,
+    colours, quality, selection and custom attributes; label, transform and visibility stay, too. New vertices and faces
+    have the colours, quality and attributes of the nearest old ones, and 0 in ``bz_*`` columns, where nothing has been
     estimated. New faces show the texture of the old faces beside them, from the edge that they share on; where a
     texture has a name with spaces, or two have the same, they show none. Vertex and face normals are those of the
-    faces. If no hole is filled, nothing changes.
+    faces. If no hole is filled, nothing changes, but what `repair` asks for: pymeshlab's filters weld borders that lie
+    on each other, split edges of more than two faces, which loses selections and sets custom attributes to 0, split
+    vertices at which surfaces only touch, and turn faces that disagree with their neighbours.
 
     Parameters
     ----------
@@ -76,14 +84,16 @@ def meshing_close_holes_by_bezier_patch(
         ``closed_holes``, ``open_holes``, ``new_vertices`` and ``new_faces`` (numbers), ``id`` (of the layer that is the
         mesh now), ``noise`` (standard deviation, a length, or None), ``lost_attributes`` (custom attributes that
         pymeshlab does not let us copy: those with capital letters or signs in their names), ``textured`` (whether the
-        new faces show a texture), ``topology_before`` and ``topology_after`` (what pymeshlab counts: ``components``,
-        ``genus``, ``boundary_loops`` with those of outer rims and islands, ``boundary_edges``, ``non_manifold_faces``
-        at such edges, ``non_manifold_vertices`` and ``two_manifold``; where the mesh is not a manifold the genus is
-        None, and ``boundary_loops_by`` says that we have counted the loops), ``seconds`` (read, fit, write) and
-        ``holes``, a dict for each with ``filled``, ``method``, ``reason``, ``edge_count``, ``perimeter``, ``diameter``,
-        ``islands``, ``is_outer_rim``, ``parts``, ``crease_edges``, ``new_vertices`` and ``new_faces`` (numbers),
-        ``rim_error`` (0), ``rim_dihedral`` (mean angle along the rim, degrees) and ``self_intersections``; see
-        `bezier_filters.HoleReport`. It can be written as JSON.
+        new faces show a texture), ``repaired`` (numbers of ``welded_vertices``, ``split_vertices``, ``removed_faces``
+        without area or there twice, and ``turned_faces``, or None), ``topology_before`` (after that) and
+        ``topology_after`` (what pymeshlab counts: ``components``, ``genus``, ``boundary_loops`` with those of outer
+        rims and islands, ``boundary_edges``, ``non_manifold_faces`` at such edges, ``non_manifold_vertices`` and
+        ``two_manifold``; where the mesh is not a manifold the genus is None, and ``boundary_loops_by`` says that we
+        have counted the loops), ``warnings`` (texts: fills that need a look, because they cut faces, or are as wide as
+        half of the mesh), ``seconds`` (read, fit, write) and ``holes``, a dict for each with ``filled``, ``method``,
+        ``reason``, ``edge_count``, ``perimeter``, ``diameter``, ``islands``, ``is_outer_rim``, ``parts``,
+        ``crease_edges``, ``new_vertices`` and ``new_faces`` (numbers), ``rim_error`` (0), ``rim_dihedral`` (mean angle
+        along the rim, degrees) and ``self_intersections``; see `bezier_filters.HoleReport`. It can be written as JSON.
 
     Examples
     --------
@@ -97,9 +107,12 @@ def meshing_close_holes_by_bezier_patch(
     (1, 'surface')
     """
     begin = time.perf_counter()
-    mesh = read_current_mesh(ms)
+    given = mesh = read_current_mesh(ms)
+    repaired: Report | None = None
     if not len(mesh.faces):
         raise BezierFilterError("the current mesh has no faces, so it has no holes")
+    if repair:
+        mesh, repaired = repaired_copy(ms)
     start = time.perf_counter()
     topology = topology_of(mesh.vertices, mesh.faces)
     try:
@@ -115,6 +128,7 @@ def meshing_close_holes_by_bezier_patch(
             creases=creases,
             noise=absolute_length(noise, mesh.vertices, "noise"),
             alpha=alpha,
+            correction=correction,
             on_border=topology.on_border,
             threads=threads,
             progress=progress,
@@ -122,7 +136,10 @@ def meshing_close_holes_by_bezier_patch(
     except (InvalidMeshError, InvalidParameterError) as error:
         raise BezierFilterError(re.sub("^max_edges", "maxholesize", str(error))) from error
     fitted = time.perf_counter()
-    check_unchanged(ms, mesh)
+    check_unchanged(ms, given)
+    if repair:
+        with preserved_filter_script(ms):
+            repair_mesh(ms)
     lost_attributes, textured = list[str](), False
     if result.filled:
         with preserved_filter_script(ms):
@@ -138,11 +155,26 @@ def meshing_close_holes_by_bezier_patch(
         "noise": result.noise,
         "lost_attributes": lost_attributes,
         "textured": textured,
+        "repaired": repaired,
         "topology_before": topology.counts,
         "topology_after": after.counts,
+        "warnings": fill_warnings(result, float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))),
         "holes": [_described(hole) for hole in result.holes],
         "seconds": {"read": start - begin, "fit": fitted - start, "write": written - fitted},
     }
+
+
+def fill_warnings(result: HoleFillingResult, diagonal: float) -> list[str]:
+    """What a user should look at in a mesh with a bounding box of this diagonal."""
+    filled = [hole for hole in result.holes if hole.filled]
+    wide = [hole for hole in filled if hole.diameter > WIDE * diagonal]
+    cutting = [hole.self_intersections for hole in filled if hole.self_intersections]
+    texts = [
+        f"{len(wide):,} of the filled holes as wide as half of the mesh or wider, perhaps the end of a part and not a "
+        f"hole: a largest diameter of {100 * WIDE:g}% leaves such open",
+        f"{len(cutting):,} of the fills with faces that cut others, {sum(cutting):,} in all",
+    ]
+    return [text for text, holes in zip(texts, (wide, cutting), strict=True) if holes]
 
 
 def _growth(mesh: CurrentMesh, result: HoleFillingResult) -> MeshGrowth:

@@ -22,6 +22,7 @@ import numpy as np
 
 from bezier_filters.arrays import FloatArray
 from bezier_filters.meshlab.meshset import BezierFilterError, Mesh, MeshSet, PyMeshLabException, current_mesh
+from bezier_filters.runtime.parallel import one_thread_of_openmp
 
 CARRIERS = ("sigma", "plof")  # attributes that the outlier filter deletes
 LEFTOVER = "outlierScore"  # attribute that the outlier filter leaves behind
@@ -220,7 +221,8 @@ def _carriers_free(ms: MeshSet) -> Iterator[None]:
 
 
 def _drop_carriers(ms: MeshSet) -> None:
-    ms.compute_selection_point_cloud_outliers(propthreshold=1.0, knearest=1)
+    with one_thread_of_openmp():
+        ms.compute_selection_point_cloud_outliers(propthreshold=1.0, knearest=1)
     left = read_columns(ms, CARRIERS)
     if left:
         raise BezierFilterError(

@@ -2,22 +2,36 @@
 
 import locale
 import os
+import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
+
 from bezier_filters.errors import FieldFileError
 from bezier_filters.fields import PREFIX
+from bezier_filters.files.field_files import read_fields
 from bezier_filters.files.mesh_headers import check_header
-from bezier_filters.meshlab.meshset import BezierFilterError, MeshSet, PyMeshLabException, current_mesh, one_at_a_time
+from bezier_filters.meshlab.meshset import (
+    BezierFilterError,
+    Mesh,
+    MeshSet,
+    PyMeshLabException,
+    current_mesh,
+    one_at_a_time,
+    reason_of,
+)
 from bezier_filters.runtime.atomic import TEMPORARY, atomic_write
 from bezier_filters.runtime.supervision import doing, memory_limited, processor_time_limited
 
 # seconds of processor time after which a reader is taken to run in circles, and bytes for each second more
 LEAST_PATIENCE, SLOWEST_READER = 60.0, 50_000.0
+_OURS = re.compile(f"{PREFIX}[a-z0-9_]+")  # names of attributes that every filter of pymeshlab can bear
+_UNIT = 1e-3  # by which the lengths of normals differ from 1 in files that round them
 _ATTRIBUTE_KEY = "__ca_vs__"  # of the parameters with which pymeshlab saves custom vertex attributes
 
 
@@ -28,14 +42,19 @@ class FormatSupport:
     normals: bool = False  # OFF files get them only if there are no colours
     color: bool = False
     quality: bool = False
-    attributes: bool = False  # the ``bz_*`` columns: pymeshlab does not read them back, `read_fields` does
+    attributes: bool = False  # the ``bz_*`` columns: pymeshlab does not read them back, `load_mesh` does
+    rounding: float = 0.0  # largest error of a coordinate, as a part of the largest coordinate,
+    decimals: float = 0.0  # or as a length
 
 
+_SIX_DIGITS, _SINGLE = 5e-6, 2.0**-24
 _FORMATS = {
     ".ply": FormatSupport(normals=True, color=True, quality=True, attributes=True),
-    **dict.fromkeys((".obj", ".off", ".dae", ".x3d"), FormatSupport(normals=True, color=True)),
-    ".wrl": FormatSupport(color=True),
-    **dict.fromkeys((".stl", ".3ds", ".3mf", ".ctm", ".dxf"), FormatSupport()),
+    **dict.fromkeys((".obj", ".off"), FormatSupport(normals=True, color=True)),
+    **dict.fromkeys((".dae", ".x3d"), FormatSupport(normals=True, color=True, rounding=_SIX_DIGITS)),
+    ".wrl": FormatSupport(color=True, rounding=_SIX_DIGITS),
+    **dict.fromkeys((".stl", ".3ds", ".ctm", ".dxf"), FormatSupport(rounding=_SINGLE)),
+    ".3mf": FormatSupport(rounding=_SINGLE, decimals=5e-7),
 }
 SAVE_SUFFIXES = tuple(_FORMATS)
 
@@ -50,10 +69,37 @@ def format_support(path: str | os.PathLike[str]) -> FormatSupport:
     return _FORMATS[suffix]
 
 
-def load_mesh(path: str | os.PathLike[str]) -> MeshSet:
-    """Load a file of any format that pymeshlab reads; its mesh has a vertex at least, and may be a point cloud.
+def load_mesh(path: str | os.PathLike[str], *, attributes: bool = True) -> MeshSet:
+    """Load a mesh or point cloud with its ``bz_*`` columns, which pymeshlab does not read.
 
-    What is wrong with a file, a `BezierFilterError` says in one line.
+    Parameters
+    ----------
+    path : path
+        File of any format that pymeshlab reads.
+    attributes : bool
+        Whether the columns ``bz_*`` of PLY files, as `save_mesh` writes them, become custom attributes again.
+
+    Returns
+    -------
+    pymeshlab.MeshSet
+        With one mesh, of one vertex at least. What is not finite in a column is 0.
+
+    Raises
+    ------
+    BezierFilterError
+        If the file cannot be read; the message has one line.
+
+    Examples
+    --------
+    >>> from bezier_filters import compute_torsion_by_bezier_patch_per_vertex
+    >>> ms = MeshSet()
+    >>> ms.create_sphere(subdiv=3)
+    >>> report = compute_torsion_by_bezier_patch_per_vertex(ms)
+    >>> with TemporaryDirectory() as folder:
+    ...     lost = save_mesh(ms, f"{folder}/ball.ply")
+    ...     ms = load_mesh(f"{folder}/ball.ply")
+    >>> bool(ms.current_mesh().vertex_custom_scalar_attribute_array("bz_geodesic_torsion").any())
+    True
     """
     path = Path(path)
     if not path.is_file():
@@ -76,17 +122,42 @@ def load_mesh(path: str | os.PathLike[str]) -> MeshSet:
     except ValueError as error:  # how pymeshlab reports a count beyond the largest one
         raise BezierFilterError(f"cannot read {path}: it announces more than any file can hold") from error
     except (PyMeshLabException, RuntimeError, IndexError) as error:
-        raise BezierFilterError(f"cannot read {path}: {_reason(error)}") from error
-    mesh = meshset.current_mesh()
-    if mesh.vertex_number() == 0:
+        raise BezierFilterError(f"cannot read {path}: {reason_of(error)}") from error
+    if not len(list(meshset)) or (mesh := meshset.current_mesh()).vertex_number() == 0:
         raise BezierFilterError(f"cannot read {path}: there are no vertices in it")
     faces = mesh.face_matrix()
     if len(faces) and not 0 <= faces.min() <= faces.max() < mesh.vertex_number():
         raise BezierFilterError(f"cannot read {path}: it has faces on vertices that are not in it")
+    if attributes and path.suffix.lower() == ".ply":
+        with suppress(FieldFileError):  # there are none
+            for name, values in read_fields(path).items():
+                if _OURS.fullmatch(name) and len(values) == mesh.vertex_number():
+                    mesh.add_vertex_custom_scalar_attribute(np.where(np.isfinite(values), values, 0.0), name)
     return meshset
 
 
-def save_mesh(ms: MeshSet, path: str | os.PathLike[str], *, binary: bool = True, attributes: bool = True) -> None:
+def contents_of(ms: MeshSet) -> list[str]:
+    """What the current mesh carries besides its shape, in words.
+
+    pymeshlab computes normals where a file has none, as sums, and a quality of zeros.
+    """
+    mesh = current_mesh(ms)
+    lengths = np.linalg.norm(mesh.vertex_normal_matrix(), axis=1)
+    columns = [key.removeprefix(_ATTRIBUTE_KEY) for key in ms.filter_parameter_values("ply") if _ATTRIBUTE_KEY in key]
+    there = {
+        "colours of vertices": mesh.has_vertex_color(),
+        "colours of faces": mesh.has_face_color(),
+        "quality": mesh.has_vertex_scalar() and mesh.vertex_scalar_array().any(),
+        "normals": np.abs(lengths - 1.0).max() < _UNIT,
+        f"textures {', '.join(mesh.textures())}": mesh.texture_number() > 0,
+        ", ".join(columns): bool(columns),
+    }
+    return [name for name, is_there in there.items() if is_there]
+
+
+def save_mesh(
+    ms: MeshSet, path: str | os.PathLike[str], *, binary: bool = True, attributes: bool = True
+) -> tuple[str, ...]:
     """Save the current mesh with everything that the format can hold (see `format_support`).
 
     The file appears whole or not at all. Files that go with it, such as the MTL of an OBJ, are
@@ -105,6 +176,12 @@ def save_mesh(ms: MeshSet, path: str | os.PathLike[str], *, binary: bool = True,
     attributes : bool
         Whether the ``bz_*`` columns are saved where the format has place for them.
 
+    Returns
+    -------
+    tuple of str
+        Remarks on what the file lacks: images in no format that pymeshlab writes, as those inside a glTF file, or
+        digits of the coordinates, where that shows.
+
     Raises
     ------
     BezierFilterError
@@ -119,9 +196,9 @@ def save_mesh(ms: MeshSet, path: str | os.PathLike[str], *, binary: bool = True,
     >>> ms.create_sphere(subdiv=3)
     >>> report = compute_torsion_by_bezier_patch_per_vertex(ms)
     >>> with TemporaryDirectory() as folder:
-    ...     save_mesh(ms, f"{folder}/ball.ply")
-    ...     "bz_geodesic_torsion" in read_fields(f"{folder}/ball.ply")
-    True
+    ...     remarks = save_mesh(ms, f"{folder}/ball.ply")
+    ...     remarks, "bz_geodesic_torsion" in read_fields(f"{folder}/ball.ply")
+    ((), True)
     """
     support = format_support(path)
     current_mesh(ms)
@@ -131,11 +208,12 @@ def save_mesh(ms: MeshSet, path: str | os.PathLike[str], *, binary: bool = True,
             # The name inside the folder is the final one: an OBJ file names its MTL file after itself.
             staged = Path(folder) / target.name
             with doing(f"writing {path}"), _process_as_it_was():
-                ms.save_current_mesh(str(staged), **_save_options(ms, staged, support, binary, attributes))
+                remarks = _save(ms, staged, _save_options(ms, staged, support, binary, attributes))
             if not staged.is_file():
                 raise BezierFilterError(f"cannot write {path}: pymeshlab wrote no file")
             _move_companions(staged, target.parent)
             os.replace(staged, temporary)
+        return remarks + _rounded(current_mesh(ms), support, target.suffix)
     except BezierFilterError:
         raise
     except OSError as error:
@@ -146,7 +224,35 @@ def save_mesh(ms: MeshSet, path: str | os.PathLike[str], *, binary: bool = True,
             f"cannot write {path}: pymeshlab cannot write this mesh as {target.suffix} ({error}); write a PLY file"
         ) from error
     except (PyMeshLabException, RuntimeError) as error:
-        raise BezierFilterError(f"cannot write {path}: {_reason(error)}; see whether the disk is full") from error
+        raise BezierFilterError(f"cannot write {path}: {reason_of(error)}; see whether the disk is full") from error
+
+
+def _save(ms: MeshSet, path: Path, options: dict[str, Any]) -> tuple[str, ...]:
+    """Save the current mesh; return what the file lacks."""
+    try:
+        ms.save_current_mesh(str(path), **options)
+        return ()
+    except PyMeshLabException as error:
+        if "plugin to save" not in str(error):  # an image
+            raise
+    ms.save_current_mesh(str(path), save_textures=False, **options)
+    names = ", ".join(current_mesh(ms).textures())
+    return (
+        f"written without the images of its textures ({names}): pymeshlab saves none without a suffix such as .png",
+    )
+
+
+def _rounded(mesh: Mesh, support: FormatSupport, suffix: str) -> tuple[str, ...]:
+    """What the format makes of the coordinates, if that is more than a thousandth of the edges."""
+    if not mesh.is_compact():
+        return ()
+    vertices, faces = mesh.vertex_matrix(), mesh.face_matrix()
+    error = max(support.rounding * float(np.abs(vertices).max(initial=0.0)), support.decimals)
+    edges = np.linalg.norm(vertices[faces[:, 1:]] - vertices[faces[:, :1]], axis=2)
+    if not edges.size or error <= 1e-3 * edges.mean():
+        return ()
+    where = f"{suffix} files round coordinates by up to {error:.1g} here, {error / edges.mean():.1g} mean edges"
+    return (f"not exact: {where}; write a PLY or OBJ file, or move the mesh to the origin",)
 
 
 @contextmanager
@@ -185,9 +291,3 @@ def _move_companions(staged: Path, folder: Path) -> None:
         ours = companion.name.startswith(staged.name)
         if companion != staged and (ours or not (folder / companion.name).exists()):
             os.replace(companion, folder / companion.name)
-
-
-def _reason(error: Exception) -> str:
-    """The part of pymeshlab's error message that says why: its last line."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return lines[-1].removeprefix("Error details: ") if lines else type(error).__name__

@@ -17,6 +17,7 @@ import numpy as np
 import pymeshlab
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.errors import InvalidParameterError
 from bezier_filters.files.filter_scripts import ScriptStep, read_filter_script, script_text
 from bezier_filters.runtime.interrupts import interrupts_held
 
@@ -41,6 +42,12 @@ class BezierFilterError(pymeshlab.PyMeshLabException):  # type: ignore[misc]
 
     It is a `pymeshlab.PyMeshLabException`, so scripts catch it like the errors of pymeshlab's own filters.
     """
+
+
+def reason_of(error: Exception) -> str:
+    """The part of pymeshlab's error message that says why: its last line."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return lines[-1].removeprefix("Error details: ") if lines else type(error).__name__
 
 
 @dataclass(frozen=True)
@@ -104,17 +111,32 @@ def check_unchanged(ms: MeshSet, mesh: CurrentMesh) -> None:
         raise BezierFilterError("the current mesh was changed while the filter ran; nothing was written")
 
 
+def length_of(text: str) -> Length:
+    """A text that is a length, or a percentage of the diagonal of the bounding box, as values of pymeshlab."""
+    try:
+        if not text.endswith("%"):
+            return float(text)
+        percentage = float(text.removesuffix("%"))
+    except ValueError:
+        percentage = -1.0
+    if not 0.0 < percentage <= 100.0:
+        raise InvalidParameterError(f"got {text!r}, expected a length such as 0.5, or a percentage such as 2%")
+    return PercentageValue(percentage)
+
+
 def absolute_length(length: Length | None, vertices: FloatArray, name: str) -> float | None:
     """A length that may be a percentage of the diagonal of the bounding box, as in pymeshlab.
 
     >>> absolute_length(PercentageValue(10), np.array([[0.0, 0.0, 0.0], [2.0, 3.0, 6.0]]), "radius")
     0.7000000000000001
+    >>> absolute_length("10%", np.array([[0.0, 0.0, 0.0], [2.0, 3.0, 6.0]]), "radius")
+    0.7000000000000001
     """
     if isinstance(length, str):
-        raise BezierFilterError(
-            f"{name}: got {length!r}, expected a positive length, or for example pymeshlab.PercentageValue(2) for 2 % "
-            "of the diagonal of the bounding box"
-        )
+        try:
+            length = length_of(length)
+        except InvalidParameterError as error:
+            raise BezierFilterError(f"{name}: {error}") from None
     if isinstance(length, pymeshlab.PercentageValue):
         return float(length.value() / 100.0 * np.linalg.norm(np.ptp(vertices, axis=0)))
     return length.value() if isinstance(length, pymeshlab.PureValue) else length

@@ -5,11 +5,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, Report
-from bezier_filters.errors import InvalidMeshError
 from bezier_filters.holes.hole_detection import find_holes
 from bezier_filters.meshes.adjacency import vertex_adjacency
+from bezier_filters.meshes.half_edges import COINCIDENT, border_edges, doubled_edges, proper_faces
 from bezier_filters.meshes.mesh import triangle_mesh
-from bezier_filters.meshlab.meshset import Mesh, MeshSet, current_mesh, one_at_a_time
+from bezier_filters.meshlab.meshset import (
+    BezierFilterError,
+    CurrentMesh,
+    Mesh,
+    MeshSet,
+    PureValue,
+    PyMeshLabException,
+    current_mesh,
+    one_at_a_time,
+    preserved_filter_script,
+    read_current_mesh,
+    reason_of,
+)
+from bezier_filters.runtime.parallel import one_thread_of_openmp
 
 # by our names, the measures of `get_topological_measures`
 _MEASURES = {
@@ -39,8 +52,7 @@ def topology_of(vertices: FloatArray, faces: IntArray) -> Topology:
     there are: the genus is None, the loops of the border are counted by us, or None if they cannot be ordered, and
     ``boundary_loops_by`` says whose the number is.
     """
-    a, b, c = faces.T
-    proper = faces[(a != b) & (b != c) & (c != a)]
+    proper = proper_faces(faces)
     with one_at_a_time():
         scratch = MeshSet()
         scratch.add_mesh(Mesh(vertices, proper))
@@ -56,8 +68,68 @@ def topology_of(vertices: FloatArray, faces: IntArray) -> Topology:
 
 
 def _loops(vertices: FloatArray, faces: IntArray) -> int | None:
+    mesh = triangle_mesh(vertices, faces)
+    holes = find_holes(mesh, vertex_adjacency(mesh))
+    return sum(len(hole.loops) for hole in holes) if not any(hole.unclear_edges for hole in holes) else None
+
+
+def repaired_copy(ms: MeshSet) -> tuple[CurrentMesh, Report]:
+    """What `repair` would make of the current mesh, which stays as it is, and its report."""
+    wanted = ms.current_mesh_id()
+    with preserved_filter_script(ms):
+        ms.generate_copy_of_current_mesh()
+        try:
+            report = repair(ms)
+            return read_current_mesh(ms), report
+        finally:
+            ms.set_selection_none(allfaces=False, allverts=False)  # a filter that succeeds: see `check_writable`
+            ms.delete_current_mesh()
+            ms.set_current_mesh(wanted)
+
+
+def repair(ms: MeshSet) -> Report:
+    """Weld borders of the current mesh that lie on each other, split non-manifold edges, turn faces that disagree.
+
+    pymeshlab's own filters do it, each where there is need. They turn faces to the first of each component; if most
+    would turn, all do once more. Returns the numbers of what was changed.
+    """
+    mesh = current_mesh(ms)
+    given = triangle_mesh(mesh.vertex_matrix(), mesh.face_matrix())
+    border = border_edges(given, vertex_adjacency(given).on_boundary)
     try:
-        mesh = triangle_mesh(vertices, faces)
-        return sum(len(hole.loops) for hole in find_holes(mesh, vertex_adjacency(mesh)))
-    except InvalidMeshError:
-        return None
+        with one_thread_of_openmp():
+            if doubled_edges(given, border).any():
+                lengths = np.linalg.norm(given.vertices[border.end] - given.vertices[border.start], axis=1)
+                ms.meshing_merge_close_vertices(threshold=PureValue(COINCIDENT * float(lengths[lengths > 0.0].min())))
+            welded, referenced = mesh.vertex_number(), len(np.unique(mesh.face_matrix()))
+            ms.meshing_remove_duplicate_faces()
+            if not _is_manifold(mesh):
+                ms.meshing_repair_non_manifold_edges(method="Split Vertices")
+                ms.meshing_remove_unreferenced_vertices()  # what was split
+            ms.meshing_repair_non_manifold_vertices(vertdispratio=0.0)
+            faces = np.array(mesh.face_matrix())
+            if _is_manifold(mesh):
+                ms.meshing_re_orient_faces_coherently()
+            if 2 * _count_turned(faces, mesh) > len(faces):
+                ms.meshing_invert_face_orientation(forceflip=True, onlyselected=False)
+    except PyMeshLabException as error:
+        reason = f"repair: pymeshlab could not repair this mesh ({reason_of(error)}); fill its holes without that"
+        raise BezierFilterError(reason) from error
+    return {
+        "welded_vertices": given.vertex_count - welded,
+        "split_vertices": len(np.unique(faces)) - referenced,
+        "removed_faces": given.face_count - len(faces),
+        "turned_faces": _count_turned(faces, mesh),
+    }
+
+
+def _is_manifold(mesh: Mesh) -> bool:
+    """Whether no edge has more than two faces."""
+    return not topology_of(mesh.vertex_matrix(), mesh.face_matrix()).counts["non_manifold_faces"]
+
+
+def _count_turned(faces: IntArray, mesh: Mesh) -> int:
+    """Number of faces of a mesh whose corners are in another cyclic order than before."""
+    now = mesh.face_matrix()
+    same = [(now == np.roll(faces, k, axis=1)).all(axis=1) for k in range(3)]
+    return int(len(faces) - np.any(same, axis=0).sum())

@@ -14,8 +14,6 @@ from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.fit_options import Automatic
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
 from bezier_filters.fields import CURVATURE, NORMALS, PREFIX, TORSION, columns
-from bezier_filters.meshes.adjacency import mean_edge, vertex_adjacency
-from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshlab.filter_run import Computed, Output, run_filter
 from bezier_filters.meshlab.meshset import CurrentMesh, Length, MeshSet, absolute_length
 from bezier_filters.parameters import documented
@@ -189,8 +187,11 @@ def _run(ms: MeshSet, name: str, fit: FitArguments, output: Output) -> Report:
 
 def _mean_edge(mesh: CurrentMesh) -> float | None:
     """Mean length of the edges of some 10,000 faces or more, or of all; None for a point cloud."""
-    some = TriangleMesh(mesh.vertices, mesh.faces[:: 1 + len(mesh.faces) // MEASURED])
-    return mean_edge(some, vertex_adjacency(some)) if some.face_count else None
+    n, faces = len(mesh.vertices), mesh.faces[:: 1 + len(mesh.faces) // MEASURED].astype(np.int64)
+    ends = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
+    start, stop = np.divmod(np.unique(ends[:, 0] * n + ends[:, 1]), n)  # each edge once
+    lengths = np.linalg.norm(mesh.vertices[start] - mesh.vertices[stop], axis=1)[start < stop]
+    return float(lengths.mean()) if len(lengths) else None
 
 
 def fit_mesh(mesh: CurrentMesh, mask: BoolArray, fit: FitArguments) -> VertexGeometry:

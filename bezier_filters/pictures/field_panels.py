@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.display.colors import color_range, round_limits
+from bezier_filters.display.colors import ColorScale, color_range, round_limits
 from bezier_filters.errors import FieldFileError, InvalidParameterError
 from bezier_filters.feature_lines.crease_lines import COLORS, Creases
 from bezier_filters.fields import FIELDS, PREFIX, QUALITY, Field
@@ -15,12 +15,17 @@ from bezier_filters.files.field_files import read_fields
 from bezier_filters.meshlab.mesh_files import load_mesh
 from bezier_filters.meshlab.meshset import current_mesh
 from bezier_filters.pictures.scene import Panel, require_libraries
+from bezier_filters.status import FitStatus
 
 COLOR, SHAPE = "color", "shape"
 NO_UNIT = "no unit"
 
 _KNOWN = {field.column: field for field in FIELDS}
 _GREY = 0.75
+_CODES = {  # what numbers in a column stand for
+    "bz_fit_status": {int(status): status.name for status in FitStatus},
+    "bz_crease": {-2: "sharp ravine", -1: "ravine", 0: "no crease", 1: "ridge", 2: "sharp ridge"},
+}
 _GREY_BELOW_LINES = 0.85
 _SIDES = 12  # of tubes
 
@@ -56,7 +61,7 @@ class MeshFile:
 
 def read_mesh_file(path: Path) -> MeshFile:
     """Read a mesh with its fields."""
-    ms = load_mesh(path)
+    ms = load_mesh(path, attributes=False)
     mesh = current_mesh(ms)
     vertices = np.array(mesh.vertex_matrix(), dtype=np.float64)
     try:
@@ -89,31 +94,42 @@ def field_limits(
     """Colour range of a field, the same for all files."""
     if limits is not None:
         return limits
-    values = np.concatenate([file.columns[name] for file in files if name in file.columns])
+    values = _values(files, name)
     signed = next(field.signed for file in files if (field := file.field(name)) is not None)
     return round_limits(*color_range(values, signed=signed, percentile=percentile))
+
+
+def _values(files: Sequence[MeshFile], name: str) -> FloatArray:
+    return np.concatenate([file.columns[name] for file in files if name in file.columns])
 
 
 def field_panels(
     files: Sequence[MeshFile],
     name: str,
-    *,
     colormap: str,
     percentile: float,
     limits: tuple[float, float] | None = None,
+    scale: ColorScale = "linear",
+    *,
     histogram: bool = False,
 ) -> list[Panel]:
-    """One panel per file of a field with the same colours; files without it show their shape, every face in grey.
+    """One panel per file of a field; files without it show their shape, every face in grey.
 
-    A field is ``quality``, a ``bz_*`` column, ``color`` or ``shape``; one that no file has is refused.
+    A field is ``quality``, a ``bz_*`` column, ``color`` or ``shape``; one that no file has is refused. Where it is the
+    same quantity it has the same colours: a quality is that of the column that it equals. A symmetric logarithmic scale
+    has room for all values; it is linear up to their median size.
     """
     check_field(files, name)
-    if any(name in file.columns for file in files):
-        limits = field_limits(files, name, percentile=percentile, limits=limits)
     panels = []
     for file in files:
         field = file.field(name)
-        if field is not None:
+        title = file.path.name if len(files) > 1 else field.label if field else name
+        if field is not None and field.column in _CODES:
+            panels.append(_codes(file, file.columns[name], _CODES[field.column], title))
+        elif field is not None:
+            alike = [other for other in files if (it := other.field(name)) is not None and it.label == field.label]
+            share = percentile if scale == "linear" else 0.0
+            median = float(np.median(np.abs(_values(alike, name))))
             panels.append(
                 Panel(
                     file.vertices,
@@ -123,25 +139,41 @@ def field_panels(
                     unit=field.unit,
                     colormap=colormap,
                     signed=field.signed,
-                    limits=limits,
+                    limits=field_limits(alike, name, percentile=share, limits=limits),
                     histogram=histogram,
-                    title=file.path.name,
+                    title=title,
+                    linear_below=None if scale == "linear" else median or 1.0,
                 )
             )
         elif name == COLOR and file.colors is not None:
-            panels.append(Panel(file.vertices, file.faces, colors=file.colors, title=file.path.name))
+            panels.append(Panel(file.vertices, file.faces, colors=file.colors, title=title))
         else:
-            panels.append(_shape(file))
+            panels.append(_shape(file, title))
     return panels
 
 
-def _shape(file: MeshFile) -> Panel:
+def _codes(file: MeshFile, values: FloatArray, words: dict[int, str], title: str) -> Panel:
+    """Each code in a colour of its own, grey for 0; a key has the names of those that are there, and how many."""
+    import matplotlib
+
+    own = matplotlib.colormaps["tab10"](np.arange(len(words)))[:, :3]
+    palette = {code: (_GREY_BELOW_LINES,) * 3 if code == 0 else tuple(own[k]) for k, code in enumerate(words)}
+    codes, counts = np.unique(np.round(values).astype(int), return_counts=True)
+    names = [
+        (f"{words.get(code, code)}: {count:,}", palette.get(code, (0.0, 0.0, 0.0)))
+        for code, count in zip(codes.tolist(), counts.tolist(), strict=True)
+    ]
+    colors = np.array([color for _, color in names])[np.searchsorted(codes, np.round(values))]
+    return Panel(file.vertices, file.faces, colors=colors, title=title, names=names)
+
+
+def _shape(file: MeshFile, title: str) -> Panel:
     """Every face flat and grey, so that nothing hides a rough surface."""
     vertices, faces = file.vertices, file.faces
     if len(faces):
         vertices = np.ascontiguousarray(vertices[faces].reshape(-1, 3))
         faces = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
-    return Panel(vertices, faces, colors=np.full((len(vertices), 3), _GREY), title=file.path.name)
+    return Panel(vertices, faces, colors=np.full((len(vertices), 3), _GREY), title=title)
 
 
 def crease_panel(
@@ -165,4 +197,5 @@ def crease_panel(
         corners.append(np.asarray(tube.regular_faces, dtype=np.int32) + np.int32(count))
         colors.append(np.tile(COLORS[line.kind], (tube.n_points, 1)))
         count += tube.n_points
-    return Panel(np.vstack(points), np.vstack(corners), colors=np.vstack(colors), title=title)
+    names = [(f"{kind}s", color) for kind, color in COLORS.items()]
+    return Panel(np.vstack(points), np.vstack(corners), colors=np.vstack(colors), title=title, names=names)

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 _OWN_MAPS = (AUTO, *(palette.name for palette in PALETTES))
 _SIZES = (50, 4000)  # pixels; graphics drivers end at 16384, twice supersampled
+_SUFFIXES = (".png", ".jpg", ".jpeg", ".svg", ".pdf")
 _DPI = 72  # matplotlib measures text in points of 1/72 inch: at this resolution a point is a pixel
 _FONT = 0.04  # size of the text in units of the larger side of a panel
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -65,8 +66,9 @@ def render_panels(
     background: str = "white",
     title: str | None = None,
     up: str = "auto",
+    dpi: float = 100.0,
 ) -> None:
-    """Write one PNG sheet that shows panels side by side and views below one another.
+    """Write one sheet that shows panels side by side and views below one another.
 
     The projection is parallel, and all images have the same scale. Each panel has a colour bar,
     with an arrow where values lie beyond its end. A single panel has its views side by side. No
@@ -75,7 +77,7 @@ def render_panels(
     Parameters
     ----------
     path : path
-        PNG file to write or replace, whole or not at all.
+        File to write or replace, whole or not at all: PNG, JPEG, or an SVG or PDF file with the same pixels.
     panels : sequence of Panel
         What is shown.
     views : sequence of str
@@ -91,8 +93,10 @@ def render_panels(
         Text above the sheet.
     up : str
         Axis that points up in the front view: ``"x"``, ``"y"``, ``"z"``, ``"-x"``, ``"-y"``,
-        ``"-z"``, or ``"auto"``: y, but z if the meshes are tall in z, and -z if they lie flat in
-        x and z, so that they are seen from above.
+        ``"-z"``, or ``"auto"``: for each panel y, but z if its mesh is tall in z, and -z if it lies flat
+        in x and z, so that it is seen from above.
+    dpi : float
+        Pixels per inch that the file tells, from which its size on paper follows.
 
     Raises
     ------
@@ -113,12 +117,12 @@ def render_panels(
     require_libraries()
     background = _checked(panels, views, columns, size, background, up)
     style = _Style(max(10.0, _FONT * max(size)), background)
-    up = up_axis(panels) if up == "auto" else up
-    seen = [[view_of(panel, view_axes(view, up)) for view in views] for panel in panels]
+    ups = [up_axis(panel) if up == "auto" else up for panel in panels]
+    seen = [[view_of(panel, view_axes(view, up)) for view in views] for panel, up in zip(panels, ups, strict=True)]
     scale = _common_scale([view for own in seen for view in own], size)
     with atomic_write(path) as temporary:
         images = [draw(panel, own, scale=scale, background=background) for panel, own in zip(panels, seen, strict=True)]
-        _save(temporary, _sheet(panels, images, views, columns, title or "", style), style)
+        _save(temporary, _sheet(panels, images, views, columns, title or "", style), style, dpi)
 
 
 def _checked(
@@ -150,9 +154,11 @@ def _checked(
 
 
 def check_picture(path: str | os.PathLike[str]) -> None:
-    """Refuse a file name that does not end in .png: that of a mesh would be lost."""
-    if Path(path).suffix.lower() != ".png":
-        raise InvalidParameterError(f"picture: got {str(path)!r}, expected a file name that ends in .png")
+    """Refuse a file name that is not that of a picture: that of a mesh would be lost."""
+    if Path(path).suffix.lower() not in _SUFFIXES:
+        raise InvalidParameterError(
+            f"picture: got {str(path)!r}, expected a file name that ends in one of {' '.join(_SUFFIXES)}"
+        )
 
 
 def _check_choice(parameter: str, got: str, allowed: Sequence[str], examples: Sequence[str] | None = None) -> None:
@@ -241,15 +247,15 @@ def _places(sizes: Sequence[int], gap: int) -> tuple[list[int], int]:
     return [end - size - gap if size else end for size, end in zip(sizes, ends, strict=True)], max(ends[-1] - gap, 0)
 
 
-def _save(path: Path, sheet: Image, style: _Style) -> None:
-    """Write a sheet with a margin as PNG."""
+def _save(path: Path, sheet: Image, style: _Style, dpi: float) -> None:
+    """Write a sheet with a margin."""
     from matplotlib.image import imsave
 
     margin = round(style.font)
     height, width = sheet.shape[:2]
     page = np.tile(style.color(), (height + 2 * margin, width + 2 * margin, 1))
     page[margin : margin + height, margin : margin + width] = sheet
-    imsave(path, page, format="png")
+    imsave(path, page, dpi=dpi)
 
 
 def _text(text: str, style: _Style, size: float = 1.0, *, rotation: float = 0.0) -> Image:
@@ -277,11 +283,10 @@ def _pixels(figure: "Figure", style: _Style) -> Image:
 def _color_bar(panel: Panel, width: float, style: _Style) -> Image:
     """Colours of a panel's values with ticks, label and unit, and an arrow where values lie beyond an end."""
     from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
 
     if panel.values is None:
-        return _EMPTY
+        return _key(panel, style)
     low, high = panel.color_limits()
     below, above = clipped(panel)
     colormap = matplotlib_colormap(panel.colormap, signed=panel.signed)
@@ -290,17 +295,25 @@ def _color_bar(panel: Panel, width: float, style: _Style) -> Image:
     figure = Figure(figsize=(wide / _DPI, tall / _DPI), dpi=_DPI)
     if panel.histogram:
         axes = figure.add_axes((0.0, 1.0 + 0.3 * font / tall, 1.0, _HISTOGRAM * font / tall))
-        counts, _ = np.histogram(panel.values[panel.drawn()], bins=_BINS, range=(low, high))
-        middles = (np.arange(_BINS) + 0.5) / _BINS
-        axes.bar(middles, counts, width=1.0 / _BINS, color=colormap(middles))
+        counts, _ = np.histogram(panel.norm()(panel.values[panel.drawn()]).filled(np.nan), bins=_BINS, range=(0.0, 1.0))
+        ends = np.linspace(0.0, 1.0, _BINS + 1)
+        axes.bar(ends[:-1], counts, width=1.0 / _BINS, align="edge", color=colormap(ends[:-1] + 0.5 / _BINS))
+        axes.stairs(
+            counts, ends, baseline=0, color=style.ink, linewidth=0.04 * font, clip_on=False
+        )  # light colours are seen, too
+        most = f"up to {max(counts):,} vertices"
+        axes.text(0.5, 1.05, most, size=_TICK_SIZE * font, color=style.ink, transform=axes.transAxes, ha="center")
         axes.set(xlim=(-_ARROW * below, 1.0 + _ARROW * above), ylim=(0.0, max(*counts, 1)))
         axes.set_axis_off()
     extend = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[below, above]
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    colors = ScalarMappable(Normalize(low, high), colormap)
+    colors = ScalarMappable(panel.norm(), colormap)
     bar = figure.colorbar(colors, cax=axes, orientation="horizontal", extend=extend, extendfrac=_ARROW)
     places, texts, exponent = ticks(low, high)
-    if sum(0.64 * _TICK_SIZE * font * len(text) + font for text in texts) > 1.2 * wide:  # a digit is 0.64 wide
+    if panel.linear_below:
+        places = [place for place in (low, -panel.linear_below, 0.0, panel.linear_below, high) if low <= place <= high]
+        texts, exponent = [f"{place:.2g}".replace("-", "\N{MINUS SIGN}") for place in places], 0
+    elif sum(0.64 * _TICK_SIZE * font * len(text) + font for text in texts) > 1.2 * wide:  # a digit is 0.64 wide
         places, texts, exponent = ticks(low, high, count=3)
     bar.set_ticks(places, labels=texts)
     bar.outline.set(edgecolor=style.ink, linewidth=0.04 * font)
@@ -308,6 +321,19 @@ def _color_bar(panel: Panel, width: float, style: _Style) -> Image:
         labelsize=_TICK_SIZE * font, length=0.25 * font, width=0.06 * font, colors=style.ink, pad=0.15 * font
     )
     axes.set_xlabel(legend(panel, exponent), size=font, color=style.ink, labelpad=0.3 * font, parse_math=False)
+    return _pixels(figure, style)
+
+
+def _key(panel: Panel, style: _Style) -> Image:
+    """What the colours of a panel stand for."""
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
+
+    if not panel.names:
+        return _EMPTY
+    figure = Figure(dpi=_DPI)
+    handles = [Patch(facecolor=color, edgecolor=style.ink, label=name) for name, color in panel.names]
+    figure.legend(handles=handles, frameon=False, fontsize=style.font, labelcolor=style.ink, borderpad=1.0)
     return _pixels(figure, style)
 
 

@@ -19,6 +19,7 @@ from bezier_filters.meshes.mesh import triangle_mesh
 
 if TYPE_CHECKING:
     import pyvista
+    from matplotlib.colors import Normalize
 
 Image: TypeAlias = NDArray[np.uint8]  # pixels (height, width, 3)
 
@@ -96,6 +97,10 @@ class Panel:
         Text above the column.
     histogram : bool
         Whether a histogram of the values stands on the colour bar: how many vertices have each colour.
+    linear_below : float, optional
+        For a symmetric logarithmic scale: size of the values below which it is linear, positive.
+    names : sequence of (str, (red, green, blue))
+        What `colors`, in 0..1, stand for: a key below the mesh.
 
     Raises
     ------
@@ -116,6 +121,8 @@ class Panel:
     colors: FloatArray | Image | None = None
     title: str = ""
     histogram: bool = False
+    linear_below: float | None = None
+    names: Sequence[tuple[str, tuple[float, float, float]]] = ()
 
     def __post_init__(self) -> None:
         n = len(self.vertices)
@@ -145,6 +152,13 @@ class Panel:
             return self.limits or (0.0, 1.0)
         return round_limits(*color_range(self.values, signed=self.signed, mask=self.drawn()))
 
+    def norm(self) -> "Normalize":
+        """How values become places on the colour bar, from 0 to 1."""
+        from matplotlib.colors import Normalize, SymLogNorm
+
+        low, high = self.color_limits()
+        return SymLogNorm(self.linear_below, vmin=low, vmax=high) if self.linear_below else Normalize(low, high)
+
 
 @dataclass(frozen=True)
 class View:
@@ -160,15 +174,13 @@ class View:
         return self.high - self.low
 
 
-def up_axis(panels: Sequence[Panel]) -> str:
+def up_axis(panel: Panel) -> str:
     """Axis that points up, guessed from the shape so that the front view is never the narrowest.
 
     It is y, as in MeshLab's first view, which also looks down on height fields z(x, y). Meshes
     that are tall in z stand upright (z), and those that lie flat in x and z are seen from above (-z).
     """
-    low = np.min([panel.vertices[panel.drawn()].min(axis=0) for panel in panels], axis=0)
-    high = np.max([panel.vertices[panel.drawn()].max(axis=0) for panel in panels], axis=0)
-    x, y, z = high - low
+    x, y, z = np.ptp(panel.vertices[panel.drawn()], axis=0)
     if z > 1.5 * max(x, y):
         return "z"
     return "-z" if min(x, z) > 1.5 * y else "y"
@@ -243,6 +255,8 @@ def add_panel(plotter: "pyvista.Plotter", panel: Panel, points: FloatArray) -> N
         colormap = matplotlib_colormap(panel.colormap, signed=panel.signed)
         options |= {"clim": panel.color_limits(), "cmap": colormap, "interpolate_before_map": True}
         options |= {"nan_color": _NAN_COLOR}
+        if panel.linear_below and panel.values is not None:
+            options["clim"], colored = (0.0, 1.0), np.ma.filled(panel.norm()(panel.values), np.nan)
     if len(panel.faces) == 0:
         size = _SUPERSAMPLING * float(np.clip(400 / np.sqrt(len(points)), 2, 2 * MARGIN))
         plotter.add_points(points, scalars=colored, point_size=size, lighting=False, **options)
@@ -335,9 +349,11 @@ def window(panels: Sequence[Panel], *, columns: int | None = None, up: str = "au
                 fmt="%.3g",
             )
             bar.SetVerticalTitleSeparation(6)
+        if panel.names:
+            plotter.add_legend(list(panel.names), bcolor=None, face="rectangle")
         plotter.add_text(panel.title, font_size=10, color="black")
     plotter.link_views()
-    axes = view_axes("front", up_axis(panels) if up == "auto" else up)
+    axes = view_axes("front", up_axis(panels[0]) if up == "auto" else up)
     drawn = np.vstack([panel.vertices[panel.drawn()] for panel in panels])
     plotter.camera.focal_point = 0.5 * (drawn.min(axis=0) + drawn.max(axis=0))
     plotter.camera.position = plotter.camera.focal_point + axes[2]

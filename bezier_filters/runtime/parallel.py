@@ -124,3 +124,12 @@ def _blas() -> Any:
     from threadpoolctl import ThreadpoolController
 
     return ThreadpoolController()
+
+
+@contextmanager
+def one_thread_of_openmp() -> Iterator[None]:
+    """Around calls of libraries that share loops among threads of OpenMP: a fork waits for ever for those it lacks."""
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=1, user_api="openmp"):
+        yield

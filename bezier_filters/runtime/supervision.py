@@ -28,6 +28,7 @@ ALLOWANCE = 1 << 30  # bytes that reading a file of any size may take,
 PER_BYTE = 500
 # variable with the id of the process that waits, which a child takes out of its environment at once
 _PARENT = "BEZIER_FILTERS_PARENT"
+_NOTES = "BEZIER_FILTERS_NOTES"  # the same with its end of the pipe, where that is not the standard input
 _FORWARDED = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 _WINDOWS_ERRORS = 0xC0000000  # and above: what Windows ends processes with
 
@@ -114,9 +115,16 @@ def run_supervised(code: str, *arguments: str) -> tuple[int, str]:
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, _FORWARDED) if masks else set()
     variables = {**os.environ, _PARENT: str(os.getpid())}
     with open(reading, "rb") as notes:
+        # The standard input carries the notes on every system, unless a mesh comes through it.
+        if pipe := "-" in arguments and os.name == "posix":
+            variables[_NOTES] = str(writing)
         try:
-            # Nothing is read from the standard input, so that it can carry the notes on every system.
-            child = subprocess.Popen([*python_command(code), *arguments], stdin=writing, env=variables)
+            child = subprocess.Popen(
+                [*python_command(code), *arguments],
+                stdin=None if pipe else writing,
+                pass_fds=(writing,) if pipe else (),
+                env=variables,
+            )
         finally:
             os.close(writing)
 
@@ -172,8 +180,9 @@ def crash_message(status: int, activity: str = "") -> str:
 def serve(work: Callable[[], str]) -> None:
     """Do the work of a child process, which returns why it failed, or "", and end that process."""
     global _notes
-    _notes = os.dup(0)  # which processes that this one starts do not get
-    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    given = int(os.environ.pop(_NOTES, 0))
+    _notes = os.dup(given)  # which processes that this one starts do not get
+    os.dup2(os.open(os.devnull, os.O_RDONLY), given)
     this_process_is_expendable()
     _end_in_order_on_signals()
     if os.name == "posix":

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from bezier_filters.arrays import FloatArray, Report
+from bezier_filters.arrays import Report
 from bezier_filters.estimation.adaptive_fit import SurfaceFit, fit_parts
 from bezier_filters.estimation.fallbacks import fit_with_fallbacks
 from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, empty_geometry
@@ -16,7 +16,7 @@ from bezier_filters.kernels.kernel_input import fitted_mesh, with_steady_normals
 from bezier_filters.learning.model_tree import leaves
 from bezier_filters.runtime.parallel import one_thread_for_matrices
 from bezier_filters.scale.columns import chosen_columns, estimated, table_of
-from bezier_filters.scale.halo import tile_part
+from bezier_filters.scale.halo import TilePart, tile_part
 from bezier_filters.scale.learn import FitOptions, learn_fit, rings_needed
 from bezier_filters.scale.run import Round, RunOptions, StageProgress, TileOutput, file_run
 from bezier_filters.scale.scheduling import Scheduler, dashboard
@@ -159,20 +159,20 @@ def estimate_tile(how: TileFit, quality: str, columns: Sequence[str], tile: int)
 
     There is no quality if that is empty.
     """
-    geometry, vertices, read = fit_tile(how, tile)
+    geometry, part = fit_tile(how, tile)
     every = estimated()
     values = values_of([every[name] for name in {*columns, quality} - {""}], geometry)
-    rows = table_of(vertices, values, quality, columns, how.store.layout.dtype)
+    rows = table_of(part.mesh.vertices[part.own], values, quality, columns, how.store.layout.dtype)
     counts = geometry.status_counts()
     sums = {
         "status": [float(counts.get(status.name, 0)) for status in FitStatus],
         "parts": [float(part.vertices) for part in geometry.fit.parts],
     }
-    return TileOutput(rows, read, sums)
+    return TileOutput(rows, len(part.ids), sums)
 
 
-def fit_tile(job: TileFit, tile: int) -> tuple[VertexGeometry, FloatArray, int]:
-    """Estimate the vertices of a tile as in the whole mesh; also where they are, and how many had to be read."""
+def fit_tile(job: TileFit, tile: int) -> tuple[VertexGeometry, TilePart]:
+    """Estimate the vertices of a tile as in the whole mesh; also the part of that which had to be read."""
     part = tile_part(job.store, tile, rings_needed(job.fit))
     arrays, _ = fitted_mesh(part.mesh, creases=job.creases)
     if job.fit.steady:
@@ -182,7 +182,7 @@ def fit_tile(job: TileFit, tile: int) -> tuple[VertexGeometry, FloatArray, int]:
     geometry = empty_geometry(len(own))
     fit_with_fallbacks(arrays, own, job.fit.attempts, geometry, robust=job.fit.robust)
     choice = fit_parts(arrays, own, job.fit, geometry)
-    return replace(geometry, fit=choice), part.mesh.vertices[own], len(part.ids)
+    return replace(geometry, fit=choice), part
 
 
 def _with_counts(fit: SurfaceFit, done: Round) -> FitChoice:

@@ -33,7 +33,7 @@ from bezier_filters.smoothing.denoise import SmoothingPlan, denoise, learn_plan,
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, MeshPart
 from bezier_filters.smoothing.noise import ROUGHNESS_RINGS, roughest, roughness
-from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, check_smoothing
+from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, check_smoothing, sound_displacements
 from bezier_filters.smoothing.volume import component_gains, component_volumes, movement_around, offset_along_normals
 
 PAPER = FitOptions(rings=2, alpha=0.8, smoothness="paper")  # as ``bezier_filters.smooth(..., method="paper")``
@@ -330,10 +330,13 @@ def finish_tile(
 
 def move_tile(how: TileFit, first: Store, tile: int) -> TileOutput:
     """The vertices of a tile on their patches, and how far they are from where they were at first."""
-    geometry, vertices, read = fit_tile(how, tile)
-    vertices = vertices + geometry.displacements
-    moved = np.linalg.norm(vertices - first.coordinates(*first.layout.tile(tile)), axis=1)
-    return TileOutput(table_of(vertices, {DISPLACEMENT: moved}, DISPLACEMENT, (DISPLACEMENT,), "<f8"), read, {})
+    geometry, part = fit_tile(how, tile)
+    displacements = np.zeros_like(part.mesh.vertices)
+    displacements[part.own] = geometry.displacements
+    points = part.mesh.vertices + sound_displacements(part.mesh, vertex_adjacency(part.mesh), displacements)
+    moved = np.linalg.norm(points[part.own] - first.coordinates(*first.layout.tile(tile)), axis=1)
+    rows = table_of(points[part.own], {DISPLACEMENT: moved}, DISPLACEMENT, (DISPLACEMENT,), "<f8")
+    return TileOutput(rows, len(part.ids), {})
 
 
 def _onto_patches(run: Run, iterations: int, options: FitOptions) -> Report:

@@ -21,9 +21,9 @@ from bezier_filters.smoothing.vertex_update import move_to_normals
 
 # kinds of estimates: the low-pass filter proper, and one round after a slightly weaker one; then the sharp ones
 SMOOTH, GENTLE = 0, 1
-ROUNDS = (0, 1, 2, 5, 16)  # of filtering the normals, by kind: from the third on after a much weaker filter
+FILTER_ROUNDS = (0, 1, 2, 5, 16)  # of filtering the normals, by kind: from the third on after a much weaker filter
 SHARPNESS = (0.0, 0.0, 0.33, 0.67, 1.0)  # as reported, by kind
-KINDS = range(len(ROUNDS))
+KINDS = range(len(FILTER_ROUNDS))
 GENTLE_TOLERANCE, SHARP_TOLERANCE = 2.5, 1.5  # of `filter_normals`
 PROBE = 0.1  # times sigma: how far vertices are moved to find their leverages
 FEWEST_SAMPLED = 60_000  # vertices times samples of the noise, that normals are filtered by
@@ -53,7 +53,7 @@ def candidates(
     leverages = (signs * filtered[:, 3] / squares).astype(np.float32)
     yield Candidate(SMOOTH, _moves(part.mesh, filtered[:, :3]), fitted.residuals, leverages)
     del fitted, filtered, leverages  # for large meshes, memory counts
-    sharp = {kind: ROUNDS[kind] for kind in KINDS[GENTLE + 1 :] if kind in kinds}
+    sharp = {kind: FILTER_ROUNDS[kind] for kind in KINDS[GENTLE + 1 :] if kind in kinds}
     if GENTLE in kinds:
         yield from _sharp(noisy, filters.weaker(), normals, signs, squares, {GENTLE: 1}, GENTLE_TOLERANCE, threads)
     if sharp:

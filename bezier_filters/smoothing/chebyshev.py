@@ -21,14 +21,17 @@ from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks, run_kernel
 from bezier_filters.smoothing.laplacian import Laplacian
 
-WIDTH = 4  # signals that run side by side
+SIDE_BY_SIDE = 4  # signals that run side by side
 ORDER = 4  # of the filters, where nothing else is said
 # of a series, times the square root of half the range of the eigenvalues over the end of the pass band, over the sine
 # of half the angle at which the poles of the filter lie: series converge the slower, the nearer these are
 TERMS = 4.6
 
+FASTER = {"contract"}  # products may be added without being rounded first
+
 Signals = TypeVar("Signals", FloatArray, SingleArray)
-MakeStep = Callable[[SingleArray, SingleArray, SingleArray, np.float32, np.float32], RangeTask]
+Step = tuple[np.float32, np.float32, SingleArray, SingleArray]  # scale, factor, before, current: see `_advance`
+MakeTask = Callable[[Step, SingleArray], RangeTask]
 
 
 def coefficients(response: Callable[[FloatArray], FloatArray], bound: float, terms: int) -> FloatArray:
@@ -94,9 +97,9 @@ def _filtered(
     """Four columns at a time, filled up with zeros."""
     result = signals.copy()
     mixture = np.ones((len(signals), 1), dtype=np.float32) if shares is None else shares
-    for first in range(0, signals.shape[1], WIDTH):
-        group = np.zeros((len(signals), WIDTH), signals.dtype)
-        count = min(WIDTH, signals.shape[1] - first)
+    for first in range(0, signals.shape[1], SIDE_BY_SIDE):
+        group = np.zeros((len(signals), SIDE_BY_SIDE), signals.dtype)
+        count = min(SIDE_BY_SIDE, signals.shape[1] - first)
         group[:, :count] = signals[:, first : first + count]
         result[:, first : first + count] -= _taken_off(laplacian, group, rows, mixture, threads)[:, :count]
     return result
@@ -108,14 +111,10 @@ def _taken_off(
     """What filters, given by series (terms, s) and mixed by shares (n, s), take off four signals, (n, 4)."""
     result = np.zeros(signals.shape, dtype=np.float32)
 
-    def make_step(
-        before: SingleArray, current: SingleArray, row: SingleArray, scale: np.float32, factor: np.float32
-    ) -> RangeTask:
-        return lambda first, last: _advance_and_mix(
-            laplacian, scale, factor, before, current, first, last, shares, row, result
-        )
+    def make_task(step: Step, rows: SingleArray) -> RangeTask:
+        return lambda first, last: _advance_and_mix(laplacian, *step, first, last, shares, rows, result)
 
-    _run(laplacian, signals, series, make_step, threads)
+    _run(laplacian, signals, series, make_task, threads)
     return result
 
 
@@ -135,26 +134,30 @@ def add_heights(
     the fourth times the fourth.
     """
 
-    def make_step(
-        before: SingleArray, current: SingleArray, row: SingleArray, scale: np.float32, factor: np.float32
-    ) -> RangeTask:
-        return lambda first, last: _advance_and_measure(
-            laplacian, scale, factor, before, current, first, last, directions, row, sums, products
-        )
+    def make_task(step: Step, rows: SingleArray) -> RangeTask:
+        return lambda first, last: _advance_and_measure(laplacian, *step, first, last, directions, rows, sums, products)
 
-    _run(laplacian, signals, series, make_step, threads)
+    _run(laplacian, signals, series, make_task, threads)
 
 
-def _run(laplacian: Laplacian, signals: RealArray, series: FloatArray, make_step: MakeStep, threads: int) -> None:
-    """Make steps with T_0, T_1, ... of A = 2 L / bound - 1: factor 0 for the first, 1 for the second, 2 for others."""
+def _run(laplacian: Laplacian, signals: RealArray, series: FloatArray, make_task: MakeTask, threads: int) -> None:
+    """Go through T_0, T_1, ... of A = 2 L / bound - 1, and do tasks with two of them, and their rows, at a time.
+
+    What the filters make of them is as large as the signals times the filters: it is passed over every other step.
+    """
     before, current = np.zeros((2, *signals.shape), dtype=np.float32)
     run_kernel(_differences, len(signals), laplacian, signals, current, threads=threads)
-    scale = 2.0 / laplacian.bound
-    for k, row in enumerate(series.astype(np.float32)):
-        task = make_step(before, current, row, np.float32(scale), np.float32(min(k, 2)))
-        run_in_chunks(lambda task=task: task, len(current), threads=threads)  # type: ignore[misc]
-        if k > 0:
-            before, current = current, before
+    scale = np.float32(2.0 / laplacian.bound)
+    rows = np.zeros((len(series) + len(series) % 2, series.shape[1]), dtype=np.float32)  # in pairs
+    rows[: len(series)] = series
+    for k in range(1, len(rows)):
+        step = scale, np.float32(min(k, 2)), before, current
+        if k % 2:
+            task = make_task(step, rows[k - 1 : k + 1])
+            run_in_chunks(lambda task=task: task, len(current), threads=threads)  # type: ignore[misc]
+        else:
+            run_kernel(_advance_only, len(current), laplacian, *step, threads=threads)
+        before, current = current, before
 
 
 @jit()
@@ -173,7 +176,7 @@ def _differences(laplacian: Laplacian, signals: RealArray, result: SingleArray, 
         result[i, 0], result[i, 1], result[i, 2], result[i, 3] = rate * da, rate * db, rate * dc, rate * dd
 
 
-@inner_jit()
+@inner_jit(inline="always")  # a call with so many arrays takes three times as long as what it does
 def _advance(
     laplacian: Laplacian,
     scale: np.float32,
@@ -182,10 +185,7 @@ def _advance(
     current: SingleArray,
     i: int,
 ) -> tuple[np.float32, np.float32, np.float32, np.float32]:
-    """Overwrite T_k-1 at vertex i by T_k+1 = 2 A T_k - T_k-1, or T_1 = A T_0; factor 0 leaves T_0."""
-    a, b, c, d = current[i, 0], current[i, 1], current[i, 2], current[i, 3]
-    if factor == np.float32(0.0):
-        return a, b, c, d
+    """Overwrite T_k-1 at vertex i by T_k+1 = 2 A T_k - T_k-1, or T_1 = A T_0, whose factor is 1."""
     sa = sb = sc = sd = np.float32(0.0)
     for q in range(laplacian.indptr[i], laplacian.indptr[i + 1]):
         j, w = laplacian.indices[q], laplacian.weights[q]
@@ -195,14 +195,29 @@ def _advance(
         sd += w * current[j, 3]
     rate = factor * scale * laplacian.rates[i]
     own, kept = rate - factor, factor - np.float32(1.0)
-    before[i, 0] = own * a - rate * sa - kept * before[i, 0]
-    before[i, 1] = own * b - rate * sb - kept * before[i, 1]
-    before[i, 2] = own * c - rate * sc - kept * before[i, 2]
-    before[i, 3] = own * d - rate * sd - kept * before[i, 3]
-    return before[i, 0], before[i, 1], before[i, 2], before[i, 3]
+    a = own * current[i, 0] - rate * sa - kept * before[i, 0]
+    b = own * current[i, 1] - rate * sb - kept * before[i, 1]
+    c = own * current[i, 2] - rate * sc - kept * before[i, 2]
+    d = own * current[i, 3] - rate * sd - kept * before[i, 3]
+    before[i, 0], before[i, 1], before[i, 2], before[i, 3] = a, b, c, d
+    return a, b, c, d
 
 
-@jit(fastmath={"reassoc", "contract"})
+@jit(fastmath=FASTER)
+def _advance_only(
+    laplacian: Laplacian,
+    scale: np.float32,
+    factor: np.float32,
+    before: SingleArray,
+    current: SingleArray,
+    start: int,
+    stop: int,
+) -> None:
+    for i in range(start, stop):
+        _advance(laplacian, scale, factor, before, current, i)
+
+
+@jit(fastmath=FASTER)
 def _advance_and_mix(
     laplacian: Laplacian,
     scale: np.float32,
@@ -212,21 +227,22 @@ def _advance_and_mix(
     start: int,
     stop: int,
     shares: SingleArray,
-    row: SingleArray,
+    rows: SingleArray,
     result: SingleArray,
 ) -> None:
     for i in range(start, stop):
         a, b, c, d = _advance(laplacian, scale, factor, before, current, i)
-        mixed = np.float32(0.0)
-        for s in range(row.shape[0]):
-            mixed += shares[i, s] * row[s]
-        result[i, 0] += mixed * a
-        result[i, 1] += mixed * b
-        result[i, 2] += mixed * c
-        result[i, 3] += mixed * d
+        first = second = np.float32(0.0)
+        for s in range(rows.shape[1]):
+            first += shares[i, s] * rows[0, s]
+            second += shares[i, s] * rows[1, s]
+        result[i, 0] += first * current[i, 0] + second * a
+        result[i, 1] += first * current[i, 1] + second * b
+        result[i, 2] += first * current[i, 2] + second * c
+        result[i, 3] += first * current[i, 3] + second * d
 
 
-@jit()
+@jit(fastmath=FASTER)
 def _advance_and_measure(
     laplacian: Laplacian,
     scale: np.float32,
@@ -236,15 +252,17 @@ def _advance_and_measure(
     start: int,
     stop: int,
     directions: SingleArray,
-    row: SingleArray,
+    rows: SingleArray,
     sums: SingleArray,
     products: SingleArray,
 ) -> None:
     for i in range(start, stop):
         a, b, c, d = _advance(laplacian, scale, factor, before, current, i)
-        height = a * directions[i, 0] + b * directions[i, 1] + c * directions[i, 2]
-        other = d * directions[i, 3]
-        for s in range(row.shape[0]):
-            sums[i, s] += height * row[s]
-        for s in range(row.shape[0]):
-            products[i, s] += other * row[s]
+        x, y, z, w = directions[i, 0], directions[i, 1], directions[i, 2], directions[i, 3]
+        first = current[i, 0] * x + current[i, 1] * y + current[i, 2] * z
+        second = a * x + b * y + c * z
+        first_product, second_product = current[i, 3] * w, d * w
+        for s in range(rows.shape[1]):
+            sums[i, s] += first * rows[0, s] + second * rows[1, s]
+        for s in range(rows.shape[1]):
+            products[i, s] += first_product * rows[0, s] + second_product * rows[1, s]

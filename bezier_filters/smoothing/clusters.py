@@ -24,6 +24,7 @@ from bezier_filters.smoothing.laplacian import Laplacian
 from bezier_filters.smoothing.mesh_parts import MeshPart
 from bezier_filters.smoothing.probes import random_bits
 
+SURROUNDINGS = 100.0  # squared edges around a vertex over which noise, rates and risks are averaged
 CENTERS = 100  # which of the random numbers at vertices say what order clusters form in
 
 
@@ -43,9 +44,9 @@ class Clusters:
         _add_up(self.of_vertex, values, sums)
         return sums / self.sizes[:, np.newaxis]
 
-    def diffuse(self, values: FloatArray, time: float, *, threads: int = 1) -> FloatArray:
-        """Values on clusters (k, c), averaged over some `time` squared edges around them."""
-        return diffuse(self.laplacian, values, time * self.pace, threads=threads)
+    def diffuse(self, values: FloatArray, *, threads: int = 1) -> FloatArray:
+        """Values on clusters (k, c), averaged over their `SURROUNDINGS`."""
+        return diffuse(self.laplacian, values, SURROUNDINGS * self.pace, threads=threads)
 
     def at_vertices(self, values: FloatArray, *, threads: int = 1) -> SingleArray:
         """Values on clusters (k, c) as means over each vertex and its neighbours, (n, c)."""

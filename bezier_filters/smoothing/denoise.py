@@ -16,7 +16,7 @@ from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.meshes.adjacency import Adjacency, mean_edge
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.parallel import Progress, report
-from bezier_filters.smoothing.candidates import GENTLE, KINDS, ROUNDS, SHARPNESS, SMOOTH, Candidate, candidates
+from bezier_filters.smoothing.candidates import FILTER_ROUNDS, GENTLE, KINDS, SHARPNESS, SMOOTH, Candidate, candidates
 from bezier_filters.smoothing.clusters import clusters_of
 from bezier_filters.smoothing.correlation import Correlation
 from bezier_filters.smoothing.laplacian import Borders
@@ -211,7 +211,7 @@ def rings_around(plan: SmoothingPlan | None) -> int:
     # What a filter makes of a vertex fades away edge by edge, which its poles tell, slowest where edges are short.
     edge = filters.strengths[: filters.used].max() ** -0.25 / filters.haste
     fading = 2.0 * np.sqrt(edge) * np.sin(0.5 * np.pi / filters.order)
-    return int(np.ceil(FADED / fading + AVERAGED + RINGS_PER_ROUND * ROUNDS[max(plan.kinds)]))
+    return int(np.ceil(FADED / fading + AVERAGED + RINGS_PER_ROUND * FILTER_ROUNDS[max(plan.kinds)]))
 
 
 def _normalised(part: MeshPart, center: FloatArray, scale: float) -> MeshPart:

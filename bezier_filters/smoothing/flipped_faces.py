@@ -13,7 +13,7 @@ from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import run_kernel
 
 THINNEST = 1e-7  # twice the area over the squared longest edge, from which down a triangle counts as degenerate
-ROUNDS = 60  # after which no more is tried; far more than there have ever been on meshes without many wrong faces
+MOST_ROUNDS = 60  # after which no more is tried; far more than there have ever been on meshes without many wrong faces
 # edges from a face that is wrong to vertices that may be the cause; what happens to a vertex depends on a few times
 # as many rings around it
 REACH = 4
@@ -81,7 +81,7 @@ def repair_flipped_faces(
     before = bad_faces(mesh, adjacency, threads=threads)
     rows, share, result = adjacency.vertices, np.ones(mesh.vertex_count), points
     best, fewest = mesh.vertices, int(np.count_nonzero(before.flipped | before.degenerate))
-    for _ in range(ROUNDS):
+    for _ in range(MOST_ROUNDS):
         bad = bad_faces(TriangleMesh(result, mesh.faces), adjacency, threads=threads)
         new = bad.new_since(before)
         count = WORSE * int(np.count_nonzero(new)) + int(np.count_nonzero(bad.flipped | bad.degenerate))

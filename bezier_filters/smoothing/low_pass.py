@@ -5,6 +5,7 @@ these strengths suit a vertex depends on what is around it.
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import j0
@@ -13,7 +14,7 @@ from bezier_filters.arrays import BoolArray, FloatArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.smoothing.chebyshev import ORDER, WIDTH, Signals, add_heights, low_pass, low_pass_series
+from bezier_filters.smoothing.chebyshev import ORDER, SIDE_BY_SIDE, Signals, add_heights, low_pass, low_pass_series
 from bezier_filters.smoothing.laplacian import Borders, Laplacian, cotangent_laplacian, umbrella_laplacian
 from bezier_filters.smoothing.noise import NoisyMesh
 from bezier_filters.smoothing.risk import Estimates, local_risks, local_shares, overall_risks
@@ -29,7 +30,6 @@ RARE = 1e-3  # mean share of a strength up to which it is left out if it is stro
 SELDOM = 1e-3  # share of the vertices that prefer the weakest strength, above which weaker ones are tried
 WEAKER = 2  # steps of the strength by which a filter that another one follows is weaker
 ENOUGH = 10_000.0  # strength of a filter whose normals need no stronger one
-AVERAGED = 100.0  # squared edges around a vertex over which rates are averaged
 FARTHEST = 3.8  # phase between the ends of an edge, beyond which waves are shorter than a mesh shows
 FEW = 20_000  # vertices; on smaller meshes, leverages are averaged over more probes
 
@@ -97,6 +97,16 @@ class FittedLowPass:
     leverages: SingleArray
 
 
+class _Tried(NamedTuple):
+    """Filters of one kind and of all strengths."""
+
+    laplacian: Laplacian
+    order: int
+    estimates: Estimates
+    best: int  # number of the best strength,
+    risk: float  # and its risk
+
+
 def strongest(detail: float) -> float:
     """Strength of the filter that leaves half of a wave of a given length, in mean edges, whatever its order.
 
@@ -126,38 +136,45 @@ def learn_low_pass(
     """
     mesh, adjacency, cut = noisy.part.mesh, noisy.part.adjacency, noisy.part.cut
 
-    def risks(laplacian: Laplacian, order: int, normals: FloatArray, strengths: FloatArray) -> FloatArray:
-        return _estimates(noisy, laplacian, order, strengths, normals, threads).mean_risks(core)
+    def tried(laplacian: Laplacian, order: int, normals: FloatArray, strengths: FloatArray) -> _Tried:
+        estimates = _estimates(noisy, laplacian, order, strengths, normals, threads)
+        risks = estimates.mean_risks(core)
+        return _Tried(laplacian, order, estimates, int(risks.argmin()), float(risks.min()))
 
     umbrella = umbrella_laplacian(mesh, adjacency, borders, cut=cut, threads=threads)
     rough = tangent_planes(mesh, adjacency, threads=threads).normals
     allowed = STRENGTHS if detail is None else STRENGTHS[strongest(detail / unit) >= STRENGTHS]
-    first = int(risks(umbrella, ORDER, rough, allowed).argmin())
+    first = tried(umbrella, ORDER, rough, allowed).best
     shape = _smooth_shape(mesh, adjacency, umbrella, first, threads)
     strengths = allowed[: first + STRONGER + 1]
     smooth = TriangleMesh(shape.vertices, mesh.faces)
-    cotangents = [
-        cotangent_laplacian(smooth, adjacency, borders, power, unit, cut=cut, threads=threads) for power in POWERS
-    ]
-    laplacians = [umbrella, *cotangents]
-    chosen = int(np.argmin([risks(one, ORDER, shape.normals, strengths).min() for one in laplacians]))
-    laplacian, power = laplacians[chosen], (None, *POWERS)[chosen]
-    del umbrella, cotangents, laplacians
-    by_order = np.array([risks(laplacian, order, shape.normals, strengths) for order in ORDERS])
-    steepness, best = np.unravel_index(by_order.argmin(), by_order.shape)
-    order = ORDERS[steepness]
-    lowest, seldom = int(best) + AROUND, 1.0
+    chosen, power = tried(umbrella, ORDER, shape.normals, strengths), None
+    for other in POWERS:
+        laplacian = cotangent_laplacian(smooth, adjacency, borders, other, unit, cut=cut, threads=threads)
+        found = tried(laplacian, ORDER, shape.normals, strengths)
+        if found.risk < chosen.risk:
+            chosen, power = found, other
+    for order in ORDERS:
+        if order != chosen.order:
+            found = tried(chosen.laplacian, order, shape.normals, strengths)
+            chosen = min(chosen, found, key=lambda one: one.risk)
+    laplacian, best = chosen.laplacian, chosen.best
+    lowest, seldom = best + AROUND, 1.0
     while lowest > 0 and seldom > SELDOM:  # there, even weaker filters may be better
         lowest = max(lowest - 2 * AROUND, 0)
-        tried = strengths[lowest : best + AROUND + 1]
-        estimates = _estimates(noisy, laplacian, order, tried, shape.normals, threads)
-        overall = overall_risks(estimates, core)
-        shares = _shares(noisy, estimates, overall, threads)
+        near = slice(lowest, best + AROUND + 1)
+        estimates = chosen.estimates.among(near)
+        shares = _shares(noisy, estimates, overall_risks(estimates, core), threads)
         seldom = float((shares[:, 0] > 0.5).mean())
+    estimates = _estimates(noisy, laplacian, chosen.order, strengths[near], shape.normals, threads)
+    overall = overall_risks(estimates, core)
+    shares = _shares(noisy, estimates, overall, threads)
     used = int(np.flatnonzero(shares.mean(axis=0, dtype=np.float64) > RARE)[-1]) + 1
     clusters, rates = noisy.clusters, laplacian.rates[:, np.newaxis]
-    haste = max(float(clusters.diffuse(clusters.means(rates), AVERAGED, threads=threads).max()), 1.0)
-    plan = LowPassPlan(borders, unit, first, power, 0.5 * laplacian.bound, haste, order, tried, used, overall)
+    haste = max(float(clusters.diffuse(clusters.means(rates), threads=threads).max()), 1.0)
+    plan = LowPassPlan(
+        borders, unit, first, power, 0.5 * laplacian.bound, haste, chosen.order, strengths[near], used, overall
+    )
     return plan, _mixture(plan, laplacian, shape, estimates, shares)
 
 
@@ -214,7 +231,7 @@ def _estimates(
     add_heights(laplacian, np.hstack([vertices, signs]), series, directions, residuals, taken, threads=threads)
     squares = noisy.mean_squares(signs, threads=threads)
     if noisy.part.vertex_count <= FEW or noisy.correlation.times:
-        signs = noisy.probes(WIDTH, first=1, threads=threads)
+        signs = noisy.probes(SIDE_BY_SIDE, first=1, threads=threads)
         add_heights(laplacian, signs, series, signs, taken, taken, threads=threads)  # all four go into the same sum
         squares += noisy.mean_squares(signs, threads=threads)
     return Estimates(residuals, np.float32(1.0) - taken / squares[:, np.newaxis])

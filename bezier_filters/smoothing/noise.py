@@ -17,7 +17,6 @@ from bezier_filters.smoothing.probes import random_bits
 WEAK, STRONGER = np.array([1.0]), np.array([10.0])  # strengths of the filters that residuals and normals are taken from
 STRONG = np.array([100.0])  # strength of the filter that rough places do not follow
 ROUGHNESS_RINGS = 32  # around a tile, within which something may be rough
-WIDTH = 100.0  # squared edges: the residuals of some 700 vertices are averaged
 # of clusters, see there, where no mesh tells: on triangles of about one size it is within some hundredths of that
 PACE = 0.27
 # times the largest roughness: which of such places is taken does not matter, but tiles have to take that of memory
@@ -71,7 +70,7 @@ class NoisyMesh:
         squares: SingleArray = np.square(probes).sum(axis=1, dtype=np.float32)
         if not self.correlation.times:
             return squares
-        around = self.clusters.diffuse(self.clusters.means(squares[:, np.newaxis]), WIDTH, threads=threads)
+        around = self.clusters.diffuse(self.clusters.means(squares[:, np.newaxis]), threads=threads)
         return self.clusters.at_vertices(around, threads=threads)[:, 0]
 
 
@@ -131,7 +130,7 @@ def roughness(part: MeshPart, sigma: float, *, threads: int = 1) -> FloatArray:
     weak = low_pass(laplacian, mesh.vertices, WEAK, threads=threads)
     roots = np.sqrt(np.abs(np.einsum("ij,ij->i", mesh.vertices - weak, normals)))
     means = clusters.means(np.column_stack([np.square(heights), roots]))
-    around = clusters.at_vertices(clusters.diffuse(means, WIDTH, threads=threads), threads=threads).astype(np.float64)
+    around = clusters.at_vertices(clusters.diffuse(means, threads=threads), threads=threads).astype(np.float64)
     return around[:, 0] / np.maximum(around[:, 1] ** 4, (LEAST * sigma) ** 2)
 
 
@@ -169,7 +168,7 @@ def _roots(part: MeshPart, clusters: Clusters, laplacian: Laplacian, share: floa
     normals = tangent_planes(TriangleMesh(smooth, mesh.faces), part.adjacency, threads=threads).normals
     residuals = np.abs(np.einsum("ij,ij->i", taken, normals))
     means = clusters.means(np.sqrt(residuals / share)[:, np.newaxis])
-    roots = clusters.at_vertices(clusters.diffuse(means, WIDTH, threads=threads), threads=threads)[:, 0]
+    roots = clusters.at_vertices(clusters.diffuse(means, threads=threads), threads=threads)[:, 0]
     return np.maximum(roots, np.float32(0.0))
 
 

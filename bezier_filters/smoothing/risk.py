@@ -15,11 +15,10 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from bezier_filters.runtime.jit import jit
-from bezier_filters.smoothing.clusters import Clusters
+from bezier_filters.smoothing.clusters import SURROUNDINGS, Clusters
 
-WIDTH = 100.0  # squared edges over which risks are averaged around a vertex,
-# so many vertices that is, on a regular mesh: the reciprocal of the sum of their squared weights
-VERTICES = 7.26 * WIDTH
+# vertices over which risks are averaged, on a regular mesh: the reciprocal of the sum of their squared weights
+VERTICES = 7.26 * SURROUNDINGS
 DOUBT = 2.0  # times its variance: up to that squared deviation from the mesh as a whole, a local risk is not believed
 # times sigma^2, divided by the square root of the number of vertices: difference of risks at which the larger one's
 # share is exp(-1) times the other's. The overall difference of two risks is known about that well.
@@ -33,6 +32,10 @@ class Estimates:
     residuals: SingleArray  # (n, s): heights of the measured vertices over each estimate
     # (n, s): how much each estimate follows its own vertex: 1 for no smoothing at all, near 0 for much
     leverages: SingleArray
+
+    def among(self, columns: slice) -> "Estimates":
+        """Some of them."""
+        return Estimates(*(np.ascontiguousarray(values[:, columns]) for values in (self.residuals, self.leverages)))
 
     def means(self, rows: BoolArray | slice = slice(None)) -> tuple[FloatArray, FloatArray]:
         """Mean squared residual and mean leverage of each estimate, (s,), over all vertices or some."""
@@ -66,7 +69,7 @@ def local_risks(
     _add_distances(clusters.of_vertex, estimates.residuals, best, distances)
     distances /= clusters.sizes[:, np.newaxis]
     differences = terms - terms[:, [best]]
-    around = clusters.diffuse(np.hstack([differences, distances]), WIDTH, threads=threads)
+    around = clusters.diffuse(np.hstack([differences, distances]), threads=threads)
     count = len(overall)
     local = around[:, :count] - overall
     # A difference of squared residuals has four times the variance of the difference of the estimates.

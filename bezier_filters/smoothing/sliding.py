@@ -25,7 +25,7 @@ STEPS = 8  # each leaves of a move what is not along a normal: an edge at a righ
 UNEVEN = 0.8
 # height of a face over its longest edge from which down it is narrow, if filters would make it wider by a factor
 NARROW, WIDER = 0.05, 2.0
-ROUNDS = 4  # in which the vertices of narrow faces slide ever farther, up to where filters take them
+SLIDING_STEPS = 4  # in which the vertices of narrow faces slide ever farther, up to where filters take them
 MANY = 0.05  # share of the vertices at narrow faces beyond which there is noise in all directions everywhere
 
 
@@ -91,9 +91,9 @@ def _unevenness(smooth: TriangleMesh, adjacency: Adjacency, points: FloatArray, 
 def _slides(mesh: TriangleMesh, points: FloatArray, held: FloatArray, least: float, threads: int) -> SingleArray:
     """How far vertices slide, (n,), from where they are held, 0, to the points, 1, lest faces be narrower than that."""
     slides = np.zeros(len(points), dtype=np.float32)
-    for _ in range(ROUNDS):
+    for _ in range(SLIDING_STEPS):
         more, current = slides.copy(), _slid(held, points, slides)
-        farther = slides + np.float32(1.0 / ROUNDS)
+        farther = slides + np.float32(1.0 / SLIDING_STEPS)
         run_kernel(_mark_narrow, mesh.face_count, mesh.faces, points, current, least, farther, more, threads=threads)
         if (more == slides).all():
             break

@@ -12,6 +12,7 @@ from bezier_filters.estimation.first_call import first_call
 from bezier_filters.estimation.fit_options import check_detail, check_noise
 from bezier_filters.estimation.noise_free import denoised, learn_noise
 from bezier_filters.meshes.adjacency import Adjacency, mean_edge, vertex_adjacency
+from bezier_filters.meshes.half_edges import unclear_vertices
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
 from bezier_filters.runtime.parallel import Progress, one_thread_for_matrices, thread_count
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
@@ -52,6 +53,8 @@ def smooth(
 
     ``method="paper"`` is the paper's: every vertex p_i moves to the point B(u_i, v_i) of its patch, all from the
     old mesh (Li, Barsky, Jin, "An effective third-order local fitting patch and its application", IEEE SMI 2009).
+    Where an edge has more than two faces, or two that disagree, there is no such patch, and its ends stay; so does a
+    vertex whose patch is farther away than its neighbours.
 
     Parameters
     ----------
@@ -130,7 +133,7 @@ def smooth(
                 found = denoised(current, adjacency, here, *options, threads=threads, progress=part)
                 points, sharpness = found.points, np.maximum(sharpness, found.sharpness)
             else:
-                points = _onto_patches(current, rings, alpha, threads, part)
+                points = _onto_patches(current, adjacency, rings, alpha, threads, part)
             points = np.where(movable[:, np.newaxis], points, mesh.vertices)
         components = ClosedComponents.of(mesh, adjacency)
         volumes_before = component_volumes(components, mesh)
@@ -163,15 +166,28 @@ def smooth(
 
 
 def _onto_patches(
-    mesh: TriangleMesh, rings: int | None, alpha: float | None, threads: int, progress: Progress | None
+    mesh: TriangleMesh,
+    adjacency: Adjacency,
+    rings: int | None,
+    alpha: float | None,
+    threads: int,
+    progress: Progress | None,
 ) -> FloatArray:
-    """The vertices on their patches, as the paper has it."""
+    """The vertices on their patches, as the paper has it, but for those that would go beyond their neighbours."""
     rings, alpha = 2 if rings is None else rings, 0.8 if alpha is None else alpha
     geometry = estimate_vertex_geometry(
         mesh.vertices, mesh.faces, rings=rings, alpha=alpha, smoothness="paper", threads=threads, progress=progress
     )
-    result: FloatArray = mesh.vertices + geometry.displacements
-    return result
+    return mesh.vertices + sound_displacements(mesh, adjacency, geometry.displacements)
+
+
+def sound_displacements(mesh: TriangleMesh, adjacency: Adjacency, displacements: FloatArray) -> FloatArray:
+    """Those onto patches, (n, 3), but zero beyond the neighbours and at edges that make no surface."""
+    rows, longest = adjacency.vertices, np.zeros(mesh.vertex_count)
+    starts = np.repeat(np.arange(mesh.vertex_count), rows.lengths)
+    np.maximum.at(longest, starts, np.linalg.norm(mesh.vertices[rows.indices] - mesh.vertices[starts], axis=1))
+    sound = (np.linalg.norm(displacements, axis=1) <= longest) & ~unclear_vertices(mesh)
+    return np.where(sound[:, np.newaxis], displacements, 0.0)
 
 
 def part_of(progress: Progress | None, k: int, total: int) -> Progress | None:

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
-from bezier_filters.display.html_tables import html_table
-from bezier_filters.display.noise_words import noise_in_words, noise_level
+from bezier_filters.display.summaries import html_table, noise_in_words, noise_level
 
 
 @dataclass(frozen=True, repr=False)

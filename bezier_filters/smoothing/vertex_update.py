@@ -9,7 +9,7 @@ from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import run_kernel
 from bezier_filters.smoothing.chebyshev import coefficients
 
-ROUNDS = 20  # more would fit the normals better, but let the vertices drift away from where they were measured
+UPDATE_ROUNDS = 20  # more would fit the normals better, but let the vertices drift away from where they were measured
 TERMS = 10  # of the polynomial that does as much as all rounds
 
 
@@ -33,7 +33,7 @@ def move_to_normals(
 
     around = mesh.vertices, mesh.faces, rows.indptr, rows.indices, planes, movable
     run_kernel(_first_step, n, *around, current, threads=threads)
-    polynomial = coefficients(lambda x: (-np.expm1(ROUNDS * np.log1p(-x)) / x)[:, np.newaxis], 1.0, TERMS)
+    polynomial = coefficients(lambda x: (-np.expm1(UPDATE_ROUNDS * np.log1p(-x)) / x)[:, np.newaxis], 1.0, TERMS)
     for k, coefficient in enumerate(polynomial[:, 0].astype(np.float32)):
         of_step = np.float32(min(k, 2)), coefficient, before, current, result
         run_kernel(_heights, mesh.face_count, mesh.faces, current, planes, threads=threads)

@@ -11,7 +11,7 @@ from bezier_filters.meshes.frames import face_normal
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.jit import jit
 
-ROUNDS = 4  # of Newton's method; the volume is a polynomial that is nearly linear in a small offset
+NEWTON_STEPS = 4  # of Newton's method; the volume is a polynomial that is nearly linear in a small offset
 EXACT = 1e-13  # relative error at which it ends early
 
 
@@ -59,7 +59,7 @@ def restore_volumes(
     A component whose amounts are all 0 stays as it is.
     """
     points = mesh.vertices
-    for _ in range(ROUNDS):
+    for _ in range(NEWTON_STEPS):
         current = TriangleMesh(points, mesh.faces)
         wanted = volumes - component_volumes(components, current)
         if not (np.abs(wanted) > EXACT * np.abs(volumes)).any():

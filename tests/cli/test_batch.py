@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -16,7 +17,7 @@ from command_line import in_this_process, run
 
 from bezier_filters import read_fields
 from bezier_filters.cli.app import app
-from bezier_filters.cli.batch import Item, run_command, summarize
+from bezier_filters.cli.batch import RECORDS, Item, run_command, summarize
 from bezier_filters.cli.console import print_batch
 from bezier_filters.meshlab.mesh_files import save_mesh
 from bezier_filters.parameters import PARAMETERS
@@ -68,7 +69,7 @@ def test_bad_files_do_not_stop_the_others_and_the_next_run_goes_on(scans, tmp_pa
     assert bad | {"scans/cut.ply"} == {name for name in found if found[name] == "failed"}
     assert all(("cannot read" in file["error"]) == (file["input"] not in good) for file in summary["files"])
     written = {str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*.*")}
-    assert written == {"a.ply", "below/a.ply", "z.ply"}
+    assert written == {"a.ply", "below/a.ply", "z.ply", RECORDS}
 
     single = tmp_path / "single.ply"
     run("curvature", scans / "below" / "a.ply", single, "--quality", "gaussian", "--no-color")
@@ -86,6 +87,28 @@ def test_bad_files_do_not_stop_the_others_and_the_next_run_goes_on(scans, tmp_pa
     assert "curvature: 2 done, 2 skipped, 2 failed" in second.stdout
 
 
+def test_what_was_done_with_other_options_is_done_again(scans, without_processes):
+    command = ("batch", "curvature", "scans/[az].ply", "--out", "out")
+    gaussian = ("--options", "--quality gaussian")
+    for options, done in ((gaussian, 2), (gaussian, 0), ((), 2), ((), 0), (("--redo",), 2)):
+        assert json.loads(run(*command, *options, "--json").stdout)["done"] == done
+    fields = read_fields("out/a.ply")
+    np.testing.assert_array_equal(fields["quality"], fields["bz_mean_curvature"])
+    assert json.loads(run("batch", "torsion", *command[2:], "--json").stdout)["done"] == 2
+    with open(f"out/{RECORDS}", "a") as records:
+        records.write('["cut sho')
+    assert json.loads(run("batch", "torsion", *command[2:], "--json").stdout)["skipped"] == 2
+
+
+def test_where_a_result_goes_does_not_depend_on_the_other_files(scans, without_processes):
+    torus = ["scans/below/a.ply"]
+    for others in ([], ["scans/z.ply"], [str(scans / "z.ply")]):
+        summary = json.loads(run("batch", "normals", *torus, *others, "--out", "out", "--json").stdout)
+        assert summary["files"][0]["output"] == "out/a.ply"
+    result = run("batch", "normals", *torus, "scans/a.ply", "--out", "out")
+    assert "a pattern in quotes from a folder above them keeps their folders" in result.stderr
+
+
 FILES = 8
 
 
@@ -94,19 +117,23 @@ def test_an_interrupted_batch_goes_on_where_it_was(tmp_path, without_processes):
     for k in range(FILES):
         shutil.copy(SAMPLES / "bumpy_star.ply", tmp_path / "scans" / f"{k:02}.ply")
     command = [*MODULE, "batch", "smooth", "scans/*.ply", "--out", "out", "--jobs", "2"]
-    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     end = time.monotonic() + 120
     while not list(tmp_path.glob("out/[!.]*.ply")) and time.monotonic() < end:
         time.sleep(0.01)
     process.send_signal(signal.SIGINT)
-    assert process.wait(timeout=60) != 0
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130
     before = {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("out/[!.]*.ply")}
     assert 0 < len(before) < FILES
+    known = int(re.search(rf"(\d) of {FILES} results are in out; the same command goes on\n", said)[1])
+    assert len(before) - 2 <= known <= len(before)  # two at a time may have been written, and not been noted yet
+    assert "bezier-filters: interrupted; what was written before is whole" in said
     summary = json.loads(run(*command[3:], "--json").stdout)
-    assert (summary["done"], summary["skipped"], summary["failed"]) == (FILES - len(before), len(before), 0)
-    after = {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("out/*")}
-    assert len(after) == FILES
-    assert before.items() <= after.items()
+    assert (summary["done"], summary["skipped"], summary["failed"]) == (FILES - known, known, 0)
+    after = {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("out/[!.]*") if path.name != RECORDS}
+    assert len(after) == FILES, sorted(after)
+    assert len(before.items() & after.items()) == known
 
 
 REMARKS = {
@@ -188,6 +215,6 @@ def test_two_hundred_files_some_of_them_broken(tmp_path):
             target.write_text("broken")
     summary = json.loads(run_process("batch", "torsion", "scans/*.ply", "--out", "out", "--json", cwd=tmp_path).stdout)
     assert (summary["done"], summary["skipped"], summary["failed"]) == (190, 0, 10)
-    assert len(list((tmp_path / "out").iterdir())) == 190
+    assert len(list((tmp_path / "out").glob("*.ply"))) == 190
     summary = json.loads(run_process("batch", "torsion", "scans/*.ply", "--out", "out", "--json", cwd=tmp_path).stdout)
     assert (summary["done"], summary["skipped"], summary["failed"]) == (0, 190, 10)

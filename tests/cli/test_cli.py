@@ -32,6 +32,7 @@ COMMANDS = [
     "view",
     "qmap",
     "info",
+    "report",
     "demo",
     "scale",
 ]
@@ -63,6 +64,17 @@ def test_filters_write_quality_colour_and_fields(command, tmp_path):
     fields = read_fields(target)
     np.testing.assert_array_equal(fields["quality"], mesh.vertex_scalar_array())
     assert "bz_fit_status" in fields
+
+
+def test_a_file_keeps_the_fields_of_an_earlier_command_unless_vertices_move(tmp_path):
+    first, second = tmp_path / "curved.ply", tmp_path / "both.ply"
+    run("curvature", SAMPLES / "torus.ply", first, "--rings", 2)
+    run("torsion", first, second, "--rings", 2)
+    before, after = read_fields(first), read_fields(second)
+    np.testing.assert_array_equal(before["bz_gaussian_curvature"], after["bz_gaussian_curvature"])
+    np.testing.assert_array_equal(after["bz_geodesic_torsion"], after["quality"])
+    run("smooth", second, first, "--overwrite")
+    assert set(read_fields(first)) == {"bz_displacement", "bz_sharpness", "quality"}
 
 
 def test_the_quality_is_the_field_asked_for(tmp_path):
@@ -121,13 +133,51 @@ def test_filling_holes(tmp_path):
     assert "no holes" in result.stdout
 
 
-def test_the_output_may_be_the_input(tmp_path):
+def test_the_output_may_be_the_input_if_that_is_said(tmp_path):
     mesh, other = tmp_path / "a scan.ply", tmp_path / "other.ply"
     shutil.copy(SAMPLES / "punched_patch.ply", mesh)
-    for target in (other, mesh):
-        app(["fill-holes", str(mesh), str(target)], standalone_mode=False)
+    before = mesh.read_bytes()
+    same = tmp_path / "folder" / ".." / "a scan.ply"
+    (tmp_path / "folder").mkdir()
+    for arguments in (["fill-holes", mesh, mesh], ["smooth", mesh, same], ["creases", mesh, mesh]):
+        refused = run(*arguments)
+        assert refused.returncode == 2
+        assert refused.stderr.endswith("is the input; give --overwrite to replace it\n")
+        assert mesh.read_bytes() == before
+    for target, options in ((other, []), (mesh, ["--overwrite"])):
+        app(["fill-holes", str(mesh), str(target), *options], standalone_mode=False)
     assert mesh.read_bytes() == other.read_bytes()
-    assert len(list(tmp_path.iterdir())) == 2
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+def test_a_write_protected_file_is_replaced_if_that_is_said(tmp_path):
+    target = tmp_path / "t.ply"
+    target.write_text("precious")
+    target.chmod(0o444)
+    result = run("normals", SAMPLES / "waves.ply", target)
+    assert (result.returncode, target.read_text()) == (2, "precious")
+    assert "is write-protected; give --overwrite to replace it" in result.stderr
+    assert run("normals", SAMPLES / "waves.ply", target, "--overwrite").returncode == 0
+    assert read_fields(target)["bz_normal_x"].any()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes are for POSIX systems")
+def test_meshes_come_and_go_through_pipes(tmp_path):
+    options = {"capture_output": True, "check": True}
+    command = [sys.executable, "-m", "bezier_filters"]
+    torus = (SAMPLES / "torus.ply").read_bytes()
+    done = subprocess.run([*command, "curvature", "-", "-", "--rings", "2"], input=torus, **options)
+    run("curvature", SAMPLES / "torus.ply", tmp_path / "file.ply", "--rings", 2)
+    assert done.stdout == (tmp_path / "file.ply").read_bytes()
+    assert b"fitted as asked (OK)" in done.stderr
+    ms = load(SAMPLES / "waves.ply")
+    for suffix in (".obj", ".off", ".stl"):
+        ms.save_current_mesh(str(tmp_path / f"w{suffix}"))
+        data = (tmp_path / f"w{suffix}").read_bytes()
+        report = json.loads(subprocess.run([*command, "info", "-", "--json"], input=data, **options).stdout)
+        assert report["faces"] == ms.current_mesh().face_number()
+    refused = subprocess.run([*command, "curvature", "-", "-"], input=b"nothing", capture_output=True)
+    assert (refused.returncode, refused.stdout) == (2, b"")
 
 
 def test_formats_without_quality_are_written_with_a_note(tmp_path):
@@ -164,11 +214,11 @@ def test_formats_without_quality_are_written_with_a_note(tmp_path):
         (["render", SAMPLES / "waves.ply", "out.png", "--field", "bz_k_min"], "has no 'bz_k_min'"),
         (
             ["render", SAMPLES / "waves.ply", "out.ply"],
-            "picture: got 'out.ply', expected a file name that ends in .png",
+            "picture: got 'out.ply', expected a file name that ends in one of .png",
         ),
         (
-            ["creases", SAMPLES / "waves.ply", "out.obj", "--picture", "out.jpg"],
-            "picture: got 'out.jpg', expected a file name that ends in .png",
+            ["creases", SAMPLES / "waves.ply", "out.obj", "--picture", "out.gif"],
+            "picture: got 'out.gif', expected a file name that ends in one of .png",
         ),
         (["run", "missing.mlx", SAMPLES / "waves.ply", "out.ply"], "missing.mlx: No such file or directory"),
         (["demo", "missing.ply"], "cannot read missing.ply"),
@@ -255,6 +305,7 @@ def test_the_shell_completes_commands_and_options():
     for words, position, expected in [
         ("bezier-filters fi", 1, "fill-holes"),
         ("bezier-filters render --hist", 2, "--histogram"),
+        ("bezier-filters curvature --quality gauss", 3, "gaussian"),
     ]:
         asked = {"_BEZIER_FILTERS_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(position)}
         result = subprocess.run([script], env=os.environ | asked, capture_output=True, text=True)
@@ -305,7 +356,7 @@ def test_the_noise_is_told_in_words_and_may_be_given(tmp_path):
     given = json.loads(run("curvature", scan, tmp_path / "b.ply", "--noise", 2 * edge, "--json").stdout)["fit"]
     assert given["noise_sigma"] == pytest.approx(2 * edge)
     refused = run("curvature", scan, tmp_path / "b.ply", "--noise", -1)
-    assert refused.stderr == "bezier-filters: noise: got -1.0, expected a length of 0 or more, or None to learn it\n"
+    assert refused.stderr == "bezier-filters: --noise: got -1.0, expected a length of 0 or more, or None to learn it\n"
 
 
 def test_point_clouds(tmp_path):
@@ -356,3 +407,80 @@ def test_demo_of_a_mesh_writes_four_meshes_and_a_picture(tmp_path):
     for path in (tmp_path / "new" / "folder").glob("*.ply"):
         mesh_set = load(path)
         assert np.ptp(mesh_set.current_mesh().vertex_scalar_array()) > 0
+
+
+def test_info_says_what_a_file_carries(tmp_path, textured_bunny_file):
+    run("torsion", SAMPLES / "torus.ply", tmp_path / "t.ply")
+    (columns,) = json.loads(run("info", tmp_path / "t.ply", "--json").stdout)["contents"][3:]
+    assert {"bz_geodesic_torsion", "bz_fit_status"} <= set(columns.split(", "))
+    shown = " ".join(run("info", tmp_path / "t.ply").stdout.split())
+    assert "carries colours of vertices; quality; normals; bz_fit_status, bz_geodesic_torsion" in shown
+    assert "textures TextureDouble_A.png" in run("info", textured_bunny_file).stdout
+    ms = pymeshlab.MeshSet()
+    ms.create_cube()
+    ms.save_current_mesh(str(tmp_path / "cube.obj"), save_vertex_normal=False)
+    assert "carries nothing but its shape" in " ".join(run("info", tmp_path / "cube.obj").stdout.split())
+
+
+def test_messages_name_the_options_of_the_shell(tmp_path):
+    arguments = ["fill-holes", SAMPLES / "waves.ply", tmp_path / "w.ply"]
+    for option in ("--max-diameter", "--max-perimeter", "--noise"):
+        assert run(*arguments, option, "-1").stderr.startswith(f"bezier-filters: {option}: got -1.0")
+    points = tmp_path / "points.ply"
+    save(points, sphere(resolution=4).vertices, np.empty((0, 3), int))
+    assert run("smooth", points, tmp_path / "w.ply").stderr.startswith("bezier-filters: the mesh has no faces")
+
+
+def test_smoothing_says_why_nothing_moved(tmp_path):
+    result = run("smooth", SAMPLES / "torus.ply", tmp_path / "t.ply")
+    assert "nothing moved: the mesh is clean" in " ".join(result.stdout.split())
+    ms = load(SAMPLES / "torus.ply")
+    ms.apply_coord_random_displacement(displacement=pymeshlab.PercentageValue(0.3))
+    ms.save_current_mesh(str(tmp_path / "noisy.ply"))
+    assert "nothing moved" not in run("smooth", tmp_path / "noisy.ply", tmp_path / "t.ply").stdout
+
+
+def test_fills_that_need_a_look_are_told_last_and_by_the_status(tmp_path):
+    half, target = tmp_path / "half.ply", tmp_path / "closed.ply"
+    ball = sphere(resolution=16)
+    upper = (ball.vertices[ball.faces][:, :, 2] > -0.1).all(axis=1)
+    save(half, ball.vertices, ball.faces[upper])
+    result = run("fill-holes", half, target)
+    assert result.returncode == 3
+    assert target.exists()
+    assert result.stderr.startswith(f"look at {target}: 1 of the filled holes as wide as half of the mesh")
+    assert "a largest diameter of 50% leaves such open" in result.stderr
+    report = json.loads(run("fill-holes", half, target, "--json").stdout)
+    assert len(report["warnings"]) == 1
+    assert run("fill-holes", half, target, "--max-diameter", "50%").returncode == 0
+    most = ball.faces[(ball.vertices[ball.faces][:, :, 2] < 0.9).all(axis=1)]
+    save(half, ball.vertices, most)
+    result = run("fill-holes", half, target)
+    assert (result.returncode, result.stderr) == (0, "")
+    # No fill gets past a needle through the hole.
+    needle = np.array([[0.01, 0, 0], [-0.01, 0.01, 0], [-0.01, -0.01, 0], [0, 0, 2]])
+    corners = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]) + len(ball.vertices)
+    save(half, np.vstack([ball.vertices, needle]), np.vstack([most, corners]))
+    result = run("fill-holes", half, target)
+    assert result.returncode == 3
+    assert "1 of the fills with faces that cut others" in result.stderr
+    assert re.search(r"\w+: \d+ of its faces would cut others;", " ".join(result.stdout.split()))
+    assert re.search(r"\w+: taken, though \d+ of its faces cut others, the fewest", " ".join(result.stdout.split()))
+
+
+def test_the_papers_method_says_where_it_is_not_used(tmp_path):
+    ball = sphere()
+    x, y, z = ball.vertices[ball.faces].mean(axis=1).T
+    is_in_band = (np.abs(z) < 0.35) & (np.abs(np.arctan2(y, x)) < 2.4)  # no plane shows its rim without overlaps
+    save(tmp_path / "cut.ply", ball.vertices, ball.faces[~is_in_band])
+    fill = ("fill-holes", tmp_path / "cut.ply", tmp_path / "closed.ply", "--method", "paper", "--overwrite")
+    result, report = run(*fill), json.loads(run(*fill, "--json").stdout)
+    others = sum(hole["method"] != "paper" for hole in report["holes"])
+    assert others > 0
+    assert f"{others} of them by another method than the paper's" in result.stdout
+
+
+def save(path, vertices, faces):
+    ms = pymeshlab.MeshSet()
+    ms.add_mesh(pymeshlab.Mesh(vertices, faces))
+    ms.save_current_mesh(str(path))

@@ -43,6 +43,36 @@ def test_edges_and_corners_of_a_block_are_continued(center, radius, parts):
         assert np.linalg.norm(result.vertices + 0.5, axis=1)[len(vertices) :].min() < 1e-6
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.05])
+def test_a_crease_of_one_edge_that_ends_at_a_corner_is_continued(noise):
+    vertices, faces = cube(resolution=12)
+    faces = without_faces_near(vertices, faces, np.array([-0.5, -0.5, -0.2]), 0.21)
+    on_edge = (np.abs(vertices[:, :2] + 0.5) < 1e-9).all(axis=1)
+    left = np.sort(vertices[np.unique(faces[on_edge[faces]]), 2])
+    np.testing.assert_allclose(left[:2], [-0.5, -0.5 + 1 / 12], atol=1e-9)  # one edge, and then the hole
+    assert left[2] - left[1] > 2.5 / 12
+    vertices = vertices + np.random.default_rng(3).normal(0.0, noise / 12, vertices.shape)
+    hole = filled_hole(fill_holes(vertices, faces))
+    assert (hole.method, hole.parts) == ("creases", 2)
+
+
+def test_a_part_with_few_faces_of_its_own_is_spanned_between_creases():
+    u, v = np.meshgrid(np.arange(-9, 11), np.arange(-9, 10), indexing="ij")
+    below = u > 0  # a step as high as one edge: its wall has one row of faces
+    vertices = np.stack([u - below, v, -1.0 * below], axis=-1).reshape(-1, 3).astype(np.float64)
+    corner = np.arange(u.size, dtype=np.int32).reshape(u.shape)
+    a, b, c, d = corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]
+    faces = np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
+    faces = without_faces_near(vertices, faces, np.array([0.0, 0.0, -0.5]), 2.4)
+    result = fill_holes(vertices, faces)
+    assert_filled(vertices, faces, result)
+    hole = filled_hole(result)
+    assert (hole.method, hole.parts) == ("creases", 3)
+    x, _, z = result.vertices[len(vertices) :].T
+    on_step = np.minimum(np.minimum(np.hypot(np.maximum(x, 0), z), np.hypot(np.minimum(x, 0), z + 1)), np.abs(x))
+    assert on_step.max() < 1e-3
+
+
 def test_creases_are_edges_of_the_new_mesh():
     vertices, faces = cube()
     faces = without_faces_near(vertices, faces, np.array([-0.5, -0.5, -0.5]), 0.25)

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from surface_cases import area_vectors, border_edges, corner_angles
 
-from bezier_filters import CancelledError, InvalidMeshError, InvalidParameterError, fill_holes
+from bezier_filters import CancelledError, InvalidParameterError, fill_holes
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.holes.hole_detection import find_holes
 from bezier_filters.holes.influence_region import influence_region
@@ -128,8 +128,8 @@ def test_a_loop_whose_vertices_are_all_joined_gets_a_hub():
     vertices = np.array([[1.0, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [0, 0, -2], [0, 0, -3]])
     rim = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
     fins = np.array([[0, 2, 5], [2, 0, 5], [1, 3, 5], [3, 1, 5]])
-    with pytest.raises(InvalidMeshError):
-        fill_holes(vertices, np.vstack([rim, fins, [[0, 1, 5]]]))
+    (refused,) = fill_holes(vertices, np.vstack([rim, fins, [[0, 1, 5]]])).holes
+    assert "edges of several faces" in refused.reason
     result = fill_holes(vertices, rim)
     assert_filled(vertices, rim, result)
 
@@ -285,7 +285,8 @@ def test_progress_is_told_and_can_cancel():
         ({"holes": [9]}, r"holes: got 9, expected numbers from 0 to 3"),
         ({"selected": np.zeros(3, dtype=bool)}, "selected: got bool of shape"),
         ({"noise": -1.0}, "noise: got -1.0"),
-        ({"alpha": 0.0}, "alpha: got 0.0"),
+        ({"method": "paper", "alpha": 0.0}, "alpha: got 0.0"),
+        ({"alpha": 0.5}, "alpha: method=.auto. does not use it"),
     ],
 )
 def test_bad_parameters_are_refused_by_name(options, message):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bezier_filters import inspect_mesh, triangle_mesh
+from bezier_filters import InvalidMeshError, diagnose, inspect_mesh, triangle_mesh
 
 TETRAHEDRON = ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
@@ -18,6 +18,16 @@ def test_report_counts_every_fault():
     assert report.non_manifold_edges == 2  # 0-1 and 1-2 have three faces
     assert report.boundary_edges == 4
     assert report.incoherent_edges == 1  # 0-2 twice in the same direction
+
+
+def test_arrays_are_taken_as_meshes():
+    mesh = triangle_mesh(*TETRAHEDRON)
+    assert inspect_mesh(*TETRAHEDRON) == inspect_mesh(mesh)
+    apart = ([*TETRAHEDRON[0], [5, 5, 5]], TETRAHEDRON[1])
+    assert diagnose(*apart) == diagnose(triangle_mesh(*apart)) == diagnose(triangle_mesh(*apart), inspect_mesh(*apart))
+    assert diagnose(np.eye(3)) == ["3 vertices without faces: curvature takes 6 or more"]
+    with pytest.raises(InvalidMeshError, match="indices run from 0 to 3"):
+        inspect_mesh(TETRAHEDRON[0][:3], TETRAHEDRON[1])
 
 
 def test_incoherent_orientation_is_seen():

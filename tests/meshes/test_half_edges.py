@@ -1,9 +1,8 @@
 """Loops of boundary edges: their direction, where they touch, and where there are none."""
 
 import numpy as np
-import pytest
 
-from bezier_filters import InvalidMeshError, boundary_loops, triangle_mesh, vertex_adjacency
+from bezier_filters import boundary_loops, triangle_mesh, vertex_adjacency
 from bezier_filters.surfaces import punched_patch, sphere, torus
 
 
@@ -32,7 +31,15 @@ def test_loops_that_touch_at_a_vertex_stay_apart():
     assert [loop.tolist() for loop in boundary_loops(mesh)] == [[0, 1, 2], [0, 3, 4]]
 
 
-def test_loops_of_a_non_manifold_edge_are_refused_with_a_remedy():
-    mesh = triangle_mesh(np.random.default_rng(0).random((5, 3)), [[0, 1, 2], [0, 1, 3], [0, 1, 4]])
-    with pytest.raises(InvalidMeshError, match="meshing_repair_non_manifold_edges"):
-        boundary_loops(mesh)
+def test_borders_that_meet_a_non_manifold_edge_are_no_loops():
+    vertices = np.random.default_rng(0).random((8, 3))
+    fins = [[0, 1, 2], [0, 1, 3], [0, 1, 4]]
+    assert boundary_loops(triangle_mesh(vertices, fins)) == []
+    with_another = triangle_mesh(vertices, [*fins, [5, 6, 7], [5, 5, 6]])
+    assert [loop.tolist() for loop in boundary_loops(with_another)] == [[5, 6, 7]]
+
+
+def test_borders_of_faces_that_disagree_are_no_loops():
+    vertices = np.random.default_rng(0).random((4, 3))
+    assert boundary_loops(triangle_mesh(vertices, [[0, 1, 2], [1, 2, 3]])) == []
+    assert [loop.tolist() for loop in boundary_loops(triangle_mesh(vertices, [[0, 1, 2], [2, 1, 3]]))] == [[0, 1, 3, 2]]

@@ -134,3 +134,14 @@ def test_certainty_is_a_half_at_the_limit_and_falls_with_the_noise():
         by_noise = [certainties(edges, noise, limit)[at_fold][0] for noise in (0.05, 0.1, 0.2)]
         assert by_noise == sorted(by_noise)[::order]
         assert min(by_noise) > 0.5 if order < 0 else max(by_noise) < 0.5
+
+
+def test_hubs_take_no_quadratic_time():
+    """All vertices of the rim of a double cone look at the edges of both tips; squares of these take days."""
+    n = 20_000
+    angle = 2.0 * np.pi * np.arange(n) / n
+    rim = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(n)])
+    vertices = np.vstack([rim, [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
+    k, after = np.arange(n), np.roll(np.arange(n), -1)
+    faces = np.vstack([np.column_stack([k, after, np.full(n, n)]), np.column_stack([after, k, np.full(n, n + 1)])])
+    np.testing.assert_array_equal(creases_of(vertices, faces), np.arange(n + 2) < n)

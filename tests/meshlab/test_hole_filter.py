@@ -15,7 +15,7 @@ from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_pat
 from bezier_filters.meshlab.mesh_growth import textures_of
 from bezier_filters.meshlab.meshset import BezierFilterError
 from bezier_filters.status import FitStatus
-from bezier_filters.surfaces import torus
+from bezier_filters.surfaces import sphere, torus
 
 NORMALS = {"vertex_normal_matrix", "face_normal_matrix"}
 
@@ -43,7 +43,8 @@ def punctured_torus(seam=False):
     """A torus with a hole; with a seam, the vertices of a curve twice, as where textures are cut."""
     surface = torus(resolution=24, jitter=0.3)
     centers = surface.vertices[surface.faces].mean(axis=1)
-    faces = surface.faces[np.linalg.norm(centers - [1.0, 0.0, 0.4], axis=1) > 0.2]
+    away_from_the_seam = [0.0, 1.0, 0.4] if seam else [1.0, 0.0, 0.4]
+    faces = surface.faces[np.linalg.norm(centers - away_from_the_seam, axis=1) > 0.2]
     vertices = surface.vertices
     if seam:
         upper = vertices[faces].mean(axis=1)[:, 1] > 0
@@ -266,7 +267,8 @@ def test_a_closed_mesh_stays_as_it_is():
         ({"maxholesize": 2}, "maxholesize: got 2"),
         ({"maxdiameter": -1.0}, "max_diameter: got -1.0"),
         ({"noise": -1.0}, "noise: got -1.0"),
-        ({"alpha": 0.0}, "alpha: got 0.0"),
+        ({"method": "paper", "alpha": 0.0}, "alpha: got 0.0"),
+        ({"alpha": 0.5}, "alpha: method=.auto. does not use it"),
         ({"threads": 0}, "threads: got 0"),
     ],
 )
@@ -315,3 +317,92 @@ def test_an_interrupt_while_writing_is_undone(when):
     with pytest.raises(KeyboardInterrupt):
         meshing_close_holes_by_bezier_patch(ms)
     assert changed(before, mesh_state(ms)) == set()
+
+
+class TestRepair:
+    """What stops hole filling goes away first, on request, by pymeshlab's filters."""
+
+    def repaired(self, vertices, faces, **options):
+        ms = pymeshlab.MeshSet()
+        ms.add_mesh(pymeshlab.Mesh(vertices, faces))
+        without = meshing_close_holes_by_bezier_patch(ms, **options)
+        ms = pymeshlab.MeshSet()
+        ms.add_mesh(pymeshlab.Mesh(vertices, faces))
+        return ms, without, meshing_close_holes_by_bezier_patch(ms, repair=True, **options)
+
+    def test_a_hole_at_a_seam_is_welded_and_filled(self):
+        surface = torus(resolution=24)
+        upper = surface.vertices[surface.faces].mean(axis=1)[:, 1] > 0
+        centers = surface.vertices[surface.faces].mean(axis=1)
+        shared = np.intersect1d(surface.faces[upper], surface.faces[~upper])
+        number = np.arange(len(surface.vertices))
+        number[shared] = len(number) + np.arange(len(shared))
+        faces = np.where(upper[:, None], number[surface.faces], surface.faces)
+        faces = faces[np.linalg.norm(centers - [1.0, 0.0, 0.4], axis=1) > 0.2]
+        ms, without, report = self.repaired(np.vstack([surface.vertices, surface.vertices[shared]]), faces)
+        assert without["repaired"] is None
+        assert without["closed_holes"] == 0
+        assert report["closed_holes"] == len(report["holes"]) == 1
+        assert report["repaired"] == {
+            "welded_vertices": len(shared), "split_vertices": 0, "removed_faces": 0, "turned_faces": 0
+        }  # fmt: skip
+        assert report["topology_after"]["boundary_edges"] == 0
+        assert ms.get_topological_measures()["genus"] == 1
+
+    def test_a_fin_is_split_off(self):
+        ball = sphere(resolution=12)
+        faces = ball.faces[ball.vertices[ball.faces].mean(axis=1)[:, 2] < 0.9]
+        a, b = next(face[:2] for face in faces if (ball.vertices[face, 2] < -0.9).all())
+        vertices = np.vstack([ball.vertices, 1.5 * ball.vertices[a]])
+        ms, without, report = self.repaired(vertices, np.vstack([faces, [[a, b, len(vertices) - 1]]]))
+        assert [hole["filled"] for hole in without["holes"]].count(False) == 1
+        assert report["repaired"]["split_vertices"] == 2
+        assert report["closed_holes"] == 1
+        assert ms.get_topological_measures()["is_mesh_two_manifold"]
+
+    def test_few_faces_turn_rather_than_many(self):
+        ball = sphere(resolution=12)
+        height = ball.vertices[ball.faces].mean(axis=1)[:, 2]
+        faces = ball.faces[height < 0.9].copy()
+        turned = height[height < 0.9] > 0.6
+        faces[turned] = faces[turned][:, ::-1]
+        faces = faces[np.argsort(~turned, kind="stable")]  # pymeshlab turns all to the first face
+        ms, without, report = self.repaired(ball.vertices, faces)
+        assert without["closed_holes"] == 1  # faces disagree elsewhere
+        assert report["repaired"]["turned_faces"] == turned.sum()
+        assert ms.get_geometric_measures()["mesh_volume"] > 0
+
+    def test_faces_that_are_there_twice_go(self):
+        """Both sides of every face, as exporters write them: splitting their edges would not end."""
+        ball = sphere(resolution=12)
+        faces = ball.faces[ball.vertices[ball.faces].mean(axis=1)[:, 2] < 0.9]
+        ms, _, report = self.repaired(ball.vertices, np.vstack([faces, faces[:, ::-1]]))
+        assert report["repaired"]["removed_faces"] == len(faces)
+        assert report["closed_holes"] == 1
+        assert ms.get_topological_measures()["boundary_edges"] == 0
+
+    def test_a_lattice_is_split_into_sheets(self):
+        """Boxes that share their walls: each edge inside has four faces."""
+        axis = np.arange(4)
+        x, y, z = (part.ravel() for part in np.meshgrid(axis, axis, axis, indexing="ij"))
+        number = np.arange(64).reshape(4, 4, 4)
+        faces = []
+        for turned in (number, number.transpose(1, 2, 0), number.transpose(2, 0, 1)):
+            a, b, c, d = turned[:, :-1, :-1], turned[:, 1:, :-1], turned[:, 1:, 1:], turned[:, :-1, 1:]
+            faces += [np.stack(corners, axis=-1).reshape(-1, 3) for corners in ((a, b, c), (a, c, d))]
+        ms = pymeshlab.MeshSet()
+        ms.add_mesh(pymeshlab.Mesh(np.column_stack([x, y, z]).astype(float), np.vstack(faces)))
+        report = meshing_close_holes_by_bezier_patch(ms, repair=True)
+        assert report["repaired"]["split_vertices"] > 0
+        assert report["topology_after"]["non_manifold_faces"] == 0
+
+    def test_the_mesh_stays_as_it_was_where_filling_is_cancelled(self):
+        surface = torus(resolution=24)
+        faces = surface.faces[surface.vertices[surface.faces].mean(axis=1)[:, 0] < 1.2].copy()
+        faces[0] = faces[0][::-1]
+        ms = pymeshlab.MeshSet()
+        ms.add_mesh(pymeshlab.Mesh(surface.vertices, faces))
+        before = mesh_state(ms)
+        with pytest.raises(CancelledError):
+            meshing_close_holes_by_bezier_patch(ms, repair=True, progress=lambda done, total: False)
+        assert changed(before, mesh_state(ms)) == set()

@@ -1,5 +1,8 @@
+import base64
+import json
 import locale
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +43,30 @@ class TestLoading:
         ms = load_mesh(SAMPLES / name)
         assert ms.current_mesh().vertex_number() > 1000
         assert ms.current_mesh().label() == name
+
+    def test_columns_come_back_bit_for_bit_where_pymeshlab_drops_them(self, tmp_path, result):
+        names = ("bz_k_min", "bz_normal_x", "bz_fit_status")
+        before = [result.current_mesh().vertex_custom_scalar_attribute_array(name) for name in names]
+        save_mesh(result, tmp_path / "a.ply")
+        ms = pymeshlab.MeshSet()
+        ms.load_new_mesh(str(tmp_path / "a.ply"))
+        back, without = load_mesh(tmp_path / "a.ply"), load_mesh(tmp_path / "a.ply", attributes=False)
+        for mesh in (ms.current_mesh(), without.current_mesh()):
+            with pytest.raises(pymeshlab.PyMeshLabException):
+                mesh.vertex_custom_scalar_attribute_array("bz_k_min")
+        for name, values in zip(names, before, strict=True):
+            np.testing.assert_array_equal(back.current_mesh().vertex_custom_scalar_attribute_array(name), values)
+        compute_curvature_by_bezier_patch_per_vertex(back)  # overwrites them, and works
+
+    def test_columns_that_would_harm_the_mesh_are_mended_or_left_out(self, tmp_path):
+        names = ("bz_k_min", "bz_K", "bz_a-b")
+        header = ["ply", "format ascii 1.0", "element vertex 2", *(f"property double {axis}" for axis in "xyz")]
+        header += [f"property double {name}" for name in names]
+        lines = [*header, "end_header", "0 0 0 nan 1 1", "1 0 0 2 1 1", ""]
+        (tmp_path / "a.ply").write_text("\n".join(lines))
+        mesh = (ms := load_mesh(tmp_path / "a.ply")).current_mesh()
+        np.testing.assert_array_equal(mesh.vertex_custom_scalar_attribute_array("bz_k_min"), [0.0, 2.0])
+        assert [key for key in ms.filter_parameter_values("ply") if "bz_" in key] == ["__ca_vs__bz_k_min"]
 
     def test_a_name_with_spaces_and_accents(self, tmp_path, result):
         path = tmp_path / "é ü 1.ply"
@@ -201,3 +228,57 @@ def test_only_ply_holds_quality_and_columns():
     for suffix in SAVE_SUFFIXES:
         support = format_support(f"x{suffix.upper()}")
         assert support.quality == support.attributes == (suffix == ".ply")
+
+
+def test_a_gltf_file_without_a_mesh_is_refused(tmp_path):
+    path = tmp_path / "empty.gltf"
+    path.write_text(json.dumps({"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": []}]}), encoding="utf-8")
+    with pytest.raises(BezierFilterError, match="there are no vertices in it"):
+        load_mesh(path)
+
+
+class TestRemarks:
+    """What a file lacks is said."""
+
+    def test_an_image_inside_a_gltf_file(self, tmp_path):
+        """A triangle with a texture of one pixel, all in one file of JSON."""
+        pixel = "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mP8z8BQDwAEhQGAhKmMIQAAAABJRU5ErkJggg=="
+        data = np.array([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 1], dtype=np.float32).tobytes()
+        data += np.array([0, 1, 2, 0], dtype=np.uint16).tobytes()
+        views = [{"buffer": 0, "byteOffset": at, "byteLength": size} for at, size in ((0, 36), (36, 24), (60, 6))]
+        accessors = [
+            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]},
+            {"bufferView": 1, "componentType": 5126, "count": 3, "type": "VEC2"},
+            {"bufferView": 2, "componentType": 5123, "count": 3, "type": "SCALAR"},
+        ]
+        primitive = {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}
+        scene = {
+            "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+            "meshes": [{"primitives": [primitive]}], "bufferViews": views, "accessors": accessors,
+            "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+            "textures": [{"source": 0}], "images": [{"uri": f"data:image/png;base64,{pixel}"}],
+            "buffers": [{"byteLength": len(data), "uri": "data:application/octet-stream;base64,"
+                         + base64.b64encode(data).decode()}],
+        }  # fmt: skip
+        path = tmp_path / "textured.gltf"
+        path.write_text(json.dumps(scene), encoding="utf-8")
+        ms = load_mesh(path)
+        (name,) = ms.current_mesh().textures()
+        for suffix in (".ply", ".obj"):
+            (remark,) = save_mesh(ms, tmp_path / f"out{suffix}")
+            assert f"without the images of its textures ({name})" in remark
+            assert len(bf.mesh_arrays(tmp_path / f"out{suffix}")[1]) == 1
+
+    @pytest.mark.parametrize("suffix", [".stl", ".3ds", ".dae", ".x3d", ".wrl", ".3mf"])
+    def test_digits_far_from_the_origin(self, suffix, tmp_path):
+        near, far = pymeshlab.MeshSet(), pymeshlab.MeshSet()
+        near.create_sphere(subdiv=3)
+        vertices = near.current_mesh().vertex_matrix()
+        far.add_mesh(pymeshlab.Mesh(vertices + 1e6 * np.pi, near.current_mesh().face_matrix()))
+        assert save_mesh(near, tmp_path / f"near{suffix}") == ()
+        (remark,) = save_mesh(far, tmp_path / f"far{suffix}")
+        promised = float(re.search(r"by up to (\S+) here", remark)[1])
+        read, _ = bf.mesh_arrays(tmp_path / f"far{suffix}")
+        lost = np.abs(read[:, np.newaxis] - (vertices + 1e6 * np.pi)).max(axis=2).min(axis=0).max()
+        assert 0.1 * promised < lost <= 1.1 * promised
+        assert save_mesh(far, tmp_path / "far.ply") == ()

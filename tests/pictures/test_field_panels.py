@@ -8,6 +8,7 @@ import numpy as np
 import pymeshlab
 import pytest
 from matplotlib.image import imread
+from PIL import Image
 from scipy.spatial import cKDTree
 from typer.testing import CliRunner
 
@@ -20,8 +21,10 @@ from bezier_filters.meshlab.scripts import FILTERS
 from bezier_filters.pictures import demo
 from bezier_filters.pictures.field_panels import check_field, crease_panel, field_limits, field_panels, read_mesh_file
 from bezier_filters.pictures.render import legend
+from bezier_filters.status import FitStatus
 from bezier_filters.surfaces import block_with_sharp_edges
 
+LOOK = {"colormap": "auto", "percentile": 2.0}
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
 
 
@@ -82,6 +85,56 @@ class TestFields:
         panels = field_panels(files, "bz_mean_curvature", colormap="auto", percentile=2.0)
         assert [panel.limits for panel in panels] == [both, both]
 
+    def test_different_quantities_never_share_a_range(self, folder):
+        files = [read_mesh_file(folder / name) for name in ("curved.ply", "twisted.ply", "large.ply")]
+        curved, twisted, large = field_panels(files, "quality", colormap="auto", percentile=2.0)
+        assert (curved.label, twisted.label) == ("mean curvature", "principal geodesic torsion")
+        assert curved.limits == large.limits == field_limits(files[::2], "quality", percentile=2.0, limits=None)
+        assert twisted.limits == field_limits(files[1:2], "quality", percentile=2.0, limits=None)
+        assert twisted.limits[0] == 0.0 > curved.limits[0]
+
+    def test_codes_are_categories_with_names_and_numbers(self, folder):
+        file = read_mesh_file(folder / "curved.ply")
+        codes = np.zeros(len(file.vertices))
+        codes[:5], codes[5] = FitStatus.FOLDED, FitStatus.ISOLATED
+        (panel,) = field_panels([replace(file, columns={"bz_fit_status": codes})], "bz_fit_status", **LOOK)
+        assert [name for name, _ in panel.names] == [f"OK: {len(codes) - 6:,}", "FOLDED: 5", "ISOLATED: 1"]
+        for k, (_, color) in zip((6, 0, 5), panel.names, strict=True):
+            np.testing.assert_array_equal(panel.colors[k], color)
+        assert len({color for _, color in panel.names}) == 3
+        kinds = np.resize([-2.0, -1, 0, 1, 2], len(codes))
+        (panel,) = field_panels([replace(file, columns={"bz_crease": kinds})], "bz_crease", **LOOK)
+        assert [name.split(":")[0] for name, _ in panel.names] == [
+            "sharp ravine",
+            "ravine",
+            "no crease",
+            "ridge",
+            "sharp ridge",
+        ]
+
+    def test_titles_name_the_fields_of_one_file_and_several_files(self, folder):
+        files = [read_mesh_file(folder / name) for name in ("curved.ply", "large.ply")]
+        assert field_panels(files[:1], "bz_k_min", **LOOK)[0].title == "smallest principal curvature"
+        assert field_panels(files[:1], "shape", **LOOK)[0].title == "shape"
+        assert [panel.title for panel in field_panels(files, "bz_k_min", **LOOK)] == ["curved.ply", "large.ply"]
+
+    def test_a_symmetric_logarithmic_scale_has_room_for_all_values_and_shows_small_ones(self, folder):
+        files = [read_mesh_file(folder / "curved.ply")]
+        values = files[0].columns["bz_gaussian_curvature"]
+        (panel,) = field_panels(files, "bz_gaussian_curvature", **LOOK, scale="symlog")
+        assert panel.limits[0] <= values.min() < values.max() <= panel.limits[1]
+        places, median = panel.norm()(values), np.median(np.abs(values))
+        assert panel.norm()(0.0) == pytest.approx(0.5)
+        assert (np.diff(places[np.argsort(values)]) >= 0).all()
+        small, large = panel.norm()(np.array([0.5, 1.0]) * median) - 0.5
+        assert small == pytest.approx(0.5 * large)  # linear there
+        (linear,) = field_panels(files, "bz_gaussian_curvature", colormap="auto", percentile=0.0)
+        assert large > 2 * (linear.norm()(median) - 0.5)
+        bf.render_panels(folder / "symlog.png", [panel, linear], size=(100, 100))
+        image = imread(folder / "symlog.png")[..., :3]
+        left, right = (np.ptp(half, axis=2).mean() for half in np.array_split(image, 2, axis=1))
+        assert left > 1.3 * right  # less of it is grey
+
     def test_files_without_the_field_are_grey(self, folder):
         files = [read_mesh_file(SAMPLES / "bumpy_star.ply"), read_mesh_file(folder / "curved.ply")]
         before, after = field_panels(files, "quality", colormap="auto", percentile=2.0, histogram=True)
@@ -108,9 +161,10 @@ def test_a_histogram_stands_on_its_bar(tmp_path):
     assert added > 20
     first = int(np.argmax((without != image[: len(without)]).any(axis=(1, 2))))
     columns = np.flatnonzero((np.ptp(image[first : first + added // 2], axis=2) > 0.3).any(axis=0))
-    row = image[first + added // 2]
-    assert row[columns[0], 2] > 0.7 > 0.4 > row[columns[0], 0]
-    assert row[columns[-1], 0] > 0.7 > 0.2 > row[columns[-1], 2]
+    row = image[first + 3 * added // 4]  # below the number that stands on the histogram
+    left, right = columns[0] + 2, columns[-1] - 2  # within the outlines
+    assert row[left, 2] > 0.7 > 0.4 > row[left, 0]
+    assert row[right, 0] > 0.7 > 0.2 > row[right, 2]
     gap = np.diff(columns).max()
     assert gap > 0.9 * (columns[-1] - columns[0])
 
@@ -142,6 +196,21 @@ class TestCommands:
         height, width = imread(folder / "both.png").shape[:2]
         assert height > 300
         assert width > 300
+
+    @pytest.mark.parametrize("suffix", [".jpg", ".pdf", ".svg"])
+    def test_pictures_of_other_formats_and_resolutions(self, folder, suffix):
+        result = run(folder, "render", "curved.ply", f"a{suffix}", "--size", 100, "--dpi", 300)
+        assert result.exit_code == 0, result.output
+        start = {".jpg": b"\xff\xd8\xff", ".pdf": b"%PDF", ".svg": b"<?xml"}[suffix]
+        data = (folder / f"a{suffix}").read_bytes()
+        assert data.startswith(start)
+        if suffix == ".jpg":
+            with Image.open(folder / "a.jpg") as image:
+                assert image.info["dpi"] == pytest.approx((300, 300), abs=1)
+
+    def test_a_scale_is_linear_or_symlog(self, folder):
+        assert run(folder, "render", "curved.ply", "s.png", "--scale", "symlog", "--histogram").exit_code == 0
+        assert run(folder, "render", "curved.ply", "t.png", "--scale", "log").exit_code == 2
 
     def test_a_given_range(self, folder):
         result = run(folder, "render", "curved.ply", "a.png", "--range", "-1", "2", "--size", 100, "--json")
@@ -176,6 +245,7 @@ def test_creases_are_tubes_in_their_colours():
     distance = cKDTree(panel.vertices[len(vertices) :]).query(points)[0]
     assert distance.max() < 0.0101
     assert {tuple(color) for color in panel.colors[len(vertices) :]} == {COLORS[line.kind] for line in creases.lines}
+    assert list(panel.names) == [("ridges", COLORS["ridge"]), ("ravines", COLORS["ravine"])]
     alone = crease_panel(vertices, faces, replace(creases, lines=creases.lines[:0]))
     assert len(alone.vertices) == len(vertices)
 

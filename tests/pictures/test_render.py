@@ -195,10 +195,42 @@ def test_the_up_axis_follows_the_shape() -> None:
         vertices = np.array([[0, 0, 0], size], dtype=np.float64)
         return Panel(vertices, NO_FACES, np.zeros(2))
 
-    assert scene.up_axis([panel(1.5, 1.5, 1.2)]) == "y"  # a bunny
-    assert scene.up_axis([panel(1, 1, 0)]) == "y"  # a height field over x, y
-    assert scene.up_axis([panel(0.5, 0.3, 1.8)]) == "z"  # a standing figure
-    assert scene.up_axis([panel(2.0, 0.3, 1.1)]) == "-z"  # an aeroplane with y up
+    assert scene.up_axis(panel(1.5, 1.5, 1.2)) == "y"  # a bunny
+    assert scene.up_axis(panel(1, 1, 0)) == "y"  # a height field over x, y
+    assert scene.up_axis(panel(0.5, 0.3, 1.8)) == "z"  # a standing figure
+    assert scene.up_axis(panel(2.0, 0.3, 1.1)) == "-z"  # an aeroplane with y up
+
+
+def test_a_mesh_is_seen_from_the_same_side_whatever_stands_beside_it(tmp_path: Path) -> None:
+    def panel(*size: float) -> Panel:
+        vertices, faces = plane()
+        heights = np.linspace(0, 1, len(vertices))[:, None] * np.array([0.0, 0.0, 1.0])
+        return Panel((vertices + heights) * size, faces, colors=np.full((len(vertices), 3), 0.5))
+
+    upright, sizes = panel(0.4, 0.4, 2.0), []
+    for others in ([], [panel(2.0, 0.4, 1.5)]):
+        render_panels(tmp_path / "a.png", [upright, *others], columns=1, size=(200, 200))
+        mesh = read(tmp_path / "a.png")[..., 0] < 0.9
+        rows = np.flatnonzero(mesh.any(axis=1))
+        mesh = mesh[rows[0] : rows[0] + int(np.argmax(np.append(np.diff(rows), 9) > 1)) + 1]  # the upper one
+        sizes.append([int(mesh.any(axis=axis).sum()) for axis in (0, 1)])
+    (width, height), (beside_width, beside_height) = sizes
+    assert height > 2 * width
+    assert height / width == pytest.approx(beside_height / beside_width, rel=0.1)
+
+
+def test_a_key_says_what_colours_stand_for(tmp_path: Path) -> None:
+    vertices, faces = plane()
+    look = {"colors": np.full((len(vertices), 3), 0.75)}
+    sizes = []
+    for names in ((), (("red", (1.0, 0.0, 0.0)), ("blue", (0.0, 0.0, 1.0)))):
+        render_panels(tmp_path / "a.png", [Panel(vertices, faces, names=names, **look)], size=(200, 200))
+        image = read(tmp_path / "a.png")
+        sizes.append(len(image))
+        for channel in (0, 2):
+            patches = (image[..., channel] > 0.9) & (np.delete(image, channel, axis=2).max(axis=2) < 0.1)
+            assert patches.any() == bool(names)
+    assert sizes[1] > sizes[0] + 20
 
 
 @pytest.mark.parametrize(("scale", "shift"), [(1e-9, 0.0), (1.0, 1e6), (1e9, 0.0)])

@@ -151,3 +151,22 @@ def test_targets_of_make_are_there():
         assert used
         named.update(used)
     assert named <= set(targets)
+
+
+@pytest.mark.skipif(shutil.which("make") is None, reason="there is no make on this machine")
+def test_make_takes_names_with_spaces():
+    done = subprocess.run(
+        ["make", "-n", "--no-print-directory", "demo", "MESH=my scan.obj", "OUT=my results"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
+    assert shlex.split(done.stdout.splitlines()[-1])[-3:] == ["my scan.obj", "--out", "my results"]
+
+
+def test_every_public_name_has_a_reference():
+    """It stands in a page, as what `:::` names, by itself or as one of a module's."""
+    stub = (ROOT / "bezier_filters" / "__init__.pyi").read_text(encoding="utf-8")
+    pages = "\n".join(page.read_text(encoding="utf-8") for page in (ROOT / "docs").rglob("*.md"))
+    described = {name.rpartition(".")[2] for name in re.findall(r"^::: ([\w.]+)", pages, re.MULTILINE)}
+    assert set(re.findall(r" as (\w+)", stub)) - described == {"__version__"}

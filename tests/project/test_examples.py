@@ -130,12 +130,14 @@ def test_the_papers_fields_agree_with_ours_but_for_detail(run):
 
 
 def test_edges_and_corners_of_a_part_are_there_again(run):
-    from ex12_part_like_the_fandisk import ANGLE, HEIGHT, INNER, OUTER, fan
+    from ex12_part_like_the_fandisk import arrays, distance_to_fan
+    from ex12_part_like_the_fandisk import load as load_sample
 
     result, _ = run(12)
-    assert result["filled, automatic"] == 3
-    assert result["distance, automatic [mean edges]"] < 0.1 * result["distance, paper [mean edges]"]
-    vertices, faces = fan(60)
-    a, b, c = vertices[faces].transpose(1, 0, 2)
-    volume = np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0
-    assert volume == pytest.approx(0.5 * ANGLE * (OUTER**2 - INNER**2) * HEIGHT, rel=1e-3)
+    assert result["filled, automatic"] == 4
+    assert result["parts, paper"] == result["parts, automatic"] == [2, 2, 3, 3]
+    automatic, paper, one_patch = (
+        result[f"distance, {name} [mean edges]"] for name in ("automatic", "paper", "paper, one patch")
+    )
+    assert automatic < 0.1 * paper < 0.01 * one_patch
+    assert distance_to_fan(arrays(load_sample("fan.ply"))[0]).max() < 1e-12

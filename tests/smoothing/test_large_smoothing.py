@@ -11,7 +11,7 @@ from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.runtime.parallel import CHUNK
 from bezier_filters.smoothing import denoise, mesh_parts
 from bezier_filters.smoothing.mesh_parts import CORE, LARGEST_WHOLE, PART, sampled_parts
-from bezier_filters.smoothing.vertex_update import ROUNDS, move_to_normals
+from bezier_filters.smoothing.vertex_update import UPDATE_ROUNDS, move_to_normals
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, sphere
 
 compiled = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
@@ -99,7 +99,7 @@ def test_the_polynomial_does_what_all_the_rounds_would():
     normals = face_normals(ball.vertices, ball.faces)
     movable = noisy[:, 2] > -0.5
     expected, counts = noisy.copy(), np.bincount(mesh.faces.ravel())[:, np.newaxis]
-    for _ in range(ROUNDS):
+    for _ in range(UPDATE_ROUNDS):
         centers = expected[mesh.faces].mean(axis=1)
         steps = np.zeros_like(expected)
         for k in range(3):

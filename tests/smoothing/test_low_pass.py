@@ -7,7 +7,7 @@ from numba import config
 from bezier_filters.meshes.adjacency import mean_edge, vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.smoothing.chebyshev import ORDER, diffuse, low_pass
-from bezier_filters.smoothing.clusters import clusters_of
+from bezier_filters.smoothing.clusters import SURROUNDINGS, clusters_of
 from bezier_filters.smoothing.laplacian import cotangent_laplacian, umbrella_laplacian
 from bezier_filters.smoothing.low_pass import ORDERS, learn_low_pass, strongest
 from bezier_filters.smoothing.mesh_parts import whole_mesh
@@ -177,8 +177,8 @@ def test_clusters_spread_values_as_far_as_the_mesh_does():
     adjacency = vertex_adjacency(mesh)
     clusters = clusters_of(whole_mesh(mesh, adjacency))
     values = np.random.default_rng(0).standard_normal((mesh.vertex_count, 3))
-    on_mesh = diffuse(umbrella_laplacian(mesh, adjacency, "free"), values, 100.0)
-    means = clusters.diffuse(clusters.means(values), 100.0)
+    on_mesh = diffuse(umbrella_laplacian(mesh, adjacency, "free"), values, SURROUNDINGS)
+    means = clusters.diffuse(clusters.means(values))
     on_clusters = clusters.at_vertices(means)
     assert on_clusters.std() == pytest.approx(on_mesh.std(), rel=0.15)
     assert np.corrcoef(on_mesh.ravel(), on_clusters.ravel())[0, 1] > 0.95
@@ -189,7 +189,7 @@ def test_clusters_cover_what_is_not_connected():
     clusters = clusters_of(whole_mesh(square, vertex_adjacency(square)))
     assert sorted(clusters.sizes) == [1.0, 4.0]
     assert np.allclose(clusters.means(np.arange(5.0)[:, np.newaxis])[:, 0], [1.5, 4.0])
-    assert np.isfinite(clusters.diffuse(np.ones((2, 1)), 100.0)).all()
+    assert np.isfinite(clusters.diffuse(np.ones((2, 1)))).all()
 
 
 def test_risks_are_those_of_known_estimates():

@@ -323,6 +323,35 @@ def test_bad_parameters_are_named(parameters, message):
         smooth(ball.vertices, ball.faces, **parameters)
 
 
+def test_the_paper_s_smoothing_holds_what_has_no_patch():
+    """A fin on a sphere: both ends of its edge stay, all others come as near as without it."""
+    ball = sphere(resolution=12)
+    noisy = ball.vertices * (1.0 + np.random.default_rng(0).normal(scale=0.01, size=len(ball.vertices)))[:, np.newaxis]
+    a, b = ball.faces[100][:2]
+    with_fin = np.vstack([noisy, 1.5 * noisy[a]]), np.vstack([ball.faces, [[a, b, len(noisy)]]])
+    result = smooth(*with_fin, "paper")
+    np.testing.assert_array_equal(result.vertices[[a, b]], noisy[[a, b]])
+    far = np.linalg.norm(ball.vertices - ball.vertices[a], axis=1) > 0.5
+    np.testing.assert_allclose(result.vertices[:-1][far], smooth(noisy, ball.faces, "paper").vertices[far], atol=1e-12)
+
+
+def test_the_paper_s_smoothing_goes_no_farther_than_neighbours():
+    """A corner of a coarse, deep dish, whose patch is two edges off."""
+    rng = np.random.default_rng(1)
+    ball = sphere(resolution=3)
+    crumpled = ball.vertices * rng.uniform(0.05, 1.0, (len(ball.vertices), 1)) ** 2
+    edges = np.linalg.norm(crumpled[ball.faces] - crumpled[np.roll(ball.faces, 1, axis=1)], axis=2)
+    longest = np.zeros(len(crumpled))
+    for k in range(3):
+        np.maximum.at(longest, ball.faces[:, k], np.maximum(edges[:, k], edges[:, (k + 1) % 3]))
+    patches = estimate_vertex_geometry(crumpled, ball.faces, rings=2, alpha=0.8, smoothness="paper")
+    far = np.linalg.norm(patches.displacements, axis=1) > longest
+    moved = smooth(crumpled, ball.faces, "paper").displacement
+    assert far.any()
+    assert not moved[far].any()
+    assert (moved <= longest).all()
+
+
 def test_progress_ends_and_cancels(block):
     _, noisy, faces = block
     seen = []

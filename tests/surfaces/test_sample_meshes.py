@@ -21,6 +21,7 @@ RIMS = {
     "bumpy_star.ply": 0,
     "torus.ply": 0,
     "block.ply": 0,
+    "fan.ply": 1,
     "monkey_saddle.ply": 1,
     "waves.ply": 1,
     "punched_patch.ply": 4,

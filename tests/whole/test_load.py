@@ -115,6 +115,37 @@ def test_a_pool_of_processes_gives_the_same(method, tmp_path):
     assert result.returncode == 0, result.stderr
 
 
+OVERWRITING = """
+import multiprocessing, sys
+import pymeshlab
+import bezier_filters as bf
+def columns_overwritten(_):
+    ms = pymeshlab.MeshSet()
+    ms.create_sphere(subdiv=2)
+    for rings in (2, 3):
+        report = bf.compute_curvature_by_bezier_patch_per_vertex(ms, rings=rings, alpha=0.8)
+    return report["statistics"]
+if __name__ == "__main__":
+    if {by_the_user}:
+        ms = pymeshlab.MeshSet()
+        ms.create_sphere(subdiv=5)
+        ms.compute_selection_point_cloud_outliers()
+    here = columns_overwritten(0)
+    with multiprocessing.get_context("fork").Pool(2) as pool:
+        assert pool.map_async(columns_overwritten, range(2)).get(60) == [here, here]
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
+@pytest.mark.parametrize("by_the_user", [False, True])
+def test_a_forked_pool_overwrites_columns(by_the_user, tmp_path):
+    """pymeshlab's filter for it has threads of OpenMP, which a fork lacks; so do the user's own filters."""
+    script = tmp_path / "pool.py"
+    script.write_text(OVERWRITING.format(by_the_user=by_the_user))
+    result = subprocess.run([sys.executable, script], capture_output=True, encoding="utf-8", timeout=120)
+    assert result.returncode == 0, result.stderr
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux counts the memory of a process")
 @pytest.mark.parametrize("kind", ["functions", "filters"])

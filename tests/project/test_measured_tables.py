@@ -1,0 +1,198 @@
+"""Figures in the documents name the command and the commit that they come from, and tables that are kept stay true.
+
+Of every kept table a row that is cheap to compute is computed again. Seeds are fixed, so only rounding, and what is
+learned from it, may differ: 1 % for fits of given settings, 5 % where the data choose.
+"""
+
+import csv
+import re
+import shutil
+import subprocess
+from decimal import Decimal
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import accuracy
+import denoising
+import noise
+import red_blood_cell
+import reduction
+import smoothing
+import sub_holes
+import uneven_shape
+from bezier_filters import fill_holes, smooth, surfaces
+from bezier_filters.meshlab.meshset import shipped_bunny
+from cut_holes import compact, cut
+from peers import ours
+
+ROOT = Path(__file__).parents[2]
+RESULTS = ROOT / "benchmarks" / "results"
+DENOISING = ROOT.parent / "shared" / "cases" / "denoising"
+GIVEN, LEARNED = 0.01, 0.05
+COMMIT = re.compile(r"\b(?=[0-9a-f]*[0-9])[0-9a-f]{7}\b")
+MEASURED = re.compile(r"`python (?:benchmarks|docs)/\w+\.py[^`]*`")
+PAGES = [*sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs" / "decisions").glob("*.md"))]
+
+
+def kept(name, **where):
+    """The row of a kept table that has some values, as numbers where it can be."""
+    with (RESULTS / name).open(newline="", encoding="utf-8") as file:
+        rows = [row for row in csv.DictReader(file) if all(row[key] == str(value) for key, value in where.items())]
+    (row,) = rows
+    return row
+
+
+def assert_kept(row, found, tolerance):
+    """Numbers are those that are kept, up to a share of them."""
+    for name, value in found.items():
+        assert value == pytest.approx(float(row[name]), rel=tolerance), name
+
+
+# --- commands and commits -------------------------------------------------------------------------
+
+
+def sections_with_figures():
+    """Sections of the pages that say a benchmark was run."""
+    for page in PAGES:
+        for number, section in enumerate(re.split(r"\n(?=##? )", page.read_text(encoding="utf-8"))):
+            if MEASURED.search(section):
+                yield pytest.param(section, id=f"{page.stem}-{number}")
+
+
+@pytest.mark.parametrize("section", list(sections_with_figures()))
+def test_figures_name_their_commit(section):
+    commits = COMMIT.findall(section)
+    assert commits, "a benchmark is named, but not the commit at which it ran"
+    if shutil.which("git") and (ROOT / ".git").exists():
+        for commit in commits:
+            found = subprocess.run(["git", "cat-file", "-e", f"{commit}^{{commit}}"], cwd=ROOT, check=False)
+            assert found.returncode == 0, f"there is no commit {commit}"
+
+
+def rows_of_page(page, columns):
+    """Cells of the tables of a page that have so many columns, without marks."""
+    lines = [line for line in (ROOT / "docs" / page).read_text(encoding="utf-8").splitlines() if line.startswith("|")]
+    cells = [[re.sub(r"[* x]+$|^[* ]+", "", cell) for cell in line.strip("|").split("|")] for line in lines]
+    return [row for row in cells if len(row) == columns]
+
+
+def assert_printed(text, value):
+    """A number is the rounded one that is printed."""
+    assert abs(float(text) - value) < 0.51 * 10.0 ** Decimal(text).as_tuple().exponent, (text, value)
+
+
+def test_the_page_of_accuracy_has_the_kept_figures():
+    noise, compared = None, 0
+    for level, method, *figures in rows_of_page("accuracy.md", 5):
+        noise = {"0": 0.0, "0.01": 0.01, "0.1": 0.1}.get(level, noise)
+        name = method.removesuffix(" (default)")
+        if name not in ("automatic", "2 rings, alpha 0.8", "paper", "Razdan-Bae"):
+            continue
+        with (RESULTS / "accuracy.csv").open(newline="", encoding="utf-8") as file:
+            rows = [row for row in csv.DictReader(file) if float(row["noise"]) == noise and row["method"] == name]
+        for text, column in zip(figures, ("normal_degrees", "mean_curvature", "gaussian_curvature"), strict=True):
+            assert_printed(text, np.exp(np.mean(np.log([float(row[column]) for row in rows]))))
+            compared += 1
+    assert compared == 36
+
+
+def test_the_page_of_accuracy_has_the_kept_deviations():
+    noise, quantity, compared = None, None, 0
+    columns = {"normal": "normal_degrees", "H": "mean_curvature", "K": "gaussian_curvature"}
+    for first, method, *figures in rows_of_page("accuracy.md", 7):
+        noise = {"clean": 0.0, "noise 0.05": 0.05}.get(first, noise)
+        quantity = columns.get(first, quantity)
+        if noise is None or method not in ("automatic (default)", "automatic on 2 rings", "paper"):
+            continue
+        for text, deleted in zip(figures, (10, 30, 50, 70, 90), strict=True):
+            name = method.removesuffix(" (default)")
+            assert_printed(
+                text, float(kept("reduction.csv", noise=noise, deleted_percent=deleted, method=name)[quantity])
+            )
+            compared += 1
+    assert compared == 90
+
+
+def test_the_page_of_holes_has_the_kept_figures():
+    fillers = ["ours", "ours, paper", "MeshLab", "CGAL, continuity 1", "CGAL, continuity 2", "MeshLib", "pymeshfix"]
+    with (RESULTS / "holes.csv").open(newline="", encoding="utf-8") as file:
+        cases = {row["case"].replace("_", " "): row["case"] for row in csv.DictReader(file)}
+    rows = [row for row in rows_of_page("holes.md", 8) if row[0] in cases]
+    assert len(rows) == len(cases)
+    for case, *figures in rows:
+        for text, filler in zip(figures, fillers, strict=True):
+            assert_printed(text, float(kept("holes.csv", case=cases[case], filler=filler)["rms"]))
+
+
+# --- rows of kept tables --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("method", "level", "tolerance"), [("paper", 0.0, GIVEN), ("paper", 0.1, GIVEN), ("automatic", 0.1, LEARNED)]
+)
+def test_accuracy(method, level, tolerance):
+    surface = accuracy.SURFACES["ellipsoid"](30)
+    estimate = accuracy.methods()[method](accuracy.with_noise(surface, level, 0), surface.faces)
+    found = accuracy.errors(surface, estimate, accuracy.inner_vertices(surface))
+    row = kept("accuracy.csv", surface="ellipsoid", noise=level, method=method)
+    assert_kept(row, dict(zip(list(row)[3:], found, strict=True)), tolerance)
+
+
+@pytest.mark.parametrize(("method", "tolerance"), [("paper", GIVEN), ("automatic", LEARNED)])
+def test_red_blood_cell(method, tolerance):
+    (surface,) = red_blood_cell.sampled(None, 8)
+    found = red_blood_cell.errors(surface, red_blood_cell.methods()[method](surface.vertices, surface.faces))
+    for quantity, (mean, largest) in found.items():
+        row = kept("red_blood_cell.csv", triangles=1280, method=method, quantity=quantity)
+        assert_kept(row, {"mean_error": mean, "max_error": largest}, tolerance)
+
+
+def test_deleted_vertices():
+    methods = {"paper": ours(smoothness="paper")}
+    ((_, _, _, *found),) = reduction.measured(*reduction.model(shipped_bunny()), methods, (90,), (0.0,), 0)
+    row = kept("reduction.csv", noise=0.0, deleted_percent=90, method="paper")
+    assert_kept(row, dict(zip(list(row)[3:], found, strict=True)), GIVEN)
+
+
+def test_uneven_shape():
+    surface, regular, _ = uneven_shape.shape(30, 1, 0)
+    estimate = uneven_shape.methods()["paper"](surface.vertices, surface.faces)
+    row = kept("uneven_shape.csv", kept_percent=30, noise=0.0, method="paper")
+    assert_kept(row, dict(zip(list(row)[3:], uneven_shape.errors(surface, regular, estimate), strict=True)), GIVEN)
+
+
+@pytest.mark.parametrize(("filler", "method"), [("ours", "auto"), ("ours, paper", "paper")])
+def test_holes(filler, method):
+    ball = surfaces.sphere(resolution=28)
+    case = cut("sphere 0.1", ball.vertices, ball.faces, np.array([0.3, 0.4, 0.87]), 0.2)
+    vertices, faces = compact(case.vertices, case.faces)
+    result = fill_holes(vertices, faces, method)
+    row = kept("holes.csv", case="sphere 0.1", filler=filler)
+    assert_kept(row, {"rms": sub_holes.rms(case, result.vertices, result.faces[len(faces) :])}, LEARNED)
+
+
+@pytest.mark.parametrize(("method", "tolerance"), [("auto", LEARNED), ("paper", GIVEN)])
+def test_smoothing(method, tolerance):
+    case = smoothing.made_cases()["sphere"]
+    scores = smoothing.scores(smooth(smoothing.with_noise(case, 1), case.faces, method).vertices, case)
+    row = kept("smoothing.csv", case="sphere", method="automatic" if method == "auto" else method, seed=1)
+    assert_kept(row, {name: scores[name] for name in ("angle", "volume")}, tolerance)
+
+
+@pytest.mark.slow
+def test_noise():
+    values = np.array([noise.measure("white", 0.05, make(), 5) for make in noise.SURFACES.values()])
+    row = kept("noise.csv", kind="white", level=0.05)
+    means = np.exp(np.log(values[:, :4]).mean(axis=0))
+    assert_kept(row, dict(zip(list(row)[2:6], means, strict=True)), LEARNED)
+
+
+@pytest.mark.skipif(not DENOISING.is_dir(), reason="the models are not part of the project")
+def test_denoising():
+    case = next(case for case in denoising.cases(DENOISING) if (case.name, case.level) == ("Pyramid", "n1"))
+    rows, _ = denoising.rows_of(case)
+    for found in rows[:2]:
+        row = kept("denoising.csv", case="Pyramid", level="n1", method=found["method"])
+        assert_kept(row, {name: float(found[name]) for name in ("angle", "height", "volume")}, LEARNED)
