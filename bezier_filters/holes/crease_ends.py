@@ -80,7 +80,7 @@ def crease_ends(region: InfluenceRegion, creases: Creases) -> list[CreaseEnd]:
         chains = [_chain(region.shape, leaving, [vertex, other]) for other in leaving.get(vertex, [])]
         chain = max(chains, key=len, default=[])  # of equally long ones the one that leaves by the first half-edge
         # round a corner, or to one where creases meet
-        goes_on = len(chain) > 1 and (chain[0], chain[1]) in clear and len(leaving[chain[1]]) > 1
+        goes_on = len(chain) > 1 and (chain[0], chain[1]) in clear and len(leaving.get(chain[1], [])) > 1
         if len(chain) > SHORTEST or goes_on:
             result.append(_end(region, position, chain, convex[chain[0], chain[1]]))
     return list({end.position: end for end in sorted(result, key=lambda end: end.position)}.values())

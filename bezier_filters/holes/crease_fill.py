@@ -155,7 +155,10 @@ def _side(region: InfluenceRegion, faces: BoolArray) -> FloatArray:
     ids, local = np.unique(region.faces[faces], return_inverse=True)
     normals = np.zeros_like(region.vertices)
     if len(ids):
-        geometry = estimate_vertex_geometry(region.vertices[ids], local.reshape(-1, 3), threads=1)
+        points = region.vertices[ids]
+        # A side may be too small to be a mesh of its own; normals do not depend on its size.
+        points = np.ldexp(points, -np.frexp(np.abs(points).max())[1])
+        geometry = estimate_vertex_geometry(points, local.reshape(-1, 3), threads=1)
         normals[ids] = geometry.normals
     return normals
 
@@ -360,11 +363,11 @@ def onto_intersection(points: FloatArray, surfaces: Sequence[ImplicitSurface], l
     Points that would go farther than a limit stay where they are; so they do in directions that surfaces
     nearly tangent to each other do not determine.
     """
-    result = points.copy()
+    result, longest = points.copy(), max(0.2 * limit, 1e-300)
     for _ in range(NEWTON_STEPS):
         values, gradients = _values(surfaces, result)
         steps = np.einsum("nij,nj->ni", np.linalg.pinv(gradients, rcond=WEAKEST), values)
         lengths = np.linalg.norm(steps, axis=1, keepdims=True)
-        result = result - steps * np.minimum(1.0, 0.2 * limit / np.maximum(lengths, 1e-300))
+        result = result - steps * (longest / np.maximum(lengths, longest))
     moved = np.linalg.norm(result - points, axis=1) <= limit
     return np.where((moved & np.isfinite(result).all(axis=1))[:, np.newaxis], result, points)

@@ -24,6 +24,9 @@ def test_bad_meshes(name):
 @settings(max_examples=12, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 @example(212)  # so noisy that every way to have no new bad face leaves more bad ones
+@example(64)  # a crease with too few faces beside it, at coordinates of 1e25
+@example(95)  # a crease whose only edge at its tip is that of two faces that disagree
+@example(1350)  # a side of a crease of coordinates below 1e-40
 def test_mutated_meshes(check, seed):
     CHECKS[check](*mutated(seed))
 
