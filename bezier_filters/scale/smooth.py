@@ -34,7 +34,13 @@ from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_fac
 from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, MeshPart
 from bezier_filters.smoothing.noise import ROUGHNESS_RINGS, roughest, roughness
 from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, check_smoothing, sound_displacements
-from bezier_filters.smoothing.volume import component_gains, component_volumes, movement_around, offset_along_normals
+from bezier_filters.smoothing.volume import (
+    component_gains,
+    component_volumes,
+    movement_around,
+    offset_along_normals,
+    offset_steps,
+)
 
 PAPER = FitOptions(rings=2, alpha=0.8, smoothness="paper")  # as ``bezier_filters.smooth(..., method="paper")``
 IN_STORE = {"auto": (90, 56), "paper": (0, 64)}  # bytes per vertex in the store, once and for each iteration
@@ -181,7 +187,7 @@ def _automatic(
         before, now, gains = _component_sums(done.tiles, ("before", "now", "gains"), components.count)
         volume_before = float(before.sum())
         if keep_volume:
-            steps = np.divide(before - now, gains, out=np.zeros(components.count), where=gains > 0.0)
+            steps = offset_steps(before - now, gains)
     of_steps = None if steps is None else saved_array(results / "steps.bin", steps)
     finish = partial(finish_tile, mesh, current, folders, borders == "fixed", components, of_steps)
     done = run.tiles("finish", results / "finish", finish)

@@ -1,6 +1,7 @@
 """Volumes of the closed components of a mesh, and how to keep them."""
 
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -13,6 +14,7 @@ from bezier_filters.runtime.jit import jit
 
 NEWTON_STEPS = 4  # of Newton's method; the volume is a polynomial that is nearly linear in a small offset
 EXACT = 1e-13  # relative error at which it ends early
+FLAT = 1e-9  # where the vector area around a vertex is so small a part of the area, there is no outside
 
 
 @dataclass(frozen=True)
@@ -64,10 +66,19 @@ def restore_volumes(
         wanted = volumes - component_volumes(components, current)
         if not (np.abs(wanted) > EXACT * np.abs(volumes)).any():
             break
-        gained = component_gains(components, current, amounts)
-        steps = np.divide(wanted, gained, out=np.zeros(components.count), where=gained > 0.0)
+        steps = offset_steps(wanted, component_gains(components, current, amounts))
         points = offset_along_normals(components, current, steps, amounts)
     return points
+
+
+def offset_steps(wanted: FloatArray, gained: FloatArray) -> FloatArray:
+    """How far components move out, times their amounts, to gain volumes (c,), from what they gain per unit.
+
+    Nothing moves farther than its amount: where that does not give the volume, faces nearly cancel, as those of a
+    double sheet do, and there is none to restore.
+    """
+    steps = np.divide(wanted, gained, out=np.zeros(len(wanted)), where=gained > 0.0)
+    return np.clip(steps, -1.0, 1.0)
 
 
 def component_gains(components: ClosedComponents, mesh: TriangleMesh, amounts: FloatArray) -> FloatArray:
@@ -101,10 +112,11 @@ def movement_around(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray
 
 
 def _gradient(mesh: TriangleMesh) -> tuple[FloatArray, FloatArray]:
-    """Derivative of the volume by every vertex, (n, 3), and its length, (n,)."""
-    gradient = np.zeros_like(mesh.vertices)
-    _add_gradient(mesh.vertices, mesh.faces, gradient)
-    return gradient, np.sqrt(np.einsum("ij,ij->i", gradient, gradient))
+    """Derivative of the volume by every vertex, (n, 3), and its length, (n,), 0 where the faces around it cancel."""
+    gradient, areas = np.zeros_like(mesh.vertices), np.zeros(mesh.vertex_count)
+    _add_gradient(mesh.vertices, mesh.faces, gradient, areas)
+    lengths = np.sqrt(np.einsum("ij,ij->i", gradient, gradient))
+    return gradient, np.where(lengths > FLAT * areas, lengths, 0.0)
 
 
 @jit()
@@ -122,12 +134,14 @@ def _add_volumes(
 
 
 @jit()
-def _add_gradient(vertices: FloatArray, faces: IntArray, gradient: FloatArray) -> None:
-    """Add the derivative of the volume by every vertex: a third of the vector area around it."""
+def _add_gradient(vertices: FloatArray, faces: IntArray, gradient: FloatArray, areas: FloatArray) -> None:
+    """Add the derivative of the volume by every vertex: a third of the vector area around it. Areas are thirds, too."""
     for f in range(len(faces)):
         x, y, z = face_normal(vertices, faces, f)
+        area = sqrt(x * x + y * y + z * z) / 6.0
         for k in range(3):
             i = faces[f, k]
             gradient[i, 0] += x / 6.0
             gradient[i, 1] += y / 6.0
             gradient[i, 2] += z / 6.0
+            areas[i] += area

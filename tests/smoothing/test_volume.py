@@ -5,7 +5,7 @@ import pytest
 
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
-from bezier_filters.smoothing.volume import ClosedComponents, component_volumes, restore_volumes
+from bezier_filters.smoothing.volume import NEWTON_STEPS, ClosedComponents, component_volumes, restore_volumes
 from bezier_filters.surfaces import block_with_sharp_edges, sphere, waves
 
 
@@ -59,6 +59,27 @@ def test_volumes_are_reached_where_amounts_allow(two_bodies_and_a_sheet):
     assert np.array_equal(result[:end_of_block], mesh.vertices[:end_of_block])
     outside = components.of_vertex < 0
     assert np.array_equal(result[outside], mesh.vertices[outside])
+
+
+def test_double_sheets_have_no_volume_to_restore():
+    """Faces of both sides cancel, so what is left of a volume or of a direction outwards is rounding."""
+    sheet, rng = waves(resolution=6), np.random.default_rng(0)
+    triangle = triangle_mesh(rng.normal(size=(3, 3)), [[0, 1, 2], [0, 2, 1]])
+    double = triangle_mesh(sheet.vertices[:, [2, 0, 1]], np.vstack([sheet.faces, sheet.faces[:, ::-1]]))
+    for mesh in (triangle, double):
+        of_vertex = np.zeros(mesh.vertex_count, dtype=np.int64)
+        components = ClosedComponents(of_vertex, mesh.vertices[:1])
+        moved = mesh.vertices + 0.01 * rng.normal(size=mesh.vertices.shape)
+        volumes = component_volumes(components, mesh)
+        result = restore_volumes(components, TriangleMesh(moved, mesh.faces), volumes, np.full(len(moved), 0.01))
+        assert np.array_equal(result, moved)
+
+
+def test_no_vertex_moves_farther_than_its_amount_in_a_step():
+    mesh = triangle_mesh(*block_with_sharp_edges(resolution=4))
+    amounts = np.full(mesh.vertex_count, 1e-3)
+    result = restore_volumes(components_of(mesh), mesh, 2.0 * volumes_of(mesh), amounts)
+    assert 0.0 < np.linalg.norm(result - mesh.vertices, axis=1).max() <= NEWTON_STEPS * 1e-3 * (1 + 1e-9)
 
 
 def test_meshes_that_enclose_nothing():
