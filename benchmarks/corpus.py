@@ -238,6 +238,7 @@ def rows_of(path):
     with TemporaryDirectory() as folder:
         while names:
             lines = Path(folder) / "lines"
+            lines.unlink(missing_ok=True)  # its time is that of the process before
             child = os.fork()
             if child == 0:
                 try:
