@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from bezier_filters.errors import FieldFileError
+from bezier_filters.files.gltf_check import check_gltf
 
 HEADER_LIMIT = 1 << 20  # bytes at the beginning of a file that hold its header; real ones have a few hundred
 BYTE_ORDER = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
@@ -139,11 +140,14 @@ def check_lines(path: Path, stream: BinaryIO, header: PlyHeader) -> None:
 
 
 def check_header(path: str | os.PathLike[str]) -> None:
-    """Refuse a PLY, binary STL or ASCII OFF file that is too short for what its header announces.
+    """Refuse a PLY, binary STL or ASCII OFF file that is too short for what its header announces, and broken glTF.
 
     What is not understood passes: its own reader has to judge.
     """
     path = Path(path)
+    if path.suffix.lower() in (".gltf", ".glb"):
+        check_gltf(path)
+        return
     with path.open("rb") as stream:
         head = stream.read(HEADER_LIMIT)
     check = {".ply": _check_ply, ".stl": _check_stl, ".off": _check_off}.get(path.suffix.lower())
