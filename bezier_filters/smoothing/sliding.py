@@ -26,6 +26,7 @@ UNEVEN = 0.8
 # height of a face over its longest edge from which down it is narrow, if filters would make it wider by a factor
 NARROW, WIDER = 0.05, 2.0
 SLIDING_STEPS = 4  # in which the vertices of narrow faces slide ever farther, up to where filters take them
+FARTHEST = 2.0  # times the longest edge at a vertex: what would go farther has not been estimated but flung
 MANY = 0.05  # share of the vertices at narrow faces beyond which there is noise in all directions everywhere
 
 
@@ -61,12 +62,19 @@ def sliding_of(
 def held_back(
     mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray, sliding: Sliding, *, threads: int = 1
 ) -> FloatArray:
-    """Where vertices that would move to points (n, 3) end if not all of them slide. Those at borders do."""
+    """Where vertices that would move to points (n, 3) end if not all of them slide. Those at borders do.
+
+    None goes farther than a multiple of its longest edge.
+    """
     if sliding == Sliding.ALL:
-        return points
-    held = _along_normals(mesh, adjacency, points, threads)
-    slides = _slides(mesh, points, held, NARROW if sliding == Sliding.NARROW else 0.0, threads)
-    return _slid(held, points, slides)
+        result = points.copy()
+    else:
+        held = _along_normals(mesh, adjacency, points, threads)
+        slides = _slides(mesh, points, held, NARROW if sliding == Sliding.NARROW else 0.0, threads)
+        result = _slid(held, points, slides)
+    rows = adjacency.faces
+    run_kernel(_shorten, len(result), mesh.vertices, mesh.faces, rows.indptr, rows.indices, result, threads=threads)
+    return result
 
 
 def _along_normals(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray, threads: int) -> FloatArray:
@@ -139,6 +147,30 @@ def _hold_back(
                 z - (xz * x + yz * y + zz * z) / total,
             )
         held[i, 0], held[i, 1], held[i, 2] = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
+
+
+@jit()
+def _shorten(
+    vertices: FloatArray,
+    faces: IntArray,
+    face_ptr: IntArray,
+    face_indices: IntArray,
+    points: FloatArray,
+    start: int,
+    stop: int,
+) -> None:
+    """End the moves of vertices start .. stop-1 to points where they are as long as the edges there allow."""
+    for i in range(start, stop):
+        x, y, z = points[i, 0] - vertices[i, 0], points[i, 1] - vertices[i, 1], points[i, 2] - vertices[i, 2]
+        longest = 0.0
+        for q in range(face_ptr[i], face_ptr[i + 1]):
+            longest = max(longest, longest_squared(vertices, faces, face_indices[q]))
+        move, most = np.sqrt(x * x + y * y + z * z), FARTHEST * np.sqrt(longest)
+        if move > most:
+            share = most / move
+            points[i, 0] = vertices[i, 0] + share * x
+            points[i, 1] = vertices[i, 1] + share * y
+            points[i, 2] = vertices[i, 2] + share * z
 
 
 @jit()

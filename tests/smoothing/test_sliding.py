@@ -5,7 +5,10 @@ import pytest
 from numba import config
 
 from bezier_filters import InvalidParameterError, smooth
+from bezier_filters.meshes.adjacency import vertex_adjacency
+from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.scale import FitOptions, smooth_file
+from bezier_filters.smoothing.sliding import FARTHEST, Sliding, held_back
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, torus
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
@@ -49,6 +52,24 @@ def test_vertices_of_edges_move_along_both_sides():
     assert np.sqrt(np.square(across).mean()) < 0.5 * np.sqrt(np.square((noisy - vertices)[on_edge]).mean())
     along = np.where(inside, moves, 0.0)[on_edge]
     assert np.sqrt(np.square(along).sum(axis=1).mean()) < 0.02 * edge
+
+
+@pytest.mark.parametrize("sliding", Sliding)
+def test_no_vertex_is_flung(sliding):
+    """A vertex ends within two of its longest edges, wherever the filters would take it; short moves stay."""
+    surface, rng = torus(resolution=12, jitter=0.3), np.random.default_rng(4)
+    mesh = triangle_mesh(surface.vertices, surface.faces)
+    corners = mesh.vertices[mesh.faces]
+    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    longest = np.zeros(mesh.vertex_count)
+    np.maximum.at(longest, mesh.faces, edges[:, np.newaxis])
+    lengths = np.where(np.arange(mesh.vertex_count) % 7 == 0, 10.0, 0.02)[:, np.newaxis] * longest[:, np.newaxis]
+    points = mesh.vertices + rng.choice([-1.0, 1.0], lengths.shape) * lengths * surface.normals
+    held = held_back(mesh, vertex_adjacency(mesh), points, sliding)
+    moved = np.linalg.norm(held - mesh.vertices, axis=1)
+    assert (moved <= FARTHEST * longest * (1 + 1e-12)).all()
+    if sliding == Sliding.ALL:
+        assert np.allclose(moved, np.minimum(lengths[:, 0], FARTHEST * longest))
 
 
 def test_vertices_slide_where_noise_in_all_directions_turns_faces_over():
