@@ -32,6 +32,7 @@ from bezier_filters.holes.smooth_fill import Attempt, first_fill, meet_rim, proj
 STRAIGHT = 0.3  # bending energy of a curve that is taken as it is: it turns by some 30 degrees
 FARTHEST = 0.5  # times the diameter of the rim: how far a curve or corner may move to the intersection of surfaces
 NEWTON_STEPS, STEPS_TO_CORNER = 12, 60
+LEAVING = "its sharp edges meet far out of the hole"
 WEAKEST = 0.15  # least share of the strongest direction in which surfaces determine their intersection
 # bending energy of a curve over a unit chord, from which on its ends do not belong together: half a circle has 10
 LARGEST_BEND = 12.0
@@ -76,8 +77,21 @@ def crease_attempts(
             yield Attempt("creases", None, fill) if isinstance(fill, str) else fill
             if isinstance(fill, str):
                 continue
-        fill = _with_parts(cut, *_first_curves(cut, []), [fill_part or _spanned] * cut.part_count)
+        corners, curves = _first_curves(cut, [])
+        if _leave(region, curves):
+            yield Attempt("creases", None, LEAVING)
+            continue
+        fill = _with_parts(cut, corners, curves, [fill_part or _spanned] * cut.part_count)
         yield Attempt("creases", None, fill) if isinstance(fill, str) else fill
+
+
+def _leave(region: InfluenceRegion, curves: Sequence[_Curve]) -> bool:
+    """Whether curves end in a corner far away, as that of lines nearly parallel: they would have thousands of points."""
+    rim = region.rim_vertices
+    low, high = rim.min(axis=0), rim.max(axis=0)
+    farthest = float(np.linalg.norm(high - low))
+    points = np.vstack([np.empty((0, 3)), *(curve.points for curve in curves)])
+    return bool(((points < low - farthest) | (points > high + farthest)).any())
 
 
 def _fill(cut: CutHole, *, noisy: bool) -> Attempt | str:
@@ -86,6 +100,8 @@ def _fill(cut: CutHole, *, noisy: bool) -> Attempt | str:
     normals = [_side(region, cut.part_of_face == part) for part in range(cut.part_count)]
     surfaces = _surfaces(region, normals, [], noisy=noisy)
     corners, curves = _first_curves(cut, surfaces)
+    if _leave(region, curves):
+        return LEAVING
     for part, surface in enumerate(surfaces):  # a strip between creases needs none
         if surface is None and sum(part in curve.sides for curve in curves) < 2:
             return "too few faces on one side of a crease"

@@ -4,7 +4,14 @@ from hole_cases import assert_filled, sheet, without_faces_near
 
 from bezier_filters import fill_holes
 from bezier_filters.holes.crease_ends import CreaseEnd
-from bezier_filters.holes.crease_fill import bending_energy, evenly_spaced, groupings, hermite_curve, nearest_corner
+from bezier_filters.holes.crease_fill import (
+    LEAVING,
+    bending_energy,
+    evenly_spaced,
+    groupings,
+    hermite_curve,
+    nearest_corner,
+)
 from bezier_filters.surfaces import block_with_sharp_edges
 
 
@@ -315,3 +322,18 @@ def test_bending_energy_of_an_arc_is_the_squared_angle(angle):
     start, stop = np.zeros(3), np.array([1.0, 0.0, 0.0])
     leaves, arrives = (np.array([np.cos(angle / 2), s * np.sin(angle / 2), 0.0]) for s in (1.0, -1.0))
     assert bending_energy(start, leaves, stop, arrives) == pytest.approx(angle**2, rel=0.05)
+
+
+def test_no_curves_to_a_corner_far_away():
+    """The edges of an obelisk meet high above it: curves to there would have as many points as its height has edges."""
+    n, apex, side = 8, 100.0, np.linspace(-0.5, 0.5, 9)[:-1]
+    quarter = np.column_stack([side, np.full(n, -0.5)])
+    ring = np.vstack([quarter @ np.array([[c, s], [-s, c]]) for c, s in ((1, 0), (0, 1), (-1, 0), (0, -1))])
+    layers = [np.column_stack([ring * (1.0 - z / apex), np.full(4 * n, z)]) for z in np.linspace(0.0, 1.0, n + 1)]
+    a = np.arange(4 * n * n)
+    b = a - a % (4 * n) + (a + 1) % (4 * n)
+    faces = np.vstack([np.column_stack([a, b, b + 4 * n]), np.column_stack([a, b + 4 * n, a + 4 * n])])
+    result = fill_holes(np.vstack(layers), faces, outer_rims=True)
+    assert all(hole.filled for hole in result.holes)
+    assert any(LEAVING in hole.reason for hole in result.holes)
+    assert result.vertices[:, 2].max() < 2.0
