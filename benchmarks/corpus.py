@@ -238,7 +238,7 @@ def rows_of(path):
     with TemporaryDirectory() as folder:
         while names:
             lines = Path(folder) / "lines"
-            lines.unlink(missing_ok=True)  # its time is that of the process before
+            lines.write_text("", encoding="utf-8")  # not what the process before said, nor its time
             child = os.fork()
             if child == 0:
                 try:
@@ -360,6 +360,26 @@ def report(table):
         print(f"- {file} {name}: {ratio:.0f} times the median")
 
 
+def summarise(table, target):
+    """One row for each file: its size, the seconds of all operations, and what was not as it should be."""
+    with table.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    by_file = defaultdict(list)
+    for row in rows:
+        by_file[row["file"].partition("/")[2]].append(row)
+    with target.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["file", "vertices", "faces", "seconds", "findings"])
+        for name, of_file in sorted(by_file.items()):
+            words = [
+                f"{row['operation']} {row['result']}: {row['implausible'] or row['message'][:160]}"
+                for row in of_file
+                if row["result"] != "done" or row["implausible"]
+            ]
+            seconds = sum(float(row["seconds"] or 0.0) for row in of_file)
+            writer.writerow([name, of_file[0]["vertices"], of_file[0]["faces"], f"{seconds:.2f}", "; ".join(words)])
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, nargs="?")
@@ -367,6 +387,7 @@ def main():
     parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)))
     parser.add_argument("--largest", type=int, default=50_000_000, help="bytes of a file; larger ones are left out")
     parser.add_argument("--report", action="store_true", help="only print what the table says")
+    parser.add_argument("--summary", type=Path, help="write one row for each file to this CSV file, too")
     arguments = parser.parse_args()
     if not arguments.report:
         if arguments.folder is None or not arguments.folder.is_dir():
@@ -375,6 +396,8 @@ def main():
         os.environ.setdefault("BEZIER_FILTERS_THREADS", "1")
         run(arguments.folder.resolve(), arguments.table, arguments.workers, arguments.largest)
     report(arguments.table)
+    if arguments.summary:
+        summarise(arguments.table, arguments.summary)
 
 
 if __name__ == "__main__":

@@ -86,7 +86,7 @@ def crease_attempts(
 
 
 def _leave(region: InfluenceRegion, curves: Sequence[_Curve]) -> bool:
-    """Whether curves end in a corner far away, as that of lines nearly parallel: they would have thousands of points."""
+    """Whether curves end in a corner far away, as lines do that are nearly parallel: they have thousands of points."""
     rim = region.rim_vertices
     low, high = rim.min(axis=0), rim.max(axis=0)
     farthest = float(np.linalg.norm(high - low))
