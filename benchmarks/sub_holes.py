@@ -46,7 +46,7 @@ def random_holes(vertices: np.ndarray, faces: np.ndarray, count: int, ends: int,
         if len(holes) != 1:
             continue
         region = influence_region(mesh, adjacency, holes[0].loops)
-        if region.has_simple_rim and len(crease_ends(region, creases_around(region))) == ends:
+        if region.has_simple_rim and len(crease_ends(region, creases_around(region))[0]) == ends:
             found += 1
             yield case
 

@@ -30,8 +30,6 @@ class CreaseEnd:
     position: int  # place of the vertex in the rim loop
     tangent: FloatArray  # (3,): unit vector along the crease into the hole
     is_convex: bool  # whether the crease is a ridge, not a valley, seen from outside
-    # edges of the rim that are part of the crease, by the places of their first vertices
-    rim_edges: frozenset[int] = frozenset()
 
 
 def may_have_creases(region: InfluenceRegion) -> bool:
@@ -63,8 +61,12 @@ def creases_around(region: InfluenceRegion) -> Creases:
     return Creases(is_sharp, is_clear, is_convex, half_edge_twins(mesh))
 
 
-def crease_ends(region: InfluenceRegion, creases: Creases) -> list[CreaseEnd]:
-    """Ends of creases at the rim, in its order."""
+def crease_ends(region: InfluenceRegion, creases: Creases) -> tuple[list[CreaseEnd], frozenset[int]]:
+    """Ends of creases at the rim, in its order, and the edges of the rim that creases run along.
+
+    These are given by the places of their first vertices. A crease that touches the rim, or runs along it from one
+    vertex to another, does not go through the hole.
+    """
     start, end = ends_of_half_edges(region.faces)
     leaving: dict[int, list[int]] = {}
     convex: dict[tuple[int, int], bool] = {}
@@ -75,19 +77,50 @@ def crease_ends(region: InfluenceRegion, creases: Creases) -> list[CreaseEnd]:
         convex[a, b] = bool(creases.is_convex[half_edge])
         if creases.is_clear[half_edge]:
             clear.add((a, b))
-    result = []
-    for position, vertex in enumerate(region.loops[0].tolist()):
-        chains = [_chain(region.shape, leaving, [vertex, other]) for other in leaving.get(vertex, [])]
+    rim = region.loops[0]
+    after = region.normals_beyond(rim)
+    before = np.roll(after, 1, axis=0)
+    along_rim: list[frozenset[int]] = []
+    found: list[CreaseEnd] = []
+    for position, vertex in enumerate(rim.tolist()):
+        others = leaving.get(vertex, [])
+        if len(others) > 1 and before[position] @ after[position] > cos(ROUNDED):
+            continue
+        chains = [_chain(region.shape, leaving, [vertex, other]) for other in others]
         chain = max(chains, key=len, default=[])  # of equally long ones the one that leaves by the first half-edge
         # round a corner, or to one where creases meet
         goes_on = len(chain) > 1 and (chain[0], chain[1]) in clear and len(leaving.get(chain[1], [])) > 1
-        if len(chain) > SHORTEST or goes_on:
-            result.append(_end(region, position, chain, convex[chain[0], chain[1]]))
-    return list({end.position: end for end in sorted(result, key=lambda end: end.position)}.values())
+        if not (len(chain) > SHORTEST or goes_on):
+            continue
+        followed = [(_followed(region, position, chain), chain) for chain in chains]
+        (place, tangent, edges), chain = max(followed, key=lambda end: (len(end[0][2]), len(end[1])))
+        end_here = CreaseEnd(place, tangent, convex[chain[0], chain[1]])
+        if len(others) > 1 and not edges:
+            end_here = _end_at_corner(region, position, before[position], after[position])
+        found.append(end_here)
+        along_rim.append(edges)
+    ends = {
+        end.position: end
+        for end, edges in zip(found, along_rim, strict=True)
+        if along_rim.count(edges) < 2 or not edges
+    }
+    return [ends[position] for position in sorted(ends)], frozenset[int]().union(*along_rim)
 
 
-def _end(region: InfluenceRegion, position: int, chain: list[int], is_convex: bool) -> CreaseEnd:
-    """The end of a crease, followed along the rim where edges of the rim go on as it does."""
+def _end_at_corner(region: InfluenceRegion, position: int, before: FloatArray, after: FloatArray) -> CreaseEnd:
+    """The crease that leaves a corner at the rim, between the planes of the faces before and after it."""
+    rim = region.shape[region.loops[0]]
+    ahead, behind = rim[(position + 1) % len(rim)] - rim[position], rim[position - 1] - rim[position]
+    normal = before + after
+    axes = np.array([ahead, np.cross(normal, ahead) / max(float(np.linalg.norm(normal)), 1e-300)])
+    half = 0.5 * (np.arctan2(axes[1] @ behind, axes[0] @ behind) % (2.0 * np.pi))
+    across = np.cross(before, after)
+    is_convex = bool(across @ (np.array([np.cos(half), np.sin(half)]) @ axes) > 0.0)
+    return CreaseEnd(position, (across if is_convex else -across) / np.linalg.norm(across), is_convex)
+
+
+def _followed(region: InfluenceRegion, position: int, chain: list[int]) -> tuple[int, FloatArray, frozenset[int]]:
+    """Place and tangent of a crease's end, followed along the rim where edges of the rim go on as it does; these."""
     rim = region.loops[0]
     edges: set[int] = set()
     while True:
@@ -96,7 +129,7 @@ def _end(region: InfluenceRegion, position: int, chain: list[int], is_convex: bo
         cosines = {step: _cosine(tangent, region.shape[v] - region.shape[chain[0]]) for step, v in steps.items()}
         step = max(cosines, key=lambda step: cosines[step])
         if cosines[step] < ALONG or steps[step] in chain:
-            return CreaseEnd(position, tangent, is_convex, frozenset(edges))
+            return position, tangent, frozenset(edges)
         edges.add((position if step == 1 else position - 1) % len(rim))
         position = (position + step) % len(rim)
         chain = [steps[step], *chain]
@@ -131,22 +164,26 @@ def _tangent(points: FloatArray) -> FloatArray:
     return np.asarray(-slope / max(float(np.linalg.norm(slope)), 1e-300), dtype=np.float64)
 
 
-def _sectors(region: InfluenceRegion, creases: Creases, ends: list[CreaseEnd]) -> IntArray:
+def faces_on_its_side(region: InfluenceRegion, creases: Creases, along_rim: frozenset[int]) -> BoolArray:
+    """Which faces (m,) of a region are reached from the rim without crossing a crease, if none goes through it."""
+    return _sectors(region, creases, [], along_rim) >= 0
+
+
+def _sectors(region: InfluenceRegion, creases: Creases, ends: list[CreaseEnd], along_rim: frozenset[int]) -> IntArray:
     """Number of the crease end, before it along the rim, whose side each face is on, (m,); -1 if none reaches it.
 
     Faces are reached from the rim without crossing a sharp edge, but not from edges of the rim that are creases: their
     faces are on the other side.
     """
     positions = [end.position for end in ends]
-    sharp_rim = frozenset[int]().union(*(end.rim_edges for end in ends))
     faces = region.faces
     rim = region.loops[0]
     owner = np.searchsorted(positions, np.arange(len(rim)), side="right") - 1
     start, end = ends_of_half_edges(faces)
     sector_of_edge = {
-        (b, a): int(owner[k]) % len(positions)
+        (b, a): int(owner[k]) % max(len(positions), 1)
         for k, (a, b) in enumerate(zip(rim.tolist(), np.roll(rim, -1).tolist(), strict=True))
-        if k not in sharp_rim
+        if k not in along_rim
     }
     result = np.full(len(faces), -1, dtype=np.int32)
     front = []
@@ -184,10 +221,14 @@ class CutHole:
 
 
 def cut_hole(
-    region: InfluenceRegion, creases: Creases, ends: list[CreaseEnd], groups: list[tuple[int, ...]]
+    region: InfluenceRegion,
+    creases: Creases,
+    ends: list[CreaseEnd],
+    along_rim: frozenset[int],
+    groups: list[tuple[int, ...]],
 ) -> CutHole:
     """Find the parts of a hole, and the faces on their sides."""
-    sector_of_face = _sectors(region, creases, ends)
+    sector_of_face = _sectors(region, creases, ends, along_rim)
     part_of_sector = _parts(groups, len(ends))
     part_of_face = np.append(np.array(part_of_sector, dtype=np.int32), np.int32(-1))[sector_of_face]
     return CutHole(region, ends, groups, part_of_sector, part_of_face)

@@ -7,7 +7,7 @@ surfaces of their two sides meet, which in turn go through the curves.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from itertools import combinations
+from itertools import combinations, islice
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from bezier_filters.holes.crease_ends import (
     crease_ends,
     creases_around,
     cut_hole,
+    faces_on_its_side,
     may_have_creases,
     sub_hole,
 )
@@ -27,7 +28,14 @@ from bezier_filters.holes.implicit_surface import ImplicitSurface
 from bezier_filters.holes.influence_region import InfluenceRegion, vertex_pairs
 from bezier_filters.holes.planar_fill import lifted_fill
 from bezier_filters.holes.refinement import Fill
-from bezier_filters.holes.smooth_fill import Attempt, first_fill, meet_rim, project_to_surface, surface_around
+from bezier_filters.holes.smooth_fill import (
+    Attempt,
+    first_fill,
+    meet_rim,
+    project_to_surface,
+    smooth_attempts,
+    surface_around,
+)
 
 STRAIGHT = 0.3  # bending energy of a curve that is taken as it is: it turns by some 30 degrees
 FARTHEST = 0.5  # times the diameter of the rim: how far a curve or corner may move to the intersection of surfaces
@@ -59,19 +67,26 @@ def crease_attempts(
 ) -> Iterator[Attempt]:
     """Fills with the creases that end at the rim continued, the most likely first, or what went wrong; maybe none.
 
+    Where creases only pass by, a smooth fill of what is on this side of them.
+
     `fill_part` fills a part between cubic curves, or says why it cannot; by default parts and curves are taken to the
     surfaces of their sides first.
     """
     if not region.has_simple_rim or not may_have_creases(region):
         return
     creases = creases_around(region)
-    ends = crease_ends(region, creases)
+    ends, along_rim = crease_ends(region, creases)
     rim = region.loops[0]
-    for groups in groupings(ends, region.vertices[rim[[end.position for end in ends]]]):
+    possible = groupings(ends, region.vertices[rim[[end.position for end in ends]]])
+    if not possible and fill_part is None:
+        own = faces_on_its_side(region, creases, along_rim)
+        if not own.all():
+            yield from islice(smooth_attempts(region, _side(region, own), noisy=noisy), 1)
+    for groups in possible:
         joined = sorted(k for group in groups for k in group)
         chosen = [ends[k] for k in joined]
         renumbered = [tuple(joined.index(k) for k in group) for group in groups]
-        cut = cut_hole(region, creases, chosen, renumbered)
+        cut = cut_hole(region, creases, chosen, along_rim, renumbered)
         if fill_part is None:
             fill = _fill(cut, noisy=noisy)
             yield Attempt("creases", None, fill) if isinstance(fill, str) else fill

@@ -3,7 +3,7 @@ import pytest
 from hole_cases import assert_filled, sheet, without_faces_near
 
 from bezier_filters import fill_holes
-from bezier_filters.holes.crease_ends import CreaseEnd
+from bezier_filters.holes.crease_ends import CreaseEnd, crease_ends, creases_around
 from bezier_filters.holes.crease_fill import (
     LEAVING,
     bending_energy,
@@ -12,6 +12,10 @@ from bezier_filters.holes.crease_fill import (
     hermite_curve,
     nearest_corner,
 )
+from bezier_filters.holes.hole_detection import find_holes
+from bezier_filters.holes.influence_region import influence_region
+from bezier_filters.meshes.adjacency import vertex_adjacency
+from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.surfaces import block_with_sharp_edges
 
 
@@ -337,3 +341,48 @@ def test_no_curves_to_a_corner_far_away():
     assert all(hole.filled for hole in result.holes)
     assert any(LEAVING in hole.reason for hole in result.holes)
     assert result.vertices[:, 2].max() < 2.0
+
+
+def ends_at_hole(vertices, faces):
+    """Crease ends at the only hole of a mesh, where they are, and the edges of the rim that creases run along."""
+    mesh = triangle_mesh(vertices, faces)
+    adjacency = vertex_adjacency(mesh)
+    (hole,) = find_holes(mesh, adjacency)
+    region = influence_region(mesh, adjacency, hole.loops)
+    ends, along_rim = crease_ends(region, creases_around(region))
+    return ends, region.vertices[region.loops[0][[end.position for end in ends]]], along_rim
+
+
+@pytest.mark.parametrize(("depth", "touching"), [(0.26, 1), (0.2, 4)])
+def test_creases_that_touch_the_rim_do_not_cross_the_hole(depth, touching):
+    """A hole in one side of a cube that reaches an edge of it at a vertex, or runs along it for a while."""
+    vertices, faces = cube()
+    centers = vertices[faces].mean(axis=1)
+    offset = np.abs(centers - [-0.5, -0.5 + depth, 0.0])
+    in_hole = (centers[:, 0] < -0.4999) & (offset[:, 1] + offset[:, 2] < 0.25)
+    rim = np.intersect1d(faces[in_hole], faces[~in_hole])
+    assert (vertices[rim, 1] < -0.4999).sum() == touching
+    ends, _, along_rim = ends_at_hole(vertices, faces[~in_hole])
+    assert not ends
+    assert bool(along_rim) == (touching > 1)
+    result = fill_holes(vertices, faces[~in_hole])
+    assert filled_hole(result).method == "surface"
+    assert off_the_cube(result.vertices[len(vertices) :]).max() < 1e-9
+
+
+def test_crease_leaves_a_corner_of_the_rim():
+    """A hole in two sides of a cube that ends at a corner: where the crease goes, none arrives there."""
+    vertices, faces = cube()
+    centers = vertices[faces].mean(axis=1)
+    on_crease = (np.abs(vertices[:, :2] + 0.5).max(axis=1) < 1e-9) & (vertices[:, 2] < -0.2)
+    in_hole = np.linalg.norm(centers - [-0.5, -0.5, -0.25], axis=1) < 0.2
+    in_hole |= np.count_nonzero(on_crease[faces], axis=1) == 2
+    assert (np.abs(vertices[np.intersect1d(faces[in_hole], faces[~in_hole])] + 0.5).max(axis=1) < 1e-9).any()
+    ends, places, _ = ends_at_hole(vertices, faces[~in_hole])
+    assert [end.is_convex for end in ends] == [True, True]
+    (corner,) = np.flatnonzero(np.abs(places + 0.5).max(axis=1) < 1e-9)
+    np.testing.assert_allclose(ends[corner].tangent, [0.0, 0.0, 1.0], atol=1e-6)
+    result = fill_holes(vertices, faces[~in_hole])
+    hole = filled_hole(result)
+    assert (hole.method, hole.parts, hole.self_intersections) == ("creases", 2, 0)
+    assert off_the_cube(result.vertices[len(vertices) :]).max() < 1e-6
