@@ -20,6 +20,7 @@ ROUNDED = radians(35.0)
 SHORTEST, LONGEST = 2, 6
 CLEAR = radians(60.0)
 ALONG = cos(radians(10.0))  # least cosine of the angle between a crease and an edge of the rim that goes on as it does
+FOLDED = 1e-3  # sine of the angle between two faces up to which their planes do not meet in a line
 STRAIGHT = 0.5  # least cosine of the angle between two edges of a crease that follow each other
 
 
@@ -95,7 +96,8 @@ def crease_ends(region: InfluenceRegion, creases: Creases) -> tuple[list[CreaseE
         followed = [(_followed(region, position, chain), chain) for chain in chains]
         (place, tangent, edges), chain = max(followed, key=lambda end: (len(end[0][2]), len(end[1])))
         end_here = CreaseEnd(place, tangent, convex[chain[0], chain[1]])
-        if len(others) > 1 and not edges:
+        # Faces without an area, or folded onto each other, do not tell where their planes meet.
+        if len(others) > 1 and not edges and np.linalg.norm(np.cross(before[position], after[position])) > FOLDED:
             end_here = _end_at_corner(region, position, before[position], after[position])
         found.append(end_here)
         along_rim.append(edges)
