@@ -7,6 +7,7 @@ Holes are random and connected: 25 that two sharp edges enter, 25 that four do, 
 
 import argparse
 from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +15,8 @@ import numpy as np
 import bezier_filters as bf
 from bezier_filters.meshes.dihedral_angles import mesh_edges
 from bezier_filters.meshes.mesh import triangle_mesh
-from cut_holes import Case, compact, cut, normals
-from sub_holes import LARGEST, SMALLEST, load, rms
+from cut_holes import Case, compact, normals
+from sub_holes import load, random_cuts, rms
 
 TRULY_SHARP = 30.0  # degrees
 KINDS = ("2", "4", "corner")
@@ -46,15 +47,9 @@ def holes_of_kind(kind: str, vertices: np.ndarray, faces: np.ndarray, count: int
     edges = mesh_edges(triangle_mesh(vertices, faces))
     pairs = np.sort(edges.vertices.astype(np.int64), axis=1)
     sharp = (pairs[:, 0] * len(vertices) + pairs[:, 1])[edges.angles > np.radians(TRULY_SHARP)]
-    rng = np.random.default_rng(seed)
-    size = np.linalg.norm(np.ptp(vertices, axis=0))
-    found = 0
-    while found < count:
-        place, radius = vertices[rng.integers(len(vertices))], rng.uniform(SMALLEST, LARGEST) * size
-        case = cut(f"{kind}, {found}", vertices, faces, place, radius)
-        if kind_of(case, sharp) == kind:
-            found += 1
-            yield case
+    fitting = (case for case in random_cuts(kind, vertices, faces, seed) if kind_of(case, sharp) == kind)
+    for number, case in enumerate(islice(fitting, count)):
+        yield case._replace(name=f"{kind}, {number}")
 
 
 def with_noise(vertices: np.ndarray, faces: np.ndarray, noise: float, seed: int) -> np.ndarray:

@@ -8,6 +8,7 @@ paper's way, one patch (``creases=False``) and the default.
 
 import argparse
 from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -32,23 +33,31 @@ WAYS: dict[str, dict[str, object]] = {
 }
 
 
-def random_holes(vertices: np.ndarray, faces: np.ndarray, count: int, ends: int, seed: int) -> Iterator[Case]:
-    """Holes of random places and sizes whose rim is one loop with so many crease ends."""
+def random_cuts(name: str, vertices: np.ndarray, faces: np.ndarray, seed: int) -> Iterator[Case]:
+    """Holes of random places and sizes, without end."""
     rng = np.random.default_rng(seed)
     size = np.linalg.norm(np.ptp(vertices, axis=0))
-    found = 0
-    while found < count:
+    while True:
         place, radius = vertices[rng.integers(len(vertices))], rng.uniform(SMALLEST, LARGEST) * size
-        case = cut(f"hole {found}", vertices, faces, place, radius)
-        mesh = triangle_mesh(*compact(case.vertices, case.faces))
-        adjacency = vertex_adjacency(mesh)
-        holes = find_holes(mesh, adjacency)
-        if len(holes) != 1:
-            continue
-        region = influence_region(mesh, adjacency, holes[0].loops)
-        if region.has_simple_rim and len(crease_ends(region, creases_around(region))[0]) == ends:
-            found += 1
-            yield case
+        yield cut(name, vertices, faces, place, radius)
+
+
+def random_holes(vertices: np.ndarray, faces: np.ndarray, count: int, ends: int, seed: int) -> Iterator[Case]:
+    """Holes of random places and sizes whose rim is one loop with so many crease ends."""
+    fitting = (case for case in random_cuts("hole", vertices, faces, seed) if _ends_of(case) == ends)
+    for number, case in enumerate(islice(fitting, count)):
+        yield case._replace(name=f"{case.name} {number}")
+
+
+def _ends_of(case: Case) -> int:
+    """Number of crease ends at a hole, -1 if its rim is not one simple loop."""
+    mesh = triangle_mesh(*compact(case.vertices, case.faces))
+    adjacency = vertex_adjacency(mesh)
+    holes = find_holes(mesh, adjacency)
+    if len(holes) != 1:
+        return -1
+    region = influence_region(mesh, adjacency, holes[0].loops)
+    return len(crease_ends(region, creases_around(region))[0]) if region.has_simple_rim else -1
 
 
 def rms(case: Case, vertices: np.ndarray, fill: np.ndarray) -> float:
