@@ -16,6 +16,7 @@ from bezier_filters.meshes.sharp_edges import sharp_edges
 
 # angle up to which no edge is sharp, less than for lines: edges that are rounded a little are continued, too
 ROUNDED = radians(35.0)
+FADING = radians(20.0)  # the same where one crease enters a hole that must go on somewhere
 # edges of a crease that are followed from the rim: one alone is no crease, unless it is clear and ends at another
 SHORTEST, LONGEST = 2, 6
 CLEAR = radians(60.0)
@@ -51,15 +52,36 @@ class Creases:
     twins: IntArray
 
 
-def creases_around(region: InfluenceRegion) -> Creases:
-    """Find the sharp edges of the surface around a hole."""
+def creases_around(region: InfluenceRegion, angle: float = ROUNDED) -> Creases:
+    """Find the sharp edges of the surface around a hole, those that bend by more than an angle in radians."""
     mesh = TriangleMesh(region.shape, region.faces)
     edges = mesh_edges(mesh)
-    is_sharp = sharp_edges(mesh, edges, vertex_adjacency(mesh), ROUNDED)
+    is_sharp = sharp_edges(mesh, edges, vertex_adjacency(mesh), angle)
     of_half_edges = edges.of_faces.ravel()  # no face of a region names a vertex twice, so all have an edge
     is_clear = is_sharp & (edges.angles > CLEAR)
     is_sharp, is_clear, is_convex = (values[of_half_edges] for values in (is_sharp, is_clear, edges.is_convex))
     return Creases(is_sharp, is_clear, is_convex, half_edge_twins(mesh))
+
+
+@dataclass(frozen=True)
+class _Lines:
+    """Creases from vertex to vertex."""
+
+    leaving: dict[int, list[int]]  # the vertices at the other ends of creases, by those where they begin
+    convex: dict[tuple[int, int], bool]  # both ways
+    clear: set[tuple[int, int]]
+
+
+def _lines(region: InfluenceRegion, creases: Creases) -> _Lines:
+    lines = _Lines({}, {}, set())
+    start, end = ends_of_half_edges(region.faces)
+    for half_edge in np.flatnonzero(creases.is_sharp).tolist():
+        a, b = int(start[half_edge]), int(end[half_edge])
+        lines.leaving.setdefault(a, []).append(b)
+        lines.convex[a, b] = bool(creases.is_convex[half_edge])
+        if creases.is_clear[half_edge]:
+            lines.clear.add((a, b))
+    return lines
 
 
 def crease_ends(region: InfluenceRegion, creases: Creases) -> tuple[list[CreaseEnd], frozenset[int]]:
@@ -68,45 +90,42 @@ def crease_ends(region: InfluenceRegion, creases: Creases) -> tuple[list[CreaseE
     These are given by the places of their first vertices. A crease that touches the rim, or runs along it from one
     vertex to another, does not go through the hole.
     """
-    start, end = ends_of_half_edges(region.faces)
-    leaving: dict[int, list[int]] = {}
-    convex: dict[tuple[int, int], bool] = {}
-    clear: set[tuple[int, int]] = set()
-    for half_edge in np.flatnonzero(creases.is_sharp).tolist():
-        a, b = int(start[half_edge]), int(end[half_edge])
-        leaving.setdefault(a, []).append(b)
-        convex[a, b] = bool(creases.is_convex[half_edge])
-        if creases.is_clear[half_edge]:
-            clear.add((a, b))
-    rim = region.loops[0]
-    after = region.normals_beyond(rim)
+    lines = _lines(region, creases)
+    after = region.normals_beyond(region.loops[0])
     before = np.roll(after, 1, axis=0)
-    along_rim: list[frozenset[int]] = []
-    found: list[CreaseEnd] = []
-    for position, vertex in enumerate(rim.tolist()):
-        others = leaving.get(vertex, [])
-        if len(others) > 1 and before[position] @ after[position] > cos(ROUNDED):
-            continue
-        chains = [_chain(region.shape, leaving, [vertex, other]) for other in others]
-        chain = max(chains, key=len, default=[])  # of equally long ones the one that leaves by the first half-edge
-        # round a corner, or to one where creases meet
-        goes_on = len(chain) > 1 and (chain[0], chain[1]) in clear and len(leaving.get(chain[1], [])) > 1
-        if not (len(chain) > SHORTEST or goes_on):
-            continue
-        followed = [(_followed(region, position, chain), chain) for chain in chains]
-        (place, tangent, edges), chain = max(followed, key=lambda end: (len(end[0][2]), len(end[1])))
-        end_here = CreaseEnd(place, tangent, convex[chain[0], chain[1]])
-        # Faces without an area, or folded onto each other, do not tell where their planes meet.
-        if len(others) > 1 and not edges and np.linalg.norm(np.cross(before[position], after[position])) > FOLDED:
-            end_here = _end_at_corner(region, position, before[position], after[position])
-        found.append(end_here)
-        along_rim.append(edges)
-    ends = {
-        end.position: end
-        for end, edges in zip(found, along_rim, strict=True)
-        if along_rim.count(edges) < 2 or not edges
-    }
+    found = [
+        end
+        for position in range(len(after))
+        if (end := _end_at(region, lines, position, before[position], after[position]))
+    ]
+    along_rim = [edges for _, edges in found]
+    ends = {end.position: end for end, edges in found if along_rim.count(edges) < 2 or not edges}
     return [ends[position] for position in sorted(ends)], frozenset[int]().union(*along_rim)
+
+
+def _end_at(
+    region: InfluenceRegion, lines: _Lines, position: int, before: FloatArray, after: FloatArray
+) -> tuple[CreaseEnd, frozenset[int]] | None:
+    """The end of the crease that reaches the rim at a place, and edges of the rim along which it runs on; maybe none.
+
+    `before` and `after` are the normals of the faces at the edges of the rim that meet there.
+    """
+    vertex = int(region.loops[0][position])
+    others = lines.leaving.get(vertex, [])
+    if len(others) > 1 and before @ after > cos(ROUNDED):
+        return None
+    chains = [_chain(region.shape, lines.leaving, [vertex, other]) for other in others]
+    chain = max(chains, key=len, default=[])  # of equally long ones the one that leaves by the first half-edge
+    # round a corner, or to one where creases meet
+    goes_on = len(chain) > 1 and (chain[0], chain[1]) in lines.clear and len(lines.leaving.get(chain[1], [])) > 1
+    if not (len(chain) > SHORTEST or goes_on):
+        return None
+    followed = [(_followed(region, position, chain), chain) for chain in chains]
+    (place, tangent, edges), chain = max(followed, key=lambda end: (len(end[0][2]), len(end[1])))
+    # Faces without an area, or folded onto each other, do not tell where their planes meet.
+    if len(others) > 1 and not edges and np.linalg.norm(np.cross(before, after)) > FOLDED:
+        return _end_at_corner(region, position, before, after), edges
+    return CreaseEnd(place, tangent, lines.convex[chain[0], chain[1]]), edges
 
 
 def _end_at_corner(region: InfluenceRegion, position: int, before: FloatArray, after: FloatArray) -> CreaseEnd:

@@ -14,7 +14,9 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.holes.crease_ends import (
+    FADING,
     CreaseEnd,
+    Creases,
     CutHole,
     border,
     crease_ends,
@@ -45,6 +47,8 @@ WEAKEST = 0.15  # least share of the strongest direction in which surfaces deter
 # bending energy of a curve over a unit chord, from which on its ends do not belong together: half a circle has 10
 LARGEST_BEND = 12.0
 LARGEST_LEG_BEND = 0.5  # the same of a curve to a corner: it turns by some 20 degrees
+LARGEST_FADING_BEND = 0.6  # and of one to where a crease is less sharp
+BLUNTEST = -0.5  # least cosine of the angle at which ridge and valley meet where both end
 # what another group must save: ends of which all meet in a point do not meet there in twos and threes
 ENERGY_OF_GROUP = 0.5
 MOST_ENDS = 8  # up to which every group of ends may meet in a corner
@@ -77,27 +81,46 @@ def crease_attempts(
     creases = creases_around(region)
     ends, along_rim = crease_ends(region, creases)
     rim = region.loops[0]
+    if len(ends) == 1:
+        ends += _fading_end(region, ends[0])
+        ends.sort(key=lambda end: end.position)
     possible = groupings(ends, region.vertices[rim[[end.position for end in ends]]])
     if not possible and fill_part is None:
-        own = faces_on_its_side(region, creases, along_rim)
-        if not own.all():
-            yield from islice(smooth_attempts(region, _side(region, own), noisy=noisy), 1)
+        yield from _beside_creases(region, creases, along_rim, noisy=noisy)
     for groups in possible:
         joined = sorted(k for group in groups for k in group)
         chosen = [ends[k] for k in joined]
         renumbered = [tuple(joined.index(k) for k in group) for group in groups]
         cut = cut_hole(region, creases, chosen, along_rim, renumbered)
         if fill_part is None:
-            fill = _fill(cut, noisy=noisy)
-            yield Attempt("creases", None, fill) if isinstance(fill, str) else fill
-            if isinstance(fill, str):
-                continue
+            yield _attempt(_fill(cut, noisy=noisy))
         corners, curves = _first_curves(cut, [])
-        if _leave(region, curves):
-            yield Attempt("creases", None, LEAVING)
-            continue
-        fill = _with_parts(cut, corners, curves, [fill_part or _spanned] * cut.part_count)
-        yield Attempt("creases", None, fill) if isinstance(fill, str) else fill
+        leaves = _leave(region, curves)
+        yield _attempt(
+            LEAVING if leaves else _with_parts(cut, corners, curves, [fill_part or _spanned] * cut.part_count)
+        )
+
+
+def _attempt(fill: Attempt | str) -> Attempt:
+    return Attempt("creases", None, fill) if isinstance(fill, str) else fill
+
+
+def _beside_creases(
+    region: InfluenceRegion, creases: Creases, along_rim: frozenset[int], *, noisy: bool
+) -> Iterator[Attempt]:
+    """A smooth fill of a hole that creases pass by, from what is on this side of them."""
+    own = faces_on_its_side(region, creases, along_rim)
+    if not own.all():
+        yield from islice(smooth_attempts(region, _side(region, own), noisy=noisy), 1)
+
+
+def _fading_end(region: InfluenceRegion, end: CreaseEnd) -> list[CreaseEnd]:
+    """The end of the less sharp crease that goes on straightest where another ends; none if all bend."""
+    rim = region.vertices[region.loops[0]]
+    others, _ = crease_ends(region, creases_around(region, FADING))
+    both = [[end, other] for other in others if other.position != end.position]
+    energies = [_energy(pair, rim[[e.position for e in pair]], 0, 1) for pair in both]
+    return [both[int(np.argmin(energies))][1]] if min(energies, default=np.inf) < LARGEST_FADING_BEND else []
 
 
 def _leave(region: InfluenceRegion, curves: Sequence[_Curve]) -> bool:
@@ -216,7 +239,7 @@ def _first_curves(cut: CutHole, surfaces: Sequence[ImplicitSurface | None]) -> t
     curves: list[_Curve] = []
     for group in cut.groups:
         places = [region.vertices[names[k]] for k in group]
-        if len(group) == 2:
+        if len(group) == 2 and ends[group[0]].is_convex == ends[group[1]].is_convex:
             targets = [(group[0], names[group[1]], places[1], -ends[group[1]].tangent)]
         else:
             parts = sorted({part_of_sector[k] for k in group}) if surfaces else []
@@ -250,7 +273,8 @@ def groupings(ends: Sequence[CreaseEnd], points: FloatArray) -> list[list[tuple[
     """Ways to join the ends of creases, the best first: pairs that one curve joins, and more that meet in a corner.
 
     As few ends as possible are left over, and then the curves bend as little as possible. They do not cross. Corners of
-    more than three are those where the creases go; three that are all there are always meet in one.
+    more than three are those where the creases go; three that are all there are always meet in one. Last come ways in
+    which a ridge and a valley meet where both end, as at the tip of a dart.
 
     The ends are in the order of the rim, `points` (k, 3) is where they are. Gives the numbers of those that belong
     together; ends that are missing end in the hole.
@@ -267,7 +291,12 @@ def groupings(ends: Sequence[CreaseEnd], points: FloatArray) -> list[list[tuple[
     if count == 3:
         corners[0, 1, 2] = min(corners[0, 1, 2], LARGEST_BEND)
     result: list[list[tuple[int, ...]]] = []
-    for found in (_partition(count, pairs | corners), _partition(count, pairs)):
+    darts = {
+        (i, j): _corner_energy(points, tangents, [i, j])
+        for i, j in pairs
+        if ends[i].is_convex != ends[j].is_convex and tangents[i] @ tangents[j] > BLUNTEST
+    }
+    for found in (_partition(count, pairs | corners), _partition(count, pairs), _partition(count, pairs | darts)):
         if found and found not in result:
             result.append(found)
     return result

@@ -8,11 +8,12 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.holes.fill_methods import FILL_METHODS, FillingMethod, FillTask
 from bezier_filters.holes.hole_detection import Hole
 from bezier_filters.holes.influence_region import InfluenceRegion, vertex_pairs
 from bezier_filters.holes.planar_fill import Correction
+from bezier_filters.holes.polyharmonic_fairing import polyharmonic_fairing
 from bezier_filters.holes.refinement import Fill
 from bezier_filters.holes.smooth_fill import Attempt
 from bezier_filters.meshes.adjacency import Rows
@@ -23,6 +24,7 @@ from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.self_intersections import cut_faces, meeting_box
 
 BULGE = 0.5  # times the diameter of a hole: how far its fill may leave the bounding box of the rim
+MOST_FREED, RINGS_FREED = 16, 4  # faces that cut others, and rings around them, up to which a fill is flattened there
 
 
 @dataclass(frozen=True)
@@ -145,7 +147,7 @@ def _first_without_cuts(
             placed = _placed(attempt.fill, region, next_vertex)
             problem = _problem_with(placed, low, high)
             if not problem:
-                cuts = _count_cuts(placed, [of_mesh, *meeting])
+                placed, cuts = _with_fewer_cuts(placed, region.rim_count, [of_mesh, *meeting])
                 if best.attempt is None or cuts < best.cuts:  # of equals the earlier: methods come best first
                     error = float(np.abs(placed.points[: region.rim_count] - region.rim_vertices).max())
                     best = FilledHole(attempt, placed, next_vertex, cuts, rim_error=error)
@@ -175,8 +177,31 @@ def _problem_with(placed: FaceSet, low: FloatArray, high: FloatArray) -> str:
     return ""
 
 
-def _count_cuts(placed: FaceSet, others: Sequence[FaceSet]) -> int:
-    """Number of faces of a fill that cut one of the others or each other."""
+def _with_fewer_cuts(placed: FaceSet, rim_count: int, others: Sequence[FaceSet]) -> tuple[FaceSet, int]:
+    """A fill, and how many of its faces cut others; where they are few, flattened around them if that frees them.
+
+    Around means with so many rings: the vertices there go to where they are harmonic.
+    """
+    is_cut = _cuts(placed, others)
+    if not 0 < np.count_nonzero(is_cut) <= MOST_FREED:
+        return placed, int(np.count_nonzero(is_cut))
+    near: BoolArray = is_cut
+    for _ in range(RINGS_FREED):
+        moving = np.unique(placed.faces[near])
+        moving = moving[moving >= rim_count]
+        order = np.concatenate([np.setdiff1d(np.arange(len(placed.points)), moving), moving])
+        points = placed.points.copy()
+        faces = np.argsort(order)[placed.faces].astype(np.int32)
+        points[order] = polyharmonic_fairing(points[order], faces, len(order) - len(moving), 1)
+        freed = replace(placed, points=points)
+        if not _cuts(freed, others).any():
+            return freed, 0
+        near = np.asarray(np.isin(placed.faces, placed.faces[near]).any(axis=1))
+    return placed, int(np.count_nonzero(is_cut))
+
+
+def _cuts(placed: FaceSet, others: Sequence[FaceSet]) -> BoolArray:
+    """Which faces of a fill cut one of the others or each other."""
     low, high = placed.points.min(axis=0), placed.points.max(axis=0)
     near = [other.faces[meeting_box(other.points, other.faces, low, high)] for other in others]
     corners = [
@@ -184,7 +209,7 @@ def _count_cuts(placed: FaceSet, others: Sequence[FaceSet]) -> int:
     ]
     ids, points = (np.concatenate(parts) for parts in zip(*corners, strict=True))
     _, first, faces = np.unique(ids, return_index=True, return_inverse=True)
-    return int(np.count_nonzero(cut_faces(points[first], faces.reshape(-1, 3).astype(np.int32), len(placed.faces))))
+    return cut_faces(points[first], faces.reshape(-1, 3).astype(np.int32), len(placed.faces))
 
 
 def _rim_dihedral(fill: Fill, region: InfluenceRegion) -> float:

@@ -203,6 +203,66 @@ def test_a_curved_crease_is_continued_on_both_surfaces():
     assert np.abs(new[:, 2] - heights).max() < 0.02
 
 
+def folded_sheet(lines, height):
+    """A sheet over [-1, 1]^2 with vertices along lines (n, 2), and heights of a function of x and y."""
+    from scipy.spatial import Delaunay
+
+    x, y = sheet(40, 40)[0][:, :2].T / 20.0 - 1.0
+    others = np.stack([x, y], axis=1)
+    off = np.linalg.norm(others[:, np.newaxis] - lines, axis=2).min(axis=1)
+    flat = np.vstack([lines, others[off > 0.03]])
+    faces = Delaunay(flat).simplices.astype(np.int32)
+    a, b, c = flat[faces].swapaxes(0, 1)
+    doubled = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+    faces[doubled < 0] = faces[doubled < 0][:, ::-1]
+    return np.column_stack([flat, height(*flat.T)]), faces[np.abs(doubled) > 1e-5]
+
+
+def test_a_crease_that_fades_at_the_other_side_of_the_hole_goes_on_to_it():
+    """A fold of 55 degrees on the left, of 25 on the right: there it is no sharp edge by itself."""
+
+    def height(x, y):
+        return -np.abs(y) * np.tan(np.radians(20.0 - 7.5 * x))
+
+    x = np.linspace(-1.0, 1.0, 41)
+    vertices, faces = folded_sheet(np.stack([x, 0.0 * x], axis=1), height)
+    faces = without_faces_near(vertices, faces, np.array([0.3, 0.0, 0.0]), 0.4)
+    result = fill_holes(vertices, faces)
+    assert_filled(vertices, faces, result)
+    hole = filled_hole(result)
+    assert hole.method == "creases"
+    np.testing.assert_allclose(result.vertices[np.unique(hole.creases), 1], 0.0, atol=2e-3)
+    new = result.vertices[len(vertices) :]
+    assert np.abs(new[:, 2] - height(*new[:, :2].T)).max() < 2e-3
+
+
+def test_a_ridge_and_a_valley_end_where_they_meet_in_the_hole():
+    """A step that becomes narrower and lower to nothing, as the tip of a dart: the surface around it is smooth."""
+
+    def half_width(x):
+        return 0.6 * np.maximum(-x, 0.0) ** 1.5
+
+    def height(x, y):
+        return np.clip(y, -half_width(x), half_width(x))
+
+    x = np.linspace(-1.0, 0.0, 21)
+    upper, lower = (np.stack([x, sign * half_width(x)], axis=1) for sign in (1.0, -1.0))
+    vertices, faces = folded_sheet(np.vstack([upper, lower[:-1]]), height)
+    faces = without_faces_near(vertices, faces, np.zeros(3), 0.3)
+    off = {}
+    for creases in (True, False):
+        result = fill_holes(vertices, faces, creases=creases)
+        assert_filled(vertices, faces, result)
+        hole = filled_hole(result)
+        assert (hole.method == "creases") == creases
+        new = result.vertices[len(vertices) :]
+        off[creases] = np.sqrt(np.square(new[:, 2] - height(*new[:, :2].T)).mean())
+        if creases:
+            tip = result.vertices[np.unique(hole.creases), 0].max()
+            assert -0.2 < tip < 0.1
+    assert off[True] < 0.5 * off[False]
+
+
 def ends_at(points, tangents, convex):
     return [
         CreaseEnd(k, np.array(t) / np.linalg.norm(t), c) for k, (t, c) in enumerate(zip(tangents, convex, strict=True))
@@ -219,6 +279,12 @@ def test_ends_are_joined_where_curves_bend_least_and_do_not_cross():
     assert groupings(ends_at(points[:2], tangents[:2], [True, False]), points[:2]) == []
     assert groupings(ends_at(points[:1], tangents[:1], [True]), points[:1]) == []
     assert groupings([], np.empty((0, 3))) == []
+
+
+def test_a_ridge_and_a_valley_are_joined_at_a_tip_if_nothing_else_is_left():
+    points = np.array([[-1.0, 0.3, 0], [-1, -0.3, 0]])
+    assert groupings(ends_at(points, -points, [True, False]), points) == [[(0, 1)]]
+    assert groupings(ends_at(points, points, [True, False]), points) == []  # they lead out of the hole
 
 
 def test_three_ends_meet_in_a_corner_or_two_are_joined():

@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
+from hole_cases import sheet
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.sparse.csgraph import connected_components
 
-from bezier_filters.holes.fill_placement import groups_of_boxes
+from bezier_filters.holes.fill_placement import MOST_FREED, FaceSet, _cuts, _with_fewer_cuts, groups_of_boxes
 from bezier_filters.holes.hole_filling import fill_holes
 from bezier_filters.surfaces import sphere
 
@@ -47,3 +48,44 @@ def test_threads_do_not_change_a_mesh_with_holes_apart_and_together(holes):
         inside = one.faces[hole.new_faces.start : hole.new_faces.stop]
         assert np.isin(inside, np.concatenate([hole.rim, np.array(hole.new_vertices)])).all()
     np.testing.assert_allclose(np.linalg.norm(one.vertices[len(vertices) :], axis=1), 1.0, atol=2e-3)
+
+
+def fill_over_a_floor(places, depth=-2.0):
+    """A flat fill of 16 x 16 squares at the height 1, with some vertices moved through a floor at 0."""
+    points, faces = sheet(16, 16)
+    inside = ((points[:, :2] > 0.0) & (points[:, :2] < 16.0)).all(axis=1)
+    order = np.argsort(inside, kind="stable")
+    floor = FaceSet(np.arange(1000, 1000 + len(points)), points * [1.0, 1.0, 0.0] + [0.3, 0.1, 0.0], faces)
+    points[:, 2] = 1.0
+    for x, y in places:
+        points[(points[:, :2] == [x, y]).all(axis=1), 2] = depth
+    fill = FaceSet(np.arange(len(points)), points[order], np.argsort(order)[faces].astype(np.int32))
+    return fill, np.count_nonzero(~inside), floor
+
+
+@pytest.mark.parametrize("places", [[(5, 5)], [(5, 5), (6, 6)], [(1, 1)]])
+def test_a_fill_that_cuts_others_at_a_few_faces_is_flattened_there(places):
+    fill, rim_count, floor = fill_over_a_floor(places)
+    assert _cuts(fill, [floor]).any()
+    freed, cuts = _with_fewer_cuts(fill, rim_count, [floor])
+    assert cuts == 0
+    np.testing.assert_allclose(freed.points[:, 2], 1.0)
+    np.testing.assert_array_equal(freed.points[:rim_count], fill.points[:rim_count])
+    far = np.linalg.norm(fill.points[:, :2] - 5.0, axis=1) > 7.0
+    np.testing.assert_array_equal(freed.points[far & (fill.points[:, 2] == 1.0)], fill.points[far])
+
+
+def test_a_fill_that_cuts_others_at_many_faces_stays_as_it_is():
+    fill, rim_count, floor = fill_over_a_floor([(4, 4), (8, 8), (12, 12), (4, 12)])
+    count = np.count_nonzero(_cuts(fill, [floor]))
+    assert count > MOST_FREED
+    kept, cuts = _with_fewer_cuts(fill, rim_count, [floor])
+    assert kept is fill
+    assert cuts == count
+
+
+def test_a_rim_that_cuts_others_cannot_be_flattened():
+    fill, rim_count, floor = fill_over_a_floor([(0, 5)])
+    kept, cuts = _with_fewer_cuts(fill, rim_count, [floor])
+    assert kept is fill
+    assert cuts > 0
