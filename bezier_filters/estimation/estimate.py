@@ -41,8 +41,8 @@ from bezier_filters.runtime.parallel import Progress, one_thread_for_matrices, t
 from bezier_filters.status import FitStatus
 
 # Root mean square of what a fit leaves, in standard deviations of the noise, and share of the places where it is more:
-# noisy spheres, tori and stars do not reach it, boxes and pyramids with noise of 0.1 edges do at 5 to 90 %.
-OFF, SOMEWHERE = 2.0, 0.004
+# noisy spheres, tori and stars leave 1.5 at most, parts with sharp edges more than 1.6 at 0.5 to 99 % of the places.
+OFF, SOMEWHERE = 1.6, 0.002
 
 
 @takes_arrays
