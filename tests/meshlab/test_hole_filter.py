@@ -130,8 +130,12 @@ def test_new_faces_show_the_texture_of_those_beside_them(textured, tmp_path):
     old = edges_with_coordinates(mesh, range(m))
     shared = [(start, end) for start, end in new if (end, start) in old]
     assert len(shared) == sum(hole["edge_count"] for hole in report["holes"])
-    agreeing = [np.allclose(new[start, end], old[end, start][::-1], atol=1e-6) for start, end in shared]
-    assert np.mean(agreeing) > 0.9  # a new face with two old neighbours is like one of them
+    faces = mesh.face_matrix()
+    face_at = {tuple(faces[f, [k, k - 2]].tolist()): f for f in range(m, len(faces)) for k in range(3)}
+    agreeing = {
+        face_at[start, end] for start, end in shared if np.allclose(new[start, end], old[end, start][::-1], atol=1e-6)
+    }
+    assert agreeing == {face_at[edge] for edge in shared}  # a new face with two old neighbours is like one of them
     names, _ = textures_of(textured)
     assert names == ["TextureDouble_A.png"]
     textured.save_current_mesh(str(tmp_path / "closed.obj"))
