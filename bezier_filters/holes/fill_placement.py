@@ -24,7 +24,8 @@ from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.self_intersections import cut_faces, meeting_box
 
 BULGE = 0.5  # times the diameter of a hole: how far its fill may leave the bounding box of the rim
-MOST_FREED, RINGS_FREED = 16, 4  # faces that cut others, and rings around them, up to which a fill is flattened there
+# faces that cut others, the same as a share of all, and rings around them, up to which a fill is flattened there
+MOST_FREED, LARGEST_SHARE, RINGS_FREED = 16, 0.04, 4
 
 
 @dataclass(frozen=True)
@@ -183,7 +184,7 @@ def _with_fewer_cuts(placed: FaceSet, rim_count: int, others: Sequence[FaceSet])
     Around means with so many rings: the vertices there go to where they are harmonic.
     """
     is_cut = _cuts(placed, others)
-    if not 0 < np.count_nonzero(is_cut) <= MOST_FREED:
+    if not 0 < np.count_nonzero(is_cut) <= min(MOST_FREED, LARGEST_SHARE * len(is_cut)):
         return placed, int(np.count_nonzero(is_cut))
     near: BoolArray = is_cut
     for _ in range(RINGS_FREED):
