@@ -140,7 +140,7 @@ def filling(method, repair):
             and np.array_equal(mesh.face_matrix()[: len(faces)], faces)
         ):
             yield "old vertices or faces changed"
-        if method == "auto" and (cuts := sum(hole["self_intersections"] for hole in holes)):
+        if method == "auto" and (cuts := sum(hole["filled"] * hole["self_intersections"] for hole in holes)):
             yield f"{cuts} new faces cut others"
         many = [hole for hole in holes if hole["new_vertices"] > 10 * hole["edge_count"] ** 2]
         if many:

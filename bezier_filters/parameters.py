@@ -139,6 +139,9 @@ maxdiameter : {LENGTH}, optional
     Leave holes of a larger diameter open: a length, or a percentage of the diagonal of the bounding box.
 outerrims : bool, default False
     Fill the outer rims of open sheets, too.
+intersecting : bool, default False
+    Fill holes, too, whose fills all cut other faces or themselves, by the one that cuts least.
+    Otherwise they are left open, as by MeshLab's own filter, and told.
 creases : bool, default True
     Continue sharp edges that end at a hole through it.
 repair : bool, default False

@@ -120,6 +120,21 @@ def print_smoothing(report: Report, source: str) -> None:
     out.print(table)
 
 
+# options by the parameters that remarks on holes name
+OPTIONS = {
+    "outer_rims=True": "--outer-rims",
+    "repair=True of the filter": "--repair",
+    "intersecting=True": "--intersecting",
+}
+
+
+def in_words_of_the_shell(text: str) -> str:
+    """A remark on holes with options where it names parameters."""
+    for name, option in OPTIONS.items():
+        text = text.replace(name, option)
+    return text
+
+
 def print_holes(report: Report, source: str) -> None:
     """Say what was done to the holes of a mesh."""
     out.print(f"[bold]{escape(source)}[/]")
@@ -136,9 +151,9 @@ def print_holes(report: Report, source: str) -> None:
         size = f"{hole['edge_count']:>9,}  {hole['diameter']:>17.3g}"
         out.print(f"{size}  {method:<11}  {hole['new_faces']:>9,}  {angle:>19}".rstrip())
         if hole["reason"]:
-            remark = hole["reason"].replace("outer_rims=True", "--outer-rims")
-            remark = remark.replace("repair=True of the filter", "--repair")
-            out.print(Padding(escape(remark), (0, 2, 0, 11), expand=False), soft_wrap=False)
+            out.print(
+                Padding(escape(in_words_of_the_shell(hole["reason"])), (0, 2, 0, 11), expand=False), soft_wrap=False
+            )
     if len(report["holes"]) > MOST_HOLES:
         out.print(f"  and {len(report['holes']) - MOST_HOLES:,} smaller ones")
     out.print(
@@ -199,7 +214,7 @@ def _remark(report: Report) -> str:
         return f"{len(report['lines']):,} lines, {report['sharp_edges']:,} sharp edges"
     if "closed_holes" in report:
         numbers = f"{report['closed_holes']:,} holes filled, {report['open_holes']:,} left open"
-        return "; look at: ".join([numbers, *report["warnings"]])
+        return in_words_of_the_shell("; look at: ".join([numbers, *report["warnings"]]))
     if "noise_before" in report:
         return _smoothed_noise(report)
     if "statistics" in report:

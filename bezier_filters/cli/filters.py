@@ -85,7 +85,8 @@ def filter_command(
                     f"note: {target.suffix} files hold no quality and no bz_* columns; write a PLY file to keep them"
                 )
             if report.get("warnings"):
-                console.err.print(f"look at {target}: {'; '.join(report['warnings'])}", markup=False)
+                warnings = console.in_words_of_the_shell("; ".join(report["warnings"]))
+                console.err.print(f"look at {target}: {warnings}", markup=False)
                 raise typer.Exit(NEEDS_A_LOOK)
 
         return described

@@ -24,6 +24,7 @@ from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.self_intersections import cut_faces, meeting_box
 
 BULGE = 0.5  # times the diameter of a hole: how far its fill may leave the bounding box of the rim
+CUTTING = "every fill would cut other faces, intersecting=True takes the one that cuts least"
 # faces that cut others, the same as a share of all, and rings around them, up to which a fill is flattened there
 MOST_FREED, LARGEST_SHARE, RINGS_FREED = 16, 0.04, 4
 
@@ -40,6 +41,7 @@ class OpenMesh:
     noise: float | None  # of the mesh, a length
     method: FillingMethod
     creases: bool
+    intersecting: bool  # whether fills may cut other faces, if all do
     alpha: float  # see `FillTask`
     correction: Correction
 
@@ -62,7 +64,8 @@ class FilledHole:
     """The attempt that was taken, as a part of the mesh; no attempt and no faces if none was.
 
     New vertices are numbered on from those of the mesh and of earlier holes of the group, the first of them as
-    `first_vertex`. `cuts` new faces cut others; `reason` says why better attempts were not taken.
+    `first_vertex`. `cuts` new faces cut others, or would in the best fill; `reason` says why better attempts were not
+    taken.
     """
 
     attempt: Attempt | None = None
@@ -133,7 +136,7 @@ def _first_without_cuts(
     earlier: dict[int, FaceSet],
     next_vertex: int,
 ) -> FilledHole:
-    """The first attempt that cuts nothing, or else the one that cuts least, of these the first."""
+    """The first attempt that cuts nothing, or else none; if fills may cut others, the first of those that cut least."""
     low, high = task.boxes[number]
     meeting = [
         faces for k, faces in earlier.items() if (task.boxes[k, 0] <= high).all() and (task.boxes[k, 1] >= low).all()
@@ -156,6 +159,8 @@ def _first_without_cuts(
                     break
                 problem = f"{cuts} of its faces would cut others"
         reasons.append((attempt, f"{attempt.method}: {problem}"))
+    if best.cuts and not task.intersecting:
+        return FilledHole(cuts=best.cuts, reason="; ".join(dict.fromkeys([CUTTING, *(text for _, text in reasons)])))
     angle = _rim_dihedral(best.attempt.fill, region) if best.attempt and best.attempt.fill else 0.0
     told = [text for attempt, text in reasons if attempt is not best.attempt]
     if best.attempt and best.cuts:

@@ -62,7 +62,7 @@ class HoleReport:
     rim_dihedral : float
         Mean angle between the faces on both sides of the rim, in degrees.
     self_intersections : int
-        New faces that cut another face.
+        New faces that cut another face; if all fills have such and the hole was left open, those of the best.
     """
 
     rim: IntArray
@@ -147,6 +147,7 @@ def fill_holes(
     holes: Sequence[int] | None = None,
     selected: BoolArray | None = None,
     outer_rims: bool = False,
+    intersecting: bool = False,
     creases: bool = True,
     noise: float | None = None,
     alpha: float | None = None,
@@ -160,7 +161,8 @@ def fill_holes(
     The new triangles are about as large as those around the hole. By default they lie on the surface which
     continues the one around the hole: the zero set of a polyharmonic spline that interpolates points of five rings and
     the normals of their Bezier patches, or fits them on noisy meshes, where the smoothness of the spline follows from
-    the data. Where that is not possible, or cuts the mesh, simpler fills are tried, and the report says so. The old
+    the data. Where that is not possible, or cuts the mesh, simpler fills are tried, and the report says so. A hole
+    whose fills all cut other faces is left open, unless `intersecting` asks for it. The old
     vertices and faces stay as they are. Left open are borders that lie on each other, which have no width, and those
     that meet an edge with more than two faces or with two that run through it the same way; `reason` says where.
 
@@ -188,6 +190,8 @@ def fill_holes(
     outer_rims : bool
         Whether to fill the outer rims of open sheets, too: loops whose total geodesic curvature, as the sheet
         sees it, exceeds pi. It is 2 pi around a flat sheet, 0 at the ends of a tube and -2 pi around a hole.
+    intersecting : bool
+        Whether to fill holes, too, whose fills all cut other faces or themselves: by the one that cuts least.
     creases : bool
         Whether sharp edges that end at a hole are continued through it.
     noise : float, optional
@@ -259,7 +263,17 @@ def fill_holes(
     boxes = np.array([hole_box(mesh, hole) for hole in chosen]).reshape(-1, 2, 3)
     near = faces_in_boxes(mesh.vertices, mesh.faces, boxes[:, 0], boxes[:, 1])
     task = OpenMesh(
-        mesh, known.regions, boxes, near, known.normals, known.noise, method, creases, float(alpha), correction
+        mesh,
+        known.regions,
+        boxes,
+        near,
+        known.normals,
+        known.noise,
+        method,
+        creases,
+        intersecting,
+        float(alpha),
+        correction,
     )
     reports = [
         HoleReport(h.rim, len(h.loops) - 1, h.edge_count, h.perimeter, h.diameter, h.is_outer_rim, reason=refusal)
@@ -269,7 +283,7 @@ def fill_holes(
     vertex_count, face_count = mesh.vertex_count, mesh.face_count
     for number, filled in zip(numbers, _filled(task, threads, progress), strict=True):
         if filled.placed is None:
-            reports[number] = replace(reports[number], reason=filled.reason)
+            reports[number] = replace(reports[number], reason=filled.reason, self_intersections=filled.cuts)
             continue
         fill = filled.placed.renumbered(filled.first_vertex, vertex_count)
         reports[number] = _report_of_fill(reports[number], filled, fill, vertex_count, face_count)

@@ -41,6 +41,7 @@ def meshing_close_holes_by_bezier_patch(
     maxperimeter: Length | None = None,
     maxdiameter: Length | None = None,
     outerrims: bool = False,
+    intersecting: bool = False,
     creases: bool = True,
     repair: bool = False,
     noise: Length | None = None,
@@ -90,8 +91,9 @@ def meshing_close_holes_by_bezier_patch(
         rims and islands, ``boundary_edges``, ``non_manifold_faces`` at such edges, ``non_manifold_vertices`` and
         ``two_manifold``; where the mesh is not a manifold the genus is None, and ``boundary_loops_by`` says that we
         have counted the loops), ``warnings`` (texts: fills that need a look, because they cut faces, or are as wide as
-        half of the mesh), ``seconds`` (read, fit, write) and ``holes``, a dict for each with ``filled``, ``method``,
-        ``reason``, ``edge_count``, ``perimeter``, ``diameter``, ``islands``, ``is_outer_rim``, ``parts``,
+        half of the mesh, and holes that were left open because every fill would cut faces), ``seconds`` (read, fit,
+        write) and ``holes``, a dict for each with ``filled``, ``method``, ``reason``, ``edge_count``, ``perimeter``,
+        ``diameter``, ``islands``, ``is_outer_rim``, ``parts``,
         ``crease_edges``, ``new_vertices`` and ``new_faces`` (numbers), ``rim_error`` (0), ``rim_dihedral`` (mean angle
         along the rim, degrees) and ``self_intersections``; see `bezier_filters.HoleReport`. It can be written as JSON.
 
@@ -125,6 +127,7 @@ def meshing_close_holes_by_bezier_patch(
             max_diameter=absolute_length(maxdiameter, mesh.vertices, "maxdiameter"),
             selected=mesh.selected_vertices() if onselected else None,
             outer_rims=outerrims,
+            intersecting=intersecting,
             creases=creases,
             noise=absolute_length(noise, mesh.vertices, "noise"),
             alpha=alpha,
@@ -169,12 +172,14 @@ def fill_warnings(result: HoleFillingResult, diagonal: float) -> list[str]:
     filled = [hole for hole in result.holes if hole.filled]
     wide = [hole for hole in filled if hole.diameter > WIDE * diagonal]
     cutting = [hole.self_intersections for hole in filled if hole.self_intersections]
+    open_ = [hole for hole in result.holes if hole.self_intersections and not hole.filled]
     texts = [
         f"{len(wide):,} of the filled holes as wide as half of the mesh or wider, perhaps the end of a part and not a "
         f"hole: a largest diameter of {100 * WIDE:g}% leaves such open",
         f"{len(cutting):,} of the fills with faces that cut others, {sum(cutting):,} in all",
+        f"{len(open_):,} of the holes, left open because every fill would cut others; intersecting=True fills them",
     ]
-    return [text for text, holes in zip(texts, (wide, cutting), strict=True) if holes]
+    return [text for text, holes in zip(texts, (wide, cutting, open_), strict=True) if holes]
 
 
 def _growth(mesh: CurrentMesh, result: HoleFillingResult) -> MeshGrowth:

@@ -126,7 +126,9 @@ def test_filling_holes(tmp_path):
     assert "left open" in result.stdout
     assert "--outer-rims fills it, too" in result.stdout
     assert max(map(len, result.stdout.splitlines()[:-1])) <= 80
-    report = json.loads(run("fill-holes", SAMPLES / "punched_patch.ply", target, "--outer-rims", "--json").stdout)
+    command = "fill-holes", SAMPLES / "punched_patch.ply", target, "--outer-rims", "--json"
+    assert json.loads(run(*command).stdout)["open_holes"] == 1  # the sheet winds through every lid
+    report = json.loads(run(*command, "--intersecting").stdout)
     assert report["open_holes"] == 0
     assert load(target).get_topological_measures()["boundary_edges"] == 0
     result = run("fill-holes", SAMPLES / "sphere.ply", target)
@@ -462,6 +464,10 @@ def test_fills_that_need_a_look_are_told_last_and_by_the_status(tmp_path):
     corners = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]) + len(ball.vertices)
     save(half, np.vstack([ball.vertices, needle]), np.vstack([most, corners]))
     result = run("fill-holes", half, target)
+    assert result.returncode == 3
+    assert "1 of the holes, left open because every fill would cut others; --intersecting fills them" in result.stderr
+    assert "every fill would cut other faces, --intersecting takes" in " ".join(result.stdout.split())
+    result = run("fill-holes", half, target, "--intersecting")
     assert result.returncode == 3
     assert "1 of the fills with faces that cut others" in result.stderr
     assert re.search(r"\w+: \d+ of its faces would cut others;", " ".join(result.stdout.split()))

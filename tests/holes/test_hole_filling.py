@@ -190,12 +190,16 @@ def test_outer_rims_are_left_open_unless_asked_for():
 
 def test_an_outer_rim_gives_way_to_the_holes_of_its_sheet():
     surface = punched_patch()
-    result = fill_holes(surface.vertices, surface.faces, outer_rims=True)
+    result = fill_holes(surface.vertices, surface.faces, outer_rims=True, intersecting=True)
     assert [hole.is_outer_rim for hole in result.holes] == [True, False, False, False]
     assert [hole.method for hole in result.holes[1:]] == 3 * ["surface"]
     assert [hole.self_intersections for hole in result.holes[1:]] == 3 * [0]
     assert len(border_edges(result.faces)) == 0
-    without = fill_holes(surface.vertices, surface.faces)
+    assert result.holes[0].self_intersections > 0
+    without = fill_holes(surface.vertices, surface.faces, outer_rims=True)
+    assert without.holes[0].self_intersections == result.holes[0].self_intersections
+    assert not without.holes[0].filled
+    assert without.holes[0].reason.startswith("every fill would cut other faces")
     for own, other in zip(result.holes[1:], without.holes[1:], strict=True):
         np.testing.assert_array_equal(result.faces[own.new_faces], without.faces[other.new_faces])
     for attribute, rows in (("new_vertices", result.vertices), ("new_faces", result.faces)):
