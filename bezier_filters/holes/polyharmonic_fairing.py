@@ -17,6 +17,9 @@ from bezier_filters.runtime.jit import jit
 Matrix: TypeAlias = FloatArray | csr_matrix
 
 MOST_DENSE = 300  # vertices up to which matrices are dense
+# share of entries from which on a matrix is solved as a dense one: around vertices of thousands of edges the power of a
+# sparse one is nearly full
+FULL = 0.1
 # bounds of the weights: slivers do not rule, and there is always one solution, as all are positive
 LEAST_COTANGENT, LARGEST_COTANGENT = 0.02, 5.0
 
@@ -53,9 +56,12 @@ def _solve(rows: Matrix, known: FloatArray) -> FloatArray:
     matrix, right = rows[:, len(known) :], -(rows[:, : len(known)] @ known)
     if not issparse(matrix):
         return np.vstack([known, np.linalg.solve(matrix, right)])
+    columns = csc_matrix(matrix)
+    if columns.nnz > FULL * columns.shape[0] ** 2:
+        return np.vstack([known, np.linalg.solve(columns.toarray(), right)])
     # Without pivoting, in an order for symmetric matrices: several times as fast as for any matrix.
     options = {"SymmetricMode": True}
-    factor = splu(csc_matrix(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+    factor = splu(columns, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
     return np.vstack([known, factor.solve(np.ascontiguousarray(right))])
 
 

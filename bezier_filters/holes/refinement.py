@@ -17,9 +17,9 @@ from bezier_filters.runtime.jit import inner_jit, jit
 
 # triangles are split while their centroid is farther from their corners than the wanted edge length over this
 DENSITY = float(np.sqrt(2.0))
-# of a fill, and twice the square of its rim's number of edges, some twelve times as many as a round hole needs: where
-# a rim has edges of very different lengths, triangles stay larger than they would be
-FEW_FACES = 2_000
+# of a fill, and the square of its rim's number of edges, some six times as many as a round hole needs: where a rim has
+# edges of very different lengths, triangles stay larger than they would be
+FEW_FACES = 1_000
 MOST_PASSES = 60
 GROWTH = 9  # rows that there is room for, in faces of a fill, before its arrays are made longer
 MOST_FLIPS = 30  # passes over all edges
@@ -43,7 +43,7 @@ def refine(fill: Fill, existing: AbstractSet[tuple[int, int]]) -> Fill:
     points, sizes, faces = fill.points, fill.sizes, fill.faces
     neighbours = face_neighbours(faces)
     n, m = len(points), len(faces)
-    most = FEW_FACES + 2 * fill.rim_count**2
+    most = FEW_FACES + fill.rim_count**2
     for _ in range(MOST_PASSES):
         if m > most:
             break

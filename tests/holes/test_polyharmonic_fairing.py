@@ -6,7 +6,9 @@ from bezier_filters.holes.polyharmonic_fairing import cotangent_matrix, harmonic
 from bezier_filters.surfaces import sphere
 
 
-def test_dense_and_sparse_matrices_give_the_same_fill(monkeypatch):
+@pytest.mark.parametrize("full", [0.01, 1.0])
+def test_dense_and_sparse_matrices_give_the_same_fill(monkeypatch, full):
+    """Also where a sparse one is so full that it is solved as a dense one."""
     ball = sphere(resolution=5)
     free = np.flatnonzero(ball.vertices[:, 2] > 0.6)
     order = np.concatenate([np.flatnonzero(ball.vertices[:, 2] <= 0.6), free])
@@ -21,6 +23,7 @@ def test_dense_and_sparse_matrices_give_the_same_fill(monkeypatch):
     )
     dense_shift = harmonic_displacement(points, faces, shift)
     monkeypatch.setattr(module, "MOST_DENSE", 0)
+    monkeypatch.setattr(module, "FULL", full)
     (matrix, areas), fills = (
         cotangent_matrix(points, faces),
         [polyharmonic_fairing(points, faces, first, k) for k in (1, 2, 3)],
