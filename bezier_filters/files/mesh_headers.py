@@ -6,7 +6,9 @@ pymeshlab read a file after it has passed.
 
 import os
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import BinaryIO
 
@@ -188,3 +190,22 @@ def _check_off(path: Path, head: bytes) -> None:
         raise FieldFileError(
             f"{path} is cut short or damaged: it announces {vertices} vertices and {faces} faces in {size} bytes"
         )
+    _check_faces_of_off(path, faces)
+
+
+def _check_faces_of_off(path: Path, faces: int) -> None:
+    """Refuse an ASCII OFF file whose faces go on over several lines: pymeshlab's reader runs out of the line."""
+
+    def rows() -> Iterator[tuple[int, list[bytes]]]:
+        with path.open("rb") as stream:
+            for number, line in enumerate(stream, 1):
+                if cells := line.partition(b"#")[0].split():
+                    yield number, cells
+
+    count = sum(1 for _ in rows())
+    for number, cells in islice(rows(), max(count - faces, 0), None):
+        if cells[0].isdigit() and len(cells) <= int(cells[0]):
+            raise FieldFileError(
+                f"{path} is cut short or has faces over several lines: line {number} announces {int(cells[0])} "
+                f"corners, but holds {len(cells) - 1}"
+            )

@@ -81,6 +81,12 @@ class TestLoading:
             ("junk.ply", b"\x00\xff" * 200, "Header not found"),
             ("junk.stl", b"\x00\xff" * 200, "it is cut short or damaged: its header announces 4278255360 triangles"),
             ("junk.obj", b"\x00\xff" * 200, "No vertex found"),
+            # pymeshlab's reader ends the process here.
+            (
+                "faces.off",
+                b"OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n# faces\n4 0 1\n2 3\n\n3 0 1 2\n",
+                "it is cut short or has faces over several lines: line 9 announces 2 corners, but holds 1",
+            ),
             ("mesh.foo", b"abc", "Unknown format for load: foo"),
             ("mesh", b"abc", "Unknown format for load"),
             ("none.ply", b"ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nend_header\n", ""),
