@@ -8,14 +8,14 @@ import typer
 from rich.markup import escape
 
 from bezier_filters.arrays import Report
-from bezier_filters.cli import batch, console, filters, pictures, scale
+from bezier_filters.cli import batch, console, filters, pictures, scale, watch
 from bezier_filters.cli.app import Json, Overwrite, Quiet, Source, app, check_target, option_of
 from bezier_filters.meshes.mesh import TriangleMesh
 
 if TYPE_CHECKING:
     from bezier_filters.meshlab.meshset import CurrentMesh
 
-__all__ = ["app", "batch", "filters", "pictures", "scale", "serve_command_line"]
+__all__ = ["app", "batch", "filters", "pictures", "scale", "serve_command_line", "watch"]
 
 
 @app.command(epilog="Example: bezier-filters info scan.ply")

@@ -102,14 +102,16 @@ def folder(prepared, tmp_path):
 
 @pytest.mark.parametrize("command", [*found(COMMAND), *in_help()])
 def test_command_runs(command, folder, monkeypatch):
-    """`view` needs a display, completion changes the user's shell, HOST is any machine: their options are parsed.
+    """`view` needs a display, `watch` never ends, completion changes the user's shell, HOST is any machine.
+
+    Their options are parsed.
 
     Processes for tiles and batches are started by other tests, and by the script above.
     """
     monkeypatch.chdir(folder)
     monkeypatch.setattr(worker_processes, "run_in_processes", in_this_process)
     arguments = shlex.split(command, comments=True)
-    if arguments[0] in ("view", "--install-completion") or "HOST" in command:
+    if arguments[0] in ("view", "watch", "--install-completion") or "HOST" in command:
         arguments.append("--help")
     elif arguments[0] == "scale":
         arguments += ["--scheduler", "synchronous"]
