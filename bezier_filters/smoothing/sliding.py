@@ -16,7 +16,7 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.frames import face_normal, tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.triangles import longest_squared
+from bezier_filters.meshes.triangles import edge_length, longest_squared
 from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import run_kernel
 
@@ -164,8 +164,9 @@ def _shorten(
         x, y, z = points[i, 0] - vertices[i, 0], points[i, 1] - vertices[i, 1], points[i, 2] - vertices[i, 2]
         longest = 0.0
         for q in range(face_ptr[i], face_ptr[i + 1]):
-            longest = max(longest, longest_squared(vertices, faces, face_indices[q]))
-        move, most = np.sqrt(x * x + y * y + z * z), FARTHEST * np.sqrt(longest)
+            for k in range(3):
+                longest = max(longest, edge_length(vertices, i, faces[face_indices[q], k]))
+        move, most = np.sqrt(x * x + y * y + z * z), FARTHEST * longest
         if move > most:
             share = most / move
             points[i, 0] = vertices[i, 0] + share * x
