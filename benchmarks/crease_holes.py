@@ -22,10 +22,15 @@ TRULY_SHARP = 30.0  # degrees
 KINDS = ("2", "4", "corner")
 
 
-def edge_keys(faces: np.ndarray, count: int) -> np.ndarray:
-    """A number for each edge of some faces, the same from both sides."""
-    pairs = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64), axis=1)
+def keys(edges: np.ndarray, count: int) -> np.ndarray:
+    """A number for each edge (e, 2) of a mesh of so many vertices, whatever its direction."""
+    pairs = np.sort(edges.astype(np.int64), axis=1)
     return pairs[:, 0] * count + pairs[:, 1]
+
+
+def edge_keys(faces: np.ndarray, count: int) -> np.ndarray:
+    """The same for the edges of some faces."""
+    return keys(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), count)
 
 
 def kind_of(case: Case, sharp: np.ndarray) -> str:
@@ -45,8 +50,7 @@ def kind_of(case: Case, sharp: np.ndarray) -> str:
 def holes_of_kind(kind: str, vertices: np.ndarray, faces: np.ndarray, count: int, seed: int) -> Iterator[Case]:
     """Random holes of a kind."""
     edges = mesh_edges(triangle_mesh(vertices, faces))
-    pairs = np.sort(edges.vertices.astype(np.int64), axis=1)
-    sharp = (pairs[:, 0] * len(vertices) + pairs[:, 1])[edges.angles > np.radians(TRULY_SHARP)]
+    sharp = keys(edges.vertices[edges.angles > np.radians(TRULY_SHARP)], len(vertices))
     fitting = (case for case in random_cuts(kind, vertices, faces, seed) if kind_of(case, sharp) == kind)
     for number, case in enumerate(islice(fitting, count)):
         yield case._replace(name=f"{kind}, {number}")

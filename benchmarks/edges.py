@@ -17,18 +17,12 @@ from scipy.sparse.csgraph import connected_components
 import bezier_filters as bf
 from bezier_filters.meshes.dihedral_angles import MeshEdges, mesh_edges
 from bezier_filters.meshes.mesh import triangle_mesh
-from crease_holes import TRULY_SHARP, with_noise
+from crease_holes import TRULY_SHARP, keys, with_noise
 from peers import angles
 from sub_holes import load
 
 LEVELS = (0.1, 0.2, 0.3)
 ROUND = ("sphere", "star", "eight", "kitten")
-
-
-def keys(edges: np.ndarray, count: int) -> np.ndarray:
-    """A number for each edge, whatever its direction."""
-    pairs = np.sort(edges.astype(np.int64), axis=1)
-    return pairs[:, 0] * count + pairs[:, 1]
 
 
 def parts_between(edges: MeshEdges, is_sharp: np.ndarray) -> np.ndarray:
@@ -64,9 +58,8 @@ def judge(name: str, clean: np.ndarray, faces: np.ndarray, noisy: dict[str, np.n
     for level, vertices in {"clean": clean, **noisy}.items():
         found = keys(np.asarray(bf.find_creases(vertices, faces).sharp_edges).reshape(-1, 2), count)
         score = 2 * len(np.intersect1d(found, truth)) / max(len(found) + len(truth), 1)
-        text = f"{name:10} {level:6} {len(found):5} sharp edges of {len(truth):5}" + (
-            f", F1 {score:.3f}" if len(truth) else ""
-        )
+        text = f"{name:10} {level:6} {len(found):5} sharp edges of {len(truth):5}"
+        text += f", F1 {score:.3f}" if len(truth) else ""
         if len(truth) and level != "clean":
             ours = bf.estimate_vertex_geometry(vertices, faces).normals
             both = (ours, normals_of_parts(vertices, faces, parts))

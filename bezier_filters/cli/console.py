@@ -23,6 +23,12 @@ if TYPE_CHECKING:
     from bezier_filters.meshes.mesh import TriangleMesh
 
 MOST_HOLES = 20  # that are listed one by one
+# options by the parameters that remarks on holes name
+_IN_THE_SHELL = {
+    "outer_rims=True": "--outer-rims",
+    "repair=True of the filter": "--repair",
+    "intersecting=True": "--intersecting",
+}
 
 err = Console(stderr=True, highlight=False, soft_wrap=True)
 out = Console(highlight=False, soft_wrap=True)
@@ -120,17 +126,9 @@ def print_smoothing(report: Report, source: str) -> None:
     out.print(table)
 
 
-# options by the parameters that remarks on holes name
-OPTIONS = {
-    "outer_rims=True": "--outer-rims",
-    "repair=True of the filter": "--repair",
-    "intersecting=True": "--intersecting",
-}
-
-
 def in_words_of_the_shell(text: str) -> str:
     """A remark on holes with options where it names parameters."""
-    for name, option in OPTIONS.items():
+    for name, option in _IN_THE_SHELL.items():
         text = text.replace(name, option)
     return text
 
@@ -151,9 +149,8 @@ def print_holes(report: Report, source: str) -> None:
         size = f"{hole['edge_count']:>9,}  {hole['diameter']:>17.3g}"
         out.print(f"{size}  {method:<11}  {hole['new_faces']:>9,}  {angle:>19}".rstrip())
         if hole["reason"]:
-            out.print(
-                Padding(escape(in_words_of_the_shell(hole["reason"])), (0, 2, 0, 11), expand=False), soft_wrap=False
-            )
+            remark = in_words_of_the_shell(hole["reason"])
+            out.print(Padding(escape(remark), (0, 2, 0, 11), expand=False), soft_wrap=False)
     if len(report["holes"]) > MOST_HOLES:
         out.print(f"  and {len(report['holes']) - MOST_HOLES:,} smaller ones")
     out.print(

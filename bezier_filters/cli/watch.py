@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from bezier_filters.cli import console
-from bezier_filters.cli.app import Overwrite, app, check_target, examples
+from bezier_filters.cli.app import NEEDS_A_LOOK, Overwrite, app, check_target, examples
 from bezier_filters.cli.batch import check_command
 from bezier_filters.errors import InvalidParameterError
 
@@ -49,7 +49,7 @@ def watch(
         status = subprocess.run(work, check=False).returncode
         if target.exists() and source.exists() and target.samefile(source):
             seen = _stamp(source)  # this save was ours
-        told = "could not be run" if status in (1, 2) else f"done: reload {target} in MeshLab"
+        told = f"done: reload {target} in MeshLab" if status in (0, NEEDS_A_LOOK) else "could not be run"
         console.out.print(f"{time.strftime('%X')}  {command} {told}; waiting for {source} to be saved", markup=False)
 
 

@@ -161,7 +161,7 @@ def _first_without_cuts(
         reasons.append((attempt, f"{attempt.method}: {problem}"))
     if best.cuts and not task.intersecting:
         return FilledHole(cuts=best.cuts, reason="; ".join(dict.fromkeys([CUTTING, *(text for _, text in reasons)])))
-    angle = _rim_dihedral(best.attempt.fill, region) if best.attempt and best.attempt.fill else 0.0
+    angle = _rim_dihedral(best.placed, region) if best.placed else 0.0
     told = [text for attempt, text in reasons if attempt is not best.attempt]
     if best.attempt and best.cuts:
         told.append(f"{best.attempt.method}: taken, though {best.cuts} of its faces cut others, the fewest")
@@ -218,9 +218,9 @@ def _cuts(placed: FaceSet, others: Sequence[FaceSet]) -> BoolArray:
     return cut_faces(points[first], faces.reshape(-1, 3).astype(np.int32), len(placed.faces))
 
 
-def _rim_dihedral(fill: Fill, region: InfluenceRegion) -> float:
+def _rim_dihedral(fill: FaceSet, region: InfluenceRegion) -> float:
     """Mean angle between the faces on both sides of the rim, in degrees."""
-    at_rim = fill.faces[np.count_nonzero(fill.faces < fill.rim_count, axis=1) > 1]
+    at_rim = fill.faces[np.count_nonzero(fill.faces < region.rim_count, axis=1) > 1]
     normals = unit_face_normals(fill.points, at_rim)
     angles: list[float] = []
     for loop in region.loops:

@@ -162,9 +162,9 @@ def fill_holes(
     continues the one around the hole: the zero set of a polyharmonic spline that interpolates points of five rings and
     the normals of their Bezier patches, or fits them on noisy meshes, where the smoothness of the spline follows from
     the data. Where that is not possible, or cuts the mesh, simpler fills are tried, and the report says so. A hole
-    whose fills all cut other faces is left open, unless `intersecting` asks for it. The old
-    vertices and faces stay as they are. Left open are borders that lie on each other, which have no width, and those
-    that meet an edge with more than two faces or with two that run through it the same way; `reason` says where.
+    whose fills all cut other faces is left open, unless `intersecting` asks for it. The old vertices and faces stay as
+    they are. Left open are borders that lie on each other, which have no width, and those that meet an edge with more
+    than two faces or with two that run through it the same way; `reason` says where.
 
     ``method="paper"`` lifts the Delaunay triangulation of the rim in the plane of the hole to one bicubic patch and
     corrects it to pass through the rim (Li, Barsky, Jin, "An effective third-order local fitting patch and its

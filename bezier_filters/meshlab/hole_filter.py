@@ -93,9 +93,9 @@ def meshing_close_holes_by_bezier_patch(
         have counted the loops), ``warnings`` (texts: fills that need a look, because they cut faces, or are as wide as
         half of the mesh, and holes that were left open because every fill would cut faces), ``seconds`` (read, fit,
         write) and ``holes``, a dict for each with ``filled``, ``method``, ``reason``, ``edge_count``, ``perimeter``,
-        ``diameter``, ``islands``, ``is_outer_rim``, ``parts``,
-        ``crease_edges``, ``new_vertices`` and ``new_faces`` (numbers), ``rim_error`` (0), ``rim_dihedral`` (mean angle
-        along the rim, degrees) and ``self_intersections``; see `bezier_filters.HoleReport`. It can be written as JSON.
+        ``diameter``, ``islands``, ``is_outer_rim``, ``parts``, ``crease_edges``, ``new_vertices`` and ``new_faces``
+        (numbers), ``rim_error`` (0), ``rim_dihedral`` (mean angle along the rim, degrees) and ``self_intersections``;
+        see `bezier_filters.HoleReport`. It can be written as JSON.
 
     Examples
     --------
