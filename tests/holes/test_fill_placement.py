@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
-from hole_cases import sheet
+from hole_cases import sheet, without_faces_near
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.sparse.csgraph import connected_components
 
 from bezier_filters.holes.fill_placement import MOST_FREED, FaceSet, _cuts, _with_fewer_cuts, groups_of_boxes
 from bezier_filters.holes.hole_filling import fill_holes
-from bezier_filters.surfaces import sphere
+from bezier_filters.surfaces import block_with_sharp_edges, sphere
 
 
 @given(st.integers(0, 10**6), st.integers(0, 40))
@@ -89,3 +89,17 @@ def test_a_rim_that_cuts_others_cannot_be_flattened():
     kept, cuts = _with_fewer_cuts(fill, rim_count, [floor])
     assert kept is fill
     assert cuts > 0
+
+
+def test_the_angle_along_the_rim_is_that_of_the_result():
+    """Also where the fill that is taken was flattened, as it is here."""
+    vertices, faces = block_with_sharp_edges(resolution=12)
+    result = fill_holes(vertices, without_faces_near(vertices, faces, np.array([-1 / 6, 0.5, 0.25]), 0.2641))
+    (hole,) = result.holes
+    corners = result.vertices[result.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    face_at = {(face[k - 1], face[k]): f for f, face in enumerate(result.faces.tolist()) for k in range(3)}
+    edges = list(zip(hole.rim.tolist(), np.roll(hole.rim, -1).tolist(), strict=True))
+    cosines = [normals[face_at[a, b]] @ normals[face_at[b, a]] for a, b in edges]
+    assert hole.rim_dihedral == pytest.approx(np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0))).mean(), rel=1e-6)
