@@ -12,6 +12,7 @@ from bezier_filters.learning.neighbourhood_samples import draw_from_mesh, sample
 from bezier_filters.learning.noise_spectrum import learn_noise
 from bezier_filters.learning.ring_analysis import analyse_rings
 from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.surfaces import sphere, torus
 
 
 def ring_means(faces, count):
@@ -66,3 +67,18 @@ def learned(vertices, faces):
     sample = sample_neighbourhoods(mesh, adjacency, ids, rings=NEAR_RINGS, most_turned=MOST_TURNED)
     rings = {k: SAMPLES[k] for k in range(1, NEAR_RINGS + 1)}
     return learn_noise(analyse_rings(sample, rings, vertex_count=len(vertices)))
+
+
+def ball_with_a_narrow_ring(level):
+    """A ball, and beside it a ring whose tube is 3 edges of the ball thick, with noise of `level` such edges.
+
+    Returns vertices, faces, exact normals and which vertices are those of the ring, one in fourteen.
+    """
+    ball = sphere(radius=20.0, resolution=20, jitter=0.2)
+    edge = mean_edge_of(ball.vertices, ball.faces)
+    ring = torus(major_radius=5.0 * edge, minor_radius=3.0 * edge, resolution=14, jitter=0.2)
+    parts = [along_normals(part, level * edge / mean_edge_of(part.vertices, part.faces), 0) for part in (ball, ring)]
+    vertices = np.concatenate([parts[0], parts[1] + 100.0])
+    faces = np.concatenate([ball.faces, ring.faces + len(ball.vertices)]).astype(np.int32)
+    is_narrow = np.arange(len(vertices)) >= len(ball.vertices)
+    return vertices, faces, np.concatenate([ball.normals, ring.normals]), is_narrow

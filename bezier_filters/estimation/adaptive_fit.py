@@ -22,10 +22,11 @@ from bezier_filters.estimation.fallbacks import (
 )
 from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, empty_geometry
 from bezier_filters.kernels.kernel_input import KernelMesh, with_steady_normals
-from bezier_filters.learning.learn import CANDIDATE_RINGS, MOST_TURNED, learn_surface
+from bezier_filters.learning.learn import CANDIDATE_RINGS, MOST_TURNED, learn_from_samples, learn_surface
 from bezier_filters.learning.model_tree import (
     Features,
     Leaf,
+    Split,
     Tree,
     at_leaves,
     best_leaf,
@@ -33,8 +34,9 @@ from bezier_filters.learning.model_tree import (
     leaf_numbers,
     leaf_of,
     leaves,
+    saved,
 )
-from bezier_filters.learning.neighbourhood_samples import draw_from_mesh, sample_neighbourhoods
+from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample, draw_from_mesh, sample_neighbourhoods
 from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.learning.plans import THRIFT, Choices, plan_for
 from bezier_filters.learning.ring_analysis import FEWEST_SAMPLES, RingAnalysis
@@ -47,12 +49,27 @@ OUTLIER_RINGS = 3  # of the robust fit that tells what is far off: narrow, and w
 FAR = 5.0  # standard deviations of the noise around a vertex
 SPREADS = 2  # how many edges around a vertex its noise is told from
 OUTLIER_REACH = OUTLIER_RINGS + MORE_RINGS + SPREADS  # how many edges around a vertex decide whether it is far off
+# A small part of the surface that the fit for all of it does not follow hardly shows in the sample that this was
+# learned from: what is off by so many standard deviations of the noise, among more vertices, is learned by itself
+OFF, LOOKED_AT = 1.4, 2000
+FEWEST_OFF, MOST_OFF = 40, 0.3  # vertices, and share of those looked at: more of them are in the sample, too
+WORTHWHILE_THERE = 0.2  # logarithm of the predicted error that this must save
+RESIDUAL = 1  # place among the `first_features`
 GEOMETRIC_MEAN = np.exp(-0.5 * (np.euler_gamma + np.log(2.0)))  # of the absolute value of a standard normal variable
 
 # learns a surface, as `learning.learn_surface` does, as it is or without its outliers
 Learn = Callable[[Choices, bool], tuple[list[RingAnalysis], Leaf | None]]
 # a mesh whose neighbourhoods end at the sharp edges that are told without its noise
 Refined = Callable[[KernelMesh, NoiseModel], KernelMesh]
+
+
+@dataclass(frozen=True)
+class Places:
+    """Vertices of a mesh, in memory or in tiles, after the first fit."""
+
+    drawn: IntArray  # spread over the mesh, in random order
+    features: Features  # the `first_features` of these and of those that the surface was learned from
+    sample: Callable[[IntArray, int], NeighbourhoodSample]  # neighbourhoods of vertices, up to some rings
 
 
 @dataclass(frozen=True)
@@ -163,11 +180,31 @@ def learner(mesh: KernelMesh, adjacency: Adjacency, *, threads: int = 1) -> Lear
     return learn
 
 
-def with_parts(fit: SurfaceFit, learned: Learned, features: Features) -> SurfaceFit:
-    """The fit with what suits the parts of the surface, if they differ, by the `first_features` of sampled vertices."""
+def with_parts(fit: SurfaceFit, learned: Learned, places: Places, *, threads: int = 1) -> SurfaceFit:
+    """The fit with what suits the parts of the surface, if they differ, by what the first fit shows."""
     root = learned.root
-    tree = grow(root, learned.analyses, features, learned.choices)
+    tree = grow(root, learned.analyses, places.features, learned.choices)
+    if not fit.robust:  # outliers are off, too
+        tree = _without_what_is_off(tree, root, learned.choices, places, threads)
     return fit if isinstance(tree, Leaf) else replace(fit, parts=at_leaves(tree, partial(_part_fit, root)))
+
+
+def _without_what_is_off(tree: Tree[Leaf], root: Leaf, choices: Choices, places: Places, threads: int) -> Tree[Leaf]:
+    """The tree, and a leaf for what the first fit does not follow, if a plan of its own does much better there."""
+    threshold = OFF * max(leaf.surface.sigma for leaf in leaves(tree))
+    off = places.drawn[places.features(places.drawn)[:, RESIDUAL] > threshold]
+    if not FEWEST_OFF <= len(off) <= MOST_OFF * len(places.drawn):
+        return tree
+
+    def sample(rings: int, count: int, _: bool) -> NeighbourhoodSample:
+        return places.sample(off[:count], rings)
+
+    vertex_count = root.surface.by_rings[0].analysis.vertex_count
+    _, leaf = learn_from_samples(sample, vertex_count, choices, threads=threads)
+    # without rings as wide as those of the first fit, there are none that do not fold
+    if leaf is None or -np.inf < saved(root.chosen, leaf) <= WORTHWHILE_THERE:
+        return tree
+    return Split(RESIDUAL, threshold, tree, leaf)
 
 
 def _part_fit(root: Leaf, leaf: Leaf) -> PartFit:

@@ -120,15 +120,15 @@ def grow(
     leaves_ = [leaf for leaf in parts if leaf is not None]
     if len(leaves_) < len(parts):
         return root
-    saved = [_saved(root.chosen, leaf) for leaf in leaves_]
+    gains = [saved(root.chosen, leaf) for leaf in leaves_]
     sizes = [max(len(part.centers) for part in side) for side in sides]
-    if sum(s * n for s, n in zip(saved, sizes, strict=True)) <= WORTHWHILE * sum(sizes):
+    if sum(s * n for s, n in zip(gains, sizes, strict=True)) <= WORTHWHILE * sum(sizes):
         return root
     low, high = (grow(leaf, side, features, choices, depth - 1) for leaf, side in zip(leaves_, sides, strict=True))
     return Split(feature, threshold, low, high)
 
 
-def _saved(plan: FitPlan, leaf: Leaf) -> float:
+def saved(plan: FitPlan, leaf: Leaf) -> float:
     """Logarithm of what a leaf's own plan takes off the predicted error of another; -inf if it has no such ring."""
     before = plan_for(plan, leaf.surface)
     smallest = np.finfo(np.float64).tiny  # on exact planes there is no error at all

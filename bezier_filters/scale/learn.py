@@ -11,7 +11,9 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.adaptive_fit import (
+    LOOKED_AT,
     OUTLIER_REACH,
+    Places,
     SurfaceFit,
     choose_fit,
     first_features,
@@ -85,8 +87,15 @@ def learn_fit(store: Store, options: FitOptions, *, threads: int = 1) -> Surface
     fit, learned = choose_fit(learn, rings, fixed, degrees, options.robust, options.noise, options.detail)
     if learned is None:
         return fit
-    features = _first_features(store, learned.centers, fit, options, threads)
-    return with_parts(fit, learned, lambda centers: features[np.searchsorted(learned.centers, centers)])
+    drawn = _draw(store, LOOKED_AT)
+    known = np.union1d(learned.centers, drawn)
+    features = _first_features(store, known, fit, options, threads)
+
+    def sample(centers: IntArray, rings: int) -> NeighbourhoodSample:
+        return _sample_at(store, options, threads, False, rings, fit.steady, centers)
+
+    places = Places(drawn, lambda centers: features[np.searchsorted(known, centers)], sample)
+    return with_parts(fit, learned, places, threads=threads)
 
 
 def learn_noise(store: Store, *, threads: int = 1) -> NoiseModel | None:
@@ -118,8 +127,19 @@ def _sample(
     store: Store, options: FitOptions, threads: int, without: bool, rings: int, count: int, steady: bool
 ) -> NeighbourhoodSample:
     """The neighbourhoods that would be sampled in memory."""
+    return _sample_at(store, options, threads, without, rings, steady, _draw(store, count))
+
+
+def _draw(store: Store, count: int) -> IntArray:
+    """The vertices that would be drawn in memory."""
     every = Population(store.layout.vertex_count, partial(_ranks, store))
-    centers = draw_vertices(every, partial(_have_normals, store), partial(_with_normals, store), count)
+    return draw_vertices(every, partial(_have_normals, store), partial(_with_normals, store), count)
+
+
+def _sample_at(
+    store: Store, options: FitOptions, threads: int, without: bool, rings: int, steady: bool, centers: IntArray
+) -> NeighbourhoodSample:
+    """The neighbourhoods of some vertices."""
     reach = rings + CREASE_RINGS + (OUTLIER_REACH if without else 0) + (STEADY_ROUNDS if steady else 0)
     part = part_around_samples(store, centers, reach, threads=threads)
     arrays, adjacency = fitted_mesh(part.mesh, creases=options.creases, threads=threads)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from numba import config
-from scanner_noise import along_normals, mean_edge_of
+from scanner_noise import along_normals, ball_with_a_narrow_ring, mean_edge_of
 
 from bezier_filters import estimate_vertex_geometry
 from bezier_filters.surfaces import bumpy_star, ellipsoid, torus
@@ -43,3 +43,22 @@ def test_averaged_noise_takes_a_wider_fit_than_white_noise_and_has_larger_errors
     )
     assert ratio > 1.3
     assert ratio == pytest.approx(np.sqrt(truth), rel=0.25)
+
+
+@pytest.mark.parametrize("level", [0.05, 0.1])
+def test_a_part_too_narrow_for_the_fit_of_all_has_a_fit_of_its_own(level):
+    """Rings that suit the ball reach around the tube of the ring; there normals are as if the ring were alone."""
+    vertices, faces, normals, is_narrow = ball_with_a_narrow_ring(level)
+    together = estimate_vertex_geometry(vertices, faces)
+    alone = estimate_vertex_geometry(vertices[is_narrow], faces[is_narrow[faces].all(axis=1)] - (~is_narrow).sum())
+    cosines = [(normals[is_narrow] * found).sum(axis=1) for found in (together.normals[is_narrow], alone.normals)]
+    errors = [np.arccos(np.minimum(cosine, 1.0)).mean() for cosine in cosines]
+    assert errors[0] < 1.3 * errors[1]
+    assert together.fit.parts[-1].vertices == pytest.approx(is_narrow.sum(), rel=0.1)
+    assert together.fit.parts[-1].rings < together.fit.rings
+
+
+def test_the_fit_of_a_narrow_part_does_not_depend_on_what_is_selected():
+    vertices, faces, _, is_narrow = ball_with_a_narrow_ring(0.1)
+    whole, some = (estimate_vertex_geometry(vertices, faces, selected=mask) for mask in (None, is_narrow))
+    np.testing.assert_array_equal(some.k_max[is_narrow], whole.k_max[is_narrow])

@@ -3,7 +3,7 @@
 import pytest
 from numba import config
 from scale_cases import assert_same_as_in_memory, save_arrays, shuffled
-from scanner_noise import along_normals, in_all_directions, learned
+from scanner_noise import along_normals, ball_with_a_narrow_ring, in_all_directions, learned
 from test_scale_smoothing import assert_near
 
 from bezier_filters import smooth
@@ -26,6 +26,14 @@ def heavy():
 
 
 CASES = {"averaged": averaged, "heavy": heavy}
+
+
+def test_a_narrow_part_is_found_as_in_memory(tmp_path):
+    vertices, faces = shuffled(*ball_with_a_narrow_ring(0.1)[:2])
+    report = estimate_file(save_arrays(tmp_path, vertices, faces), tmp_path / "out.ply", tile_vertices=1000, **HOW)
+    assert report["tiles"] > 1
+    assert len(report["fit"]["parts"]) == 2
+    assert_same_as_in_memory(report, vertices, faces)
 
 
 @pytest.mark.parametrize("name", CASES)
