@@ -21,6 +21,7 @@ from bezier_filters.estimation.fallbacks import (
     planned_chain,
 )
 from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, empty_geometry
+from bezier_filters.kernels.graph_geometry import bound_errors
 from bezier_filters.kernels.kernel_input import KernelMesh, with_steady_normals
 from bezier_filters.learning.learn import CANDIDATE_RINGS, MOST_TURNED, learn_from_samples, learn_surface
 from bezier_filters.learning.model_tree import (
@@ -247,7 +248,7 @@ def fit_parts(
                 mesh, of_part, part.attempts, geometry, robust=fit.robust, threads=threads, progress=at_the_end
             )
         else:
-            _rescale_errors(geometry, mesh.origin[of_part], *part.error_ratios)
+            _rescale_errors(mesh, of_part, geometry, *part.error_ratios)
         parts.append(FitPart(len(of_part), part.rings, part.degree, part.noise_sigma))
     return replace(fit.choice, parts=tuple(parts))
 
@@ -263,11 +264,16 @@ def _part_numbers(parts: Tree[PartFit], geometry: VertexGeometry, origin: IntArr
     return numbers
 
 
-def _rescale_errors(geometry: VertexGeometry, rows: IntArray, of_normal: float, of_curvature: float) -> None:
+def _rescale_errors(
+    mesh: KernelMesh, ids: IntArray, geometry: VertexGeometry, of_normal: float, of_curvature: float
+) -> None:
     """Give vertices the standard errors of the same fit under another model."""
+    rows, of_both = mesh.origin[ids], (geometry.mean_curvature_std, geometry.gaussian_curvature_std)
     geometry.normal_std[rows] *= of_normal
-    for errors in (geometry.mean_curvature_std, geometry.gaussian_curvature_std):
+    for errors in of_both:
         errors[rows] *= of_curvature
+    if of_curvature > 1.0:
+        run_kernel(bound_errors, len(ids), mesh, ids, *of_both, threads=1)
 
 
 def fit_in_balls(

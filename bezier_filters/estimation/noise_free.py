@@ -18,6 +18,9 @@ from bezier_filters.smoothing.laplacian import Borders
 
 # times the mean edge: less noise turns a face by some 5 degrees at most, and no flat edge looks like a sharp one
 NOISY = 0.02
+# times the mean edge: heights that differ make edges longer, by 2 / sqrt(pi) times white noise at the least, so more is
+# not noise, but a part with few vertices
+MOST_NOISE = 0.5 * np.sqrt(np.pi)
 # of the noise, what the angles at sharp edges of the surface without it still show: 0.06 to 0.3 on wedges, prisms and
 # a fandisk with white noise of 0.1 to 0.5 edges
 LEFT = 0.2
@@ -28,12 +31,14 @@ MOST_CLEANED = 3  # times that outliers are taken off
 def learn_noise(
     mesh: TriangleMesh, adjacency: Adjacency, sigma: float | None = None, *, threads: int = 1
 ) -> NoiseModel | None:
-    """The noise along the normal, of a strength that may be known, a length; None if the mesh is too small for it."""
+    """The noise along the normal, of a strength that may be known, a length; None if the mesh is too coarse for it."""
     if sigma == 0.0:
         return NoiseModel(0.0)
     arrays, adjacency = fitted_mesh(mesh, adjacency=adjacency, creases=True, threads=threads)
     _, leaf = learn_without_outliers(learner(arrays, adjacency, threads=threads), Choices())
     learned = None if leaf is None else leaf.surface.noise
+    if learned is not None and learned.sigma > MOST_NOISE * mean_edge(mesh, adjacency):
+        learned = None
     return learned if sigma is None else known_noise(learned, sigma)
 
 

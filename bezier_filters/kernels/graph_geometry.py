@@ -16,7 +16,7 @@ from bezier_filters.kernels.kernel_input import (
 )
 from bezier_filters.kernels.lane_algebra import condition_numbers
 from bezier_filters.meshes.triangles import area_vector, longest_squared
-from bezier_filters.runtime.jit import inner_jit
+from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.lanes import LANES, Lanes, load, multiply_add, spread, square_root, store, where_greater
 
 # Places among the outputs; those of vectors are the first of three.
@@ -76,6 +76,19 @@ def write_block(
             results.gaussian_curvature_std[i] = work.outputs[place + 2 * LANES]
         if conditions is not None:
             conditions[i] = work.total[lane]
+
+
+@jit()
+def bound_errors(
+    mesh: KernelMesh, ids: IntArray, of_mean: FloatArray, of_gaussian: FloatArray, start: int, stop: int
+) -> None:
+    """Bring the standard errors of curvatures of vertices ids[start:stop] down to what the faces there can hold."""
+    for i in ids[start:stop]:
+        height = _smallest_height(mesh, i)
+        if height > 0.0:
+            most, row = np.pi / height, mesh.origin[i]
+            of_mean[row] = min(of_mean[row], most)
+            of_gaussian[row] = min(of_gaussian[row], most * most)
 
 
 @inner_jit()

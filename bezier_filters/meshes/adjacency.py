@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from bezier_filters.arrays import BoolArray, IntArray
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.triangles import next_corner
 from bezier_filters.runtime.jit import inner_jit, jit
@@ -116,6 +116,14 @@ def mean_edge(mesh: TriangleMesh, adjacency: Adjacency) -> float:
     rows = adjacency.vertices
     start = np.repeat(mesh.vertices, rows.lengths, axis=0)
     return float(np.linalg.norm(mesh.vertices[rows.indices] - start, axis=1).mean()) if len(start) else 0.0
+
+
+def longest_edges(mesh: TriangleMesh, adjacency: Adjacency) -> FloatArray:
+    """Length of the longest edge at every vertex, (n,); 0 without any."""
+    rows, longest = adjacency.vertices, np.zeros(mesh.vertex_count)
+    starts = np.repeat(np.arange(mesh.vertex_count), rows.lengths)
+    np.maximum.at(longest, starts, np.linalg.norm(mesh.vertices[rows.indices] - mesh.vertices[starts], axis=1))
+    return longest
 
 
 def closed_components(mesh: TriangleMesh, adjacency: Adjacency) -> tuple[IntArray, IntArray]:

@@ -11,13 +11,19 @@ from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.first_call import first_call
 from bezier_filters.estimation.fit_options import check_detail, check_noise
 from bezier_filters.estimation.noise_free import denoised, learn_noise
-from bezier_filters.meshes.adjacency import Adjacency, mean_edge, vertex_adjacency
+from bezier_filters.meshes.adjacency import Adjacency, longest_edges, mean_edge, vertex_adjacency
 from bezier_filters.meshes.half_edges import unclear_vertices
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
 from bezier_filters.runtime.parallel import Progress, one_thread_for_matrices, thread_count
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.smoothing_result import SmoothingResult
-from bezier_filters.smoothing.volume import ClosedComponents, component_volumes, movement_around, restore_volumes
+from bezier_filters.smoothing.volume import (
+    ClosedComponents,
+    component_volumes,
+    movement_around,
+    restore_volumes,
+    unlike_before,
+)
 
 SmoothingMethod = Literal["auto", "paper"]
 SmoothedBorders = Literal["curve", "fixed"]
@@ -137,11 +143,15 @@ def smooth(
             points = np.where(movable[:, np.newaxis], points, mesh.vertices)
         components = ClosedComponents.of(mesh, adjacency)
         volumes_before = component_volumes(components, mesh)
-        if components.count and (keep_volume or (keep_volume is None and method == "auto")):
+        keeps_volume = components.count and (keep_volume or (keep_volume is None and method == "auto"))
+        if keeps_volume:
             amounts = movement_around(mesh, adjacency, points) * movable
             points = restore_volumes(components, TriangleMesh(points, mesh.faces), volumes_before, amounts)
         if method == "auto":
             points = repair_flipped_faces(mesh, adjacency, points, threads=threads)
+        if keeps_volume:
+            unlike = unlike_before(components, mesh, TriangleMesh(points, mesh.faces), known.sigma if known else 0.0)
+            points = np.where(unlike[:, np.newaxis], mesh.vertices, points)
         smoothed = TriangleMesh(points, mesh.faces)
         volumes_after = component_volumes(components, smoothed)
         left = learn_noise(smoothed, adjacency, threads=threads)
@@ -183,10 +193,7 @@ def _onto_patches(
 
 def sound_displacements(mesh: TriangleMesh, adjacency: Adjacency, displacements: FloatArray) -> FloatArray:
     """Those onto patches, (n, 3), but zero beyond the neighbours and at edges that make no surface."""
-    rows, longest = adjacency.vertices, np.zeros(mesh.vertex_count)
-    starts = np.repeat(np.arange(mesh.vertex_count), rows.lengths)
-    np.maximum.at(longest, starts, np.linalg.norm(mesh.vertices[rows.indices] - mesh.vertices[starts], axis=1))
-    sound = (np.linalg.norm(displacements, axis=1) <= longest) & ~unclear_vertices(mesh)
+    sound = (np.linalg.norm(displacements, axis=1) <= longest_edges(mesh, adjacency)) & ~unclear_vertices(mesh)
     return np.where(sound[:, np.newaxis], displacements, 0.0)
 
 

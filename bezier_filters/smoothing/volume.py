@@ -6,13 +6,14 @@ from math import sqrt
 import numpy as np
 from scipy.sparse import csr_array
 
-from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.meshes.adjacency import Adjacency, closed_components
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.meshes.adjacency import Adjacency, closed_components, longest_edges
 from bezier_filters.meshes.frames import face_normal
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.jit import jit
 
 NEWTON_STEPS = 4  # of Newton's method; the volume is a polynomial that is nearly linear in a small offset
+LOST = 0.05  # part of its volume by which a component with its volume restored may still differ
 EXACT = 1e-13  # relative error at which it ends early
 FLAT = 1e-9  # where the vector area around a vertex is so small a part of the area, there is no outside
 
@@ -71,6 +72,20 @@ def restore_volumes(
     return points
 
 
+def unlike_before(components: ClosedComponents, mesh: TriangleMesh, smoothed: TriangleMesh, sigma: float) -> BoolArray:
+    """Which vertices belong to components whose volume could not be restored, (n,): boxes of few faces mostly.
+
+    What is thinner than noise of standard deviation `sigma`, such as both sides of a sheet, has no volume to speak of.
+    """
+    before, after = component_volumes(components, mesh), component_volumes(components, smoothed)
+    corners = mesh.vertices[mesh.faces]
+    areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    component = components.of_vertex[mesh.faces[:, 0]]
+    area = np.bincount(component[component >= 0], areas[component >= 0], components.count)
+    is_unlike = (np.abs(after - before) > LOST * np.abs(before)) & (np.abs(before) > sigma * area)
+    return np.append(is_unlike, False)[components.of_vertex]
+
+
 def offset_steps(wanted: FloatArray, gained: FloatArray) -> FloatArray:
     """How far components move out, times their amounts, to gain volumes (c,), from what they gain per unit.
 
@@ -102,13 +117,14 @@ def offset_along_normals(
 
 
 def movement_around(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray) -> FloatArray:
-    """How far the surroundings of a vertex have moved, (n,), lengths."""
+    """How far the surroundings of a vertex have moved, (n,), lengths; by its longest edge at most."""
     rows, n = adjacency.vertices, mesh.vertex_count
     neighbours = csr_array((np.ones(len(rows.indices), np.float32), rows.indices, rows.indptr), shape=(n, n))
     moves = points - mesh.vertices
     squares = np.einsum("ij,ij->i", moves, moves)
-    result: FloatArray = np.sqrt((neighbours @ squares + squares) / (rows.lengths + 1.0))
-    return result
+    means: FloatArray = np.sqrt((neighbours @ squares + squares) / (rows.lengths + 1.0))
+    bounded: FloatArray = np.minimum(means, longest_edges(mesh, adjacency))
+    return bounded
 
 
 def _gradient(mesh: TriangleMesh) -> tuple[FloatArray, FloatArray]:

@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 from bezier_filters import estimate_vertex_geometry
+from bezier_filters.kernels.graph_geometry import bound_errors
+from bezier_filters.kernels.kernel_input import fitted_mesh
+from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.surfaces import torus
 
 EVERYTHING = {"robust": True, "conditions": True}
@@ -42,3 +45,20 @@ def test_condition_numbers_change_nothing_else():
     for field in fields(found):
         if isinstance(getattr(without, field.name), np.ndarray):
             np.testing.assert_array_equal(getattr(found, field.name), getattr(without, field.name))
+
+
+def test_standard_errors_are_no_larger_than_what_faces_hold():
+    """Over the height of a face a surface turns by pi at most."""
+    vertices, faces = noisy_torus()
+    arrays, _ = fitted_mesh(triangle_mesh(vertices, faces), creases=False)
+    ids = np.arange(0, len(vertices), 2, dtype=np.int32)
+    of_mean, of_gaussian = np.full((2, len(vertices)), 1e9)
+    bound_errors(arrays, ids, of_mean, of_gaussian, 0, len(ids))
+    a, b, c = vertices[faces].transpose(1, 0, 2)
+    longest = np.max([np.linalg.norm(e, axis=1) for e in (a - b, b - c, c - a)], axis=0)
+    of_faces = np.linalg.norm(np.cross(b - a, c - a), axis=1) / longest
+    heights = np.full(len(vertices), np.inf)
+    np.minimum.at(heights, faces, of_faces[:, np.newaxis])
+    assert of_mean[::2] == pytest.approx(np.pi / heights[::2])
+    assert of_gaussian[::2] == pytest.approx(np.square(np.pi / heights[::2]))
+    assert (of_mean[1::2] == 1e9).all()

@@ -387,3 +387,17 @@ def test_a_given_strength_matters_where_the_noise_varies():
         for share in (0.2, 1.0)
     ]
     assert np.sqrt(np.square(left[1]).mean()) < 0.7 * np.sqrt(np.square(left[0]).mean())
+
+
+def test_a_coarse_part_is_not_taken_for_noise():
+    """A pot of 24 corners: noise as high as what its edges bridge would make them longer than they are."""
+    angles = np.linspace(0.0, 2.0 * np.pi, 6, endpoint=False)
+    circle = np.column_stack([np.cos(angles), np.sin(angles)])
+    rings = ((1.0, 0.0), (1.0, 3.0), (0.8, 3.0), (0.8, 0.2))
+    pot = np.vstack([np.column_stack([radius * circle, np.full(6, height)]) for radius, height in rings])
+    i, j = np.arange(6), np.roll(np.arange(6), -1)
+    walls = [np.column_stack(face) + 6 * k for k in range(3) for face in ((i, j, j + 6), (i, j + 6, i + 6))]
+    fan = np.array([[0, k, k + 1] for k in range(1, 5)])
+    result = smooth(pot, np.vstack([*walls, fan[:, ::-1], fan + 18]))
+    assert result.noise_before is None
+    np.testing.assert_array_equal(result.vertices, pot)

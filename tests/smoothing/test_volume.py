@@ -5,7 +5,14 @@ import pytest
 
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
-from bezier_filters.smoothing.volume import NEWTON_STEPS, ClosedComponents, component_volumes, restore_volumes
+from bezier_filters.smoothing.volume import (
+    NEWTON_STEPS,
+    ClosedComponents,
+    component_volumes,
+    movement_around,
+    restore_volumes,
+    unlike_before,
+)
 from bezier_filters.surfaces import block_with_sharp_edges, sphere, waves
 
 
@@ -93,3 +100,21 @@ def test_meshes_that_enclose_nothing():
         assert components_of(mesh).count == 0
     mesh = triangle_mesh(sheet.vertices, sheet.faces)
     assert components_of(mesh).count == 0
+
+
+@pytest.mark.parametrize(("shrunk", "sigma", "is_unlike"), [(0.9, 0.0, True), (0.999, 0.0, False), (0.9, 1.0, False)])
+def test_what_has_lost_its_volume_is_told(two_bodies_and_a_sheet, shrunk, sigma, is_unlike):
+    """But for what is thinner than the noise: the volume of the block is some 0.15 times its area."""
+    mesh, (end_of_block, _) = two_bodies_and_a_sheet
+    points = mesh.vertices.copy()
+    points[:end_of_block] *= shrunk
+    unlike = unlike_before(components_of(mesh), mesh, TriangleMesh(points, mesh.faces), sigma)
+    assert (unlike == (is_unlike & (np.arange(mesh.vertex_count) < end_of_block))).all()
+
+
+def test_vertices_follow_their_surroundings_by_an_edge_at_most():
+    """A fan with long edges on one side: its short side does not follow what the tip of the long one does."""
+    vertices = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-100.0, 0.0, 0.0], [-100.0, 1.0, 0.0]]
+    mesh = triangle_mesh(vertices, [[0, 1, 2], [0, 2, 3], [2, 4, 3]])
+    amounts = movement_around(mesh, vertex_adjacency(mesh), mesh.vertices + np.array([0.0, 0.0, 50.0]))
+    assert amounts == pytest.approx([50.0, np.sqrt(2.0), 50.0, 50.0, 50.0])
