@@ -17,6 +17,7 @@ from bezier_filters.estimation.vertex_geometry import VertexGeometry
 from bezier_filters.feature_lines.crest_certainty import Sides
 from bezier_filters.feature_lines.crest_segments import CurvatureAlongLines, crest_segments, points_on_edges
 from bezier_filters.feature_lines.polylines import chains
+from bezier_filters.fields import CREASES, column_names
 from bezier_filters.meshes.adjacency import Adjacency, mean_edge, vertex_adjacency
 from bezier_filters.meshes.dihedral_angles import MeshEdges, mesh_edges
 from bezier_filters.meshes.mesh import TriangleMesh, takes_arrays, triangle_mesh
@@ -28,6 +29,8 @@ CreaseKind = Literal["ridge", "ravine"]
 # red, green and blue of the lines wherever they are drawn
 COLORS = {"ridge": (0.8, 0.1, 0.1), "ravine": (0.1, 0.2, 0.8)}
 THIRD = 3  # least degree of a patch whose curvature has derivatives that vanish somewhere
+KIND_CODES = {"ridge": 1.0, "ravine": -1.0}  # in the columns of vertices, times the factor where a line is sharp
+SHARP_FACTOR = 2.0
 FEWEST_EDGES = 3  # of a sharp line that ends neither at the border nor at another one: noise makes shorter ones
 
 
@@ -134,6 +137,16 @@ class Creases:
                 rows.append([f"{'sharp ' * is_sharp}{kind}s", len(lines), length, strongest])
         header = ["", "lines", "length [length]", "strongest"]
         return html_table(f"{len(self.lines):,} lines", header, rows)
+
+
+def crease_columns(creases: Creases) -> dict[str, FloatArray]:
+    """Code and strength of the strongest line at each vertex, by the names of their columns."""
+    codes, strengths = np.zeros((2, len(creases.geometry.status)))
+    for line in reversed(creases.lines):
+        ids = line.nearest_vertices
+        codes[ids] = KIND_CODES[line.kind] * (SHARP_FACTOR if line.is_sharp else 1.0)
+        strengths[ids] = line.strength
+    return dict(zip(column_names(CREASES), (codes, strengths), strict=True))
 
 
 def edge_mesh(lines: Sequence[CreaseLine]) -> tuple[FloatArray, IntArray, IntArray]:

@@ -5,17 +5,15 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, Report
 from bezier_filters.errors import InvalidMeshError
 from bezier_filters.estimation.fit_options import Automatic
-from bezier_filters.feature_lines.crease_lines import COLORS, Creases, edge_mesh, find_creases
+from bezier_filters.feature_lines.crease_lines import COLORS, Creases, crease_columns, edge_mesh, find_creases
 from bezier_filters.fields import CREASES, PREFIX, column_names
-from bezier_filters.meshlab.filter_run import Columns, Computed, Output, run_filter
+from bezier_filters.meshlab.filter_run import Computed, Output, run_filter
 from bezier_filters.meshlab.meshset import CurrentMesh, Length, Mesh, MeshSet, current_mesh
 from bezier_filters.meshlab.vertex_filters import FitArguments, fit_mesh
 from bezier_filters.parameters import documented
 from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.runtime.parallel import Progress
 
-KIND_CODES = {"ridge": 1.0, "ravine": -1.0}
-SHARP_FACTOR = 2.0
 COLUMNS = tuple(column_names(CREASES))
 # attribute of the points of the lines, which is that of the piece that follows: pymeshlab has none of edges
 CERTAINTY = PREFIX + "certainty"
@@ -91,7 +89,7 @@ def compute_selection_by_bezier_crease_per_edge(
             if polylines and creases.lines:
                 layers.append(_add_polylines(ms, creases))
 
-        return Computed(_columns(creases, len(mask)), mask, report_of(creases), write_more=select_and_add_lines)
+        return Computed(crease_columns(creases), mask, report_of(creases), write_more=select_and_add_lines)
 
     report = run_filter(ms, CREASES, work, Output())
     return report | {
@@ -108,16 +106,6 @@ def creases_of(mesh: CurrentMesh, fit: FitArguments, angle: float, min_strength:
     return find_creases(
         mesh.vertices, mesh.faces, geometry, angle=angle, min_strength=min_strength, threads=fit.threads
     )
-
-
-def _columns(creases: Creases, n: int) -> Columns:
-    """Code and strength of the strongest line at each vertex."""
-    codes, strengths = np.zeros(n), np.zeros(n)
-    for line in reversed(creases.lines):
-        ids = line.nearest_vertices
-        codes[ids] = KIND_CODES[line.kind] * (SHARP_FACTOR if line.is_sharp else 1.0)
-        strengths[ids] = line.strength
-    return dict(zip(COLUMNS, (codes, strengths), strict=True))
 
 
 def _add_polylines(ms: MeshSet, creases: Creases) -> int:
