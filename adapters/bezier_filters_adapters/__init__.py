@@ -1,0 +1,1 @@
+"""The filters in other programs: what a program has goes in as arrays, and comes back as it wants it."""

@@ -1,0 +1,67 @@
+"""CloudCompare: the filters as actions of a plugin that its Python runtime finds once this package is installed."""
+
+from collections.abc import Callable
+
+import pycc
+
+from bezier_filters.arrays import FloatArray
+from bezier_filters.fields import SMOOTH
+from bezier_filters_adapters.filters import ERRORS, FILL_HOLES, LABELS, run
+
+
+class BezierFilters(pycc.PythonPluginInterface):
+    """The actions, which work on the selected mesh with default parameters."""
+
+    def __init__(self) -> None:
+        pycc.PythonPluginInterface.__init__(self)
+
+    def getActions(self) -> list[pycc.Action]:
+        """One for each filter."""
+        return [pycc.Action(name=label, target=_action(name)) for name, label in LABELS.items()]
+
+
+def _action(name: str) -> Callable[[], None]:
+    def action() -> None:
+        selected = pycc.GetInstance().getSelectedEntities()
+        if len(selected) != 1 or not isinstance(selected[0], pycc.ccMesh):
+            pycc.ccLog.Error("Bezier filters: select one mesh")
+            return
+        try:
+            apply(name, selected[0])
+        except ERRORS as error:
+            pycc.ccLog.Error(f"Bezier filters: {error}")
+
+    return action
+
+
+def apply(name: str, mesh: pycc.ccMesh, **given: object) -> pycc.ccMesh:
+    """Add fields to the cloud of a mesh, or a new mesh to the tree, for scripts, too; return the mesh that has them."""
+    corners = (mesh.getTriangleVertIndexes(k) for k in range(mesh.size()))
+    faces = [(corner.i1, corner.i2, corner.i3) for corner in corners]
+    result = run(name, mesh.getAssociatedCloud().points(), faces, given)
+    if name in (SMOOTH, FILL_HOLES):
+        mesh = _added(result.vertices, result.faces.tolist(), f"{mesh.getName()} {LABELS[name].lower()}")
+    cloud = mesh.getAssociatedCloud()
+    for column, values in result.fields.items():
+        known = cloud.getScalarFieldIndexByName(column)
+        index = cloud.addScalarField(column) if known < 0 else known
+        field = cloud.getScalarField(index)
+        field.asArray()[:] = values
+        field.computeMinAndMax()
+    if result.fields:
+        cloud.setCurrentDisplayedScalarField(cloud.getScalarFieldIndexByName(next(iter(result.fields))))
+        mesh.showSF(True)
+    pycc.ccLog.Print(result.summary)
+    pycc.GetInstance().updateUI()
+    return mesh
+
+
+def _added(vertices: FloatArray, faces: list[list[int]], name: str) -> pycc.ccMesh:
+    cloud = pycc.ccPointCloud(*vertices.astype(pycc.PointCoordinateType).T)
+    mesh = pycc.ccMesh(cloud)
+    for face in faces:
+        mesh.addTriangle(*face)
+    mesh.setName(name)
+    mesh.addChild(cloud)
+    pycc.GetInstance().addToDB(mesh)
+    return mesh

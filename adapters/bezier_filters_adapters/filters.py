@@ -1,0 +1,158 @@
+"""What all adapters share: the filters on arrays, with the parameters of the one table of the package.
+
+Only functions of arrays are called. They do not load pymeshlab, whose Qt does not go with that of other programs.
+"""
+
+import ast
+import inspect
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+import bezier_filters as bf
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.errors import InvalidParameterError
+from bezier_filters.feature_lines.crease_lines import crease_columns
+from bezier_filters.fields import CREASES, CURVATURE, ESTIMATES, NORMALS, SMOOTH, TORSION, columns, fields_of
+from bezier_filters.parameters import LENGTH, PARAMETERS, RUN, Parameter
+
+FILL_HOLES = "fill-holes"
+LABELS = {
+    NORMALS: "Normals",
+    CURVATURE: "Curvature",
+    TORSION: "Torsion",
+    SMOOTH: "Smooth",
+    FILL_HOLES: "Fill holes",
+    CREASES: "Creases",
+}
+HELP = {
+    NORMALS: "Normals of the Bezier patch at every vertex.",
+    CURVATURE: "Mean, Gaussian and principal curvatures and directions at every vertex.",
+    TORSION: "Principal geodesic torsion and its directions at every vertex.",
+    SMOOTH: "Take the noise off a mesh and keep its shape, its volume and its edges.",
+    FILL_HOLES: "Fill the holes of a mesh: smooth where the surface is smooth, sharp where it is sharp.",
+    CREASES: "Sharp edges, ridges and ravines, as a code and a strength at every vertex.",
+}
+ERRORS = (bf.InvalidMeshError, InvalidParameterError)  # whose message is for the user
+_FUNCTIONS: dict[str, tuple[Callable[..., Any], ...]] = {
+    **dict.fromkeys(ESTIMATES, (bf.estimate_vertex_geometry,)),
+    SMOOTH: (bf.smooth,),
+    FILL_HOLES: (bf.fill_holes,),
+    CREASES: (bf.estimate_vertex_geometry, bf.find_creases),
+}
+DEFAULT = "default"  # the word of those that are left out and take no other text
+_RENAMED = {"maxholesize": "max_edges"}  # parameters that functions of arrays call otherwise
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a filter made: the mesh, the numbers of its vertices by the names of their columns, and a line to show."""
+
+    vertices: FloatArray
+    faces: IntArray
+    fields: dict[str, FloatArray]
+    summary: str
+
+
+def run(name: str, vertices: ArrayLike, faces: ArrayLike, given: Mapping[str, object]) -> Result:
+    """Run the filter of a command's name; texts are read, and what is None, empty or "default" is left out."""
+    vertices, faces = np.array(vertices, np.float64), np.array(faces, np.int32).reshape(-1, 3)
+    known = {parameter.name: parameter for parameter in parameters_of(name)}
+    for key in given:
+        if key not in known:
+            raise InvalidParameterError(f"got the parameter {key!r}, expected one of {', '.join(known)}")
+    left_out = (None, "", DEFAULT)
+    values = {key: _value(known[key], value, vertices) for key, value in given.items() if value not in left_out}
+    if name == SMOOTH:
+        smoothed = bf.smooth(vertices, faces, **_arguments(bf.smooth, values))
+        return Result(smoothed.vertices, faces, columns(SMOOTH, smoothed), repr(smoothed))
+    if name == FILL_HOLES:
+        filled = bf.fill_holes(vertices, faces, **_arguments(bf.fill_holes, values))
+        return Result(filled.vertices, filled.faces, {}, repr(filled))
+    geometry = bf.estimate_vertex_geometry(vertices, faces, **_arguments(bf.estimate_vertex_geometry, values))
+    if name == CREASES:
+        creases = bf.find_creases(vertices, faces, geometry, **_arguments(bf.find_creases, values))
+        return Result(vertices, faces, crease_columns(creases), repr(creases))
+    return Result(vertices, faces, columns(name, geometry), str(geometry.status_counts()))
+
+
+def parameters_of(name: str) -> list[Parameter]:
+    """Parameters of a filter that functions of arrays have, but for threads and progress."""
+    known = {key for function in _FUNCTIONS[name] for key in _names(function)}
+    return [parameter for parameter in PARAMETERS[name] if parameter.name in known and parameter not in RUN]
+
+
+def field_names(name: str) -> list[str]:
+    """Columns that `run` gives."""
+    return [field.column for field in fields_of(name) if field.attribute is not None or name == CREASES]
+
+
+def kind_of(parameter: Parameter) -> type | tuple[str, ...]:
+    """How a user gives a parameter: bool, int, float, one of some words, or text, which is empty if it is left out.
+
+    >>> kinds = {parameter.name: kind_of(parameter) for parameter in parameters_of("smooth")}
+    >>> kinds["iterations"], kinds["borders"], kinds["keepvolume"], kinds["noise"]
+    (<class 'int'>, ('curve', 'fixed'), ('default', 'True', 'False'), <class 'str'>)
+    """
+    if parameter.kind.startswith("{"):
+        return tuple(re.findall(r'"(\w+)"', parameter.kind))
+    if parameter.default is None:
+        return (DEFAULT, "True", "False") if parameter.kind == "bool" else str
+    return {"bool": bool, "int": int, "float": float}.get(parameter.kind, str)
+
+
+def default_of(parameter: Parameter) -> Any:
+    """Its default value as a user gives it."""
+    if parameter.default is None:
+        return DEFAULT if isinstance(kind_of(parameter), tuple) else ""
+    return parameter.default
+
+
+def annotated(function: Callable[..., Any], name: str, *before: inspect.Parameter) -> Callable[..., Any]:
+    """A function of keywords with the filter's name, help, and parameters, after some others, for menus and editors."""
+    own = [
+        inspect.Parameter(
+            parameter.name, inspect.Parameter.KEYWORD_ONLY, default=default_of(parameter), annotation=_hint(parameter)
+        )
+        for parameter in parameters_of(name)
+    ]
+    lines = [f"{parameter.name} : {parameter.kind}\n    {parameter.help}" for parameter in parameters_of(name)]
+    function.__name__ = function.__qualname__ = name.replace("-", "_")
+    function.__doc__ = "\n".join([HELP[name], "", "Parameters", "----------", *lines])
+    taken = [*before, *own]
+    returned = function.__annotations__.get("return")
+    function.__annotations__ = {item.name: item.annotation for item in taken} | {"return": returned}
+    function.__signature__ = inspect.Signature(taken, return_annotation=returned)  # type: ignore[attr-defined]
+    return function
+
+
+def _hint(parameter: Parameter) -> Any:
+    kind = kind_of(parameter)
+    return Literal[kind] if isinstance(kind, tuple) else kind
+
+
+def _value(parameter: Parameter, given: object, vertices: FloatArray) -> object:
+    if not isinstance(given, str):
+        return given
+    text = given.strip()
+    try:
+        if parameter.kind == LENGTH and text.endswith("%"):
+            return float(text[:-1]) / 100 * float(np.linalg.norm(np.ptp(vertices, axis=0)))
+        return ast.literal_eval(text)
+    except (SyntaxError, ValueError):  # a word
+        return text
+
+
+def _names(function: Callable[..., Any]) -> dict[str, str]:
+    """The table's names of the parameters of a function, and its own."""
+    own = {name.replace("_", ""): name for name in inspect.signature(function).parameters}
+    return own | {name: other for name, other in _RENAMED.items() if other in own.values()}
+
+
+def _arguments(function: Callable[..., Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    names = _names(function)
+    return {names[key]: value for key, value in values.items() if key in names}

@@ -1,0 +1,42 @@
+"""PyVista: where this module is imported, every `pyvista.PolyData` has the filters in its attribute `bezier`."""
+
+from collections.abc import Callable
+from inspect import Parameter
+
+import pyvista
+
+import bezier_filters as bf
+from bezier_filters.fields import SMOOTH
+from bezier_filters_adapters.filters import FILL_HOLES, LABELS, annotated, run
+
+
+@pyvista.register_dataset_accessor("bezier", pyvista.PolyData)
+class BezierAccessor:
+    """The filters as methods, each of which returns a new mesh; fields are point data of it.
+
+    >>> mesh = pyvista.Sphere().bezier.curvature()
+    >>> "bz_mean_curvature" in mesh.point_data
+    True
+    """
+
+    def __init__(self, mesh: pyvista.PolyData) -> None:
+        self._mesh = mesh
+
+
+def _method(name: str) -> Callable[..., pyvista.PolyData]:
+    def method(self: BezierAccessor, **given: object) -> pyvista.PolyData:
+        result = run(name, *bf.mesh_arrays(self._mesh), given)
+        if name == FILL_HOLES:
+            return bf.to_pyvista(result.vertices, result.faces)
+        made = self._mesh.copy()
+        if name == SMOOTH:
+            made.points = result.vertices
+        for column, values in result.fields.items():
+            made.point_data[column] = values
+        return made
+
+    return annotated(method, name, Parameter("self", Parameter.POSITIONAL_OR_KEYWORD))
+
+
+for _name in LABELS:
+    setattr(BezierAccessor, _name.replace("-", "_"), _method(_name))

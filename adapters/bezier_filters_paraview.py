@@ -1,0 +1,112 @@
+"""ParaView: the filters in the menu "Bezier filters"; Tools > Manage Plugins > Load New loads this file."""
+
+from collections.abc import Callable
+from typing import Any
+from xml.sax.saxutils import escape, quoteattr
+
+from paraview import print_error
+from paraview.util.vtkAlgorithm import VTKPythonAlgorithmBase, smdomain, smhint, smproperty, smproxy
+from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkPoints
+from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
+from vtkmodules.vtkFiltersCore import vtkTriangleFilter
+
+from bezier_filters.fields import SMOOTH
+from bezier_filters.parameters import Parameter
+from bezier_filters_adapters.filters import (
+    ERRORS,
+    FILL_HOLES,
+    HELP,
+    LABELS,
+    default_of,
+    kind_of,
+    parameters_of,
+    run,
+)
+
+_ELEMENTS: dict[object, str] = {bool: "Int", int: "Int", float: "Double"}
+
+
+def _property(parameter: Parameter) -> str:
+    """A parameter as ParaView wants it."""
+    kind, default = kind_of(parameter), default_of(parameter)
+    element, domain = _ELEMENTS.get(kind, "String"), '<BooleanDomain name="bool"/>' if kind is bool else ""
+    if isinstance(kind, tuple):
+        words = "".join(f'<String value="{word}"/>' for word in kind)
+        domain = f'<StringListDomain name="words">{words}</StringListDomain>'
+    shown = int(default) if kind is bool else default
+    return (
+        f'<{element}VectorProperty name="{parameter.name}" label="{parameter.name}" number_of_elements="1" '
+        f'command="set_{parameter.name}" default_values={quoteattr(str(shown))}>{domain}'
+        f"<Documentation>{escape(parameter.help)}</Documentation></{element}VectorProperty>"
+    )
+
+
+def _setter(parameter: Parameter) -> Callable[..., None]:
+    def setter(self: Any, value: object) -> None:
+        self.given[parameter.name] = bool(value) if kind_of(parameter) is bool else value
+        self.Modified()
+
+    setter.__name__ = f"set_{parameter.name}"
+    decorated: Callable[..., None] = smproperty.xml(_property(parameter))(setter)
+    return decorated
+
+
+def _filter(name: str, class_name: str) -> Any:
+    """The class of a filter."""
+
+    def __init__(self: Any) -> None:
+        VTKPythonAlgorithmBase.__init__(self, nInputPorts=1, nOutputPorts=1, outputType="vtkPolyData")
+        self.given = {}
+
+    def RequestData(self: Any, request: Any, inputs: Any, outputs: Any) -> int:
+        source, target = vtkPolyData.GetData(inputs[0]), vtkPolyData.GetData(outputs)
+        try:
+            _apply(name, source, target, self.given)
+        except ERRORS as error:
+            print_error(f"{LABELS[name]}: {error}")
+            return 0
+        return 1
+
+    body = {"__module__": __name__, "__doc__": HELP[name], "__init__": __init__, "RequestData": RequestData}
+    setters = {f"set_{parameter.name}": _setter(parameter) for parameter in parameters_of(name)}
+    made = type(class_name, (VTKPythonAlgorithmBase,), body | setters)
+    made = smhint.xml('<ShowInMenu category="Bezier filters"/>')(made)
+    made = smdomain.datatype(dataTypes=["vtkPolyData"], composite_data_supported=False)(made)
+    made = smproperty.input(name="Input", port_index=0)(made)
+    return smproxy.filter(name=class_name, label=f"Bezier {LABELS[name].title()}")(made)
+
+
+def _apply(name: str, source: Any, target: Any, given: dict[str, object]) -> None:
+    if source.GetPoints() is None:  # nothing came in
+        return
+    triangles = vtkTriangleFilter()
+    triangles.PassVertsOff()
+    triangles.PassLinesOff()
+    triangles.SetInputData(source)
+    triangles.Update()
+    mesh = triangles.GetOutput()
+    faces = vtk_to_numpy(mesh.GetPolys().GetConnectivityArray()).reshape(-1, 3)
+    result = run(name, vtk_to_numpy(source.GetPoints().GetData()), faces, given)
+    if name != FILL_HOLES:
+        target.ShallowCopy(source)
+    if name in (SMOOTH, FILL_HOLES):
+        points = vtkPoints()
+        points.SetData(numpy_to_vtk(result.vertices, deep=True))
+        target.SetPoints(points)
+    if name == FILL_HOLES:
+        cells = vtkCellArray()
+        cells.SetData(3, numpy_to_vtkIdTypeArray(result.faces.ravel().astype("int64"), deep=True))
+        target.SetPolys(cells)
+    for column, values in result.fields.items():
+        array = numpy_to_vtk(values, deep=True)
+        array.SetName(column)
+        target.GetPointData().AddArray(array)
+
+
+BezierNormals = _filter("normals", "BezierNormals")
+BezierCurvature = _filter("curvature", "BezierCurvature")
+BezierTorsion = _filter("torsion", "BezierTorsion")
+BezierSmooth = _filter("smooth", "BezierSmooth")
+BezierFillHoles = _filter("fill-holes", "BezierFillHoles")
+BezierCreases = _filter("creases", "BezierCreases")

@@ -1,0 +1,76 @@
+"""The accessor on pyvista's meshes."""
+
+import doctest
+
+import numpy as np
+import pytest
+
+import bezier_filters as bf
+from bezier_filters.surfaces import block_with_sharp_edges, torus
+
+pyvista = pytest.importorskip("pyvista", minversion="0.48", reason="accessors came with pyvista 0.48")
+pyvista_accessor = pytest.importorskip("bezier_filters_adapters.pyvista_accessor")
+SHAPE = torus(resolution=16)
+
+
+@pytest.fixture
+def mesh():
+    made = bf.to_pyvista(SHAPE.vertices, SHAPE.faces)
+    made.point_data["mine"] = np.arange(made.n_points)
+    return made
+
+
+@pytest.mark.parametrize("name", ["normals", "curvature", "torsion", "smooth", "creases"])
+def test_fields_come_to_a_copy(mesh, name):
+    before = mesh.copy()
+    made = getattr(mesh.bezier, name)()
+    assert mesh == before
+    assert any(column.startswith("bz_") for column in made.point_data)
+    np.testing.assert_array_equal(made.point_data["mine"], before.point_data["mine"])
+    np.testing.assert_array_equal(made.faces, before.faces)
+
+
+def test_values_are_those_of_the_function(mesh):
+    g = bf.estimate_vertex_geometry(SHAPE.vertices, SHAPE.faces, rings=2)
+    np.testing.assert_array_equal(mesh.bezier.curvature(rings=2)["bz_k_min"], g.k_min)
+
+
+def test_smoothing_moves_points():
+    noisy = SHAPE.vertices + np.random.default_rng(0).normal(scale=0.02, size=SHAPE.vertices.shape)
+    made = bf.to_pyvista(noisy, SHAPE.faces).bezier.smooth(borders="fixed")
+    np.testing.assert_array_equal(made.points, bf.smooth(noisy, SHAPE.faces, borders="fixed").vertices)
+
+
+def test_holes_are_filled(mesh):
+    made = bf.to_pyvista(SHAPE.vertices, SHAPE.faces[4:]).bezier.fill_holes()
+    assert made.n_open_edges == 0
+    assert made.is_all_triangles
+
+
+def test_polygons_stay():
+    quads = pyvista.Plane(i_resolution=8, j_resolution=8)
+    made = quads.bezier.curvature()
+    assert not made.is_all_triangles
+    assert np.abs(made["bz_mean_curvature"]).max() < 1e-6
+
+
+def test_a_point_cloud_has_normals():
+    made = pyvista.PolyData(SHAPE.vertices).bezier.normals()
+    assert (np.einsum("ij,ij->i", np.column_stack([made[f"bz_normal_{a}"] for a in "xyz"]), SHAPE.normals) > 0.9).all()
+
+
+def test_sharp_edges_have_codes():
+    made = bf.to_pyvista(*block_with_sharp_edges(resolution=8)).bezier.creases(angle=30.0)
+    assert set(made["bz_crease"]) >= {0.0, 2.0}
+
+
+def test_errors_are_those_of_the_filters(mesh):
+    with pytest.raises(bf.InvalidParameterError, match="iterations"):
+        mesh.bezier.smooth(iterations=0)
+    with pytest.raises(bf.InvalidMeshError):
+        pyvista.PolyData(SHAPE.vertices).bezier.creases()
+
+
+def test_help_has_the_parameters():
+    assert "keepvolume" in pyvista_accessor.BezierAccessor.smooth.__doc__
+    assert doctest.testmod(pyvista_accessor).failed == 0
