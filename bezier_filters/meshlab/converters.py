@@ -137,7 +137,7 @@ def mesh_arrays(mesh: Any) -> tuple[FloatArray, IntArray]:
     mesh = owner.current_mesh() if hasattr(owner, "current_mesh") else owner
     if hasattr(mesh, "vertex_matrix"):
         vertices, faces = mesh.vertex_matrix(), mesh.face_matrix()
-    elif hasattr(mesh, "regular_faces"):
+    elif hasattr(mesh, "is_all_triangles"):
         triangles = mesh if mesh.is_all_triangles else mesh.triangulate()
         vertices, faces = triangles.points, triangles.regular_faces
     elif hasattr(mesh, "vertices"):
