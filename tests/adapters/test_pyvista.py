@@ -1,6 +1,8 @@
 """The accessor on pyvista's meshes."""
 
 import doctest
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -74,3 +76,20 @@ def test_errors_are_those_of_the_filters(mesh):
 def test_help_has_the_parameters():
     assert "keepvolume" in pyvista_accessor.BezierAccessor.smooth.__doc__
     assert doctest.testmod(pyvista_accessor).failed == 0
+
+
+def test_the_example_of_the_page_runs(capsys):
+    page = (Path(__file__).parents[2] / "docs" / "adapters.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```py\n(.*?)```", page, re.DOTALL)
+    exec(compile(code, "page", "exec"), {})
+    mean, open_edges = capsys.readouterr().out.split()
+    assert abs(float(mean) - 1 / 2) < 0.02
+    assert open_edges == "0"
+
+
+def test_polygons_may_have_different_sizes():
+    mixed = pyvista.PolyData(
+        [[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0]], faces=[4, 0, 1, 2, 3, 3, 1, 4, 2]
+    )
+    vertices, faces = bf.mesh_arrays(mixed)
+    assert (len(vertices), len(faces)) == (5, 3)
