@@ -1,6 +1,7 @@
 """Which faces and vertices touch a vertex, as compressed rows (CSR), and which components of a mesh are closed."""
 
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -111,18 +112,25 @@ def vertex_adjacency(mesh: TriangleMesh, *, threads: int = 1) -> Adjacency:
     return Adjacency(faces, Rows(indptr, indices), on_boundary)
 
 
-def mean_edge(mesh: TriangleMesh, adjacency: Adjacency) -> float:
-    """Mean length of the edges; 0 if there are none."""
+def edge_lengths(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> FloatArray:
+    """Lengths of the edges to the neighbours of every vertex, in the order of `adjacency.vertices`."""
     rows = adjacency.vertices
-    start = np.repeat(mesh.vertices, rows.lengths, axis=0)
-    return float(np.linalg.norm(mesh.vertices[rows.indices] - start, axis=1).mean()) if len(start) else 0.0
+    lengths = np.empty(len(rows.indices))
+    run_kernel(_measure_edges, mesh.vertex_count, mesh.vertices, rows.indptr, rows.indices, lengths, threads=threads)
+    return lengths
 
 
-def longest_edges(mesh: TriangleMesh, adjacency: Adjacency) -> FloatArray:
+def mean_edge(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> float:
+    """Mean length of the edges; 0 if there are none."""
+    lengths = edge_lengths(mesh, adjacency, threads=threads)
+    return float(lengths.mean()) if len(lengths) else 0.0
+
+
+def longest_edges(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> FloatArray:
     """Length of the longest edge at every vertex, (n,); 0 without any."""
-    rows, longest = adjacency.vertices, np.zeros(mesh.vertex_count)
-    starts = np.repeat(np.arange(mesh.vertex_count), rows.lengths)
-    np.maximum.at(longest, starts, np.linalg.norm(mesh.vertices[rows.indices] - mesh.vertices[starts], axis=1))
+    lengths, longest = edge_lengths(mesh, adjacency, threads=threads), np.zeros(mesh.vertex_count)
+    has_edges = np.flatnonzero(adjacency.vertices.lengths)
+    longest[has_edges] = np.maximum.reduceat(lengths, adjacency.vertices.indptr[has_edges]) if len(has_edges) else 0.0
     return longest
 
 
@@ -258,6 +266,17 @@ def _write_sorted(after: IntArray, before: IntArray, count: int, begin: int, res
         in_both &= same == 1
         result[begin + smaller] = after[q]
     return in_both and places == (1 << count) - 1
+
+
+@jit()
+def _measure_edges(
+    vertices: FloatArray, indptr: IntArray, indices: IntArray, lengths: FloatArray, start: int, stop: int
+) -> None:
+    for i in range(start, stop):
+        for q in range(indptr[i], indptr[i + 1]):
+            j = indices[q]
+            x, y, z = vertices[j, 0] - vertices[i, 0], vertices[j, 1] - vertices[i, 1], vertices[j, 2] - vertices[i, 2]
+            lengths[q] = sqrt(x * x + y * y + z * z)
 
 
 @inner_jit()

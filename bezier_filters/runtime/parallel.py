@@ -7,7 +7,7 @@ safe to fork, and each vertex is computed by the same operations whatever the th
 
 import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from functools import cache, partial
 from numbers import Integral
@@ -23,6 +23,7 @@ RangeTask = Callable[[int, int], object]  # ``task(start, stop)`` computes a ran
 
 THREADS_VARIABLE = "BEZIER_FILTERS_THREADS"
 CHUNK = 4096
+MOST_THREADS = 256  # beside the calling one
 _lock, _limits = Lock(), list[Any]()  # of the calls under way, the first of which limits the threads of BLAS
 
 
@@ -86,12 +87,26 @@ def run_in_chunks(
     if threads == 1:
         work(0, make_task())
         return
-    with ThreadPoolExecutor(threads - 1) as pool:
-        helpers = [pool.submit(work, thread, make_task()) for thread in range(1, threads)]
+    helpers = [_pool().submit(work, thread, make_task()) for thread in range(1, threads)]
+    try:
         work(0, make_task())
-    for helper in helpers:
+    finally:
+        # those that have not begun are not needed any more: threads may all be at work for others, or for the caller
+        begun = [helper for helper in helpers if not helper.cancel()]
+        wait(begun)
+    for helper in begun:
         helper.result()
     report(progress, total, total)
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    """Threads that wait for work, as many as were ever needed: to start new ones takes as long as a short loop."""
+    return ThreadPoolExecutor(MOST_THREADS, thread_name_prefix="bezier_filters")
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_pool.cache_clear)  # threads do not survive a fork
 
 
 def report(progress: Progress | None, done: int, total: int) -> None:

@@ -126,7 +126,7 @@ def _learn(
     progress: Progress | None,
 ) -> tuple[SmoothingPlan, Denoised] | None:
     """The plan, and what it makes of the parts."""
-    vertices, unit = parts.part.mesh.vertices, mean_edge(parts.part.mesh, parts.part.adjacency)
+    vertices, unit = parts.part.mesh.vertices, mean_edge(parts.part.mesh, parts.part.adjacency, threads=threads)
     sigma = noise.sigma
     if not (sigma > (DETAIL + SMALLEST_NOISE) * unit and unit > 0.0):
         return None

@@ -5,7 +5,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bezier_filters.arrays import BoolArray, FloatArray
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError, is_integer
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.first_call import first_call
@@ -14,6 +14,7 @@ from bezier_filters.estimation.noise_free import denoised, learn_noise
 from bezier_filters.meshes.adjacency import Adjacency, longest_edges, mean_edge, vertex_adjacency
 from bezier_filters.meshes.half_edges import unclear_vertices
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
+from bezier_filters.meshes.spatial_order import with_near_neighbours
 from bezier_filters.runtime.parallel import Progress, one_thread_for_matrices, thread_count
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.smoothing_result import SmoothingResult
@@ -123,11 +124,13 @@ def smooth(
     >>> bool(error.std() < 0.2 * noise.std()), round(result.volume_ratio, 6)
     (True, 1.0)
     """
-    mesh = triangle_mesh(vertices, faces)
+    given = triangle_mesh(vertices, faces)
     check_smoothing(method, iterations, noise, borders, detail, relax, rings, alpha)
     threads = thread_count(threads)
+    ordered = with_near_neighbours(given, threads=threads)
+    mesh = ordered.mesh
     adjacency = vertex_adjacency(mesh, threads=threads)
-    movable = _movable(selected, adjacency, borders)
+    movable = _movable(selected, ordered.order, adjacency, borders)
     points, sharpness = mesh.vertices, np.zeros(mesh.vertex_count)
     with first_call():
         known = learn_noise(mesh, adjacency, noise, threads=threads)
@@ -145,7 +148,7 @@ def smooth(
         volumes_before = component_volumes(components, mesh)
         keeps_volume = components.count and (keep_volume or (keep_volume is None and method == "auto"))
         if keeps_volume:
-            amounts = movement_around(mesh, adjacency, points) * movable
+            amounts = movement_around(mesh, adjacency, points, threads=threads) * movable
             points = restore_volumes(components, TriangleMesh(points, mesh.faces), volumes_before, amounts)
         if method == "auto":
             points = repair_flipped_faces(mesh, adjacency, points, threads=threads)
@@ -157,14 +160,14 @@ def smooth(
         left = learn_noise(smoothed, adjacency, threads=threads)
         bad_before, bad_after = (bad_faces(one, adjacency, threads=threads) for one in (mesh, smoothed))
         return SmoothingResult(
-            vertices=points,
-            displacement=np.linalg.norm(points - mesh.vertices, axis=1),
-            sharpness=sharpness,
+            vertices=ordered.back(points),
+            displacement=ordered.back(np.linalg.norm(points - mesh.vertices, axis=1)),
+            sharpness=ordered.back(sharpness),
             noise_before=None if known is None else known.sigma,
             noise_after=None if left is None else left.sigma,
             noise_length=None if known is None else known.length,
             noise_heavy=known is not None and known.heavy,
-            mean_edge=mean_edge(mesh, adjacency),
+            mean_edge=mean_edge(mesh, adjacency, threads=threads),
             volume_before=float(volumes_before.sum()) if components.count else None,
             volume_after=float(volumes_after.sum()) if components.count else None,
             flipped_before=int(bad_before.flipped.sum()),
@@ -204,10 +207,10 @@ def part_of(progress: Progress | None, k: int, total: int) -> Progress | None:
     return lambda done, of: progress(k * of + done, total * of)
 
 
-def _movable(selected: BoolArray | None, adjacency: Adjacency, borders: SmoothedBorders) -> BoolArray:
-    """Vertices that may move."""
-    n = len(adjacency.on_boundary)
-    mask = np.ones(n, dtype=np.bool_) if selected is None else checked_selection(selected, n)
+def _movable(selected: BoolArray | None, order: IntArray, adjacency: Adjacency, borders: SmoothedBorders) -> BoolArray:
+    """Vertices that may move, in an order."""
+    n = len(order)
+    mask = np.ones(n, dtype=np.bool_) if selected is None else checked_selection(selected, n)[order]
     return mask & ~adjacency.on_boundary if borders == "fixed" else mask
 
 

@@ -78,12 +78,14 @@ def unlike_before(components: ClosedComponents, mesh: TriangleMesh, smoothed: Tr
     What is thinner than noise of standard deviation `sigma`, such as both sides of a sheet, has no volume to speak of.
     """
     before, after = component_volumes(components, mesh), component_volumes(components, smoothed)
+    is_unlike = np.abs(after - before) > LOST * np.abs(before)
+    if not is_unlike.any():
+        return np.zeros(mesh.vertex_count, dtype=np.bool_)
     corners = mesh.vertices[mesh.faces]
     areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     component = components.of_vertex[mesh.faces[:, 0]]
     area = np.bincount(component[component >= 0], areas[component >= 0], components.count)
-    is_unlike = (np.abs(after - before) > LOST * np.abs(before)) & (np.abs(before) > sigma * area)
-    return np.append(is_unlike, False)[components.of_vertex]
+    return np.append(is_unlike & (np.abs(before) > sigma * area), False)[components.of_vertex]
 
 
 def offset_steps(wanted: FloatArray, gained: FloatArray) -> FloatArray:
@@ -116,14 +118,14 @@ def offset_along_normals(
     return result
 
 
-def movement_around(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray) -> FloatArray:
+def movement_around(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray, *, threads: int = 1) -> FloatArray:
     """How far the surroundings of a vertex have moved, (n,), lengths; by its longest edge at most."""
     rows, n = adjacency.vertices, mesh.vertex_count
     neighbours = csr_array((np.ones(len(rows.indices), np.float32), rows.indices, rows.indptr), shape=(n, n))
     moves = points - mesh.vertices
     squares = np.einsum("ij,ij->i", moves, moves)
     means: FloatArray = np.sqrt((neighbours @ squares + squares) / (rows.lengths + 1.0))
-    bounded: FloatArray = np.minimum(means, longest_edges(mesh, adjacency))
+    bounded: FloatArray = np.minimum(means, longest_edges(mesh, adjacency, threads=threads))
     return bounded
 
 

@@ -6,8 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
+from bezier_filters.meshes import spatial_order
 from bezier_filters.meshes.mesh import triangle_mesh
-from bezier_filters.meshes.spatial_order import in_spatial_order
+from bezier_filters.meshes.spatial_order import in_spatial_order, with_near_neighbours
+from bezier_filters.smoothing.smooth import smooth
 from bezier_filters.surfaces import torus
 
 
@@ -72,3 +74,33 @@ def test_turning_a_mesh_changes_nothing_that_is_learned_from_it():
     assert turned.fit.noise_sigma == pytest.approx(plain.fit.noise_sigma, rel=1e-9)
     np.testing.assert_allclose(turned.mean_curvature, plain.mean_curvature, rtol=1e-6, atol=1e-7)
     np.testing.assert_allclose(turned.normals, plain.normals @ turn.T, atol=1e-8)
+
+
+def test_vertices_are_put_level_by_level_only_where_neighbours_are_far_apart(monkeypatch):
+    monkeypatch.setattr(spatial_order, "FAR", 200)
+    surface = torus(resolution=30)
+    vertices, faces, _ = shuffled(surface.vertices, surface.faces)
+    for kept in (triangle_mesh(surface.vertices, surface.faces), triangle_mesh(vertices, [])):
+        assert with_near_neighbours(kept).mesh is kept
+    mesh = triangle_mesh(vertices, faces)
+    ordered = with_near_neighbours(mesh)
+    assert as_set(ordered.mesh.vertices, ordered.mesh.faces) == as_set(mesh.vertices, mesh.faces)
+    np.testing.assert_array_equal(ordered.back(ordered.mesh.vertices), mesh.vertices)
+    # no face is wider than two levels, each twice around the tube at most
+    assert np.ptp(ordered.mesh.faces, axis=1).max() <= 4 * 2 * 30
+    assert np.median(np.abs(np.diff(ordered.mesh.faces[:, 0]))) <= 1
+
+
+def test_smoothing_does_not_depend_on_the_order(monkeypatch):
+    monkeypatch.setattr(spatial_order, "FAR", 200)
+    surface = torus(resolution=30)
+    noise = 0.01 * np.random.default_rng(0).standard_normal((len(surface.vertices), 1))
+    noisy = surface.vertices + noise * surface.normals
+    selected = surface.vertices[:, 0] > 0.0
+    plain = smooth(noisy, surface.faces, selected=selected)
+    vertices, faces, rank = shuffled(noisy, surface.faces)
+    other = smooth(vertices, faces, selected=selected[np.argsort(rank)])
+    for name in ("vertices", "displacement", "sharpness"):
+        np.testing.assert_allclose(getattr(other, name)[rank], getattr(plain, name), atol=5e-4)
+    assert np.linalg.norm(plain.displacement[selected]) > 0.1
+    assert not other.displacement[rank][~selected].any()

@@ -6,7 +6,7 @@ import pytest
 import threadpoolctl
 
 from bezier_filters import CancelledError
-from bezier_filters.runtime.parallel import one_thread_for_matrices, run_in_chunks
+from bezier_filters.runtime.parallel import MOST_THREADS, one_thread_for_matrices, run_in_chunks
 
 
 @pytest.mark.parametrize("threads", [1, 2, 5])
@@ -23,6 +23,20 @@ def test_every_index_is_covered_once(threads, total):
     assert all(of == total for _, of in reports)
     if total:
         assert reports[-1] == (total, total)
+
+
+def test_tasks_may_run_loops_of_their_own():
+    """More of them at a time than there are threads to help: nobody waits for those who wait."""
+    sums = np.zeros((600, 20), dtype=int)
+
+    def outer(start, stop):
+        def inner(first, last):
+            sums[start:stop, first:last] += 1
+
+        run_in_chunks(lambda: inner, 20, threads=3, chunk=1)
+
+    run_in_chunks(lambda: outer, 600, threads=2 * MOST_THREADS, chunk=1)
+    assert (sums == 1).all()
 
 
 def test_each_thread_gets_a_task_of_its_own():
