@@ -61,6 +61,8 @@ from .patches.fitting import PatchFit as PatchFit
 from .patches.fitting import fit_patch as fit_patch
 from .patches.patch import BezierPatch as BezierPatch
 from .patches.patch import ParameterRectangle as ParameterRectangle
+from .pictures.notebook import show as show
+from .pictures.page import Page as Page
 from .pictures.render import render_panels as render_panels
 from .pictures.scene import Panel as Panel
 from .smoothing.smooth import smooth as smooth

@@ -46,7 +46,7 @@ def report(
     It shows curvature, torsion, error bars, status and sharp edges with legends and histograms, what info tells, and
     the mesh before and after smoothing and filling.
     """
-    from bezier_filters.pictures.report import save_report
+    from bezier_filters.pictures.report import report_page
 
     page = Path(source.name).with_suffix(".html") if page is None else page
     if page.suffix.lower() not in (".html", ".htm"):
@@ -54,13 +54,13 @@ def report(
     check_target(page, source, overwrite=overwrite)
     mesh, summary = _inspected(source)
     with console.stage_bar(f"report on {source.name}", quiet=quiet or json) as progress:
-        told = save_report(
-            page, source.name, mesh, console.summary_rows(summary), summary["findings"], progress=progress
-        )
+        made = report_page(source.name, mesh, console.summary_rows(summary), summary["findings"], progress=progress)
+    made.save(page)
     if json:
-        console.print_json({"input": str(source), "output": str(page), **told})
+        shown = {"notes": made.notes, "fields": made.fields, "meshes": made.meshes}
+        console.print_json({"input": str(source), "output": str(page), **shown})
     elif not quiet:
-        for note in told["notes"]:
+        for note in made.notes:
             console.out.print(note)
         console.out.print(f"wrote [bold]{escape(str(page))}[/]; open it in a browser")
 

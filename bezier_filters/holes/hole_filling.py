@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import get_args
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +21,9 @@ from bezier_filters.meshes.mesh import checked_selection, takes_arrays, triangle
 from bezier_filters.meshes.self_intersections import faces_in_boxes
 from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.runtime.parallel import Progress, one_thread_for_matrices, report, run_kernel, thread_count
+
+if TYPE_CHECKING:
+    from bezier_filters import Page
 
 
 @dataclass(frozen=True)
@@ -109,6 +112,14 @@ class HoleFillingResult:
     def filled(self) -> int:
         """Number of holes that were filled."""
         return sum(hole.filled for hole in self.holes)
+
+    def show(self) -> "Page":
+        """Show the mesh before and after in a notebook, as `bezier_filters.show` does."""
+        from bezier_filters import show  # by its public name: pictures know holes, not the other way around
+
+        vertices = len(self.vertices) - sum(len(hole.new_vertices) for hole in self.holes)
+        faces = len(self.faces) - sum(len(hole.new_faces) for hole in self.holes)
+        return show(self.vertices[:vertices], self.faces[:faces], self)
 
     def __repr__(self) -> str:
         """One line: how many holes there were, and how many were filled."""

@@ -4,6 +4,8 @@ import json
 import re
 import shutil
 import subprocess
+from dataclasses import replace
+from html import unescape
 
 import numpy as np
 import pymeshlab
@@ -12,11 +14,13 @@ from command_line import run
 from conftest import pymeshlab_sample
 from matplotlib.image import imread
 
-from bezier_filters import Panel, estimate_vertex_geometry
+from bezier_filters import Panel, estimate_vertex_geometry, fill_holes, show, smooth
+from bezier_filters.errors import InvalidParameterError
 from bezier_filters.meshlab.meshset import read_current_mesh
-from bezier_filters.pictures.report import reduced, save_report
+from bezier_filters.pictures.page import Results, page_of, reduced
+from bezier_filters.pictures.report import report_page
 from bezier_filters.pictures.scene import draw, up_axis, view_axes, view_of
-from bezier_filters.surfaces import sphere, torus
+from bezier_filters.surfaces import cylinder, sphere, torus
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 in_a_browser = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
@@ -35,16 +39,39 @@ def data_of(page):
     return json.loads(text.partition("</script>")[0])
 
 
-def drawn(page, folder, shown=""):
-    """A page as Chromium shows it, the part with the mesh, and what it had to complain about."""
+def browse(page, folder, output, shown=""):
+    """Let Chromium open a page, with one option for its output: what it prints, and complains about."""
     options = "--headless --no-sandbox --use-angle=swiftshader --enable-unsafe-swiftshader --hide-scrollbars"
     options += f" --enable-logging=stderr --window-size={WIDTH},{HEIGHT} --virtual-time-budget=5000"
+    command = [CHROMIUM, *options.split(), f"--user-data-dir={folder / 'profile'}", output, f"file://{page}#{shown}"]
+    done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=120)
+    return done.stdout, [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+
+
+def drawn(page, folder, shown=""):
+    """A page as Chromium shows it, the part with the mesh, and what it had to complain about."""
     picture = folder / "page.png"
-    command = [CHROMIUM, *options.split(), f"--user-data-dir={folder / 'profile'}", f"--screenshot={picture}"]
-    done = subprocess.run(
-        [*command, f"file://{page}#{shown}"], capture_output=True, text=True, errors="replace", timeout=120
+    _, complaints = browse(page, folder, f"--screenshot={picture}", shown)
+    return imread(picture)[:, TEXT:, :3], complaints
+
+
+def told(page, folder, script):
+    """What a script on a page leaves in `found`; it may do as if a mouse were there."""
+    mouse = """
+      canvas.setPointerCapture = () => {};
+      function move(kind, x, y) {
+        const box = canvas.getBoundingClientRect();
+        const place = {clientX: box.left + x * box.width, clientY: box.top + y * box.height};
+        canvas.dispatchEvent(new PointerEvent(kind, {buttons: 1, ...place}));
+      }"""
+    leave = (
+        """document.title = JSON.stringify(found, (key, value) => ArrayBuffer.isView(value) ? [...value] : value);"""
     )
-    return imread(picture)[:, TEXT:, :3], [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+    path = folder / "told.html"
+    path.write_text(page.html.replace("</html>", f"<script>{mouse}\n{script}\n{leave}</script></html>"), "utf-8")
+    text, complaints = browse(path, folder, "--dump-dom")
+    assert complaints == []
+    return json.loads(unescape(re.search("<title>(.*?)</title>", text, re.DOTALL)[1]))
 
 
 def cropped(image):
@@ -103,17 +130,17 @@ def test_a_name_cannot_end_the_script(tmp_path):
     ms = pymeshlab.MeshSet()
     ms.create_sphere(subdiv=2)
     mesh = read_current_mesh(ms)
-    save_report(tmp_path / "a.html", "</script><b>", mesh, [("file", name)], ["</script>"])
+    report_page("</script><b>", mesh, [("file", name)], ["</script>"]).save(tmp_path / "a.html")
     assert (tmp_path / "a.html").read_text("utf-8").count("</script>") == 2
     assert data_of(tmp_path / "a.html")["findings"] == ["</script>"]
 
 
-def test_large_meshes_are_reduced_and_that_is_said(tmp_path):
+def test_large_meshes_are_reduced_and_that_is_said():
     vertices, faces = pymeshlab_sample("bunny.obj")
     ms = pymeshlab.MeshSet()
     ms.add_mesh(pymeshlab.Mesh(vertices, faces))
-    told = save_report(tmp_path / "a.html", "bunny", read_current_mesh(ms), [], [], most_faces=5000)
-    assert told["notes"][0].startswith(f"Drawn with 5,000 of {len(faces):,} faces")
+    made = report_page("bunny", read_current_mesh(ms), [], [], most_faces=5000)
+    assert made.notes[0].startswith(f"Drawn with 5,000 of {len(faces):,} faces")
     _, _, rows = reduced(vertices, faces[:0], 5000)
     assert 2500 < len(rows) <= 5000
     points, triangles, rows = reduced(vertices, faces, 5000)
@@ -176,3 +203,95 @@ def test_it_turns_and_compares(page, tmp_path):
     orange = (filled[..., 0] > 0.5) & (filled[..., 2] < 0.4) & (filled[..., 1] > 0.25)
     assert orange.sum() > 100
     assert np.ptp(smoothed, axis=2).max() < 0.1  # grey
+
+
+def arrays(shape):
+    return shape.vertices, shape.faces
+
+
+DRAG = """
+  $("cut").checked = true; $("cut").onchange({target: $("cut")});
+  %s
+  const found = {...curves, read: $("read").textContent};"""
+
+
+@in_a_browser
+def test_the_profile_of_a_sphere_has_its_curvature_and_its_height(tmp_path):
+    ball = arrays(sphere(radius=2.0, resolution=24))
+    page = page_of("ball", *ball, Results(estimate_vertex_geometry(*ball)))
+    mouse = "move('pointerdown', 0.5, 0.5); move('pointermove', 0.6, 0.5); move('pointermove', 0.5, 0.3);"
+    found = told(page, tmp_path, DRAG % mouse)
+    distances, (heights,), (values, errors) = (np.array(found[key]) for key in ("distances", "heights", "values"))
+    assert len(distances) == 401
+    assert distances[-1] > 1.0
+    np.testing.assert_allclose(values, 0.5, rtol=0.01)
+    assert errors.shape == values.shape
+    expected = np.sqrt(4.0 - distances**2)  # the line begins where the sphere is nearest
+    np.testing.assert_allclose(heights, expected - expected[-1], atol=0.005)
+
+
+@in_a_browser
+def test_the_profile_of_a_tube_is_that_of_its_near_side_when_it_is_turned_too(tmp_path):
+    page = page_of("tube", *arrays(cylinder(radius=0.5, length=3.0, resolution=96)), Results())
+    found = told(page, tmp_path, DRAG % "turned(0.8, 0); lined([-1, 0.1], [1, 0.1]);")
+    distances, heights = np.array(found["distances"]), np.array(found["heights"][0], float)  # None is NaN
+    seen = np.isfinite(heights)
+    assert abs(np.ptp(distances[seen]) - 1.0) < 0.02
+    middle = 0.5 * (distances[seen].min() + distances[seen].max())
+    well = seen & (np.abs(distances - middle) < 0.45)
+    expected = np.sqrt(0.25 - (distances[well] - middle) ** 2)
+    np.testing.assert_allclose(heights[well] - heights[well].max(), expected - expected.max(), atol=0.003)
+
+
+@in_a_browser
+def test_profiles_before_and_after(tmp_path):
+    """Of a torus and of one that is a tenth larger, which stands for a smoothed one."""
+    ring = arrays(torus(resolution=24))
+    result = smooth(*ring, "paper")
+    page = page_of("torus", *ring, Results(smoothed=replace(result, vertices=1.1 * ring[0])))
+    found = told(page, tmp_path, "compare('smoothed');" + DRAG % "lined([-1, 0], [1, 0]);")
+    before, after = (np.array(heights, float) for heights in found["heights"])
+    assert found["values"] == []
+    np.testing.assert_allclose(np.nanmax(after) - np.nanmax(before), 0.1 * 0.4, atol=0.01)
+
+
+class TestNotebooks:
+    def test_results_are_shown(self):
+        ring = arrays(torus(resolution=24))
+        page = show(*ring, estimate_vertex_geometry(*ring), smooth(*ring, "paper"), title="a torus")
+        assert page.fields[0] == "mean_curvature"
+        assert page.meshes == ["scan", "smoothed"]
+        assert repr(show(ring[0])) == "Page(scan)"
+        frame = page._repr_html_()
+        assert frame.startswith("<iframe srcdoc=")
+        assert unescape(frame.partition('srcdoc="')[2].partition('" sandbox')[0]) == page.html
+
+    def test_filled_holes_show_themselves(self):
+        vertices, faces = arrays(torus(resolution=24))
+        faces = faces[np.linalg.norm(vertices[faces].mean(axis=1) - [1.0, 0, 0.4], axis=1) > 0.2]
+        result = fill_holes(vertices, faces)
+        page = result.show()
+        assert page.meshes == ["scan", "filled"]
+        assert page.html == show(vertices, faces, result).html
+
+    def test_results_of_other_meshes_are_refused(self):
+        ring = arrays(torus(resolution=12))
+        g = estimate_vertex_geometry(*ring, rings=2)
+        with pytest.raises(InvalidParameterError, match="belongs to another mesh"):
+            show(ring[0][:-1], None, g)
+        for results, name in (((g, g), "VertexGeometry"), ((1,), "int")):
+            with pytest.raises(InvalidParameterError, match=f"got {name}, expected at most one each"):
+                show(*ring, *results)
+
+    @in_a_browser
+    def test_a_cell_shows_the_page(self, tmp_path):
+        ring = arrays(torus(resolution=24))
+        page = show(*ring, estimate_vertex_geometry(*ring))
+        cell = tmp_path / "cell.html"
+        # A frame in a sandbox is drawn by another process, for which a browser without a window does not wait.
+        frame = page._repr_html_().replace(' sandbox="allow-scripts"', "")
+        cell.write_text(f'<!doctype html><meta charset="utf-8"><body>{frame}', "utf-8")
+        image, complaints = drawn(cell, tmp_path)
+        assert complaints == []
+        red = (image[..., 0] > 0.5) & (image[..., 1] < 0.4)
+        assert red.mean() > 0.05

@@ -1,57 +1,3 @@
-<!doctype html>
-<html lang="en">
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:">
-<title>{{title}}</title>
-<style>
-  * { box-sizing: border-box; }
-  body { margin: 0; font: 15px/1.45 system-ui, sans-serif; color: #222; background: #fff; display: flex; min-height: 100vh; }
-  aside { width: 23rem; padding: 1rem 1.2rem; overflow-y: auto; max-height: 100vh; border-right: 1px solid #ddd; }
-  main { flex: 1; position: sticky; top: 0; height: 100vh; min-width: 0; }
-  canvas#view { width: 100%; height: 100%; display: block; touch-action: none; cursor: grab; }
-  h1 { font-size: 1.15rem; margin: 0 0 .6rem; overflow-wrap: anywhere; }
-  h2 { font-size: .95rem; margin: 1.2rem 0 .3rem; }
-  table { border-collapse: collapse; width: 100%; }
-  td { padding: .15rem .4rem .15rem 0; vertical-align: top; overflow-wrap: anywhere; }
-  td:first-child { color: #666; white-space: nowrap; }
-  p, ul { margin: .3rem 0; padding: 0; } li { margin-left: 1.1rem; }
-  select, input[type=range] { width: 100%; font: inherit; }
-  input[type=number] { width: 8rem; font: inherit; }
-  #scale { width: 100%; height: 5.2rem; display: block; }
-  .row { display: flex; justify-content: space-between; gap: .5rem; align-items: center; }
-  .key span { display: inline-block; width: 1rem; height: .8rem; border: 1px solid #555; margin-right: .4rem; }
-  .small { color: #666; font-size: .85rem; }
-  @media (max-width: 760px) {
-    body { flex-direction: column-reverse; } aside { width: 100%; max-height: none; border: 0; } main { position: relative; flex: none; height: 60vh; }
-  }
-  @media print { main { height: 60vh; } }
-</style>
-<aside>
-  <h1></h1>
-  <div id="notes" class="small"></div>
-  <h2>Colours</h2>
-  <select id="field"></select>
-  <div id="bar">
-    <canvas id="scale"></canvas>
-    <div class="row"><input id="low" type="number" step="any"><span id="unit" class="small"></span><input id="high" type="number" step="any"></div>
-    <label class="small"><input id="log" type="checkbox"> logarithmic both ways from zero</label>
-  </div>
-  <div id="names" class="key"></div>
-  <label id="lines"><input id="creases" type="checkbox"> sharp edges and ridges (red), ravines (blue)</label>
-  <h2>Before and after</h2>
-  <select id="compare"></select>
-  <input id="split" type="range" min="0" max="1" step="0.002" value="0.5" aria-label="where before ends and after begins">
-  <p id="told" class="small"></p>
-  <h2>The mesh</h2>
-  <table id="facts"></table>
-  <ul id="findings"></ul>
-  <p class="small">Turn: drag. Move: shift and drag. Closer: wheel. As it was: double click.</p>
-</aside>
-<main><canvas id="view"></canvas></main>
-<script type="application/json" id="data">{{data}}</script>
-<script>
-"use strict";
 const data = JSON.parse(document.getElementById("data").textContent);
 const $ = id => document.getElementById(id);
 const bytes = text => Uint8Array.from(atob(text), c => c.charCodeAt(0));
@@ -62,6 +8,7 @@ const element = (tag, text, parent) => parent.appendChild(Object.assign(document
 
 // text
 document.querySelector("h1").textContent = data.title;
+document.querySelector("h1").hidden = !data.title;
 data.notes.forEach(note => element("p", note, $("notes")));
 data.facts.forEach(row => { const line = element("tr", "", $("facts")); row.forEach(cell => element("td", cell, line)); });
 data.findings.forEach(text => element("li", text, $("findings")));
@@ -115,11 +62,12 @@ function normals(points, faces) {
 function loaded(mesh) {
   const points = floats(mesh.points), indices = integers(mesh.indices);
   const arrow = mesh.lines ? new Float32Array(points.length) : normals(points, indices);
-  return {...mesh, points, count: indices.length, vertices: buffer(gl.ARRAY_BUFFER, points), arrows: buffer(gl.ARRAY_BUFFER, arrow),
+  return {...mesh, points, indices, count: indices.length, vertices: buffer(gl.ARRAY_BUFFER, points), arrows: buffer(gl.ARRAY_BUFFER, arrow),
     order: buffer(gl.ELEMENT_ARRAY_BUFFER, indices), values: buffer(gl.ARRAY_BUFFER, new Float32Array(points.length / 3))};
 }
 const meshes = Object.fromEntries(Object.entries(data.meshes).map(([name, mesh]) => [name, loaded(mesh)]));
 const sources = data.fields.map(field => floats(field.values));
+const errors = data.fields.map(field => field.errors ? floats(field.errors) : null);
 
 // colours
 const COOL_WARM = [[59, 77, 191], [230, 230, 230], [191, 5, 38]];
@@ -130,7 +78,7 @@ gl.bindTexture(gl.TEXTURE_2D, texture);
 [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER].forEach(kind => gl.texParameteri(gl.TEXTURE_2D, kind, gl.LINEAR));
 [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T].forEach(kind => gl.texParameteri(gl.TEXTURE_2D, kind, gl.CLAMP_TO_EDGE));
 
-const state = {field: -1, turn: data.turn.slice(), zoom: 1, pan: [0, 0], compare: "", split: 0.5, limits: [0, 1], log: false, creases: false};
+const state = {field: -1, turn: data.turn.slice(), zoom: 1, pan: [0, 0], compare: "", split: 0.5, limits: [0, 1], log: false, creases: false, start: null, line: null};
 // Places on the scale: the value itself, or its logarithm both ways from zero, linear up to the median size.
 const place = value => { const at = data.fields[state.field].median || 1; return state.log ? Math.sign(value) * Math.log1p(Math.abs(value) / at) : value; };
 const value = place_ => { const at = data.fields[state.field].median || 1; return state.log ? Math.sign(place_) * Math.expm1(Math.abs(place_)) * at : place_; };
@@ -141,6 +89,7 @@ function choose(index) {
   $("field").value = index;
   $("bar").hidden = !field || !!field.names;
   $("names").replaceChildren();
+  cut();
   if (!field) { draw(); return; }
   if (!field.names) state.limits = (state.log ? field.range : field.limits).slice();
   const CODES = [[217, 217, 217], [255, 127, 14], [44, 160, 44], [214, 39, 40], [148, 103, 189], [140, 86, 75], [227, 119, 194], [127, 127, 127], [23, 190, 207], [188, 189, 34]];
@@ -226,14 +175,60 @@ function render() {
     gl.uniform2fv(uniform("limits"), field.names ? [0, 1] : state.limits.map(place));
     paint(meshes.scan, {mapped: true, codes: !!field.names, lit: meshes.scan.count > 0});
   } else paint(meshes.scan, {flat_: meshes.scan.count > 0, lit: true});
-  if (state.creases && !other) for (const name of ["ridges", "ravines"]) if (meshes[name]) {
-    gl.uniform1f(uniform("nearer"), 0.004);  // lines lie on the surface; wide ones are several
-    for (const [x, y] of [[0, 0], [1, 0], [0, 1], [-1, 0], [0, -1]]) {
+  const lines = state.creases && !other ? [[meshes.ridges, [0.8, 0.1, 0.1]], [meshes.ravines, [0.1, 0.2, 0.8]]] : [];
+  if (state.line && trace.count) lines.push([trace, [0, 0, 0]]);
+  lines.forEach(([mesh, plain], k) => {
+    gl.uniform1f(uniform("nearer"), 0.004 + 0.001 * k);  // lines lie on the surface; wide ones are several
+    for (const [x, y] of mesh ? [[0, 0], [1, 0], [0, 1], [-1, 0], [0, -1]] : []) {
       gl.uniform2f(uniform("pan"), state.pan[0] + 2 * ratio * x / wide, state.pan[1] + 2 * ratio * y / tall);
-      paint(meshes[name], {plain: name === "ridges" ? [0.8, 0.1, 0.1] : [0.1, 0.2, 0.8]});
+      paint(mesh, {plain});
     }
-  }
+  });
   document.body.dataset.drawn = "yes";
+}
+
+// the profile along a line that is drawn on the mesh, which keeps its place when the mesh turns
+const trace = {lines: true, count: 0, vertices: gl.createBuffer(), arrows: gl.createBuffer(), order: gl.createBuffer(), values: gl.createBuffer()};
+let curves = null;
+function cut() {
+  const line = state.line, other = meshes[state.compare], field = other ? null : data.fields[state.field];
+  $("profile").hidden = !$("cut").checked; $("curve").hidden = $("heights").hidden = !line;
+  if (!line) return;
+  const valued = field && !field.names, known = valued && errors[state.field];
+  const columns = valued ? [sources[state.field], ...(known ? [known] : [])] : [];
+  const scan = profile(meshes.scan, line.turn, line.from, line.to, columns), all = [scan];
+  if (other) all.push(profile(other, line.turn, line.from, line.to, []));
+  const lowest = Math.min(...all.flatMap(it => [...it.heights]).filter(Number.isFinite));
+  const heights = all.map(it => it.heights.map(height => (height - lowest) * data.radius)), distances = scan.distances.map(it => it * data.radius);
+  curves = {distances, heights, field, values: scan.values};
+  $("curve").hidden = !valued;
+  $("heights").style.width = valued ? "" : "100%";
+  $("read").textContent = "Point at a curve to read it.";
+  if (valued) chart($("curve"), `${field.label}${field.unit ? ` [${field.unit}]` : ""}${known ? " and its standard error" : ""}`, distances, [{values: scan.values[0], errors: scan.values[1], color: "#3b4dbf"}], number);
+  chart($("heights"), `height over distance [length]${other ? ": before grey, after orange" : ""}`, distances, heights.map((values, k) => ({values, color: k ? "#e67e00" : "#555"})), number);
+  traced(scan, line);
+}
+function traced({distances, heights}, {turn: m, from, to}) {
+  const length = distances[distances.length - 1], points = [], order = [];
+  distances.forEach((distance, i) => {
+    const share = distance / length, seen = [from[0] + share * (to[0] - from[0]), from[1] + share * (to[1] - from[1]), heights[i]];
+    for (let k = 0; k < 3; k++) points.push(m[k] * seen[0] + m[3 + k] * seen[1] + m[6 + k] * seen[2]);
+    if (Number.isFinite(heights[i]) && Number.isFinite(heights[i - 1])) order.push(i - 1, i);
+  });
+  for (const [made, values] of [[trace.vertices, points], [trace.arrows, points], [trace.values, heights]]) { gl.bindBuffer(gl.ARRAY_BUFFER, made); gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(values), gl.STREAM_DRAW); }
+  gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, trace.order); gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, new Uint32Array(order), gl.STREAM_DRAW);
+  trace.count = order.length;
+}
+// A place of the picture, in pixels of the page, as one of the turned mesh.
+function placed(x, y) {
+  const wide = canvas.clientWidth, tall = canvas.clientHeight, scale = 0.95 * state.zoom * Math.min(wide, tall);
+  return [((2 * x / wide - 1 - state.pan[0]) * wide) / scale, ((1 - 2 * y / tall - state.pan[1]) * tall) / scale];
+}
+function lined(from, to) { state.line = Math.hypot(to[0] - from[0], to[1] - from[1]) > 1e-4 ? {turn: state.turn.slice(), from, to} : null; cut(); draw(); }
+function read(event) {
+  const box = event.target, i = Math.round((curves.distances.length - 1) * Math.min(1, Math.max(0, (event.offsetX - 64) / (box.clientWidth - 76))));
+  const told = curves.field && curves.values.length ? [`${curves.field.label} ${curves.values.map(values => number(values[i])).join(" \u00b1 ")} ${curves.field.unit}`] : [];
+  $("read").textContent = `At ${number(curves.distances[i])}: ` + [...told, `height ${curves.heights.map(values => number(values[i])).join(" before, ")}${curves.heights[1] ? " after" : ""}`].join("; ");
 }
 
 // what users do
@@ -249,8 +244,9 @@ element("option", "off", $("compare")).value = "";
 data.comparisons.forEach(([name, text]) => { element("option", text, $("compare")).value = name; });
 const compare = name => {
   state.compare = name; $("compare").value = name; $("split").hidden = !name;
-  $("told").textContent = (data.comparisons.find(([other]) => other === name) || ["", "", ""])[2]; draw();
+  $("told").textContent = (data.comparisons.find(([other]) => other === name) || ["", "", ""])[2]; cut(); draw();
 };
+$("comparison").hidden = !data.comparisons.length; $("known").hidden = !data.facts.length; $("cutting").hidden = !meshes.scan.count;
 $("lines").hidden = !meshes.ridges && !meshes.ravines;
 $("field").onchange = event => { if (state.compare) compare(""); choose(Number(event.target.value)); };
 $("compare").onchange = event => compare(event.target.value);
@@ -262,18 +258,21 @@ $("creases").onchange = event => { state.creases = event.target.checked; draw();
   if (limits[0] < limits[1]) state.limits = limits;
   show();
 }; });
-canvas.onpointerdown = event => canvas.setPointerCapture(event.pointerId);
+$("cut").onchange = event => { canvas.style.cursor = event.target.checked ? "crosshair" : ""; state.line = null; cut(); draw(); };
+["curve", "heights"].forEach(id => { $(id).onpointermove = read; });
+canvas.onpointerdown = event => { canvas.setPointerCapture(event.pointerId); state.start = placed(event.offsetX, event.offsetY); };
 canvas.onpointermove = event => {
   if (!event.buttons) return;
+  if ($("cut").checked && state.start && !event.shiftKey && event.buttons === 1) { lined(state.start, placed(event.offsetX, event.offsetY)); return; }
   const size = Math.min(canvas.clientWidth, canvas.clientHeight);
   if (event.shiftKey || event.buttons === 4) { state.pan[0] += 2 * event.movementX / canvas.clientWidth; state.pan[1] -= 2 * event.movementY / canvas.clientHeight; }
   else turned(4 * event.movementX / size, 4 * event.movementY / size);
   draw();
 };
 canvas.addEventListener("wheel", event => { event.preventDefault(); state.zoom *= Math.exp(-0.001 * event.deltaY); draw(); }, {passive: false});
-canvas.ondblclick = () => { Object.assign(state, {turn: data.turn.slice(), zoom: 1, pan: [0, 0]}); draw(); };
-window.onresize = () => { if (data.fields[state.field] && !data.fields[state.field].names) histogram(); draw(); };
-// A link may say what is shown: #field=0&turn=40&tilt=-10&compare=smoothed&creases
+canvas.ondblclick = () => { Object.assign(state, {turn: data.turn.slice(), zoom: 1, pan: [0, 0], line: null}); cut(); draw(); };
+window.onresize = () => { if (data.fields[state.field] && !data.fields[state.field].names) histogram(); cut(); draw(); };
+// A link may say what is shown: #field=0&turn=40&tilt=-10&compare=smoothed&creases&profile=0.2,0.5,0.8,0.5
 const asked = new URLSearchParams(location.hash.slice(1));
 turned(Number(asked.get("turn") || 0) * Math.PI / 180, Number(asked.get("tilt") || 0) * Math.PI / 180);
 if (asked.has("log")) { state.log = $("log").checked = true; }
@@ -281,5 +280,9 @@ if (asked.has("creases")) { state.creases = $("creases").checked = true; }
 if (asked.has("split")) { state.split = Number(asked.get("split")); $("split").value = state.split; }
 choose(asked.has("field") ? Number(asked.get("field")) : data.fields.length ? 0 : -1);
 compare(asked.get("compare") || "");
-</script>
-</html>
+if (asked.has("profile")) {
+  const [a, b, c, d] = asked.get("profile").split(",").map(Number);
+  $("cut").checked = true; cut();
+  const [wide, tall] = [canvas.clientWidth, canvas.clientHeight];
+  lined(placed(a * wide, b * tall), placed(c * wide, d * tall));
+}

@@ -1,0 +1,210 @@
+"""A page that a browser shows without anything else, where a mesh can be turned: for reports and notebooks.
+
+It is `page.html` beside this module, with the scripts and all that it shows put into it, the latter as JSON.
+"""
+
+import json
+from base64 import b64encode
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray, Report
+from bezier_filters.display.colors import color_range, round_limits
+from bezier_filters.display.summaries import noise_level
+from bezier_filters.estimation.vertex_geometry import VertexGeometry
+from bezier_filters.feature_lines.crease_lines import Creases, edge_mesh
+from bezier_filters.fields import ESTIMATES, FIELDS, SMOOTH, Field, columns, values_of
+from bezier_filters.holes.hole_filling import HoleFillingResult
+from bezier_filters.meshlab.hole_filter import fill_warnings
+from bezier_filters.meshlab.meshset import Mesh, MeshSet, current_mesh, one_at_a_time
+from bezier_filters.pictures.scene import Panel, up_axis, view_axes
+from bezier_filters.runtime.atomic import atomic_write
+from bezier_filters.smoothing.smoothing_result import SmoothingResult
+from bezier_filters.status import FitStatus
+
+MOST_FACES = 200_000  # that a browser turns without jerks on any machine
+# names of fields, in the order in which they can be chosen
+SHOWN = ["mean_curvature", "gaussian_curvature", "k_min", "k_max", "curvedness", "shape_index", "geodesic_torsion"]
+SHOWN += ["mean_curvature_std", "gaussian_curvature_std", "normal_std", "residual", "displacement", "fit_status"]
+_FIELDS = sorted((field for field in FIELDS if field.name in SHOWN), key=lambda field: SHOWN.index(field.name))
+_HEIGHT = 640  # pixels, in a notebook
+
+
+@dataclass(frozen=True)
+class Results:
+    """What there is to show of a mesh besides its shape."""
+
+    geometry: VertexGeometry | None = None
+    creases: Creases | None = None
+    smoothed: SmoothingResult | None = None
+    filled: HoleFillingResult | None = None
+
+
+@dataclass(frozen=True, repr=False)
+class Page:
+    """A page with a mesh, which notebooks show where it is the last line of a cell.
+
+    Attributes
+    ----------
+    html : str
+        The whole page.
+    notes : list of str
+        What it says of how the mesh is drawn.
+    fields, meshes : list of str
+        Names of what it shows.
+    """
+
+    html: str
+    notes: list[str]
+    fields: list[str]
+    meshes: list[str]
+
+    def save(self, path: str | Path) -> None:
+        """Write it to a file, whole or not at all."""
+        with atomic_write(path) as temporary:
+            temporary.write_text(self.html, encoding="utf-8")
+
+    def __repr__(self) -> str:
+        """One line: what it shows."""
+        return f"Page({'; '.join(', '.join(names) for names in (self.meshes, self.fields) if names)})"
+
+    def _repr_html_(self) -> str:
+        """The page in a frame of its own, which can do nothing outside of it."""
+        size = f'width="100%" height="{_HEIGHT}" style="border: 1px solid #ddd"'
+        return f'<iframe srcdoc="{escape(self.html)}" sandbox="allow-scripts" {size}></iframe>'
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """How a mesh is drawn: with no more faces than this, around a centre (3,), in units of a length."""
+
+    most_faces: int
+    center: FloatArray
+    radius: float
+
+    def packed(self, points: FloatArray, indices: IntArray, **more: object) -> Report:
+        """Points (k, 3) with faces (m, 3) or edges (e, 2), as the page takes them."""
+        around = (points - self.center) / self.radius
+        return {"points": _packed(around, "<f4"), "indices": _packed(indices, "<u4"), "new_from": None, **more}
+
+
+def page_of(
+    title: str,
+    vertices: FloatArray,
+    faces: IntArray,
+    results: Results,
+    *,
+    facts: Sequence[tuple[str, str]] = (),
+    findings: Sequence[str] = (),
+    most_faces: int = MOST_FACES,
+) -> Page:
+    """The page of a mesh (n, 3), (m, 3), or of points without faces, with facts and findings as text."""
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    shown = _Shown(most_faces, 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low)) or 1.0)
+    points, triangles, rows = reduced(vertices, faces, most_faces)
+    meshes, comparisons, notes = {"scan": shown.packed(points, triangles)}, [], []
+    if len(points) < len(vertices):
+        what, kept, of = ("faces", triangles, faces) if len(faces) else ("points", points, vertices)
+        notes.append(f"Drawn with {len(kept):,} of {len(of):,} {what}; values are those of the nearest vertices.")
+    values: dict[str, FloatArray] = {}
+    known = np.ones(len(vertices), dtype=np.bool_)
+    geometry, smoothed, filled = results.geometry, results.smoothed, results.filled
+    if geometry is not None:
+        values |= values_of([field for field in _FIELDS if set(ESTIMATES) & set(field.filters)], geometry)
+        known = np.asarray(geometry.status <= FitStatus.FOLDED)
+    if results.creases is not None:
+        meshes |= _lines(results.creases, shown)
+    if smoothed is not None:
+        values |= columns(SMOOTH, smoothed)
+        meshes["smoothed"] = shown.packed(points + (smoothed.vertices - vertices)[rows], triangles)
+        after = noise_level(smoothed.noise_after, smoothed.mean_edge)
+        comparisons.append(("smoothed", "smoothing", f"{smoothed.noise}; {after} after."))
+    if filled is not None and filled.filled:
+        meshes["filled"] = _filled(filled, len(faces), shown)
+        text = f"{filled.filled:,} of {len(filled.holes):,} holes filled, orange"
+        comparisons.append(("filled", "hole filling", "; ".join([text, *fill_warnings(filled, 2 * shown.radius)])))
+    fields = [field for field in _FIELDS if field.column in values]
+    data = {
+        "title": title,
+        "notes": notes,
+        "facts": facts,
+        "findings": findings,
+        "fields": [_field(field, values, rows, known) for field in fields],
+        "meshes": meshes,
+        "radius": shown.radius,
+        "comparisons": comparisons,
+        "turn": view_axes("front", up_axis(Panel(vertices, faces, vertices[:, 0]))).ravel().tolist(),
+    }
+    return Page(_html(title, data), notes, [field.name for field in fields], list(meshes))
+
+
+def _html(title: str, data: Report) -> str:
+    here = Path(__file__)
+    html, *scripts = (here.with_name(name).read_text("utf-8") for name in ("page.html", "profile.js", "page.js"))
+    # Nothing in the texts may end the script that holds them.
+    text = json.dumps(data, allow_nan=False).replace("<", "\\u003c")
+    for name, part in (("title", escape(title)), ("script", "\n".join(scripts)), ("data", text)):
+        html = html.replace(f"{{{{{name}}}}}", part)
+    return html
+
+
+def _filled(result: HoleFillingResult, face_count: int, shown: _Shown) -> Report:
+    """The mesh with filled holes: its old faces, of which there were so many, reduced, and then all of the new ones."""
+    points, triangles, _ = reduced(result.vertices, result.faces[:face_count], shown.most_faces)
+    used, corners = np.unique(result.faces[face_count:], return_inverse=True)
+    new = corners.reshape(-1, 3).astype(np.int32) + np.int32(len(points))
+    return shown.packed(
+        np.vstack([points, result.vertices[used]]), np.vstack([triangles, new]), new_from=triangles.size
+    )
+
+
+def reduced(vertices: FloatArray, faces: IntArray, most: int) -> tuple[FloatArray, IntArray, IntArray]:
+    """A mesh of no more faces, or points, and the nearest vertex of the old one to each of its own."""
+    if not len(faces):
+        rows = np.arange(0, len(vertices), 1 + (len(vertices) - 1) // most, dtype=np.int32)
+        return vertices[rows], faces, rows
+    if len(faces) <= most:
+        return vertices, faces, np.arange(len(vertices), dtype=np.int32)
+    with one_at_a_time():
+        ms = MeshSet()
+        ms.add_mesh(Mesh(vertices, faces))
+        ms.meshing_decimation_quadric_edge_collapse(targetfacenum=most, preserveboundary=True, selected=False)
+        mesh = current_mesh(ms)
+        points, triangles = np.array(mesh.vertex_matrix()), np.array(mesh.face_matrix(), dtype=np.int32)
+    return points, triangles, cKDTree(vertices).query(points)[1].astype(np.int32)
+
+
+def _lines(creases: Creases, shown: _Shown) -> dict[str, Report]:
+    """The lines of each kind as meshes of edges."""
+    found = {}
+    for kind in ("ridge", "ravine"):
+        lines = [line for line in creases.lines if line.kind == kind]
+        if lines:
+            points, edges, _ = edge_mesh(lines)
+            found[f"{kind}s"] = shown.packed(points, edges, lines=True)
+    return found
+
+
+def _field(field: Field, columns: dict[str, FloatArray], rows: IntArray, known: BoolArray) -> Report:
+    """A field as the page takes it: codes have names, others limits, of what is known, and perhaps standard errors."""
+    values, errors = columns[field.column], columns.get(f"{field.column}_std")
+    told = {"label": field.label, "unit": field.unit, "signed": field.signed, "values": _packed(values[rows], "<f4")}
+    if field.name == "fit_status":
+        names = {int(status): {"text": status.name, "count": int((values == status).sum())} for status in FitStatus}
+        return told | {"names": names}
+    inside = values[known] if known.any() else values
+    return told | {
+        "errors": None if errors is None else _packed(errors[rows], "<f4"),
+        "limits": round_limits(*color_range(inside, signed=field.signed)),
+        "range": round_limits(*color_range(inside, signed=field.signed, percentile=0.0)),
+        "median": float(np.median(np.abs(inside))),
+    }
+
+
+def _packed(array: FloatArray | IntArray, kind: str) -> str:
+    return b64encode(np.ascontiguousarray(array, dtype=kind).tobytes()).decode("ascii")
