@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from bezier_filters.cli import console
-from bezier_filters.cli.app import ColorRange, Json, Percentile, Quiet, Source, app, examples
+from bezier_filters.cli.app import ColorRange, Json, Overwrite, Percentile, Quiet, Source, app, check_target, examples
 from bezier_filters.display.colors import ColorScale
 
 Sources = Annotated[
@@ -30,6 +30,7 @@ Up = Annotated[str, typer.Option(help="Axis that points up: auto, x, y, z, -x, -
     epilog=examples(
         "render curved.ply curved.png --field quality --field bz_shape_index --histogram",
         "render scan.ply clean.ply both.png --view iso",
+        "render curved.ply lines.png --field shape --directions",
     )
 )
 def render(
@@ -44,9 +45,13 @@ def render(
     limits: ColorRange = None,
     scale: Scale = "linear",
     histogram: Annotated[bool, typer.Option("--histogram", help="Draw a histogram above every colour bar.")] = False,
+    directions: Annotated[
+        bool, typer.Option("--directions", help="Draw lines along the principal directions, where these are certain.")
+    ] = False,
     size: Annotated[int, typer.Option(help="Largest side of one image in pixels.", min=50, max=4000)] = 600,
     dpi: Annotated[float, typer.Option(help="Pixels per inch that the file tells.", min=1)] = 100,
     up: Up = "auto",
+    overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -55,15 +60,19 @@ def render(
     One mesh has a column for every field. Several have a column each and a row for every field, with the same colours
     for the same quantity; a mesh that lacks the field is grey.
     """
+    from bezier_filters.pictures.directions import with_directions
     from bezier_filters.pictures.field_panels import default_field, field_panels, read_mesh_file
     from bezier_filters.pictures.render import check_picture, render_panels
 
     check_picture(picture)
+    check_target(picture, *sources, overwrite=overwrite)
     files = [read_mesh_file(source) for source in sources]
     fields, views = field or [default_field(files)], view or ["front", "back"]
     panels, shown, colors = [], [], (colormap, percentile, limits, scale)
     for name in fields:
         row = field_panels(files, name, *colors, histogram=histogram)
+        if directions:
+            row = [with_directions(panel, file) for panel, file in zip(row, files, strict=True)]
         panels += row
         legend = next((panel for panel in row if panel.values is not None), row[0])
         shown.append({"field": name, "label": legend.label, "unit": legend.unit, "limits": legend.limits})
@@ -111,6 +120,7 @@ def qmap(
     ] = "auto",
     percentile: Percentile = 2.0,
     limits: ColorRange = None,
+    overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -119,6 +129,7 @@ def qmap(
     from bezier_filters.meshlab.mesh_colors import save_quality_map
     from bezier_filters.pictures.field_panels import check_field, field_limits, read_mesh_file
 
+    check_target(target, source, overwrite=overwrite)
     files = [read_mesh_file(source)]
     check_field(files, field)
     shown = files[0].field(field)

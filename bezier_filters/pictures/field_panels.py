@@ -14,7 +14,7 @@ from bezier_filters.fields import FIELDS, PREFIX, QUALITY, Field
 from bezier_filters.files.field_files import read_fields
 from bezier_filters.meshlab.mesh_files import load_mesh
 from bezier_filters.meshlab.meshset import current_mesh
-from bezier_filters.pictures.scene import Panel, require_libraries
+from bezier_filters.pictures.scene import Panel
 from bezier_filters.status import FitStatus
 
 COLOR, SHAPE = "color", "shape"
@@ -27,7 +27,6 @@ _CODES = {  # what numbers in a column stand for
     "bz_crease": {-2: "sharp ravine", -1: "ravine", 0: "no crease", 1: "ridge", 2: "sharp ridge"},
 }
 _GREY_BELOW_LINES = 0.85
-_SIDES = 12  # of tubes
 
 
 @dataclass(frozen=True)
@@ -181,21 +180,14 @@ def crease_panel(
 ) -> Panel:
     """A surface (n, 3), (m, 3) with its ridges in red and its ravines in blue, to be drawn by `render_panels`.
 
-    The lines are tubes of a radius, by default a 400th of the diagonal of the bounding box. A
-    `RenderingUnavailableError` says if pyvista or matplotlib is missing.
+    The lines are tubes of a radius, by default a 400th of the diagonal of the bounding box.
     """
-    require_libraries()
-    import pyvista
-
-    if radius is None:
-        radius = float(np.linalg.norm(np.ptp(vertices, axis=0))) / 400.0
-    points, corners, colors = [vertices], [faces], [np.full((len(vertices), 3), _GREY_BELOW_LINES)]
-    count = len(vertices)
-    for line in creases.lines:
-        tube = pyvista.MultipleLines(line.points).tube(radius=radius, n_sides=_SIDES, capping=True).triangulate()
-        points.append(np.asarray(tube.points, dtype=np.float64))
-        corners.append(np.asarray(tube.regular_faces, dtype=np.int32) + np.int32(count))
-        colors.append(np.tile(COLORS[line.kind], (tube.n_points, 1)))
-        count += tube.n_points
-    names = [(f"{kind}s", color) for kind, color in COLORS.items()]
-    return Panel(np.vstack(points), np.vstack(corners), colors=np.vstack(colors), title=title, names=names)
+    return Panel(
+        vertices,
+        faces,
+        colors=np.full((len(vertices), 3), _GREY_BELOW_LINES),
+        title=title,
+        names=[(f"{kind}s", color) for kind, color in COLORS.items()],
+        lines=[(line.points, COLORS[line.kind]) for line in creases.lines],
+        line_radius=radius,
+    )

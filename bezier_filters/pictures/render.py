@@ -5,7 +5,7 @@ import io
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate, zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -287,6 +287,8 @@ def _color_bar(panel: Panel, width: float, style: _Style) -> Image:
 
     if panel.values is None:
         return _key(panel, style)
+    if panel.names:
+        return _grid([[_color_bar(replace(panel, names=()), width, style)], [_key(panel, style)]], style)
     low, high = panel.color_limits()
     below, above = clipped(panel)
     colormap = matplotlib_colormap(panel.colormap, signed=panel.signed)

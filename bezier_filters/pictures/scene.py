@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.colors import Normalize
 
 Image: TypeAlias = NDArray[np.uint8]  # pixels (height, width, 3)
+Color: TypeAlias = tuple[float, float, float]  # red, green and blue in 0..1
 
 MARGIN = 4  # pixels around the mesh
 
@@ -29,6 +30,8 @@ _SUPERSAMPLING = 2  # rendered larger and averaged: smooth edges on every graphi
 _NAN_COLOR = "lightgray"
 _SHARP = 60.0  # degrees between faces from which on the edge between them is seen
 _AMBIENT = 0.45  # share of the colour that no shadow takes
+_LINES_PER_DIAGONAL = 400.0  # their radii in a row are as long as the diagonal of the bounding box
+_SIDES = 12  # of tubes
 _ZOOM = 1.3  # a window first has room for a ball around the meshes
 _REMEDY = "`bezier-filters render` draws a picture without one"
 # Right, up and towards the viewer, each in the coordinates (right, up, towards) of the front view.
@@ -100,7 +103,11 @@ class Panel:
     linear_below : float, optional
         For a symmetric logarithmic scale: size of the values below which it is linear, positive.
     names : sequence of (str, (red, green, blue))
-        What `colors`, in 0..1, stand for: a key below the mesh.
+        What `colors`, or those of the lines, in 0..1, stand for: a key below the mesh.
+    lines : sequence of ((k, 3) array, (red, green, blue))
+        Points of lines, each joined to the next one, which are drawn as tubes.
+    line_radius : float, optional
+        Of the tubes, a length; by default a 400th of the diagonal of the bounding box.
 
     Raises
     ------
@@ -122,7 +129,9 @@ class Panel:
     title: str = ""
     histogram: bool = False
     linear_below: float | None = None
-    names: Sequence[tuple[str, tuple[float, float, float]]] = ()
+    names: Sequence[tuple[str, Color]] = ()
+    lines: Sequence[tuple[FloatArray, Color]] = ()
+    line_radius: float | None = None
 
     def __post_init__(self) -> None:
         n = len(self.vertices)
@@ -223,7 +232,7 @@ def draw(panel: Panel, views: Sequence[View], *, scale: float, background: str) 
             plotter.set_background(background)
             # In pixels about the origin, because graphics hardware computes in single precision.
             center = 0.5 * (views[0].low + views[0].high) @ views[0].axes
-            add_panel(plotter, panel, (panel.vertices - center) * scale)
+            add_panel(plotter, panel, center, scale)
             return [_photograph(plotter, view, center, scale) for view in views]
         finally:
             plotter.close()
@@ -239,10 +248,19 @@ def add_lights(plotter: "pyvista.Plotter") -> None:
     plotter.add_light(pyvista.Light(light_type="camera light", position=(-0.6, 0.9, 1.0), intensity=0.66))
 
 
-def add_panel(plotter: "pyvista.Plotter", panel: Panel, points: FloatArray) -> None:
-    """Add a panel's mesh, with its vertices at these points."""
+def add_panel(plotter: "pyvista.Plotter", panel: Panel, center: FloatArray, scale: float) -> None:
+    """Add a panel's mesh and its lines, around a centre (3,) and with so many units for one of length."""
     import pyvista
 
+    points = (panel.vertices - center) * scale
+    if panel.lines:
+        radius = panel.line_radius
+        if radius is None:
+            radius = float(np.linalg.norm(np.ptp(panel.vertices, axis=0))) / _LINES_PER_DIAGONAL
+        for color in dict.fromkeys(color for _, color in panel.lines):
+            lines = [(line - center) * scale for line, other in panel.lines if other == color]
+            tubes = _polylines(lines).tube(radius=radius * scale, n_sides=_SIDES, capping=True)
+            plotter.add_mesh(tubes, color=color, ambient=_AMBIENT, diffuse=1.0 - _AMBIENT, specular=0.0)
     options: dict[str, Any] = {"show_scalar_bar": False}
     colored: FloatArray | Image | None = panel.values
     if panel.colors is not None:
@@ -274,6 +292,15 @@ def add_panel(plotter: "pyvista.Plotter", panel: Panel, points: FloatArray) -> N
     options |= {"ambient": _AMBIENT, "diffuse": 1.0 - _AMBIENT, "specular": 0.0}
     actor = plotter.add_mesh(mesh, scalars="colored", **options)
     actor.prop.interpolation = "Phong"
+
+
+def _polylines(lines: Sequence[FloatArray]) -> "pyvista.PolyData":
+    """Lines through the points (k, 3) of each."""
+    import pyvista
+
+    ends = np.cumsum([len(line) for line in lines])
+    cells = [np.r_[len(line), np.arange(end - len(line), end)] for line, end in zip(lines, ends, strict=True)]
+    return pyvista.PolyData(np.vstack(lines), lines=np.concatenate(cells))
 
 
 def _photograph(plotter: Any, view: View, center: FloatArray, scale: float) -> Image:
@@ -332,7 +359,7 @@ def window(panels: Sequence[Panel], *, columns: int | None = None, up: str = "au
     for number, panel in enumerate(panels):
         plotter.subplot(*divmod(number, columns))
         plotter.set_background("white")
-        add_panel(plotter, panel, panel.vertices)
+        add_panel(plotter, panel, np.zeros(3), 1.0)
         if panel.values is not None:
             unit = f" [{panel.unit}]" if panel.unit else ""
             # pyvista draws bars of one title once; the blanks are not seen.

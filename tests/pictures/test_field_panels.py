@@ -15,14 +15,16 @@ from typer.testing import CliRunner
 import bezier_filters as bf
 from bezier_filters.cli.commands import app
 from bezier_filters.feature_lines.crease_lines import COLORS
-from bezier_filters.fields import qualities
+from bezier_filters.fields import columns, qualities
 from bezier_filters.meshlab.mesh_files import load_mesh, save_mesh
 from bezier_filters.meshlab.scripts import FILTERS
 from bezier_filters.pictures import demo
+from bezier_filters.pictures.directions import NAMES, SPACING, are_significant, with_directions
 from bezier_filters.pictures.field_panels import check_field, crease_panel, field_limits, field_panels, read_mesh_file
 from bezier_filters.pictures.render import legend
+from bezier_filters.pictures.scene import draw, view_axes, view_of
 from bezier_filters.status import FitStatus
-from bezier_filters.surfaces import block_with_sharp_edges
+from bezier_filters.surfaces import block_with_sharp_edges, sphere
 
 LOOK = {"colormap": "auto", "percentile": 2.0}
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
@@ -235,19 +237,19 @@ def test_a_legend_has_a_unit():
     assert legend(panel, -7) == "mean curvature [10⁻⁷ 1/length]"
 
 
-def test_creases_are_tubes_in_their_colours():
+def test_creases_are_lines_in_their_colours():
     vertices, faces = block_with_sharp_edges(resolution=6)
     creases = bf.find_creases(vertices, faces)
     panel = crease_panel(vertices, faces, creases, radius=0.01)
-    assert len(panel.vertices) > len(vertices)
-    np.testing.assert_array_equal(panel.vertices[: len(vertices)], vertices)
-    points = np.vstack([line.points for line in creases.lines])
-    distance = cKDTree(panel.vertices[len(vertices) :]).query(points)[0]
-    assert distance.max() < 0.0101
-    assert {tuple(color) for color in panel.colors[len(vertices) :]} == {COLORS[line.kind] for line in creases.lines}
+    assert [color for _, color in panel.lines] == [COLORS[line.kind] for line in creases.lines]
     assert list(panel.names) == [("ridges", COLORS["ridge"]), ("ravines", COLORS["ravine"])]
-    alone = crease_panel(vertices, faces, replace(creases, lines=creases.lines[:0]))
-    assert len(alone.vertices) == len(vertices)
+    views = [view_of(panel, view_axes("iso", "y"))]
+    with_lines, without = (
+        draw(shown, views, scale=200.0, background="white")[0] / 255.0 for shown in (panel, replace(panel, lines=()))
+    )
+    red = (with_lines[..., 0] > 0.5) & (with_lines[..., 1] < 0.3)
+    assert 0.01 < red.mean() < 0.2
+    assert np.ptp(without, axis=2).max() < 0.02
 
 
 def test_the_demonstration_shows_normals_as_colours_and_fields_with_the_range_of_their_files(tmp_path, monkeypatch):
@@ -262,3 +264,40 @@ def test_the_demonstration_shows_normals_as_colours_and_fields_with_the_range_of
         low, high = step.report["color_range"]
         assert panel.limits[0] <= low < high <= panel.limits[1]
         assert panel.limits[1] - panel.limits[0] < 1.6 * (high - low)
+
+
+class TestDirections:
+    def test_lines_run_around_the_tube_of_a_torus_and_along_it(self, tmp_path):
+        assert run(tmp_path, "curvature", SAMPLES / "torus.ply", "c.ply").exit_code == 0
+        file = read_mesh_file(tmp_path / "c.ply")
+        (panel,) = field_panels([file], "shape", "auto", 2.0)
+        lines = with_directions(panel, file).lines
+        diagonal = np.linalg.norm(np.ptp(file.vertices, axis=0))
+        for (_, color), along_tube in zip(NAMES, (False, True), strict=True):
+            ends = np.array([line for line, other in lines if other == color])
+            middle, direction = ends.mean(axis=1), ends[:, 1] - ends[:, 0]
+            direction /= np.linalg.norm(direction, axis=1)[:, None]
+            circle = np.cross([0.0, 0, 1], middle)
+            circle /= np.linalg.norm(circle, axis=1)[:, None]
+            sides = np.abs(np.einsum("ij,ij->i", direction, circle))
+            assert np.median(np.abs(sides - along_tube)) < 0.1
+            distance, _ = cKDTree(middle).query(middle, k=2)
+            assert distance[:, 1].min() > 0.99 * SPACING * diagonal
+            assert cKDTree(middle).query(file.vertices)[0].max() < 1.5 * SPACING * diagonal
+
+    def test_noise_on_a_sphere_makes_none(self):
+        ball = sphere(resolution=24)
+        noisy = ball.vertices + 0.01 * np.random.default_rng(1).normal(size=(len(ball.vertices), 1)) * ball.normals
+        g = bf.estimate_vertex_geometry(noisy, ball.faces)
+        assert are_significant(columns("curvature", g)).mean() < 0.05
+
+    def test_the_command_draws_them_and_says_what_it_needs(self, tmp_path):
+        run(tmp_path, "curvature", SAMPLES / "torus.ply", "c.ply")
+        options = ("--field", "shape", "--size", "200")
+        assert run(tmp_path, "render", "c.ply", "c.png", "--directions", *options).exit_code == 0
+        assert run(tmp_path, "render", "c.ply", "plain.png", *options).exit_code == 0
+        image, plain = (imread(tmp_path / name) for name in ("c.png", "plain.png"))
+        assert (np.ptp(image, axis=2) > 0.3).sum() > 100
+        assert np.ptp(plain[..., :3], axis=2).max() < 0.02
+        refused = run(tmp_path, "render", SAMPLES / "torus.ply", "d.png", "--directions")
+        assert "has no column bz_direction_max_x" in str(refused.exception)

@@ -87,7 +87,7 @@ def test_the_wheel_and_the_sdist_hold_what_they_should(built):
         "bezier_filters",
         f"bezier_filters-{__version__}.dist-info",
     }
-    data = {"py.typed", "__init__.pyi", "pictures/report.html"}
+    data = {"py.typed", "__init__.pyi", "pictures/page.html", "pictures/page.js", "pictures/profile.js"}
     assert {f"bezier_filters/{name}" for name in data} <= set(names)
     modules = {f"bezier_filters/{p.relative_to(ROOT / 'bezier_filters')}" for p in ROOT.glob("bezier_filters/**/*.py")}
     assert modules <= set(names)
