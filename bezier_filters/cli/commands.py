@@ -102,12 +102,15 @@ def demo(
         Path | None, typer.Argument(help="Any mesh; the bunny that pymeshlab ships if left out.", metavar="MESH")
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the files.")] = Path("out"),
+    overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
     """Write normals, mean and Gaussian curvature and torsion of a mesh as coloured PLYs and one picture."""
-    from bezier_filters.pictures.demo import picture_path, run_demo
+    from bezier_filters.pictures.demo import paths, picture_path, run_demo
 
+    for path in paths(out, source):
+        check_target(path, *filter(None, [source]), overwrite=overwrite)
     files = []
     for number, step in enumerate(run_demo(out, source)):
         files.append({"output": str(step.path), **step.report})

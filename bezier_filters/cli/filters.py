@@ -64,6 +64,8 @@ def filter_command(
             from bezier_filters.meshlab.mesh_files import format_support, load_mesh, save_mesh
 
             check_target(target, source, overwrite=overwrite)
+            if save_script is not None:  # a step is added to one that is there
+                check_target(save_script, source, target, overwrite=overwrite)
             support, run = format_support(target), getattr(bezier_filters, filter_name)  # loaded only here
             ms = load_mesh(source, attributes=name != SMOOTH)  # what they say is no longer true of other places
             with console.progress_bar(f"{verb} {source.name}", quiet=quiet or json) as progress:
@@ -205,6 +207,7 @@ def creases(
     check_target(target, source, overwrite=overwrite)
     if picture is not None:
         check_picture(picture)
+        check_target(picture, source, overwrite=overwrite)
     mesh = read_current_mesh(load_mesh(source))
     angle, strength = given.pop("angle"), given.pop("minstrength")
     begin = time.perf_counter()

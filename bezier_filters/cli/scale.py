@@ -71,7 +71,7 @@ def curvature(
     """Compute mean, Gaussian and principal curvatures and directions, with the values that the mesh has in memory."""
     from bezier_filters.scale import FitOptions, estimate_file
 
-    check_target(target, source, overwrite=overwrite)
+    check_target(target, source, *filter(None, [faces]), overwrite=overwrite)
     fit = FitOptions(**_taken(given, TILE_FIT))
     files = source if faces is None else (source, faces)
     with _resumable(quiet=quiet or json) as progress:
@@ -108,7 +108,7 @@ def smooth(
     from bezier_filters.scale import FitOptions, smooth_file
     from bezier_filters.scale.smooth import PAPER
 
-    check_target(target, source, overwrite=overwrite)
+    check_target(target, source, *filter(None, [faces]), overwrite=overwrite)
     fit = FitOptions(**_taken(given, PAPER_FIT))
     files = source if faces is None else (source, faces)
     with _resumable(quiet=quiet or json) as progress:

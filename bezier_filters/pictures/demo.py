@@ -38,7 +38,7 @@ def run_demo(folder: Path, mesh: Path | None = None) -> Iterator[DemoStep]:
     for field in _FIELDS:
         ms = load_mesh(mesh)
         report = _run(ms, field)
-        path = folder / f"{mesh.stem}_{field.name}.ply"
+        path = _path(folder, mesh, field)
         save_mesh(ms, path)
         panels.append(_panel(ms, field, path))
         yield DemoStep(field, path, report)
@@ -48,6 +48,15 @@ def run_demo(folder: Path, mesh: Path | None = None) -> Iterator[DemoStep]:
 def picture_path(folder: Path, mesh: Path | None = None) -> Path:
     """Where the picture of the demonstration is written."""
     return folder / f"{(mesh or shipped_bunny()).stem}.png"
+
+
+def paths(folder: Path, mesh: Path | None = None) -> list[Path]:
+    """Every file of the demonstration."""
+    return [*(_path(folder, mesh or shipped_bunny(), field) for field in _FIELDS), picture_path(folder, mesh)]
+
+
+def _path(folder: Path, mesh: Path, field: Field) -> Path:
+    return folder / f"{mesh.stem}_{field.name}.ply"
 
 
 def _run(ms: MeshSet, field: Field) -> Report:

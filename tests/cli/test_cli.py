@@ -164,6 +164,67 @@ def test_a_write_protected_file_is_replaced_if_that_is_said(tmp_path):
     assert read_fields(target)["bz_normal_x"].any()
 
 
+def in_a_shell(folder, command):
+    """Run a command in a process of its own: its exit status, and all that it says."""
+    work = [sys.executable, "-m", "bezier_filters", *command.split()]
+    done = subprocess.run(work, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    return done.returncode, done.stdout
+
+
+@pytest.mark.parametrize(
+    ("command", "target", "status"),
+    [
+        ("render scan.ply a.png", "a.png", 2),
+        ("qmap scan.ply a.qmap", "a.qmap", 2),
+        ("report scan.ply", "scan.html", 2),
+        ("creases scan.ply a.ply", "a.ply", 2),
+        ("creases scan.ply lines.ply --picture a.png", "a.png", 2),
+        ("curvature scan.ply curved.ply --save-script a.mlx", "a.mlx", 2),
+        ("demo scan.ply", "out/scan_mean_curvature.ply", 2),
+        ("batch curvature scan.ply --out out", "out/scan.ply", 1),
+        ("scale curvature scan.ply a.ply", "a.ply", 2),
+    ],
+)
+def test_every_command_spares_write_protected_files(command, target, status, tmp_path):
+    (tmp_path / "out").mkdir()
+    shutil.copy(SAMPLES / "torus.ply", tmp_path / "scan.ply")
+    (tmp_path / target).write_text("precious")
+    (tmp_path / target).chmod(0o444)
+    code, said = in_a_shell(tmp_path, command)
+    assert code == status
+    assert "is write-protected; give --overwrite to replace it" in said
+    assert (tmp_path / target).read_text() == "precious"
+    assert {path.name for path in tmp_path.glob("*.*")} <= {"scan.ply", target}
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["qmap scan.ply scan.ply", "curvature scan.ply c.ply --save-script scan.ply", "scale smooth scan.ply scan.ply"],
+)
+def test_every_command_spares_its_input(command, tmp_path):
+    shutil.copy(SAMPLES / "torus.ply", tmp_path / "scan.ply")
+    code, said = in_a_shell(tmp_path, command)
+    assert code == 2
+    assert "scan.ply is the input; give --overwrite to replace it" in said
+    assert (tmp_path / "scan.ply").read_bytes() == (SAMPLES / "torus.ply").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [("render scan.ply {} --field shape --size 50", "a.png"), ("qmap curved.ply {}", "a.qmap"), ("demo scan.ply", "")],
+)
+def test_they_are_replaced_if_that_is_said(command, name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(SAMPLES / "torus.ply", "scan.ply")
+    run("curvature", "scan.ply", "curved.ply", "--rings", 2)
+    target = tmp_path / (name or "out/scan_mean_curvature.ply")
+    target.parent.mkdir(exist_ok=True)
+    target.write_text("precious")
+    target.chmod(0o444)
+    assert run(*command.format(name).split(), "--overwrite").returncode == 0
+    assert not target.read_bytes().startswith(b"precious")
+
+
 @pytest.mark.skipif(os.name != "posix", reason="pipes are for POSIX systems")
 def test_meshes_come_and_go_through_pipes(tmp_path):
     options = {"capture_output": True, "check": True}
