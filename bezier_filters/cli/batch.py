@@ -90,7 +90,8 @@ def batch(
             [command, os.path.abspath(source), os.path.abspath(target), *arguments] for _, source, target, *_ in work
         ]
         run = run_on_scheduler(absolute, scheduler, workers=processes)
-    with console.progress_bar(command, quiet=quiet or json) as progress, closing(run) as outcomes, _kept(items, out):
+    with console.stages(quiet=quiet or json) as stage, closing(run) as outcomes, _kept(items, out):
+        progress = stage(f"{command}: {len(todo):,} files")
         for done, (position, outcome) in enumerate(outcomes, start=1):
             index = todo[position]
             if not outcome.error:

@@ -21,7 +21,8 @@ __all__ = ["app", "batch", "filters", "pictures", "scale", "serve_command_line",
 @app.command(epilog="Example: bezier-filters info scan.ply")
 def info(source: Source, json: Json = False) -> None:
     """Say what is in a mesh or point cloud, how much noise there is, and whether it is fit for fitting."""
-    _, summary = _inspected(source)
+    with console.stages(quiet=json) as stage:
+        _, summary = _inspected(source, stage)
     if json:
         console.print_json({"file": str(source), **summary})
     else:
@@ -52,10 +53,10 @@ def report(
     if page.suffix.lower() not in (".html", ".htm"):
         raise typer.BadParameter(f"PAGE: got {str(page)!r}, expected a file name that ends in .html")
     check_target(page, source, overwrite=overwrite)
-    mesh, summary = _inspected(source)
-    with console.stage_bar(f"report on {source.name}", quiet=quiet or json) as progress:
-        made = report_page(source.name, mesh, console.summary_rows(summary), summary["findings"], progress=progress)
-    made.save(page)
+    with console.stages(quiet=quiet or json) as stage:
+        mesh, summary = _inspected(source, stage)
+        made = report_page(source.name, mesh, console.summary_rows(summary), summary["findings"], stage=stage)
+        made.save(page)
     if json:
         shown = {"notes": made.notes, "fields": made.fields, "meshes": made.meshes}
         console.print_json({"input": str(source), "output": str(page), **shown})
@@ -65,7 +66,7 @@ def report(
         console.out.print(f"wrote [bold]{escape(str(page))}[/]; open it in a browser")
 
 
-def _inspected(source: Path) -> tuple["CurrentMesh", Report]:
+def _inspected(source: Path, stage: console.Stage) -> tuple["CurrentMesh", Report]:
     """A mesh, and what `info` tells of it."""
     from bezier_filters.meshes.diagnosis import inspect_mesh
     from bezier_filters.meshes.mesh import triangle_mesh
@@ -73,11 +74,15 @@ def _inspected(source: Path) -> tuple["CurrentMesh", Report]:
     from bezier_filters.meshlab.meshset import read_current_mesh
     from bezier_filters.meshlab.topology import topology_of
 
+    stage(f"reading {source.name}")
     ms = load_mesh(source)
+    stage(f"inspecting {source.name}")
     loaded = read_current_mesh(ms)
     mesh = triangle_mesh(loaded.vertices, loaded.faces)
     topology = topology_of(mesh.vertices, mesh.faces).counts
-    summary = console.mesh_summary(mesh, inspect_mesh(mesh), topology, _noise_of(mesh) if mesh.face_count else None)
+    faults = inspect_mesh(mesh)
+    stage("learning the noise")
+    summary = console.mesh_summary(mesh, faults, topology, _noise_of(mesh) if mesh.face_count else None)
     return loaded, summary | {"contents": contents_of(ms)}
 
 
@@ -112,14 +117,15 @@ def demo(
     for path in paths(out, source):
         check_target(path, *filter(None, [source]), overwrite=overwrite)
     files = []
-    for number, step in enumerate(run_demo(out, source)):
-        files.append({"output": str(step.path), **step.report})
-        if quiet or json:
-            continue
-        if number == 0:
-            console.print_status(step.report, str(source or "bunny"))
-        console.print_statistics(step.report, step.field.label)
-        console.print_written(step.report, str(step.path))
+    with console.stages(quiet=quiet or json) as stage:
+        for number, step in enumerate(run_demo(out, source, stage)):
+            files.append({"output": str(step.path), **step.report})
+            if quiet or json:
+                continue
+            if number == 0:
+                console.print_status(step.report, str(source or "bunny"))
+            console.print_statistics(step.report, step.field.label)
+            console.print_written(step.report, str(step.path))
     if json:
         console.print_json({"files": files, "picture": str(picture_path(out, source))})
     elif not quiet:

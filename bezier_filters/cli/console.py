@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.markup import escape
 from rich.padding import Padding
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskProgressColumn, TextColumn
 from rich.table import Table
+from rich.text import Text
 
 from bezier_filters.arrays import Report
 from bezier_filters.display.summaries import noise_in_words, noise_level
@@ -34,27 +35,46 @@ err = Console(stderr=True, highlight=False, soft_wrap=True)
 out = Console(highlight=False, soft_wrap=True)
 
 
-@contextmanager
-def progress_bar(label: str, *, quiet: bool) -> Iterator[ProgressCallback | None]:
-    """A bar on stderr while the block runs, gone afterwards; the callback that moves it, or None."""
-    with stage_bar(label, quiet=quiet) as bar:
-        yield None if bar is None else lambda done, total: bar(label, done, total)
+class _Time(ProgressColumn):
+    """How long a stage will still take, where that is known, or how long it has taken."""
+
+    def render(self, task: Task) -> Text:
+        """In words: a number alone could be either."""
+        left = task.time_remaining
+        seconds, word = (task.elapsed or 0.0, "so far") if left is None or task.finished else (left, "left")
+        return Text(f"{int(seconds) // 60}:{int(seconds) % 60:02} {word}", style="progress.remaining")
+
+
+Stage = Callable[[str], ProgressCallback | None]
 
 
 @contextmanager
-def stage_bar(label: str, *, quiet: bool) -> Iterator[Callable[[str, int, int], None] | None]:
-    """The same for work in several stages, whose names the callback takes first."""
+def stages(*, quiet: bool) -> Iterator[Stage]:
+    """What is being done, on stderr while the block runs, gone afterwards.
+
+    The function that it gives begins a stage, with its name, and gives the callback that moves the bar, or None where
+    nobody looks.
+    """
     if quiet or not err.is_terminal:
-        yield None
+        yield lambda name: None
         return
-    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), _Time())
     with Progress(*columns, console=err, transient=True) as bar:
-        task = bar.add_task(label, total=None)
 
-        def report(stage: str, done: int, total: int) -> None:
-            bar.update(task, description=stage, completed=done, total=total)
+        def begin(name: str) -> ProgressCallback:
+            def move(done: int, total: int) -> None:
+                if done < total:
+                    bar.update(bar.task_ids[0], completed=done, total=total)
+                elif bar.tasks[0].total is not None:  # what comes after the last step has no number
+                    begin(name)
 
-        yield report
+            for task in bar.task_ids:
+                bar.remove_task(task)
+            bar.add_task(name, total=None)
+            bar.refresh()  # libraries may not let the bar move by itself
+            return move
+
+        yield begin
 
 
 def print_json(data: Report) -> None:

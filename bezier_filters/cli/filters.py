@@ -67,10 +67,12 @@ def filter_command(
             if save_script is not None:  # a step is added to one that is there
                 check_target(save_script, source, target, overwrite=overwrite)
             support, run = format_support(target), getattr(bezier_filters, filter_name)  # loaded only here
-            ms = load_mesh(source, attributes=name != SMOOTH)  # what they say is no longer true of other places
-            with console.progress_bar(f"{verb} {source.name}", quiet=quiet or json) as progress:
-                report = run(ms, progress=progress, **given)
-            remarks = save_mesh(ms, target)
+            with console.stages(quiet=quiet or json) as stage:
+                stage(f"reading {source.name}")
+                ms = load_mesh(source, attributes=name != SMOOTH)  # what they say is no longer true of other places
+                report = run(ms, progress=stage(f"{verb} {source.name}"), **given)
+                stage(f"writing {target.name}")
+                remarks = save_mesh(ms, target)
             if save_script is not None:
                 _add_step(save_script, filter_name, given)
             if json:
@@ -208,18 +210,21 @@ def creases(
     if picture is not None:
         check_picture(picture)
         check_target(picture, source, overwrite=overwrite)
-    mesh = read_current_mesh(load_mesh(source))
     angle, strength = given.pop("angle"), given.pop("minstrength")
-    begin = time.perf_counter()
-    with console.progress_bar(f"fitting {source.name}", quiet=quiet or json) as progress:
-        found = creases_of(mesh, FitArguments(**given, progress=progress), angle, strength)
-    seconds = time.perf_counter() - begin
-    save_lines(target, *lines_as_mesh(found))
-    if picture is not None:
-        from bezier_filters.pictures.field_panels import crease_panel
+    with console.stages(quiet=quiet or json) as stage:
+        stage(f"reading {source.name}")
+        mesh = read_current_mesh(load_mesh(source))
+        begin = time.perf_counter()
+        found = creases_of(mesh, FitArguments(**given, progress=stage(f"fitting {source.name}")), angle, strength)
+        seconds = time.perf_counter() - begin
+        stage(f"writing {target.name}")
+        save_lines(target, *lines_as_mesh(found))
+        if picture is not None:
+            from bezier_filters.pictures.field_panels import crease_panel
 
-        panel = crease_panel(mesh.vertices, mesh.faces, found, title=source.name)
-        render_panels(picture, [panel], views=view or ["front", "back"])
+            stage(f"drawing {picture.name}")
+            panel = crease_panel(mesh.vertices, mesh.faces, found, title=source.name)
+            render_panels(picture, [panel], views=view or ["front", "back"])
     report = report_of(found) | {"seconds": {"fit": seconds}}
     if json:
         shown = None if picture is None else str(picture)
@@ -254,10 +259,13 @@ def run(
     names = check_steps(steps)
     format_support(target)
     check_target(target, source, script, overwrite=overwrite)
-    ms = load_mesh(source)
-    with console.progress_bar(script.name, quiet=quiet or json) as progress:
-        done = run_filter_script(ms, steps, progress=progress)
-    for remark in save_mesh(ms, target):
+    with console.stages(quiet=quiet or json) as stage:
+        stage(f"reading {source.name}")
+        ms = load_mesh(source)
+        done = run_filter_script(ms, steps, progress=stage(script.name))
+        stage(f"writing {target.name}")
+        remarks = save_mesh(ms, target)
+    for remark in remarks:
         console.err.print(f"note: {target.name} is {remark}", markup=False)
     if json:
         summary = {"script": str(script), "input": str(source), "output": str(target)}

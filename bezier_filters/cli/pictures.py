@@ -1,13 +1,16 @@
 """The commands that show the fields of files: as a picture, in a window, or in MeshLab."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from bezier_filters.cli import console
 from bezier_filters.cli.app import ColorRange, Json, Overwrite, Percentile, Quiet, Source, app, check_target, examples
 from bezier_filters.display.colors import ColorScale
+
+if TYPE_CHECKING:
+    from bezier_filters.pictures.field_panels import MeshFile
 
 Sources = Annotated[
     list[Path], typer.Argument(help="Meshes side by side, for example before and after.", metavar="MESH")
@@ -24,6 +27,13 @@ PictureColors = Annotated[
 ]
 Scale = Annotated[ColorScale, typer.Option(help="symlog is logarithmic both ways from zero, for values of all sizes.")]
 Up = Annotated[str, typer.Option(help="Axis that points up: auto, x, y, z, -x, -y or -z.")]
+
+
+def _read(source: Path, stage: console.Stage) -> "MeshFile":
+    from bezier_filters.pictures.field_panels import read_mesh_file
+
+    stage(f"reading {source.name}")
+    return read_mesh_file(source)
 
 
 @app.command(
@@ -61,24 +71,26 @@ def render(
     for the same quantity; a mesh that lacks the field is grey.
     """
     from bezier_filters.pictures.directions import with_directions
-    from bezier_filters.pictures.field_panels import default_field, field_panels, read_mesh_file
+    from bezier_filters.pictures.field_panels import default_field, field_panels
     from bezier_filters.pictures.render import check_picture, render_panels
 
     check_picture(picture)
     check_target(picture, *sources, overwrite=overwrite)
-    files = [read_mesh_file(source) for source in sources]
-    fields, views = field or [default_field(files)], view or ["front", "back"]
-    panels, shown, colors = [], [], (colormap, percentile, limits, scale)
-    for name in fields:
-        row = field_panels(files, name, *colors, histogram=histogram)
-        if directions:
-            row = [with_directions(panel, file) for panel, file in zip(row, files, strict=True)]
-        panels += row
-        legend = next((panel for panel in row if panel.values is not None), row[0])
-        shown.append({"field": name, "label": legend.label, "unit": legend.unit, "limits": legend.limits})
-    columns = len(files) if len(files) > 1 else None
-    title = sources[0].name if len(files) == 1 else None
-    render_panels(picture, panels, views=views, columns=columns, size=(size, size), title=title, up=up, dpi=dpi)
+    with console.stages(quiet=quiet or json) as stage:
+        files = [_read(source, stage) for source in sources]
+        stage(f"drawing {picture.name}")
+        fields, views = field or [default_field(files)], view or ["front", "back"]
+        panels, shown, colors = [], [], (colormap, percentile, limits, scale)
+        for name in fields:
+            row = field_panels(files, name, *colors, histogram=histogram)
+            if directions:
+                row = [with_directions(panel, file) for panel, file in zip(row, files, strict=True)]
+            panels += row
+            legend = next((panel for panel in row if panel.values is not None), row[0])
+            shown.append({"field": name, "label": legend.label, "unit": legend.unit, "limits": legend.limits})
+        columns = len(files) if len(files) > 1 else None
+        title = sources[0].name if len(files) == 1 else None
+        render_panels(picture, panels, views=views, columns=columns, size=(size, size), title=title, up=up, dpi=dpi)
     if json:
         inputs = [str(source) for source in sources]
         console.print_json({"inputs": inputs, "output": str(picture), "views": views, "panels": shown})
@@ -97,12 +109,13 @@ def view(
     up: Up = "auto",
 ) -> None:
     """Show meshes with their fields in a window, to turn with the mouse; q closes it. Needs a display."""
-    from bezier_filters.pictures.field_panels import default_field, field_panels, read_mesh_file
+    from bezier_filters.pictures.field_panels import default_field, field_panels
     from bezier_filters.pictures.scene import check_display, show_panels
     from bezier_filters.runtime.interrupts import interrupts_end_the_process
 
     check_display()
-    files = [read_mesh_file(source) for source in sources]
+    with console.stages(quiet=False) as stage:
+        files = [_read(source, stage) for source in sources]
     panels, colors = [], (colormap, percentile, limits, scale)
     for name in field or [default_field(files)]:
         panels += field_panels(files, name, *colors)
@@ -127,10 +140,11 @@ def qmap(
     """Write a colour map with its range for MeshLab's Quality Mapper, whose Load button opens it."""
     from bezier_filters.display.colors import AUTO, default_colormap
     from bezier_filters.meshlab.mesh_colors import save_quality_map
-    from bezier_filters.pictures.field_panels import check_field, field_limits, read_mesh_file
+    from bezier_filters.pictures.field_panels import check_field, field_limits
 
     check_target(target, source, overwrite=overwrite)
-    files = [read_mesh_file(source)]
+    with console.stages(quiet=quiet or json) as stage:
+        files = [_read(source, stage)]
     check_field(files, field)
     shown = files[0].field(field)
     if shown is None:

@@ -14,6 +14,7 @@ from bezier_filters.cli.app import Json, Overwrite, Quiet, app, check_target, op
 from bezier_filters.errors import CancelledError
 from bezier_filters.fields import CURVATURE
 from bezier_filters.parameters import FIT, QUALITY_OF, SMOOTHING, Parameter, parameters
+from bezier_filters.runtime.parallel import Progress
 
 scale_app = typer.Typer(
     help="Meshes of any size, in tiles on Dask: one machine or a cluster.",
@@ -123,10 +124,20 @@ def _taken(given: dict[str, Any], table: Iterable[Parameter]) -> dict[str, Any]:
 
 
 @contextmanager
-def _resumable(*, quiet: bool) -> Iterator[Callable[[str, int, int], None] | None]:
+def _resumable(*, quiet: bool) -> Iterator[Callable[[str, int, int], None]]:
     """The progress bar of a run that can be interrupted and resumed."""
     try:
-        with console.stage_bar("scale", quiet=quiet) as progress:
+        with console.stages(quiet=quiet) as stage:
+            bars: dict[str, Progress | None] = {}
+
+            def progress(name: str, done: int, total: int) -> None:
+                if name not in bars:
+                    bars.clear()
+                    bars[name] = stage(name)
+                if (bar := bars[name]) is not None:
+                    bar(done, total)
+
+            stage("reading")
             yield progress
     except KeyboardInterrupt:
         raise CancelledError("interrupted; give --resume to go on with what is not done yet") from None

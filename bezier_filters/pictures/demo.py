@@ -1,6 +1,6 @@
 """The demonstration: normals, curvatures and torsion of one mesh as coloured PLY files and one picture."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from bezier_filters.meshlab.vertex_filters import (
 from bezier_filters.pictures.field_panels import field_panels, read_mesh_file
 from bezier_filters.pictures.render import render_panels
 from bezier_filters.pictures.scene import Panel
+from bezier_filters.runtime.parallel import Progress
 
 _FIELDS = [qualities(NORMALS, CURVATURE, TORSION)[name] for name in ("angle", "mean", "gaussian", "torsion")]
 
@@ -30,18 +31,24 @@ class DemoStep:
     report: Report
 
 
-def run_demo(folder: Path, mesh: Path | None = None) -> Iterator[DemoStep]:
-    """Write the files of the demonstration one by one, of the bunny by default; the picture comes with the last."""
+def run_demo(
+    folder: Path, mesh: Path | None = None, stage: Callable[[str], Progress | None] = lambda _: None
+) -> Iterator[DemoStep]:
+    """Write the files of the demonstration one by one, of the bunny by default; the picture comes with the last.
+
+    The stages are told by their names; their callbacks say how far each has come.
+    """
     mesh = mesh or shipped_bunny()
     folder.mkdir(parents=True, exist_ok=True)
     panels = []
     for field in _FIELDS:
         ms = load_mesh(mesh)
-        report = _run(ms, field)
+        report = _run(ms, field, stage(field.label))
         path = _path(folder, mesh, field)
         save_mesh(ms, path)
         panels.append(_panel(ms, field, path))
         yield DemoStep(field, path, report)
+    stage("drawing")
     render_panels(picture_path(folder, mesh), panels, views=("front", "back"), size=(480, 480))
 
 
@@ -59,12 +66,12 @@ def _path(folder: Path, mesh: Path, field: Field) -> Path:
     return folder / f"{mesh.stem}_{field.name}.ply"
 
 
-def _run(ms: MeshSet, field: Field) -> Report:
+def _run(ms: MeshSet, field: Field, progress: Progress | None) -> Report:
     if CURVATURE in field.filters:
-        return compute_curvature_by_bezier_patch_per_vertex(ms, quality=field.quality, color=True)
+        return compute_curvature_by_bezier_patch_per_vertex(ms, quality=field.quality, color=True, progress=progress)
     if TORSION in field.filters:
-        return compute_torsion_by_bezier_patch_per_vertex(ms, color=True)
-    return compute_normal_by_bezier_patch_per_vertex(ms, color=True)
+        return compute_torsion_by_bezier_patch_per_vertex(ms, color=True, progress=progress)
+    return compute_normal_by_bezier_patch_per_vertex(ms, color=True, progress=progress)
 
 
 def _panel(ms: MeshSet, field: Field, path: Path) -> Panel:

@@ -81,9 +81,8 @@ class Page:
 
 @dataclass(frozen=True)
 class _Shown:
-    """How a mesh is drawn: with no more faces than this, around a centre (3,), in units of a length."""
+    """How a mesh is drawn: around a centre (3,), in units of a length."""
 
-    most_faces: int
     center: FloatArray
     radius: float
 
@@ -105,7 +104,7 @@ def page_of(
 ) -> Page:
     """The page of a mesh (n, 3), (m, 3), or of points without faces, with facts and findings as text."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
-    shown = _Shown(most_faces, 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low)) or 1.0)
+    shown = _Shown(0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low)) or 1.0)
     points, triangles, rows = reduced(vertices, faces, most_faces)
     meshes, comparisons, notes = {"scan": shown.packed(points, triangles)}, [], []
     if len(points) < len(vertices):
@@ -125,7 +124,7 @@ def page_of(
         after = noise_level(smoothed.noise_after, smoothed.mean_edge)
         comparisons.append(("smoothed", "smoothing", f"{smoothed.noise}; {after} after."))
     if filled is not None and filled.filled:
-        meshes["filled"] = _filled(filled, len(faces), shown)
+        meshes["filled"] = _filled(filled, points, triangles, filled.faces[len(faces) :], shown)
         text = f"{filled.filled:,} of {len(filled.holes):,} holes filled, orange"
         comparisons.append(("filled", "hole filling", "; ".join([text, *fill_warnings(filled, 2 * shown.radius)])))
     fields = [field for field in _FIELDS if field.column in values]
@@ -153,10 +152,11 @@ def _html(title: str, data: Report) -> str:
     return html
 
 
-def _filled(result: HoleFillingResult, face_count: int, shown: _Shown) -> Report:
-    """The mesh with filled holes: its old faces, of which there were so many, reduced, and then all of the new ones."""
-    points, triangles, _ = reduced(result.vertices, result.faces[:face_count], shown.most_faces)
-    used, corners = np.unique(result.faces[face_count:], return_inverse=True)
+def _filled(
+    result: HoleFillingResult, points: FloatArray, triangles: IntArray, new_faces: IntArray, shown: _Shown
+) -> Report:
+    """The mesh with filled holes: the points and triangles that are drawn of the old one, and then all new faces."""
+    used, corners = np.unique(new_faces, return_inverse=True)
     new = corners.reshape(-1, 3).astype(np.int32) + np.int32(len(points))
     return shown.packed(
         np.vstack([points, result.vertices[used]]), np.vstack([triangles, new]), new_from=triangles.size
