@@ -47,12 +47,16 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 
 
 def on_page_content(html: str, **_: Any) -> str:
-    """Equations as MathML, which browsers draw without any script."""
+    """Equations as MathML, which browsers draw without any script; pictures that open in full size."""
+    html = re.sub(r'(<img [^>]*src="([^"]+)"[^>]*>)(?!</a>)', r'<a href="\2">\1</a>', html)
     return re.sub(r'<(span|div) class="arithmatex">(.*?)</\1>', _mathml, html, flags=re.DOTALL)
 
 
 def _mathml(found: re.Match[str]) -> str:
-    return convert(unescape(found[2]).strip()[2:-2], display="block" if found[1] == "div" else "inline")
+    equation = unescape(found[2]).strip()[2:-2]
+    if found[1] == "span":
+        return convert(equation, display="inline")
+    return f'<div class="equation">{convert(equation, display="block")}</div>'
 
 
 def references() -> dict[str, str]:
