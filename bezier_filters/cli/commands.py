@@ -45,7 +45,7 @@ def report(
     """Write a page with the mesh, to be turned in a browser, and all that is known of it: one file, no network.
 
     It shows curvature, torsion, error bars, status and sharp edges with legends and histograms, what info tells, and
-    the mesh before and after smoothing and filling.
+    the mesh before and after smoothing and filling. A line drawn on the mesh has its profile.
     """
     from bezier_filters.pictures.report import report_page
 

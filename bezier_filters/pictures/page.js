@@ -3,7 +3,7 @@ const $ = id => document.getElementById(id);
 const bytes = text => Uint8Array.from(atob(text), c => c.charCodeAt(0));
 const floats = text => new Float32Array(bytes(text).buffer);
 const integers = text => new Uint32Array(bytes(text).buffer);
-const number = value => Number(value.toPrecision(3)).toString().replace("-", "\u2212");
+const number = value => Number.isFinite(value) ? Number(value.toPrecision(3)).toString().replace("-", "\u2212") : "unknown";
 const element = (tag, text, parent) => parent.appendChild(Object.assign(document.createElement(tag), {textContent: text}));
 
 // text

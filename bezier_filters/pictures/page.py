@@ -32,6 +32,7 @@ MOST_FACES = 200_000  # that a browser turns without jerks on any machine
 SHOWN = ["mean_curvature", "gaussian_curvature", "k_min", "k_max", "curvedness", "shape_index", "geodesic_torsion"]
 SHOWN += ["mean_curvature_std", "gaussian_curvature_std", "normal_std", "residual", "displacement", "fit_status"]
 _FIELDS = sorted((field for field in FIELDS if field.name in SHOWN), key=lambda field: SHOWN.index(field.name))
+_NOISE = Field("noise", "noise, outwards, as smoothing finds it", "length", (SMOOTH,), signed=True)
 _HEIGHT = 640  # pixels, in a notebook
 
 
@@ -120,6 +121,8 @@ def page_of(
         meshes |= _lines(results.creases, shown)
     if smoothed is not None:
         values |= columns(SMOOTH, smoothed)
+        if geometry is not None:
+            values[_NOISE.column] = np.einsum("ij,ij->i", vertices - smoothed.vertices, geometry.normals)
         meshes["smoothed"] = shown.packed(points + (smoothed.vertices - vertices)[rows], triangles)
         after = noise_level(smoothed.noise_after, smoothed.mean_edge)
         comparisons.append(("smoothed", "smoothing", f"{smoothed.noise}; {after} after."))
@@ -127,7 +130,7 @@ def page_of(
         meshes["filled"] = _filled(filled, points, triangles, filled.faces[len(faces) :], shown)
         text = f"{filled.filled:,} of {len(filled.holes):,} holes filled, orange"
         comparisons.append(("filled", "hole filling", "; ".join([text, *fill_warnings(filled, 2 * shown.radius)])))
-    fields = [field for field in _FIELDS if field.column in values]
+    fields = [field for field in (*_FIELDS, _NOISE) if field.column in values]
     data = {
         "title": title,
         "notes": notes,

@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 import subprocess
+from base64 import b64decode
 from dataclasses import replace
 from html import unescape
 
@@ -265,6 +266,18 @@ class TestNotebooks:
         frame = page._repr_html_()
         assert frame.startswith("<iframe srcdoc=")
         assert unescape(frame.partition('srcdoc="')[2].partition('" sandbox')[0]) == page.html
+
+    def test_noise_has_a_sign(self):
+        ball = sphere(resolution=20)
+        noise = 0.01 * np.random.default_rng(0).normal(size=len(ball.vertices))
+        noisy = ball.vertices + noise[:, None] * ball.normals
+        results = estimate_vertex_geometry(noisy, ball.faces), smooth(noisy, ball.faces)
+        *_, shown = json.loads(re.search(r'id="data">(.*?)</script>', show(noisy, ball.faces, *results).html)[1])[
+            "fields"
+        ]
+        assert shown["label"].startswith("noise")
+        found = np.frombuffer(b64decode(shown["values"]), "<f4")
+        assert np.corrcoef(found, noise)[0, 1] > 0.98
 
     def test_filled_holes_show_themselves(self):
         vertices, faces = arrays(torus(resolution=24))
