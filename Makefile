@@ -9,7 +9,7 @@ SOURCES := pyproject.toml
 BIN := $(if $(filter Windows_NT,$(OS)),Scripts,bin)
 
 .PHONY: help demo test test-slow test-oldest test-pythons frozen style check coverage docs wheel bench paper bench-kernels bench-scale \
-    fuzz corpus clean
+    fuzz mutants corpus clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 16
@@ -84,6 +84,9 @@ bench-kernels: .venv-dev/bench-ready  ## times of the stages, next to the last r
 fuzz: .venv-dev/ready  ## damage 100,000 meshes and 10,000 files at random and run everything on them
 	.venv-dev/$(BIN)/python benchmarks/fuzz.py
 	.venv-dev/$(BIN)/python benchmarks/fuzz_files.py
+
+mutants: .venv-dev/bench-ready  ## change the code at 250 places, one at a time: do the tests notice? ARGS="--first 500" goes on
+	.venv-dev/$(BIN)/python benchmarks/mutants.py $(if $(ARGS),$(ARGS),--first 250)
 
 corpus: .venv-dev/ready  ## run everything on every mesh file below a folder (DIR=folder), into out/corpus.csv
 	.venv-dev/$(BIN)/python benchmarks/corpus.py $(DIR) $(ARGS)
