@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from surface_cases import area_vectors, border_edges, directed_edges
 
-from bezier_filters.holes.loops import LARGEST_EXACT, triangulate_loop
+from bezier_filters.holes.loops import LARGEST_EXACT, enclosed, is_simple, triangulate_loop
 from bezier_filters.holes.refinement import Fill, refine
 
 
@@ -52,6 +52,31 @@ def test_star_shaped_polygons_are_not_overlapped(count, seed):
 @given(st.integers(3, 30), st.integers(0, 10**6))
 def test_loops_in_space_become_disks(count, seed):
     assert_disk(triangulated(np.random.default_rng(seed).normal(size=(count, 3))), count)
+
+
+@given(st.integers(3, 12), st.integers(0, 10**6))
+def test_points_inside_are_those_that_the_polygon_turns_around(count, seed):
+    rng = np.random.default_rng(seed)
+    polygon = (ring(count) * rng.uniform(0.3, 1.0, count)[:, np.newaxis])[:, :2] + rng.normal(size=2)
+    points = polygon.mean(axis=0) + rng.uniform(-1.2, 1.2, (50, 2))
+    to = (polygon - points[:, np.newaxis]) @ np.array([1.0, 1.0j])  # (points, corners)
+    turns = np.angle(np.roll(to, -1, axis=1) / to).sum(axis=1) / (2 * np.pi)
+    np.testing.assert_array_equal(enclosed(points, polygon), np.abs(turns) > 0.5)
+    np.testing.assert_array_equal(enclosed(points, polygon[::-1]), np.abs(turns) > 0.5)
+
+
+@given(st.integers(4, 9), st.integers(0, 10**6))
+def test_simple_polygons_are_those_without_edges_that_cross(count, seed):
+    """Two edges cross where both parameters of the point that their lines have in common are between 0 and 1."""
+    polygon = np.random.default_rng(seed).normal(size=(count, 2))
+    along = np.roll(polygon, -1, axis=0) - polygon
+    crossed = False
+    for i in range(count):
+        for j in range(i + 1, count):
+            if j - i not in (1, count - 1):
+                s, t = np.linalg.solve(np.column_stack([along[i], -along[j]]), polygon[j] - polygon[i])
+                crossed |= bool(0.0 < s < 1.0 and 0.0 < t < 1.0)
+    assert is_simple(polygon) == (not crossed)
 
 
 def test_forbidden_chords_are_avoided():
