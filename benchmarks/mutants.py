@@ -5,8 +5,9 @@
 The sample is a fixed order of all mutants of the modules below, by a hash of a seed and of the line that is changed,
 folders in turns; so it can be continued, and changes elsewhere do not move it. A run goes on where the table ends
 (benchmarks/results/mutants.csv). Mutations are those of cosmic-ray, one or two for each operator. Tests run in a copy
-of the tree: first those of the module, without the compiler where these are fast so, then the wider ones of its
-folder. Caches of compiled code are shared, except those of the module and of all that import it.
+of the tree, with the same examples each time: first those of the module, without the compiler where these are fast so,
+then the wider ones of its folder, files first that noticed most mutants of it so far. Caches of compiled code are
+shared, except those of the module and of all that it is compiled into. The note says which test noticed.
 
 A mutant that is no change of what the code promises is marked in the table by hand: outcome "equivalent", and why.
 `--again` runs those once more that survived, `--only KEY` one of them, `--show KEY` prints it.
@@ -26,7 +27,7 @@ import subprocess
 import sys
 import time
 from collections import Counter, defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
@@ -183,19 +184,41 @@ def sample() -> list[Mutant]:
 # --- the copy of the tree -------------------------------------------------------------------------
 
 
+def compiled_names(tree: ast.Module) -> set[str]:
+    """What compiled code of other files may take from a file: all but its functions and dataclasses in plain Python."""
+    names = {name.id for node in tree.body for name in ast.walk(node) if isinstance(name, ast.Name)}
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            decorators = " ".join(map(ast.unparse, node.decorator_list))
+            plain = "jit" not in decorators if isinstance(node, ast.FunctionDef) else "dataclass" in decorators
+            names = names - {node.name} if plain else names | {node.name}
+    return names
+
+
+def names_at_import(tree: ast.Module) -> set[str]:
+    """Names that statements of a file use when it is imported, so that they may decide constants."""
+    statements = [node for node in tree.body if not isinstance(node, ast.FunctionDef | ast.ClassDef)]
+    return {name.id for node in statements for name in ast.walk(node) if isinstance(name, ast.Name)}
+
+
 def importers(tree: Path) -> dict[Path, set[Path]]:
-    """Files that import a file, or one that imports it, and so on; with itself."""
+    """Files whose compiled code may depend on a file: they import such a thing of it, and so on; with itself."""
     files = [path for folder in ("bezier_filters", "tests", "benchmarks") for path in (tree / folder).rglob("*.py")]
+    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in files}
+    offered = {path: compiled_names(parsed) for path, parsed in trees.items()}
     direct = defaultdict(set)
-    for path in files:
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for path, parsed in trees.items():
+        early = names_at_import(parsed)
+        for node in ast.walk(parsed):
             if isinstance(node, ast.ImportFrom) and node.module and not node.level:
                 parts = node.module.split(".")
                 for target in (
                     tree.joinpath(*parts).with_suffix(".py"),
                     *(tree / f / f"{parts[-1]}.py" for f in ("tests", "benchmarks")),
                 ):
-                    direct[target].add(path)
+                    taken = {alias.name for alias in node.names}
+                    if taken & offered.get(target, set()) or {a.asname or a.name for a in node.names} & early:
+                        direct[target].add(path)
     found = {}
     for path in files:
         found[path], waiting = {path}, [path]
@@ -243,7 +266,8 @@ def passes(tree: Path, caches: Path, tests: list[str], patience: float, compiled
     """Whether tests pass in the copy; None if they take too long."""
     environment = os.environ | {"NUMBA_CACHE_DIR": str(caches), "NUMBA_DISABLE_JIT": "0" if compiled else "1"}
     environment |= {"PYTHONDONTWRITEBYTECODE": "1", "OPENBLAS_NUM_THREADS": "1"}
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
+    options = ["-x", "-q", "-p", "no:cacheprovider", "--hypothesis-profile=mutants"]
+    command = [sys.executable, "-m", "pytest", *options, *tests]
     with (caches.parent / "log").open("wb") as log:
         process = subprocess.Popen(
             command,
@@ -271,13 +295,25 @@ def own_tests(module: str) -> list[str]:
     return [module, *([own] if (ROOT / own).exists() else OWN[folder])]
 
 
-def wide_tests(module: str) -> list[str]:
+def wide_tests(module: str, known: Iterable[dict[str, str]] = ()) -> list[str]:
     """All tests that may notice a change of the module."""
-    return [f"tests/{part}" for part in WIDE[Path(module).parent.name].split()]
+    folder = Path(module).parent.name
+    paths = [ROOT / "tests" / part for part in WIDE[folder].split()]
+    files = [file for path in paths for file in ([path] if path.is_file() else sorted(path.glob("test_*.py")))]
+    wide = [row for row in known if row["outcome"] == "killed by wide tests" and f"/{folder}/" in row["module"]]
+    noticed = Counter(row["note"].partition("::")[0] for row in wide)
+    names = dict.fromkeys(file.relative_to(ROOT).as_posix() for file in files)
+    return sorted(names, key=lambda name: -noticed[name])
 
 
-def outcome(mutant: Mutant, work: Path, dependent: dict[Path, set[Path]]) -> str:
-    """Try one mutant."""
+def failed_test(log: Path) -> str:
+    """Name of the test that failed, without its parameters."""
+    found = re.search(r"^(?:FAILED|ERROR) ([^ \[]+)", log.read_text(encoding="utf-8", errors="replace"), re.MULTILINE)
+    return found[1] if found else ""
+
+
+def outcome(mutant: Mutant, work: Path, dependent: dict[Path, set[Path]], wide: list[str]) -> tuple[str, str]:
+    """Try one mutant: what came of it, and the test that noticed."""
     tree, warm, caches = work / "tree", work / "warm", work / "caches"
     path = tree / mutant.module
     source, status = path.read_text(encoding="utf-8"), path.stat()
@@ -285,11 +321,11 @@ def outcome(mutant: Mutant, work: Path, dependent: dict[Path, set[Path]]) -> str
     path.write_text(mutant.code, encoding="utf-8")
     try:
         compiled = path.stem not in PLAIN
-        for stage, tests in (("own", own_tests(mutant.module)), ("wide", wide_tests(mutant.module))):
+        for stage, tests in (("own", own_tests(mutant.module)), ("wide", wide)):
             passed = passes(tree, caches, tests, PATIENCE[stage], compiled or stage == "wide")
             if not passed:
-                return "timeout" if passed is None else f"killed by {stage} tests"
-        return "survived"
+                return ("timeout", "") if passed is None else (f"killed by {stage} tests", failed_test(work / "log"))
+        return "survived", ""
     finally:
         path.write_text(source, encoding="utf-8")
         os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
@@ -361,14 +397,15 @@ def main() -> None:
             passed.write_text(state)
     for number, mutant in enumerate(todo, 1):
         start, text = time.perf_counter(), mutant.text
-        found = outcome(mutant, work, dependent)
+        found, note = outcome(mutant, work, dependent, wide_tests(mutant.module, rows().values()))
         seconds = f"{time.perf_counter() - start:.0f}"
         known = rows()
-        note = known.get(mutant.key, {}).get("note", "")
         values = (mutant.key, mutant.module, str(mutant.line), text, found, seconds, note)
         known[mutant.key] = dict(zip(COLUMNS, values, strict=True))
         save(known)
-        print(f"{number}/{len(todo)} {mutant.module}:{mutant.line} {text}: {found}, {seconds} s", flush=True)
+        print(
+            f"{number}/{len(todo)} {mutant.key} {mutant.module}:{mutant.line} {text}: {found}, {seconds} s", flush=True
+        )
     print(f"{len(order)} mutants in all")
     report(known)
 

@@ -13,10 +13,13 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import pytest
-from hypothesis import settings
+from hypothesis import Phase, settings
 
 settings.register_profile("project", deadline=None)  # the first call of a kernel may compile it
 settings.load_profile("project")
+settings.register_profile(  # for `make mutants`: the same examples each time, and no search for the shortest that fails
+    "mutants", deadline=None, derandomize=True, database=None, phases=[Phase.explicit, Phase.generate]
+)
 
 
 def pytest_configure(config):
