@@ -7,11 +7,17 @@ Neighbourhoods, planes and the order of the fallbacks are those that `estimate_v
 from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial.polynomial import polyvander2d
 from reference import design, fit_in_frame, one_ring
 
 FOLD = np.cos(np.radians(89.0))
 ROUNDING = 1e-9  # of cosines and lengths: nearer to a limit than this, either side of it may be taken
 WELL_POSED, SINGULAR = 1e3, 1e9  # condition numbers up to and from which that is beyond doubt
+"""No pivot of a system with columns of unit length is below one by the square of its condition number, so up to the
+first of these none is below the 1e-6 at which fits are refused."""
+GRID = np.repeat(np.linspace(0.0, 1.0, 4), 4), np.tile(np.linspace(0.0, 1.0, 4), 4)
+FROM_MONOMIALS = np.linalg.solve(design(*GRID), polyvander2d(2.0 * GRID[0] - 1.0, 2.0 * GRID[1] - 1.0, [3, 3]))
+"""Heights of the control points from coefficients of monomials on [-1, 1]^2, by which fits are solved."""
 ILL_POSED, FOLDED = "ill posed", "folded"
 
 
@@ -83,7 +89,7 @@ class PaperFits:
         frame = self.frame(vertex, normal)
         flat = (edges @ frame.T)[:, :2]
         u, v = ((flat - flat.min(axis=0)) / np.ptp(flat, axis=0)).T
-        if not well_posed(np.vstack([self.alpha * design(u, v), (1.0 - self.alpha) * self.rows])):
+        if not well_posed(np.vstack([self.alpha * design(u, v), (1.0 - self.alpha) * self.rows]) @ FROM_MONOMIALS):
             return ILL_POSED
         return fit_in_frame(edges, frame, self.alpha, 3, self.rows)
 
@@ -148,7 +154,7 @@ class PaperFits:
 
 def well_posed(system):
     """Whether there is one solution."""
-    values = np.linalg.svd(system, compute_uv=False)
+    values = np.linalg.svd(system / np.linalg.norm(system, axis=0), compute_uv=False)
     condition = values[0] / max(values[-1], 1e-300) if len(system) >= system.shape[1] else np.inf
     if WELL_POSED < condition < SINGULAR:
         raise Doubt
