@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from surface_cases import area_vectors, border_edges, directed_edges
 
-from bezier_filters.holes.loops import LARGEST_EXACT, enclosed, is_simple, triangulate_loop
+from bezier_filters.holes.loops import LARGEST_EXACT, WIDEST_EAR, _cut_ears, enclosed, is_simple, triangulate_loop
 from bezier_filters.holes.refinement import Fill, refine
 
 
@@ -77,6 +77,36 @@ def test_simple_polygons_are_those_without_edges_that_cross(count, seed):
                 s, t = np.linalg.solve(np.column_stack([along[i], -along[j]]), polygon[j] - polygon[i])
                 crossed |= bool(0.0 < s < 1.0 and 0.0 < t < 1.0)
     assert is_simple(polygon) == (not crossed)
+
+
+@given(st.integers(LARGEST_EXACT - 2, LARGEST_EXACT + 15), st.integers(0, 10**6))
+def test_ears_are_cut_where_the_chord_is_shortest_until_few_vertices_are_left(count, seed):
+    """Of a convex polygon; a gap of the hole is its angle there, and at some vertices more than that."""
+    rng = np.random.default_rng(seed)
+    turn = np.sort(rng.uniform(0.0, 2 * np.pi, count))
+    points = np.column_stack([2.0 * np.cos(turn), np.sin(turn), np.zeros(count)])
+    more = rng.choice([0.0, 0.6, 3.0], count)
+    existing = {(k, k + 2) for k in range(0, count - 2, 3)}
+    rest, ears = _cut_ears(points, np.arange(count), angles_and_chords(points)[0] + more, existing)
+    left = list(range(count))
+    for a, k, b in ears:
+        angles, chords = angles_and_chords(points[left])
+        ends = zip(np.roll(left, 1).tolist(), np.roll(left, -1).tolist(), strict=True)
+        allowed = (angles + more[left] < WIDEST_EAR) & [tuple(sorted(pair)) not in existing for pair in ends]
+        place = left.index(k)
+        assert (a, b) == (left[place - 1], left[(place + 1) % len(left)])
+        assert allowed[place]
+        assert chords[place] <= chords[allowed].min() * (1 + 1e-12)
+        left.remove(k)
+    assert rest.tolist() == left
+    assert len(left) == min(count, LARGEST_EXACT)
+
+
+def angles_and_chords(polygon):
+    """At every vertex of a convex polygon, its angle, and the distance of its neighbours."""
+    before, after = np.roll(polygon, 1, axis=0) - polygon, np.roll(polygon, -1, axis=0) - polygon
+    cosine = (before * after).sum(axis=1) / np.linalg.norm(before, axis=1) / np.linalg.norm(after, axis=1)
+    return np.arccos(np.clip(cosine, -1.0, 1.0)), np.linalg.norm(after - before, axis=1)
 
 
 def test_forbidden_chords_are_avoided():
