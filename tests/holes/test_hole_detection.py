@@ -1,11 +1,13 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hole_cases import sheet, without_faces_near, without_squares
 
 from bezier_filters import boundary_loops, fill_holes, triangle_mesh, vertex_adjacency
-from bezier_filters.holes.hole_detection import find_holes, simple_loops
+from bezier_filters.holes.hole_detection import Hole, find_holes, simple_loops
 from bezier_filters.meshes.half_edges import border_edges
-from bezier_filters.surfaces import cylinder, punched_patch, sphere
+from bezier_filters.surfaces import bumpy_star, cylinder, punched_patch, sphere
 
 
 def holes_of(vertices, faces):
@@ -52,6 +54,30 @@ def test_ends_of_a_tube_are_holes():
     ends = holes_of(tube.vertices, tube.faces)
     np.testing.assert_allclose([end.turning for end in ends], 0.0, atol=1e-9)
     assert not any(end.is_outer_rim for end in ends)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_turning_is_what_gauss_and_bonnet_say(seed):
+    """2 pi less the angle defects of the vertices inside, exactly, on any disk; flat or curved, rough or not."""
+    rng = np.random.default_rng(seed)
+    ball = bumpy_star(resolution=6, jitter=0.3)
+    faces = without_faces_near(ball.vertices, ball.faces, rng.standard_normal(3), 0.7)
+    vertices = ball.vertices + 0.02 * rng.standard_normal(ball.vertices.shape)
+    (hole,) = holes_of(vertices, faces)
+    angles = np.zeros(len(vertices))
+    for k in range(3):
+        tip, left, right = (vertices[faces[:, (k + j) % 3]] for j in range(3))
+        u, v = left - tip, right - tip
+        cosine = (u * v).sum(axis=1) / np.linalg.norm(u, axis=1) / np.linalg.norm(v, axis=1)
+        np.add.at(angles, faces[:, k], np.arccos(cosine))
+    inside = np.setdiff1d(faces, hole.rim)
+    assert hole.turning == pytest.approx(2 * np.pi - (2 * np.pi - angles[inside]).sum(), abs=1e-9)
+
+
+def test_rims_that_turn_by_half_a_turn_are_no_outer_rims_yet():
+    rim = Hole((np.arange(3, dtype=np.int32),), np.pi, 1.0, 1.0)
+    assert not rim.is_outer_rim
+    assert replace(rim, turning=np.nextafter(np.pi, 4.0)).is_outer_rim
 
 
 def test_rims_run_as_their_fill_does():

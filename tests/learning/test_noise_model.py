@@ -68,14 +68,18 @@ def parts_of(noise):
 
 
 @pytest.mark.parametrize("noise", [*NOISES.values(), NoiseModel(0.7)], ids=[*NOISES, "white"])
-@pytest.mark.parametrize("steep", [0.0, 0.3])
-def test_variances_of_fits_are_those_of_explicit_linear_estimators(noise, steep):
+@pytest.mark.parametrize(("steep", "size"), [(0.0, SIZE), (0.3, SIZE), (0.3, SIZE - 1)])
+def test_variances_of_fits_are_those_of_explicit_linear_estimators(noise, steep, size):
     """L Sigma L^T for the least squares estimator L of every degree, and what I - A L leaves."""
-    analysis = analysed(bent(steep))
+    points = bent(steep).points
+    points[:-1, size:] = 0.0
+    sizes = np.append(np.full(len(points) - 1, size), SIZE).astype(np.int32)
+    sample = as_sample(points)._replace(sizes=np.repeat(sizes[:, np.newaxis], 4, axis=1))
+    analysis = analyse_ring(sample, 3, len(points))
     m = BASIS.up_to(analysis.degree)
     found = ring_noise(noise, analysis)
     parts, residuals, ratios = [], [], []
-    for points in analysis.points[analysis.rows[:LOOKED_AT]] / analysis.radius:
+    for points in analysis.points[analysis.rows[:LOOKED_AT], :size] / analysis.radius:
         sigma = dense_covariance(replace(noise, lengths=tuple(x / analysis.radius for x in noise.lengths)), points)
         design = terms_at(points[:, :2])[:, :m]
         orthonormal = np.linalg.qr(design)[0]
@@ -85,8 +89,8 @@ def test_variances_of_fits_are_those_of_explicit_linear_estimators(noise, steep)
             count = BASIS.up_to(degree)
             estimator = np.linalg.pinv(design[:, :count])
             over[degree, :count] = np.diag(estimator @ sigma @ estimator.T) / np.square(estimator).sum(axis=1)
-            remover = np.eye(SIZE) - design[:, :count] @ estimator
-            left.append(np.trace(remover @ sigma @ remover.T) / (SIZE - count))
+            remover = np.eye(size) - design[:, :count] @ estimator
+            left.append(np.trace(remover @ sigma @ remover.T) / (size - count))
         residuals.append(left)
         ratios.append(over)
     np.testing.assert_allclose(found.parts, np.mean(parts, axis=0), rtol=1e-5)
@@ -98,9 +102,23 @@ def test_variances_of_fits_are_those_of_explicit_linear_estimators(noise, steep)
             assert found.coefficients[degree, group] == pytest.approx(expected, rel=1e-5)
     assert found.model.variance == noise.variance
     through = found.through(np.broadcast_to(np.eye(SIZE), (FIRST, SIZE, SIZE)))
-    expected = [dense_covariance(noise, points) for points in analysis.points[analysis.rows[analysis.first]]]
-    np.testing.assert_allclose(through, expected, rtol=1e-5)
+    expected = [dense_covariance(noise, points) for points in analysis.points[analysis.rows[analysis.first], :size]]
+    np.testing.assert_allclose(through[:, :size, :size], expected, rtol=1e-5)
     assert found.is_flat == (steep == 0.0)
+
+
+@pytest.mark.parametrize("noise", [NOISES["short"], NoiseModel(0.7)], ids=["short", "white"])
+def test_places_beyond_the_points_of_a_neighbourhood_count_for_nothing(noise):
+    points = bent(0.3).points
+    sizes = np.random.default_rng(0).integers(SIZE - 8, SIZE + 1, len(points), dtype=np.int32)
+    found = []
+    for far in (0.0, 0.7):
+        padded = np.where((np.arange(SIZE) < sizes[:, np.newaxis])[..., np.newaxis], points, far)
+        sample = as_sample(padded)._replace(sizes=np.repeat(sizes[:, np.newaxis], 4, axis=1))
+        found.append(ring_noise(noise, analyse_ring(sample, 3, len(points))))
+    zeros, others = found
+    for name in ("parts", "residuals", "coefficients", "grams"):
+        np.testing.assert_array_equal(getattr(others, name), getattr(zeros, name))
 
 
 @each_noise

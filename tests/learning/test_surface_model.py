@@ -13,7 +13,14 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from bezier_filters import InvalidParameterError, estimate_vertex_geometry
-from bezier_filters.learning.surface_model import CERTAIN, PRIOR_RANGE, expected_variance, learn_model
+from bezier_filters.learning.surface_model import (
+    CERTAIN,
+    PRIOR_RANGE,
+    SURELY,
+    _falling_off,
+    expected_variance,
+    learn_model,
+)
 from bezier_filters.patches.harmonics import harmonic_basis
 from bezier_filters.patches.polynomials import total_degree_space
 from bezier_filters.surfaces import bumpy_star, ellipsoid, height_field, monkey_saddle, sphere, torus, waves
@@ -371,3 +378,20 @@ def test_a_wider_ring_helps_a_narrow_one_where_noise_hides_the_terms(scale):
     assert np.mean(helped) < 1.05 * np.mean(alone)
     if scale < 1.0:
         assert np.mean(helped) < 0.9 * np.mean(alone)
+
+
+@given(st.integers(0, 10**6))
+def test_terms_are_no_larger_than_lower_ones_suggest_unless_that_is_sure(seed):
+    """The largest one degree lower, or a quarter of the largest two degrees lower: of sizes, not of squares."""
+    rng = np.random.default_rng(seed)
+    basis = harmonic_basis()
+    values, errors, believed = np.exp(rng.normal(0.0, 2.0, (3, len(basis.groups))))
+    result, sure = _falling_off(believed, values, errors), values >= SURELY * errors
+    np.testing.assert_array_equal(result[sure], believed[sure])
+    np.testing.assert_array_equal(result[basis.degrees <= 2], believed[basis.degrees <= 2])
+    curvature = np.sqrt((values + SURELY * errors)[basis.degrees == 2].max())  # as large as it may be
+    largest = [0.0, 0.0, curvature, *(np.sqrt(result[basis.degrees == k].max()) for k in range(3, 9))]
+    for degree in range(3, 9):
+        doubtful = (basis.degrees == degree) & ~sure
+        most = max(largest[degree - 1], largest[degree - 2] / 4.0)
+        np.testing.assert_allclose(result[doubtful], np.minimum(believed[doubtful], most**2), rtol=1e-12)

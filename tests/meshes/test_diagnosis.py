@@ -30,6 +30,11 @@ def test_arrays_are_taken_as_meshes():
         inspect_mesh(TETRAHEDRON[0][:3], TETRAHEDRON[1])
 
 
+def test_of_point_clouds_it_says_nothing_but_that_they_are_ones():
+    findings = diagnose(np.random.default_rng(0).standard_normal((20, 3)))
+    assert [text.partition(":")[0] for text in findings] == ["there are no faces"]
+
+
 def test_incoherent_orientation_is_seen():
     flipped = inspect_mesh(triangle_mesh([*np.eye(3).tolist(), [0, 0, 0]], [[0, 1, 2], [1, 2, 3]]))
     assert flipped.incoherent_edges == 1
