@@ -286,7 +286,7 @@ def test_progress_is_told_and_can_cancel():
         ({"max_edges": 3.5}, "max_edges: got 3.5"),
         ({"max_perimeter": 0.0}, "max_perimeter: got 0.0"),
         ({"max_diameter": float("nan")}, "max_diameter: got nan"),
-        ({"holes": [9]}, r"holes: got 9, expected numbers from 0 to 3"),
+        ({"holes": [4]}, r"holes: got 4, expected numbers from 0 to 3"),
         ({"selected": np.zeros(3, dtype=bool)}, "selected: got bool of shape"),
         ({"noise": -1.0}, "noise: got -1.0"),
         ({"method": "paper", "alpha": 0.0}, "alpha: got 0.0"),

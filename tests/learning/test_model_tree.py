@@ -5,7 +5,16 @@ import pytest
 from random_neighbourhoods import analyse_ring, as_sample, draw, variances_by_degree
 
 from bezier_filters import estimate_vertex_geometry
-from bezier_filters.learning.model_tree import FEWEST_ON_A_SIDE, Leaf, Split, grow, leaf_numbers, leaf_of, leaves
+from bezier_filters.learning.model_tree import (
+    FEWEST_ON_A_SIDE,
+    Leaf,
+    Split,
+    _candidates,
+    grow,
+    leaf_numbers,
+    leaf_of,
+    leaves,
+)
 from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.learning.plans import Choices, FitPlan
 from bezier_filters.learning.surface_model import SurfaceModel
@@ -69,6 +78,19 @@ def test_nothing_is_split_by_features_that_say_nothing(seed):
     features = np.random.default_rng(seed).standard_normal((300, 2))
     root, tree = grown(two_kinds((CALM, CALM), (0.01, 0.01)), features)
     assert tree is root
+
+
+def test_splits_gain_the_same_whichever_side_comes_first_and_lose_nothing():
+    """Two models are at least as likely as one, whose variances are among theirs; -f splits the other way round."""
+    points = np.concatenate([drawn.points for drawn in two_kinds((CALM, ROUGH), (0.01, 0.1))])
+    analysis = analyse_ring(as_sample(points), 3, len(points))
+    features = np.column_stack([NOISE, -NOISE, IS_SECOND + 0.1 * NOISE])
+    splits = list(_candidates(leaf_of([analysis], Choices()), [analysis], lambda rows: features[rows]))
+    gains = [[gain for gain, feature, _ in splits if feature == k] for k in range(3)]
+    np.testing.assert_allclose(gains[0], gains[1][::-1])
+    assert min(map(min, gains)) >= 0.0
+    assert np.argmax(gains[2]) == len(gains[2]) // 2  # the middle, between both kinds
+    assert max(gains[2]) > 10.0 * max(gains[0])
 
 
 def test_no_side_gets_fewer_neighbourhoods_than_a_model_needs():
