@@ -84,11 +84,13 @@ OWN = {
 }
 """Tests of modules that have no file of their own, by folder."""
 WIDE = {
-    "kernels": "kernels estimation learning/test_noise_model.py",
-    "patches": "patches estimation/test_paper_mode.py kernels learning estimation",
-    "learning": "learning smoothing/test_correlation.py estimation/test_convergence.py estimation/test_point_cloud.py",
-    "holes": "holes meshlab/test_hole_filter.py",
-    "meshes": "meshes feature_lines holes meshlab/test_topology.py smoothing/test_low_pass.py estimation",
+    "kernels": "kernels estimation/test_estimation.py estimation/test_extremality.py estimation/test_robust.py "
+    "estimation/test_paper_mode.py estimation/test_convergence.py",
+    "patches": "patches estimation/test_paper_mode.py kernels learning/test_model_tree.py learning/test_noise_model.py "
+    "learning/test_ring_analysis.py estimation/test_extremality.py",
+    "learning": "learning smoothing/test_correlation.py",
+    "holes": "holes",
+    "meshes": "meshes feature_lines holes/test_hole_filling.py meshlab/test_topology.py estimation/test_estimation.py",
 }
 """Tests that must pass, too, before a mutant counts as one that survived."""
 PLAIN = ("lane_algebra", "fit_frames", "adjacency", "frames", "half_edges", "neighbourhoods", "self_intersections")
