@@ -1,5 +1,7 @@
 """Sharp edges are found where they are, and keep what lies behind them away."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from surface_cases import CASES, make
@@ -143,6 +145,8 @@ def test_certainty_is_a_half_at_the_limit_and_falls_with_the_noise():
         by_noise = [certainties(edges, noise, limit)[at_fold][0] for noise in (0.05, 0.1, 0.2)]
         assert by_noise == sorted(by_noise)[::order]
         assert min(by_noise) > 0.5 if order < 0 else max(by_noise) < 0.5
+        tiny = replace(edges, widths=1e-9 * edges.widths)
+        np.testing.assert_allclose(certainties(tiny, 0.1e-9, limit), certainties(edges, 0.1, limit), rtol=1e-9)
 
 
 def test_hubs_take_no_quadratic_time():
