@@ -49,12 +49,14 @@ def test_a_face_through_a_shared_vertex_cuts():
     assert not cut_faces(points - [0.0, 0.0, 0.0], np.array([[0, 1, 2], [0, 4, 1]], dtype=np.int32), 1).any()
 
 
-@pytest.mark.parametrize("count", [0, 1, 7])
-def test_faces_in_boxes_are_those_whose_boxes_meet(count):
+@pytest.mark.parametrize("size", [1.0, 0.0])
+@pytest.mark.parametrize("count", [0, 1, 7, 40])
+def test_faces_in_boxes_are_those_whose_boxes_meet(count, size):
+    """Boxes of no size are vertices."""
     ball = sphere()
     rng = np.random.default_rng(count)
-    low = rng.uniform(-1, 0.8, (count, 3))
-    high = low + rng.uniform(0, 1, (count, 3))
+    low = rng.uniform(-1, 0.8, (count, 3)) if size else rng.choice(ball.vertices, count)
+    high = low + size * rng.uniform(0, 1, (count, 3))
     rows = faces_in_boxes(ball.vertices, ball.faces, low, high)
     corners = ball.vertices[ball.faces]
     for k in range(count):
