@@ -15,14 +15,14 @@ from bezier_filters.meshes.frames import TangentPlanes
 from bezier_filters.runtime.lanes import LANES, aligned
 
 
-def fit_over_plane_z(x, y, z, fit, rings, ids=None):
+def fit_over_plane_z(x, y, z, fit, rings, ids=None, noise=(0.0, 0.0)):
     """Fit the patches of a mesh over the plane z = 0, whatever its face normals are."""
     mesh = triangle_mesh(np.column_stack([x, y, z]), Delaunay(np.column_stack([x, y])).simplices)
     adjacency = vertex_adjacency(mesh)
     normals = np.tile([0.0, 0.0, 1.0], (len(x), 1))
     arrays = kernel_mesh(mesh, adjacency, TangentPlanes(normals, np.full(len(x), 2.0)))
     geometry = empty_geometry(len(x))
-    attempt = FitAttempt(FitStatus.OK, frozenset({FITTED}), rings, fit, most_turned=1.0)
+    attempt = FitAttempt(FitStatus.OK, frozenset({FITTED}), rings, fit, most_turned=1.0, noise=noise)
     ids = np.arange(len(x), dtype=np.int32) if ids is None else ids
     fit_with_fallbacks(arrays, ids, [attempt], geometry)
     return geometry
