@@ -84,8 +84,8 @@ OWN = {
 }
 """Tests of modules that have no file of their own, by folder."""
 WIDE = {
-    "kernels": "kernels test_differential_geometry.py estimation/test_estimation.py estimation/test_extremality.py estimation/test_robust.py "
-    "estimation/test_paper_mode.py estimation/test_convergence.py",
+    "kernels": "kernels test_differential_geometry.py estimation/test_estimation.py estimation/test_extremality.py "
+    "estimation/test_robust.py estimation/test_paper_mode.py estimation/test_convergence.py",
     "patches": "patches estimation/test_paper_mode.py kernels learning/test_model_tree.py learning/test_noise_model.py "
     "learning/test_ring_analysis.py estimation/test_extremality.py",
     "learning": "learning smoothing/test_correlation.py",
