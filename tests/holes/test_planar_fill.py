@@ -23,6 +23,20 @@ def hole_around(vertices, faces, rings=2):
     return influence_region(mesh, adjacency, hole.loops, rings)
 
 
+def test_rims_are_measured_by_their_faces():
+    """Gaps are what the angles of the faces leave of 2 pi, sizes the means of the edges at each vertex of a rim."""
+    shape = torus(resolution=20, jitter=0.3)
+    region = hole_around(shape.vertices, without_faces_near(shape.vertices, shape.faces, np.array([1.4, 0, 0]), 0.4))
+    for k in range(region.rim_count):
+        faces = region.faces[(region.faces == k).any(axis=1)]
+        to = region.vertices - region.vertices[k]
+        pairs = [[j for j in face.tolist() if j != k] for face in faces]
+        cosines = [to[i] @ to[j] / np.linalg.norm(to[i]) / np.linalg.norm(to[j]) for i, j in pairs]
+        assert region.gaps[k] == pytest.approx(2 * np.pi - np.arccos(cosines).sum())
+        lengths = np.linalg.norm(to[np.setdiff1d(faces, k)], axis=1)
+        assert region.sizes[k] == pytest.approx(lengths.mean())
+
+
 def test_a_plane_is_filled_with_its_delaunay_triangulation():
     vertices, faces = sheet(10, 10)
     faces = without_squares(vertices, faces, lambda x, y: (abs(x - 5) < 2) & (abs(y - 5) < 3))

@@ -7,7 +7,7 @@ from scanner_noise import in_all_directions
 
 from bezier_filters import estimate_vertex_geometry
 from bezier_filters.kernels.kernel_input import fitted_mesh
-from bezier_filters.learning.learn import learn_surface
+from bezier_filters.learning.learn import CANDIDATE_RINGS, learn_surface
 from bezier_filters.learning.plans import Choices
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, ellipsoid, sphere, torus
@@ -55,6 +55,17 @@ def test_noise_of_half_an_edge_in_every_coordinate_is_heavy(surface, level, heav
 
 def curvature_error(surface, geometry):
     return np.sqrt(np.square(geometry.mean_curvature - surface.mean_curvature).mean())
+
+
+@pytest.mark.parametrize("rings", [None, 3, 7])
+def test_every_ring_is_analysed_once_and_the_wanted_one_in_any_case(rings):
+    surface = SURFACES["ellipsoid"]
+    noisy = in_all_directions(surface.vertices, surface.faces, 0.1)
+    arrays, adjacency = fitted_mesh(triangle_mesh(noisy, surface.faces), creases=True)
+    found = [analysis.rings for analysis in learn_surface(arrays, adjacency, Choices(rings=rings))[0]]
+    assert found == sorted(set(found))
+    assert set(range(1, 6)) < set(found) <= {*CANDIDATE_RINGS, rings}
+    assert rings is None or rings in found
 
 
 @each_surface

@@ -146,3 +146,15 @@ def test_too_few_neighbourhoods_or_points_give_none():
     assert analysed(draw(FEWEST_SAMPLES - 1, 25, ROUGH, 0.1).points) is None
     assert analysed(draw(FEWEST_SAMPLES, 6, ROUGH, 0.1).points) is None
     assert analysed(np.zeros((FEWEST_SAMPLES, 25, 3))) is None
+
+
+def test_what_no_term_follows_grows_like_the_first_terms_that_are_left_out():
+    """By the power of the distance of one degree more, squared; its mean over each neighbourhood is 1."""
+    points = draw(2 * FEWEST_SAMPLES, 25, ROUGH, 0.1, radius=0.3).points
+    sizes = np.random.default_rng(0).integers(20, 26, len(points), dtype=np.int32)
+    points[np.arange(25) >= sizes[:, np.newaxis]] = 0.0
+    analysis = analyse_ring(as_sample(points)._replace(sizes=np.repeat(sizes[:, None], 4, axis=1)), 3, len(points))
+    assert len(analysis.rest_profile) == FIRST
+    for size, near, profile in zip(sizes, points, analysis.rest_profile, strict=False):
+        expected = np.linalg.norm(near[:size, :2], axis=1) ** (2 * (analysis.degree + 1))
+        np.testing.assert_allclose(profile[:size], expected / expected.mean(), atol=1e-12)

@@ -18,6 +18,7 @@ from bezier_filters.learning.surface_model import (
     PRIOR_RANGE,
     SURELY,
     _falling_off,
+    _term_variances,
     expected_variance,
     learn_model,
 )
@@ -395,3 +396,18 @@ def test_terms_are_no_larger_than_lower_ones_suggest_unless_that_is_sure(seed):
         doubtful = (basis.degrees == degree) & ~sure
         most = max(largest[degree - 1], largest[degree - 2] / 4.0)
         np.testing.assert_allclose(result[doubtful], np.minimum(believed[doubtful], most**2), rtol=1e-12)
+
+
+def test_variances_of_terms_scatter_by_their_standard_errors():
+    """Of noise alone, over many samples: terms of the highest degree, which one fit only tells."""
+    scores, basis = [], harmonic_basis()
+    for seed in range(150):
+        points = draw(40, 25, np.zeros(len(basis.degrees)), 0.5, seed=seed).points
+        analysis = analyse_ring(as_sample(points), 3, len(points))
+        noise = np.full(analysis.sums.term_squares.shape[1:], 0.25)
+        values, errors = _term_variances(analysis, noise, 0.25)
+        scores.append(
+            (values / errors)[basis.degrees == analysis.degree][::2]
+        )  # both terms of a frequency are told alike
+    assert np.mean(scores) == pytest.approx(0.0, abs=0.15)
+    assert np.std(scores) == pytest.approx(1.0, abs=0.1)
