@@ -8,6 +8,7 @@ from bezier_filters.kernels.lane_algebra import (
     GROUP,
     add_moments,
     add_squared_residuals,
+    condition_numbers,
     differentiate,
     raise_powers,
     solve_lanes,
@@ -87,6 +88,19 @@ def test_solutions_and_factors(order):
         factor[inner] = flat[lane::LANES][: len(inner[0])]
         np.fill_diagonal(factor, 1.0 / np.diag(factor))
         np.testing.assert_allclose(factor @ factor.T, matrices[lane], atol=1e-10)
+
+
+@pytest.mark.parametrize("order", [1, 2, 5, 16, 28])
+def test_condition_numbers_of_columns_of_unit_length(order):
+    """In the Frobenius norm, of the factor whose rows are scaled so that the normal equations have a diagonal of 1."""
+    factors = np.tril(RANDOM.standard_normal((LANES, order, order))) + 2.0 * np.eye(order)
+    stored, lower = factors.copy(), np.tril_indices(order)
+    stored[:, np.arange(order), np.arange(order)] = 1.0 / np.diagonal(factors, axis1=1, axis2=2)
+    result = aligned(1)
+    from_python(condition_numbers)(lanes_of(stored[:, lower[0], lower[1]].T), order, aligned(order), result)
+    scaled = factors / np.linalg.norm(factors, axis=2, keepdims=True)
+    expected = np.linalg.norm(scaled, axis=(1, 2)) * np.linalg.norm(np.linalg.inv(scaled), axis=(1, 2))
+    np.testing.assert_allclose(result, expected, rtol=1e-8)
 
 
 def test_a_rank_deficient_system_does_not_disturb_the_others():

@@ -5,7 +5,7 @@ from face_lists import random_faces
 from hypothesis import given
 
 from bezier_filters import triangle_mesh, vertex_adjacency
-from bezier_filters.meshes.adjacency import closed_components
+from bezier_filters.meshes.adjacency import closed_components, incoherent_vertices
 from bezier_filters.runtime.parallel import CHUNK
 from bezier_filters.surfaces import punched_patch, sphere, torus
 
@@ -67,3 +67,10 @@ def test_adjacency_is_the_same_on_any_number_of_threads():
         for part in ("indptr", "indices"):
             np.testing.assert_array_equal(getattr(getattr(one, name), part), getattr(getattr(three, name), part))
     np.testing.assert_array_equal(one.on_boundary, three.on_boundary)
+
+
+def test_faces_without_three_corners_and_edges_run_through_twice_are_incoherent():
+    faces = [[0, 1, 2], [3, 4, 4], [5, 6, 7], [5, 6, 8]]
+    mesh = triangle_mesh(np.random.default_rng(0).standard_normal((9, 3)), faces)
+    found = incoherent_vertices(mesh.faces, vertex_adjacency(mesh))
+    assert np.flatnonzero(found).tolist() == [3, 4, 5]

@@ -44,3 +44,7 @@ def test_incoherent_orientation_is_seen():
 
 def test_mean_edge_length_counts_each_edge_once():
     assert inspect_mesh(triangle_mesh(*TETRAHEDRON)).mean_edge_length == pytest.approx((3 + 3 * np.sqrt(2)) / 6)
+
+
+def test_without_edges_their_mean_length_is_zero():
+    assert inspect_mesh(np.eye(3), []).mean_edge_length == 0.0

@@ -98,6 +98,7 @@ def test_too_few_points_are_refused_with_a_remedy():
     [
         ({"degree": 5}, "degree: got 5"),
         ({"alpha": 0.0}, r"alpha: got 0.0, expected a number in \(0, 1\]"),
+        ({"alpha": 1.001}, "alpha: got 1.001"),
         ({"alpha": float("nan")}, "alpha: got nan"),
         ({"smoothness": "none"}, "smoothness: got 'none'"),
     ],
@@ -105,3 +106,21 @@ def test_too_few_points_are_refused_with_a_remedy():
 def test_settings_out_of_range_are_refused(options, message):
     with pytest.raises(InvalidParameterError, match=message):
         PatchFit(**options)
+
+
+@pytest.mark.parametrize("smoothness", ["paper", "third_order"])
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_fits_move_turn_and_grow_with_their_points(size, smoothness):
+    rng = np.random.default_rng(3)
+    local = rng.uniform(-1, 1, (40, 3))
+    patch = fit_patch(local, np.zeros(3), np.eye(3), PatchFit(smoothness=smoothness))
+    axes, origin = np.linalg.qr(rng.standard_normal((3, 3)))[0], 5.0 * size * rng.standard_normal(3)
+    other = fit_patch(origin + size * local @ axes, origin, axes, PatchFit(smoothness=smoothness))
+    u, v = rng.uniform(size=(2, 20))
+    np.testing.assert_allclose(other.evaluate(u, v), origin + size * patch.evaluate(u, v) @ axes, atol=1e-9 * size)
+
+
+def test_the_square_of_a_patch_holds_its_points_in_every_direction_of_its_axes():
+    x, y = np.array([0.3, 0.0, -0.1]), np.array([0.4, -0.2, 0.1])
+    square = ParameterRectangle.centred(x, y)
+    assert (square.x, square.y, square.width, square.height) == pytest.approx((-0.5, -0.5, 1.0, 1.0))
