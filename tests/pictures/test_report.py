@@ -281,8 +281,9 @@ class TestNotebooks:
 
     def test_filled_holes_show_themselves(self):
         vertices, faces = arrays(torus(resolution=24))
-        faces = faces[np.linalg.norm(vertices[faces].mean(axis=1) - [1.0, 0, 0.4], axis=1) > 0.2]
+        faces = faces[np.linalg.norm(vertices[faces].mean(axis=1) - [1.0, 0, 0.4], axis=1) > 0.4]
         result = fill_holes(vertices, faces)
+        assert len(result.holes[0].new_vertices)
         page = result.show()
         assert page.meshes == ["scan", "filled"]
         assert page.html == show(vertices, faces, result).html
