@@ -9,12 +9,14 @@ import time
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import bezier_filters
 from bezier_filters import estimate_vertex_geometry
 from bezier_filters.estimation.first_call import compile_fit, compile_the_rest, first_compilation
 from bezier_filters.kernels.fit_kernel import fit_in_lanes
+from bezier_filters.kernels.graph_geometry import bound_errors
 from bezier_filters.learning.ring_analysis import analyse_in_lanes
 from bezier_filters.surfaces import sphere
 
@@ -117,10 +119,14 @@ class TestTheOtherProcess:
 
 
 def test_both_parts_compile_what_an_estimate_calls():
-    ball = sphere(resolution=8)
-    estimate_vertex_geometry(ball.vertices, ball.faces)
-    kernels = fit_in_lanes, analyse_in_lanes
+    ball = sphere(resolution=24)
+    noise = np.random.default_rng(0).standard_normal((len(ball.vertices), 1))
+    noise *= np.where(ball.vertices[:, :1] > 0.0, 0.02, 0.002)
+    found = estimate_vertex_geometry(ball.vertices * (1.0 + noise), ball.faces)
+    assert len(found.fit.parts) > 1  # where standard errors are those of other models
+    kernels = fit_in_lanes, analyse_in_lanes, bound_errors
     called = [kernel.signatures for kernel in kernels]
     compile_fit()
     compile_the_rest()
     assert [kernel.signatures for kernel in kernels] == called
+    assert all(called)
