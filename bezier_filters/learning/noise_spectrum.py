@@ -22,14 +22,17 @@ SQUARED_LENGTHS = tuple(4.0 * 0.5 ** (0.5 * k) for k in range(7, -1, -1))
 FLATTEST, MOST = 0.25, 0.6  # shares of the places that are looked at
 EVERYWHERE = 4.0  # times the correlated variance at the flattest places: most that is believed of what most places have
 SHORT = 1.0  # square of a length, in edges, over which noise may be correlated without being partly white
-# share of noise of greater length that is white at least: what is as smooth as nothing that is measured is shape
-LEAST_WHITE = 1e-3
+# share of noise of greater length that is white at least: what is as smooth as nothing that is measured is shape. Three
+# means over neighbours leave 6e-4, eight 2e-4, which are not told from the detail of models
+LEAST_WHITE = 4e-4
 LEAST_DEGREE = 4  # of the terms that tell how flat a place is
 RINGS = (2, 3, 4, 5)  # narrower ones leave too few points; wider ones would take long
 MODEL_ERROR = 0.05  # relative standard error of what is expected, beside that of what is observed
 MOST_PARTS = 2  # correlated parts of the noise
 GAIN = 40.0  # of the deviance, by which a part of the noise must lower it: chance does so by about 1
-WORST = 4.0  # deviance per observation up to which the explanation counts as one
+WORST = 4.0  # deviance per observation up to which the explanation counts as one,
+# and up to which it does if a tenth of the noise is white, as of no shape, and without correlation most is unexplained
+WORST_WITH_WHITE, MUCH_WHITE, EXPLAINED = 6.0, 0.1, 0.8
 STEPS = 12  # in which variances and the weights that follow from them settle
 FIRST = FREE_DEGREE + 1
 
@@ -102,6 +105,7 @@ def _explained(
         return None  # coordinates of very different sizes are no numbers any more when squared
     chosen: list[int] = []
     variances, deviance = _explain(spectrum, chosen)
+    without = deviance
     while len(chosen) < MOST_PARTS and deviance > GAIN:
         others = [k for k in range(len(SQUARED_LENGTHS)) if k not in chosen]
         tried = [(*_explain(spectrum, [*chosen, k]), k) for k in others]
@@ -112,7 +116,9 @@ def _explained(
         chosen.append(best[2])
     white, sills = float(variances[0]) * edge**2, variances[1 : 1 + len(chosen)] * edge**2
     long = np.array([SQUARED_LENGTHS[k] > SHORT for k in chosen], dtype=np.bool_)
-    if not sills.any() or white < LEAST_WHITE * sills[long].sum() or deviance > WORST * len(spectrum.observed):
+    is_certain = white >= MUCH_WHITE * sills[long].sum() and deviance <= (1.0 - EXPLAINED) * without
+    worst = (WORST_WITH_WHITE if is_certain else WORST) * len(spectrum.observed)
+    if not sills.any() or white < LEAST_WHITE * sills[long].sum() or deviance > worst:
         return None
     parts = [(float(sill), SQUARED_LENGTHS[k] ** 0.5 * edge) for k, sill in zip(chosen, sills, strict=True) if sill]
     return NoiseModel(white, tuple(sill for sill, _ in parts), tuple(length for _, length in parts))
