@@ -46,6 +46,15 @@ def test_of_noise_over_many_edges_most_is_found(name):
     assert np.abs(np.log(lengths)).max() < np.log(1.25)
 
 
+@pytest.mark.parametrize("passes", [1, 3])
+@pytest.mark.parametrize("make", [torus, bumpy_star, ellipsoid])
+def test_on_regular_meshes_it_is_no_shape(make, passes):
+    """Triangles of one kind make it depend on the direction, and averages of these leave less white noise."""
+    sigmas, lengths = found(make(resolution=80 if make is torus else 40), passes).T
+    assert 0.8 < sigmas.min() <= sigmas.max() < 1.9
+    assert np.abs(np.log(lengths)).max() < np.log(1.6)
+
+
 def test_twice_the_noise_and_a_larger_mesh_are_told_alike():
     """Lengths are in edges, and nothing depends on the unit."""
     surface = SURFACES["ellipsoid"]
