@@ -158,7 +158,18 @@ def options(*parameters: Parameter) -> Callable[[_Command], _Command]:
     return with_options
 
 
-def option_of(name: str) -> str:
+def in_the_shell(message: str) -> str:
+    """A message of a filter with the option in the place of the parameter that it names; there, None is to give none.
+
+    >>> in_the_shell("max_diameter: got 0.0, expected a positive length, or None")
+    '--max-diameter: got 0.0, expected a positive length'
+    """
+    said = re.sub(r",? or None( to learn it)?", "", message).replace("the current mesh", "the mesh")
+    name, colon, text = said.partition(": ")
+    return f"{_option_of(name) or name}{colon}{text}"
+
+
+def _option_of(name: str) -> str:
     """The option that sets a parameter of a filter, or of the array function that it calls; empty if none does."""
     known = {item.name.replace("_", ""): item.name for table in PARAMETERS.values() for item in table}
     name = known.get(name.replace("_", ""), "") or {"maxedges": "maxholesize"}.get(name.replace("_", ""), "")

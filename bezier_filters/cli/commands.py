@@ -9,7 +9,7 @@ from rich.markup import escape
 
 from bezier_filters.arrays import Report
 from bezier_filters.cli import batch, console, filters, pictures, scale, watch
-from bezier_filters.cli.app import Json, Overwrite, Quiet, Source, app, check_target, option_of
+from bezier_filters.cli.app import Json, Overwrite, Quiet, Source, app, check_target, in_the_shell
 from bezier_filters.meshes.mesh import TriangleMesh
 
 if TYPE_CHECKING:
@@ -161,5 +161,4 @@ def _run() -> str:
 def _in_one_line(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror and error.filename:
         return f"{error.filename}: {error.strerror}"
-    name, colon, text = " ".join(str(error).split()).replace("the current mesh", "the mesh").partition(": ")
-    return f"{option_of(name) or name}{colon}{text}" or type(error).__name__
+    return in_the_shell(" ".join(str(error).split())) or type(error).__name__

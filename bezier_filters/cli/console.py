@@ -24,6 +24,13 @@ if TYPE_CHECKING:
     from bezier_filters.meshes.mesh import TriangleMesh
 
 MOST_HOLES = 20  # that are listed one by one
+FILLS = {
+    "surface": "on the surface that continues the one around the hole",
+    "creases": "smooth between sharp edges, which go on through the hole",
+    "variational": "bent as little as the rim allows, where no surface was found to go on",
+    "flat": "stretched like a membrane, where nothing smoother fits",
+    "paper": "on bicubic patches over the plane of the hole",
+}
 # options by the parameters that remarks on holes name
 _IN_THE_SHELL = {
     "outer_rims=True": "--outer-rims",
@@ -173,6 +180,12 @@ def print_holes(report: Report, source: str) -> None:
             out.print(Padding(escape(remark), (0, 2, 0, 11), expand=False), soft_wrap=False)
     if len(report["holes"]) > MOST_HOLES:
         out.print(f"  and {len(report['holes']) - MOST_HOLES:,} smaller ones")
+    used = {hole["method"] for hole in report["holes"] if hole["filled"]}
+    for method, meaning in FILLS.items():
+        if method in used:
+            out.print(f"  {method + ':':<12} {meaning}")
+    if used:
+        out.print("  rim angle:   between old and new faces, the mean; small is smooth")
     out.print(
         f"  {report['closed_holes']:,} filled with {report['new_faces']:,} faces, {report['open_holes']:,} left open"
     )

@@ -23,9 +23,10 @@ from bezier_filters.cli.app import (
     app,
     check_target,
     examples,
+    in_the_shell,
     options,
 )
-from bezier_filters.fields import SMOOTH, qualities
+from bezier_filters.fields import qualities
 from bezier_filters.parameters import COLORS, PARAMETERS, RUN, Parameter
 
 _COLOR, _PROGRESS = COLORS[0], RUN[1]
@@ -69,7 +70,7 @@ def filter_command(
             support, run = format_support(target), getattr(bezier_filters, filter_name)  # loaded only here
             with console.stages(quiet=quiet or json) as stage:
                 stage(f"reading {source.name}")
-                ms = load_mesh(source, attributes=name != SMOOTH)  # what they say is no longer true of other places
+                ms = load_mesh(source)
                 report = run(ms, progress=stage(f"{verb} {source.name}"), **given)
                 stage(f"writing {target.name}")
                 remarks = save_mesh(ms, target)
@@ -84,6 +85,8 @@ def filter_command(
                 console.print_written(report, str(target))
             for remark in remarks:
                 console.err.print(f"note: {target.name} is {remark}", markup=False)
+            for remark in report.get("remarks", []):
+                console.err.print(f"note: {in_the_shell(remark)}", markup=False)
             if report.get("quality") and not support.quality:
                 console.err.print(
                     f"note: {target.suffix} files hold no quality and no bz_* columns; write a PLY file to keep them"

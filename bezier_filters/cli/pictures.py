@@ -15,6 +15,24 @@ if TYPE_CHECKING:
 Sources = Annotated[
     list[Path], typer.Argument(help="Meshes side by side, for example before and after.", metavar="MESH")
 ]
+
+
+def _picture(path: Path) -> Path:
+    from bezier_filters.pictures.render import check_picture
+
+    check_picture(path)
+    return path
+
+
+Picture = Annotated[
+    Path,
+    typer.Argument(
+        help="Picture to write: .png, .jpg, .svg or .pdf.",
+        metavar="PICTURE.png",
+        callback=_picture,
+        is_eager=True,  # where only a mesh is given, the picture is missing
+    ),
+]
 FieldNames = Annotated[
     list[str] | None,
     typer.Option(
@@ -45,7 +63,7 @@ def _read(source: Path, stage: console.Stage) -> "MeshFile":
 )
 def render(
     sources: Sources,
-    picture: Annotated[Path, typer.Argument(help="Picture to write: .png, .jpg, .svg or .pdf.", metavar="PICTURE.png")],
+    picture: Picture,
     field: FieldNames = None,
     view: Annotated[
         list[str] | None, typer.Option(help="front, back, left, right, top, bottom or iso; may be repeated.")
@@ -72,9 +90,8 @@ def render(
     """
     from bezier_filters.pictures.directions import with_directions
     from bezier_filters.pictures.field_panels import default_field, field_panels
-    from bezier_filters.pictures.render import check_picture, render_panels
+    from bezier_filters.pictures.render import render_panels
 
-    check_picture(picture)
     check_target(picture, *sources, overwrite=overwrite)
     with console.stages(quiet=quiet or json) as stage:
         files = [_read(source, stage) for source in sources]

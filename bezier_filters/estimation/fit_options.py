@@ -38,9 +38,7 @@ def check_radius(radius: object, rings: object) -> None:
     if radius is None:
         return
     if not (is_real(radius) and 0.0 < radius < np.inf):
-        raise InvalidParameterError(
-            f"radius: got {radius!r}, expected a positive length, or None; percentages are for the filters of a MeshSet"
-        )
+        raise InvalidParameterError(f"radius: got {radius!r}, expected a positive length, or None")
     if rings != "auto":
         raise InvalidParameterError(f"radius: got {radius!r} and rings={rings!r}; give one of them, not both")
 

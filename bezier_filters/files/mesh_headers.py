@@ -158,6 +158,8 @@ def check_header(path: str | os.PathLike[str]) -> None:
 
 
 def _check_ply(path: Path, head: bytes) -> None:
+    if not head.startswith(b"ply"):
+        raise FieldFileError(f"{path} is no PLY file: it starts with {head[:12].decode('ascii', 'replace')!r}")
     try:
         header = parse_header(path, head)
     except FieldFileError:

@@ -40,15 +40,15 @@ def polyharmonic_fairing(points: FloatArray, faces: IntArray, first: int, order:
     return _solve(rows, points[:first])
 
 
-def harmonic_displacement(points: FloatArray, faces: IntArray, shift: FloatArray) -> FloatArray:
-    """Harmonic continuation of shifts (r, 3) of the first r points to all n of them, (n, 3).
+def harmonic_continuation(points: FloatArray, faces: IntArray, values: FloatArray) -> FloatArray:
+    """Harmonic continuation of values (r, c) at the first r points to all n of them, (n, c).
 
     It is nowhere larger than at these points, and what differs from one to the next dies away within an edge or two.
     """
-    if len(points) == len(shift):
-        return shift.copy()
+    if len(points) == len(values):
+        return values.copy()
     stiffness, _ = cotangent_matrix(points, faces)
-    return _solve(stiffness[len(shift) :], shift)
+    return _solve(stiffness[len(values) :], values)
 
 
 def _solve(rows: Matrix, known: FloatArray) -> FloatArray:

@@ -10,7 +10,7 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.holes.implicit_surface import ImplicitSurface, fit_implicit_surface
 from bezier_filters.holes.influence_region import InfluenceRegion, fitted_points
 from bezier_filters.holes.loops import triangulate_loop
-from bezier_filters.holes.polyharmonic_fairing import harmonic_displacement, polyharmonic_fairing
+from bezier_filters.holes.polyharmonic_fairing import harmonic_continuation, polyharmonic_fairing
 from bezier_filters.holes.refinement import Fill, flip_edges, refine, relax_tangentially
 
 FEWEST_POINTS = 16  # with known normals, for a surface
@@ -175,6 +175,6 @@ def meet_rim(fill: Fill, region: InfluenceRegion, surface: ImplicitSurface) -> F
     shift = np.where(found[:, np.newaxis], rim - on_it, 0.0)
     if np.abs(shift).max(initial=0.0) < SMALLEST_GAP * region.sizes.mean():
         return fill
-    points = fill.points + harmonic_displacement(fill.points, fill.faces, shift)
+    points = fill.points + harmonic_continuation(fill.points, fill.faces, shift)
     points[: fill.rim_count] = rim
     return replace(fill, points=points)

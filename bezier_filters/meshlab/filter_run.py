@@ -139,7 +139,7 @@ def _checked_colormap(output: Output, field: Field | None) -> str:
         return output.colormap
     name = find_color_map(output.colormap, signed=field is not None and field.signed).name
     if field is None:
-        raise BezierFilterError("color: got True with quality=None, expected a quality to colour by")
+        raise BezierFilterError("color: there is no quality to colour by; choose one")
     if output.color_range is not None:
         check_limits(*output.color_range)
     try:

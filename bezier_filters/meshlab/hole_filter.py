@@ -60,13 +60,14 @@ def meshing_close_holes_by_bezier_patch(
 
     pymeshlab can add faces only by merging layers: the new layer is the last and the current one, and the old one, with
     its id, is gone. Old vertices and faces stay the first, bit for bit and in their order, with their textures,
-    colours, quality, selection and custom attributes; label, transform and visibility stay, too. New vertices and faces
-    have the colours, quality and attributes of the nearest old ones, and 0 in ``bz_*`` columns, where nothing has been
-    estimated. New faces show the texture of the old faces beside them, from the edge that they share on; where a
-    texture has a name with spaces, or two have the same, they show none. Vertex and face normals are those of the
-    faces. If no hole is filled, nothing changes, but what `repair` asks for: pymeshlab's filters weld borders that lie
-    on each other, split edges of more than two faces, which loses selections and sets custom attributes to 0, split
-    vertices at which surfaces only touch, and turn faces that disagree with their neighbours.
+    colours, quality, selection and custom attributes; label, transform and visibility stay, too. Colours and quality of
+    vertices go on smoothly into the fills; those of faces, and attributes, are of the nearest old ones, and ``bz_*``
+    columns are 0, where nothing has been estimated. New faces show the texture of the old faces beside them, from the
+    edge that they share on; where a texture has a name with spaces, or two have the same, they show none. Vertex and
+    face normals are those of the faces. If no hole is filled, nothing changes, but what `repair` asks for: pymeshlab's
+    filters weld borders that lie on each other, split edges of more than two faces, which loses selections and sets
+    custom attributes to 0, split vertices at which surfaces only touch, and turn faces that disagree with their
+    neighbours.
 
     Parameters
     ----------
@@ -91,11 +92,11 @@ def meshing_close_holes_by_bezier_patch(
         rims and islands, ``boundary_edges``, ``non_manifold_faces`` at such edges, ``non_manifold_vertices`` and
         ``two_manifold``; where the mesh is not a manifold the genus is None, and ``boundary_loops_by`` says that we
         have counted the loops), ``warnings`` (texts: fills that need a look, because they cut faces, or are as wide as
-        half of the mesh, and holes that were left open because every fill would cut faces), ``seconds`` (read, fit,
-        write) and ``holes``, a dict for each with ``filled``, ``method``, ``reason``, ``edge_count``, ``perimeter``,
-        ``diameter``, ``islands``, ``is_outer_rim``, ``parts``, ``crease_edges``, ``new_vertices`` and ``new_faces``
-        (numbers), ``rim_error`` (0), ``rim_dihedral`` (mean angle along the rim, degrees) and ``self_intersections``;
-        see `bezier_filters.HoleReport`. It can be written as JSON.
+        half of the mesh, and holes that were left open because every fill would cut faces), ``remarks`` (texts: limits
+        that limit nothing), ``seconds`` (read, fit, write) and ``holes``, a dict for each with ``filled``, ``method``,
+        ``reason``, ``edge_count``, ``perimeter``, ``diameter``, ``islands``, ``is_outer_rim``, ``parts``,
+        ``crease_edges``, ``new_vertices`` and ``new_faces`` (numbers), ``rim_error`` (0), ``rim_dihedral`` (mean angle
+        along the rim, degrees) and ``self_intersections``; see `bezier_filters.HoleReport`. It can be written as JSON.
 
     Examples
     --------
@@ -117,6 +118,8 @@ def meshing_close_holes_by_bezier_patch(
         mesh, repaired = repaired_copy(ms)
     start = time.perf_counter()
     topology = topology_of(mesh.vertices, mesh.faces)
+    diagonal = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
+    diameter = absolute_length(maxdiameter, mesh.vertices, "maxdiameter")
     try:
         result = fill_holes(
             mesh.vertices,
@@ -124,7 +127,7 @@ def meshing_close_holes_by_bezier_patch(
             method,
             max_edges=maxholesize,
             max_perimeter=absolute_length(maxperimeter, mesh.vertices, "maxperimeter"),
-            max_diameter=absolute_length(maxdiameter, mesh.vertices, "maxdiameter"),
+            max_diameter=diameter,
             selected=mesh.selected_vertices() if onselected else None,
             outer_rims=outerrims,
             intersecting=intersecting,
@@ -161,7 +164,8 @@ def meshing_close_holes_by_bezier_patch(
         "repaired": repaired,
         "topology_before": topology.counts,
         "topology_after": after.counts,
-        "warnings": fill_warnings(result, float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))),
+        "warnings": fill_warnings(result, diagonal),
+        "remarks": _remarks(diameter, diagonal),
         "holes": [_described(hole) for hole in result.holes],
         "seconds": {"read": start - begin, "fit": fitted - start, "write": written - fitted},
     }
@@ -180,6 +184,13 @@ def fill_warnings(result: HoleFillingResult, diagonal: float) -> list[str]:
         f"{len(open_):,} of the holes, left open because every fill would cut others; intersecting=True fills them",
     ]
     return [text for text, holes in zip(texts, (wide, cutting, open_), strict=True) if holes]
+
+
+def _remarks(diameter: float | None, diagonal: float) -> list[str]:
+    """What a user may not have meant: a length in other units than those of the mesh."""
+    if diameter is None or diameter <= diagonal:
+        return []
+    return [f"maxdiameter: no hole can have a diameter of {diameter:g} where all of the mesh is {diagonal:.3g} across"]
 
 
 def _growth(mesh: CurrentMesh, result: HoleFillingResult) -> MeshGrowth:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.fields import PREFIX
 from bezier_filters.files.ply_text import color_columns, coordinate_columns, ply_text
+from bezier_filters.holes.polyharmonic_fairing import harmonic_continuation
 from bezier_filters.meshlab.mesh_attributes import KEPT_LEFTOVER, LEFTOVER, write_coordinates
 from bezier_filters.meshlab.meshset import BezierFilterError, Image, Mesh, MeshSet, PyMeshLabException, current_mesh
 from bezier_filters.status import FitStatus
@@ -41,7 +42,7 @@ class MeshGrowth:
 
     vertices: FloatArray  # (k, 3): new ones, numbered from n on
     faces: IntArray  # (f, 3): new ones
-    like_vertex: IntArray  # (k,): old vertex from which each new one has its colour, quality and attributes
+    like_vertex: IntArray  # (k,): old vertex from which each new one has its attributes
     like_face: IntArray  # (f,): old face from which each new one has them
 
 
@@ -79,7 +80,7 @@ def grow_mesh(ms: MeshSet, growth: MeshGrowth, *, select: bool) -> tuple[list[st
         numbers = np.zeros_like(vertices)
         numbers[:, 0] = np.arange(len(vertices))
         write_coordinates(ms, numbers[: old.vertex_number()])
-        patch = _patch(old, growth, numbers)
+        patch = _patch(old, growth, vertices, numbers)
         textured = texture is not None and _load_patch(ms, patch, texture)
         if not textured:
             ms.add_mesh(patch, "new faces", set_as_current=False)
@@ -168,22 +169,32 @@ def _texture(ms: MeshSet, old: Mesh, growth: MeshGrowth, vertices: FloatArray) -
     return _Texture(coordinates.reshape(-1, 2), numbers[like], {name: old.texture(name) for name in names})
 
 
-def _patch(old: Mesh, growth: MeshGrowth, numbers: FloatArray) -> Mesh:
-    """The new faces as a mesh of their own, with the colours and quality of what they are like."""
+def _patch(old: Mesh, growth: MeshGrowth, vertices: FloatArray, numbers: FloatArray) -> Mesh:
+    """The new faces as a mesh of their own, with colours and quality that continue those of the vertices around them.
+
+    Those of faces and texture coordinates are from what is near.
+    """
     used, local = np.unique(growth.faces, return_inverse=True)
+    faces, rim = local.reshape(-1, 3).astype(np.int32), used[used < old.vertex_number()]
     source = np.concatenate([np.arange(old.vertex_number()), growth.like_vertex])[used]
     options: dict[str, Any] = {}
-    if old.has_vertex_color():
-        options["v_color_matrix"] = old.vertex_color_matrix()[source]
+    colors = old.vertex_color_matrix() if old.has_vertex_color() else np.zeros((old.vertex_number(), 0))
+    scalars = old.vertex_scalar_array()[:, np.newaxis] if old.has_vertex_scalar() else colors[:, :0]
+    if colors.size or scalars.size:
+        known = np.hstack([scalars, colors])[rim].astype(np.float64)
+        continued = harmonic_continuation(vertices[used], faces, known)
+        if scalars.size:
+            options["v_scalar_array"] = continued[:, 0]
+        if colors.size:
+            half = 0.5 / 255  # pymeshlab rounds down
+            options["v_color_matrix"] = np.clip(continued[:, -colors.shape[1] :] + half, 0.0, 1.0)
     if old.has_vertex_tex_coord():
         options["v_tex_coords_matrix"] = old.vertex_tex_coord_matrix()[source]
-    if old.has_vertex_scalar():
-        options["v_scalar_array"] = old.vertex_scalar_array()[source]
     if old.has_face_color():
         options["f_color_matrix"] = old.face_color_matrix()[growth.like_face]
     if old.has_face_scalar():
         options["f_scalar_array"] = old.face_scalar_array()[growth.like_face]
-    return Mesh(numbers[used], local.reshape(-1, 3).astype(np.int32), **options)
+    return Mesh(numbers[used], faces, **options)
 
 
 def wedge_coordinates(corners: FloatArray, triangles: FloatArray, coordinates: FloatArray) -> FloatArray:

@@ -120,7 +120,9 @@ def length_of(text: str) -> Length:
     except ValueError:
         percentage = -1.0
     if not 0.0 < percentage <= 100.0:
-        raise InvalidParameterError(f"got {text!r}, expected a length such as 0.5, or a percentage such as 2%")
+        raise InvalidParameterError(
+            f"got {text!r}, expected a length such as 0.5, or a percentage such as 2%, up to 100%"
+        )
     return PercentageValue(percentage)
 
 

@@ -59,7 +59,8 @@ def apply_coord_bezier_patch_smoothing(
     dict
         ``moved`` (number of vertices), ``displacement`` (mean, rms and max, lengths), ``noise_before`` and
         ``noise_after`` (standard deviation along the normal, lengths, or None), ``noise_length`` (over which that
-        before is correlated, or 0), ``noise_heavy`` (whether it turns single normals), ``volume_before``,
+        before is correlated, or 0), ``noise_heavy`` (whether it turns single normals), ``iterations`` (that moved
+        something: after those there is nothing left to do), ``remarks`` (texts), ``volume_before``,
         ``volume_after`` (length^3) and ``volume_ratio`` (None if nothing is closed), ``topology`` (what pymeshlab
         counts, as in `meshing_close_holes_by_bezier_patch`), ``mean_edge``, ``flipped_before``, ``flipped_after``,
         ``degenerate_before``, ``degenerate_after`` and ``new_bad_faces`` (numbers of faces), ``attributes`` (names
@@ -101,10 +102,17 @@ def apply_coord_bezier_patch_smoothing(
             threads=threads,
             progress=progress,
         )
-        report = _report(result) | {"topology": topology_of(mesh.vertices, mesh.faces).counts}
+        report = _report(result) | {
+            "topology": topology_of(mesh.vertices, mesh.faces).counts,
+            "remarks": _remarks(result.iterations, iterations),
+        }
         return Computed(columns(SMOOTH, result), mask, report, vertices=result.vertices)
 
     return run_filter(ms, SMOOTH, work, Output(quality, onselected, color, colormap, percentile, colorrange))
+
+
+def _remarks(done: int, asked: int) -> list[str]:
+    return [f"iterations: {done} of {asked} moved something, then nothing was left to do"] if 0 < done < asked else []
 
 
 def _report(result: SmoothingResult) -> Report:

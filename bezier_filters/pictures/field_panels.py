@@ -21,7 +21,7 @@ COLOR, SHAPE = "color", "shape"
 NO_UNIT = "no unit"
 
 _KNOWN = {field.column: field for field in FIELDS}
-_GREY = 0.75
+_GREY, _BROWN = 0.75, (0.69, 0.54, 0.42)
 _CODES = {  # what numbers in a column stand for
     "bz_fit_status": {int(status): status.name for status in FitStatus},
     "bz_crease": {-2: "sharp ravine", -1: "ravine", 0: "no crease", 1: "ridge", 2: "sharp ridge"},
@@ -46,7 +46,7 @@ class MeshFile:
         values = self.columns[name]
         known = _KNOWN.get(name)
         if name == QUALITY:
-            same = (key for key, column in self.columns.items() if key in _KNOWN and np.array_equal(column, values))
+            same = (key for key, column in self.columns.items() if key in _KNOWN and _same(column, values))
             known = next((_KNOWN[key] for key in same), None)
         if known is not None:
             return replace(known, unit=known.unit or NO_UNIT)
@@ -54,8 +54,15 @@ class MeshFile:
         return Field(name, label, "unit unknown", (), signed=bool(values.min() < 0 < values.max()))
 
     def names(self) -> list[str]:
-        """What can be shown."""
-        return [*self.columns, *([COLOR] if self.colors is not None else []), SHAPE]
+        """What there is to show; MeshLab and pymeshlab often write a quality of zeros where there is none."""
+        columns = [name for name, values in self.columns.items() if name != QUALITY or values.any()]
+        return [*columns, *([COLOR] if self.colors is not None else []), SHAPE]
+
+
+def _same(column: FloatArray, quality: FloatArray) -> bool:
+    """Whether a quality is a column, but where that has no value: in filled holes, which continue the quality."""
+    there = (column != 0.0) | (quality == 0.0)
+    return bool(2 * there.sum() > len(there)) and np.array_equal(column[there], quality[there])
 
 
 def read_mesh_file(path: Path) -> MeshFile:
@@ -74,13 +81,13 @@ def read_mesh_file(path: Path) -> MeshFile:
 
 
 def default_field(files: Sequence[MeshFile]) -> str:
-    """The quality if there is one, else the shape. MeshLab and pymeshlab often write zeros where there is none."""
-    return QUALITY if any(file.columns.get(QUALITY, np.zeros(1)).any() for file in files) else SHAPE
+    """The quality if there is one, else the shape."""
+    return QUALITY if any(QUALITY in file.names() for file in files) else SHAPE
 
 
 def check_field(files: Sequence[MeshFile], name: str) -> None:
     """Refuse a field that no file has; the message lists those that there are."""
-    if not any(name in file.names() for file in files):
+    if not any(name in file.columns or name in file.names() for file in files):
         have = dict.fromkeys(other for file in files for other in file.names())
         paths = ", ".join(str(file.path) for file in files)
         remedy = "; commands such as curvature give it one" if name == QUALITY else ""
@@ -167,12 +174,12 @@ def _codes(file: MeshFile, values: FloatArray, words: dict[int, str], title: str
 
 
 def _shape(file: MeshFile, title: str) -> Panel:
-    """Every face flat and grey, so that nothing hides a rough surface."""
+    """Every face flat and grey, so that nothing hides a rough surface; its back brown, which is seen through holes."""
     vertices, faces = file.vertices, file.faces
     if len(faces):
         vertices = np.ascontiguousarray(vertices[faces].reshape(-1, 3))
         faces = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
-    return Panel(vertices, faces, colors=np.full((len(vertices), 3), _GREY), title=title)
+    return Panel(vertices, faces, colors=np.full((len(vertices), 3), _GREY), back=_BROWN, title=title)
 
 
 def crease_panel(

@@ -157,7 +157,7 @@ def check_picture(path: str | os.PathLike[str]) -> None:
     """Refuse a file name that is not that of a picture: that of a mesh would be lost."""
     if Path(path).suffix.lower() not in _SUFFIXES:
         raise InvalidParameterError(
-            f"picture: got {str(path)!r}, expected a file name that ends in one of {' '.join(_SUFFIXES)}"
+            f"picture: got {str(path)!r}, expected a picture to write, whose name ends in one of {' '.join(_SUFFIXES)}"
         )
 
 

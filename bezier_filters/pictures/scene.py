@@ -96,6 +96,8 @@ class Panel:
         ``"auto"`` (``"Cool Warm"`` if `signed`, else ``"Viridis"``), ``"Paper"``, or any colour map of matplotlib.
     colors : (n, 3) or (n, 4) array, optional
         Colours instead of `values`: floats in 0..1 or uint8.
+    back : (red, green, blue), optional
+        Colour of the backs of faces, in 0..1; by default that of their fronts.
     title : str
         Text above the column.
     histogram : bool
@@ -126,6 +128,7 @@ class Panel:
     limits: tuple[float, float] | None = None
     colormap: str = AUTO
     colors: FloatArray | Image | None = None
+    back: Color | None = None
     title: str = ""
     histogram: bool = False
     linear_below: float | None = None
@@ -289,9 +292,12 @@ def add_panel(plotter: "pyvista.Plotter", panel: Panel, center: FloatArray, scal
         consistent_normals=False,  # both sides of a face are lit alike
         auto_orient_normals=False,
     )
-    options |= {"ambient": _AMBIENT, "diffuse": 1.0 - _AMBIENT, "specular": 0.0}
-    actor = plotter.add_mesh(mesh, scalars="colored", **options)
+    light: dict[str, Any] = {"ambient": _AMBIENT, "diffuse": 1.0 - _AMBIENT, "specular": 0.0}
+    actor = plotter.add_mesh(mesh, scalars="colored", culling="back" if panel.back else None, **options, **light)
     actor.prop.interpolation = "Phong"
+    if panel.back:
+        actor = plotter.add_mesh(mesh.copy(deep=False), color=panel.back, culling="front", **light)
+        actor.prop.interpolation = "Phong"
 
 
 def _polylines(lines: Sequence[FloatArray]) -> "pyvista.PolyData":

@@ -133,7 +133,7 @@ def smooth(
     movable = _movable(selected, ordered.order, adjacency, borders)
     points, sharpness = mesh.vertices, np.zeros(mesh.vertex_count)
     with first_call():
-        known = learn_noise(mesh, adjacency, noise, threads=threads)
+        known, done = learn_noise(mesh, adjacency, noise, threads=threads), 0
         for k in range(iterations):
             current, part = TriangleMesh(points, mesh.faces), part_of(progress, k, iterations)
             if method == "auto":
@@ -144,6 +144,9 @@ def smooth(
             else:
                 points = _onto_patches(current, adjacency, rings, alpha, threads, part)
             points = np.where(movable[:, np.newaxis], points, mesh.vertices)
+            if np.array_equal(points, current.vertices) and (k or noise is None):
+                break  # and all that would follow does the same
+            done += 1
         components = ClosedComponents.of(mesh, adjacency)
         volumes_before = component_volumes(components, mesh)
         keeps_volume = components.count and (keep_volume or (keep_volume is None and method == "auto"))
@@ -167,6 +170,7 @@ def smooth(
             noise_after=None if left is None else left.sigma,
             noise_length=None if known is None else known.length,
             noise_heavy=known is not None and known.heavy,
+            iterations=done,
             mean_edge=mean_edge(mesh, adjacency, threads=threads),
             volume_before=float(volumes_before.sum()) if components.count else None,
             volume_after=float(volumes_after.sum()) if components.count else None,

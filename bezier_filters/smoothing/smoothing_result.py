@@ -27,6 +27,8 @@ class SmoothingResult:
         Distance over which the noise before is correlated; 0 if it is independent from vertex to vertex.
     noise_heavy : bool
         Whether the noise before turns single normals so far that they mean nothing, as noise in all directions does.
+    iterations : int
+        How often it was smoothed: as asked for, or until nothing was left to do.
     mean_edge : float
         Mean length of the edges before.
     volume_before, volume_after : float or None
@@ -46,6 +48,7 @@ class SmoothingResult:
     noise_after: float | None
     noise_length: float | None
     noise_heavy: bool
+    iterations: int
     mean_edge: float
     volume_before: float | None
     volume_after: float | None

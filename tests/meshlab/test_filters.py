@@ -376,7 +376,7 @@ class TestFailure:
             ({"radius": "200%"}, r"radius: got '200%', expected a length such as 0.5, or a percentage such as 2%"),
             ({"quality": "colour"}, "quality: got 'colour', expected 'mean', 'gaussian'"),
             ({"quality": 3}, "quality: got 3"),
-            ({"color": True, "quality": None}, "color: got True with quality=None"),
+            ({"color": True, "quality": None}, "color: there is no quality"),
             ({"color": True, "colormap": "jet"}, "colormap: got 'jet', expected one of auto, RGB"),
             ({"color": True, "percentile": 50}, "percentile: got 50"),
         ],

@@ -102,13 +102,40 @@ def test_what_is_new_is_defined(textured):
     assert mesh.vertex_number() == n + report["new_vertices"] > n
     assert mesh.face_number() == m + report["new_faces"]
     new = slice(n, None)
-    assert np.isin(mesh.vertex_scalar_array()[new], quality).all()
+    assert (mesh.vertex_scalar_array()[new] >= quality.min()).all()
+    assert (mesh.vertex_scalar_array()[new] <= quality.max()).all()
     assert (mesh.vertex_custom_scalar_attribute_array("bz_k_min")[new] == 0.0).all()
     assert (mesh.vertex_custom_scalar_attribute_array("bz_fit_status")[new] == FitStatus.SKIPPED).all()
     assert np.isin(
         mesh.face_custom_scalar_attribute_array("facemine")[m:], mesh.face_custom_scalar_attribute_array("facemine")[:m]
     ).all()
     np.testing.assert_allclose(np.linalg.norm(mesh.vertex_normal_matrix(), axis=1), 1.0)
+
+
+def test_quality_and_colours_go_on_into_fills():
+    """A linear function is harmonic in the plane: it is continued exactly, and colours to their eight bits."""
+    x, y = (0.1 * axis.ravel() for axis in np.meshgrid(np.arange(20.0), np.arange(20.0)))
+    corner = np.arange(380).reshape(19, 20)[:, :-1].ravel()
+    faces = np.vstack([np.c_[corner, corner + 1, corner + 21], np.c_[corner, corner + 21, corner + 20]])
+    vertices = np.c_[x, y, np.zeros_like(x)]
+    centers = vertices[faces].mean(axis=1)
+    faces = faces[(np.abs(centers - [1.0, 0.9, 0.0]) > 0.4).any(axis=1)].astype(np.int32)
+    used, local = np.unique(faces, return_inverse=True)
+    vertices = vertices[used]
+    shade = np.c_[0.5 * vertices[:, :2], np.full(len(vertices), 0.25), np.ones(len(vertices))]
+    ms = pymeshlab.MeshSet()
+    mesh = pymeshlab.Mesh(
+        vertices, local.reshape(-1, 3).astype(np.int32), v_scalar_array=3.0 * vertices[:, 0], v_color_matrix=shade
+    )
+    ms.add_mesh(mesh)
+    assert meshing_close_holes_by_bezier_patch(ms)["new_vertices"] > 0
+    filled = ms.current_mesh()
+    where, new = filled.vertex_matrix(), slice(len(vertices), None)
+    np.testing.assert_allclose(filled.vertex_scalar_array()[new], 3.0 * where[new, 0], atol=1e-9)
+    colors = filled.vertex_color_matrix()
+    rounded = 1.51 / 255  # down, and then to the nearest
+    np.testing.assert_allclose(colors[new, :2], 0.5 * where[new, :2], atol=rounded)
+    assert len(np.unique(colors[:, 2])) == len(np.unique(colors[:, 3])) == 1
 
 
 def edges_with_coordinates(mesh, faces):

@@ -78,7 +78,7 @@ class TestLoading:
         ("name", "content", "reason"),
         [
             ("empty.ply", b"", "the file is empty"),
-            ("junk.ply", b"\x00\xff" * 200, "Header not found"),
+            ("junk.ply", b"\x00\xff" * 200, "is no PLY file"),
             ("junk.stl", b"\x00\xff" * 200, "it is cut short or damaged: its header announces 4278255360 triangles"),
             ("junk.obj", b"\x00\xff" * 200, "No vertex found"),
             # pymeshlab's reader ends the process here.

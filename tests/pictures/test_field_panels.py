@@ -137,6 +137,11 @@ class TestFields:
         left, right = (np.ptp(half, axis=2).mean() for half in np.array_split(image, 2, axis=1))
         assert left > 1.3 * right  # less of it is grey
 
+    def test_holes_of_shapes_show_the_backs_of_faces(self):
+        (panel,) = field_panels([read_mesh_file(SAMPLES / "waves.ply")], "shape", colormap="auto", percentile=2.0)
+        assert panel.back is not None
+        assert np.abs(np.array(panel.back) - panel.colors[0]).max() > 0.2
+
     def test_files_without_the_field_are_grey(self, folder):
         files = [read_mesh_file(SAMPLES / "bumpy_star.ply"), read_mesh_file(folder / "curved.ply")]
         before, after = field_panels(files, "quality", colormap="auto", percentile=2.0, histogram=True)

@@ -153,6 +153,16 @@ def test_red_is_high_and_colours_facing_the_viewer_are_those_of_the_bar() -> Non
     assert image[height // 2, 3 * width // 4, 0] > 3 * image[height // 2, 3 * width // 4, 2]
 
 
+@pytest.mark.parametrize("flip", [False, True])
+def test_backs_of_faces_have_a_colour_of_their_own(flip: bool) -> None:
+    vertices, faces = plane()
+    front, back = (0.2, 0.7, 0.4), (0.69, 0.54, 0.42)
+    colors = np.tile(front, (len(vertices), 1))
+    image = draw(Panel(vertices, faces[:, ::-1] if flip else faces, colors=colors, back=back))
+    height, width, _ = image.shape
+    np.testing.assert_allclose(image[height // 2, width // 2], back if flip else front, atol=0.02)
+
+
 @pytest.mark.parametrize("colormap", ["turbo", "coolwarm"])
 @pytest.mark.parametrize("flip", [False, True])
 def test_every_colour_is_faithful_whichever_way_the_faces_turn(colormap: str, flip: bool) -> None:

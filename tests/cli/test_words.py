@@ -1,0 +1,113 @@
+"""What the command line says: in the words of the shell, and explained where it is printed."""
+
+from pathlib import Path
+
+import numpy as np
+import pymeshlab
+import pytest
+from command_line import run
+
+from bezier_filters import load_mesh, read_fields, save_mesh
+from bezier_filters.surfaces import sphere
+
+SAMPLES = Path(__file__).parents[2] / "sample_meshes"
+WAVES = SAMPLES / "waves.ply"
+
+
+def holed_ball(path):
+    """A ball of radius 1 without its top."""
+    ball = sphere(resolution=12)
+    top = (ball.vertices[ball.faces][..., 2] > 0.9).all(axis=1)
+    ms = pymeshlab.MeshSet()
+    ms.add_mesh(pymeshlab.Mesh(ball.vertices, ball.faces[~top]))
+    save_mesh(ms, path)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--radius", "0"], "--radius: got 0.0, expected a positive length"),
+        (["--detail", "-1"], "--detail: got -1.0, expected a positive length"),
+        (["--noise", "nan"], "--noise: got nan, expected a length of 0 or more"),
+        (
+            ["--quality", "foo"],
+            "--quality: got 'foo', expected 'mean', 'gaussian', 'min', 'max', 'curvedness', 'shape_index', 'std'",
+        ),
+    ],
+)
+def test_messages_name_options_and_nothing_that_only_python_has(arguments, message, tmp_path):
+    assert run("curvature", WAVES, tmp_path / "w.ply", *arguments).stderr == f"bezier-filters: {message}\n"
+
+
+def test_colours_need_a_quality(tmp_path):
+    result = run("smooth", WAVES, tmp_path / "w.ply", "--color")
+    assert result.stderr == "bezier-filters: --color: there is no quality to colour by; choose one\n"
+
+
+def test_a_missing_picture_is_what_is_missing():
+    result = run("render", WAVES)
+    assert result.returncode == 2
+    assert "expected a picture to write, whose name ends in one of .png" in result.stderr
+
+
+def test_a_file_that_is_no_mesh_is_called_that(tmp_path):
+    (tmp_path / "notes.ply").write_text("Wednesday: scan the vase again.")
+    result = run("info", tmp_path / "notes.ply")
+    assert "notes.ply: it is no PLY file: it starts with 'Wednesday: s'" in result.stderr
+
+
+def test_fields_that_are_missing_are_listed_as_info_does(tmp_path):
+    ms = load_mesh(WAVES)
+    ms.compute_scalar_by_function_per_vertex(q="0")
+    save_mesh(ms, tmp_path / "w.ply")
+    assert "quality" not in run("info", tmp_path / "w.ply").stdout
+    result = run("render", tmp_path / "w.ply", tmp_path / "w.png", "--field", "bz_k_min")
+    assert "has no 'bz_k_min'; it has shape" in result.stderr
+
+
+def test_the_table_of_holes_explains_itself(tmp_path):
+    holed_ball(tmp_path / "ball.ply")
+    result = run("fill-holes", tmp_path / "ball.ply", tmp_path / "closed.ply")
+    assert "surface:     on the surface that continues the one around the hole" in result.stdout
+    assert "rim angle:   between old and new faces" in result.stdout
+    assert "flat:" not in result.stdout
+
+
+@pytest.mark.parametrize(("limit", "is_noted"), [("10", True), ("50%", False), ("1.5", False)])
+def test_a_limit_that_limits_nothing_is_noted(limit, is_noted, tmp_path):
+    holed_ball(tmp_path / "ball.ply")
+    result = run("fill-holes", tmp_path / "ball.ply", tmp_path / "closed.ply", "--max-diameter", limit)
+    note = "note: --max-diameter: no hole can have a diameter of 10 where all of the mesh is 3.46 across\n"
+    assert (result.returncode, result.stderr) == (0, note if is_noted else "")
+
+
+def test_iterations_that_had_nothing_to_do_are_noted(tmp_path):
+    ball = sphere(resolution=16)
+    radii = 1.0 + np.random.default_rng(0).normal(scale=0.01, size=(len(ball.vertices), 1))
+    ms = pymeshlab.MeshSet()
+    ms.add_mesh(pymeshlab.Mesh(ball.vertices * radii, ball.faces))
+    save_mesh(ms, tmp_path / "noisy.ply")
+    files = tmp_path / "noisy.ply", tmp_path / "clean.ply"
+    assert run("smooth", *files).stderr == ""
+    once = files[1].read_bytes()
+    result = run("smooth", *files, "--iterations", 9)
+    assert result.stderr.startswith("note: --iterations: ")
+    assert "of 9 moved something, then nothing was left to do" in result.stderr
+    if " 1 of 9" in result.stderr:
+        assert files[1].read_bytes() == once
+    assert run("smooth", *files, "--iterations", 2, "--method", "paper").stderr == ""
+
+
+def test_a_mesh_that_is_coloured_cleaned_and_closed_keeps_its_colours_and_what_they_mean(tmp_path):
+    """The chain of the README: curvature of the scan, which smoothing and filling keep."""
+    holed_ball(tmp_path / "a.ply")
+    for command, source, target in [("curvature", "a", "b"), ("smooth", "b", "c"), ("fill-holes", "c", "d")]:
+        assert run(command, tmp_path / f"{source}.ply", tmp_path / f"{target}.ply").returncode == 0
+    first, last = read_fields(tmp_path / "b.ply"), read_fields(tmp_path / "d.ply")
+    count = len(first["quality"])
+    np.testing.assert_array_equal(last["quality"][:count], first["bz_mean_curvature"])
+    assert len(last["quality"]) == count or (last["quality"][count:] != 0.0).all()
+    mesh = load_mesh(tmp_path / "d.ply").current_mesh()
+    assert mesh.has_vertex_color()
+    result = run("render", tmp_path / "d.ply", tmp_path / "d.png", "--size", 60, "--json")
+    assert '"label": "mean curvature"' in result.stdout
