@@ -118,7 +118,6 @@ def meshing_close_holes_by_bezier_patch(
         mesh, repaired = repaired_copy(ms)
     start = time.perf_counter()
     topology = topology_of(mesh.vertices, mesh.faces)
-    diagonal = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
     diameter = absolute_length(maxdiameter, mesh.vertices, "maxdiameter")
     try:
         result = fill_holes(
@@ -142,6 +141,7 @@ def meshing_close_holes_by_bezier_patch(
     except (InvalidMeshError, InvalidParameterError) as error:
         raise BezierFilterError(re.sub("^max_edges", "maxholesize", str(error))) from error
     fitted = time.perf_counter()
+    diagonal = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
     check_unchanged(ms, given)
     if repair:
         with preserved_filter_script(ms):
