@@ -13,7 +13,15 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.learning.noise_model import NoiseModel, known_noise
-from bezier_filters.learning.plans import Choices, FitPlan, all_plans, best_plan, plan_for, plans_around
+from bezier_filters.learning.plans import (
+    Choices,
+    FitPlan,
+    all_plans,
+    best_plan,
+    first_valley,
+    plan_for,
+    plans_around,
+)
 from bezier_filters.learning.ring_analysis import FREE_DEGREE, RingAnalysis
 from bezier_filters.learning.surface_model import SurfaceModel, learn_model
 from bezier_filters.patches.harmonics import harmonic_basis
@@ -24,7 +32,8 @@ Features = Callable[[IntArray], FloatArray]  # gives the features (k, F) of vert
 
 QUANTILES = (0.15, 0.3, 0.5, 0.7, 0.85)  # where a sample is tried to be split
 FEWEST_ON_A_SIDE = 40  # neighbourhoods of the sample that a model of its own needs
-WORTHWHILE = 0.1  # mean logarithm of the predicted error that a split must save
+WORTHWHILE = 0.1  # mean logarithm of the predicted error that a split must save,
+WORTHWHILE_IF_CORRELATED = 0.35  # and under correlated noise, which is less surely told from the shape of a part
 DEEPEST = 3  # splits above each leaf
 
 
@@ -82,7 +91,9 @@ def best_leaf(surface: SurfaceModel, plans: Sequence[FitPlan], choices: Choices)
     """A leaf with the best of the plans that may be chosen; None if there is none."""
     sound = tuple(plan for plan in plans if np.isfinite(plan.error))
     allowed = choices.among(sound)
-    return Leaf(surface, sound, best_plan(allowed)) if allowed and np.isfinite(surface.sigma) else None
+    if not allowed or not np.isfinite(surface.sigma):
+        return None
+    return Leaf(surface, sound, best_plan(first_valley(allowed) if surface.noise.sills else allowed))
 
 
 def part_of(root: Leaf, analyses: Sequence[RingAnalysis], choices: Choices) -> Leaf | None:
@@ -122,7 +133,8 @@ def grow(
         return root
     gains = [saved(root.chosen, leaf) for leaf in leaves_]
     sizes = [max(len(part.centers) for part in side) for side in sides]
-    if sum(s * n for s, n in zip(gains, sizes, strict=True)) <= WORTHWHILE * sum(sizes):
+    worthwhile = WORTHWHILE_IF_CORRELATED if root.surface.noise.sills else WORTHWHILE
+    if sum(s * n for s, n in zip(gains, sizes, strict=True)) <= worthwhile * sum(sizes):
         return root
     low, high = (grow(leaf, side, features, choices, depth - 1) for leaf, side in zip(leaves_, sides, strict=True))
     return Split(feature, threshold, low, high)

@@ -32,6 +32,7 @@ PROMISED = 1.03  # per degree, by which the predicted error is multiplied: what 
 LEARNING, PER_VERTEX, PER_POINT = 1e8, 700.0, 85.0
 # once a lower degree, or another ring, has raised the predicted error by this factor, none beyond it is tried
 MUCH_WORSE = 1.3
+RISE, FAR_LOWER = 1.05, 1.5  # factors of predicted errors between which a valley of theirs ends, and is not good enough
 # distance weights are looked at up to here: where narrow rings are best because the surface varies fast
 WEIGHTED_RINGS = 4
 RIDGE = 1e-14  # of the largest entry of the normal equations: makes singular ones solvable, whose errors are then huge
@@ -215,8 +216,27 @@ def _add_until_much_worse(
 
 def best_plan(plans: Sequence[FitPlan]) -> FitPlan:
     """The plan with the smallest predicted error, as far as that is worth its cost; of third order, if there is one."""
-    plans = [plan for plan in plans if plan.degree >= THIRD_ORDER] or plans
-    return min(plans, key=lambda plan: plan.error * PROMISED**plan.degree * plan.cost**THRIFT)
+    return min(_of_third_order(plans), key=lambda plan: plan.error * PROMISED**plan.degree * plan.cost**THRIFT)
+
+
+def first_valley(plans: Sequence[FitPlan]) -> Sequence[FitPlan]:
+    """Plans of ascending rings up to the first rise of the predicted error, unless it falls far lower beyond.
+
+    Where shape ends a neighbourhood the error rises, and in a second valley, of still wider rings, that shape is
+    smoothed as if it were correlated noise: if both promise about the same, detail is kept.
+    """
+    plans = _of_third_order(plans)
+    lowest = min(plan.error for plan in plans)
+    least = np.inf
+    for k, plan in enumerate(plans):
+        if plan.error > RISE * least and least <= FAR_LOWER * lowest:
+            return plans[:k]
+        least = min(least, plan.error)
+    return plans
+
+
+def _of_third_order(plans: Sequence[FitPlan]) -> Sequence[FitPlan]:
+    return [plan for plan in plans if plan.degree >= THIRD_ORDER] or plans
 
 
 def plan_for(plan: FitPlan, surface: SurfaceModel) -> FitPlan | None:

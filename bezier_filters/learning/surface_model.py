@@ -163,7 +163,7 @@ def _term_variances(analysis: RingAnalysis, noise: FloatArray, white: float) -> 
         values = (squares - noise * counts) / weights
         errors = noise * np.sqrt(2.0 * counts / analysis.independent) / weights
         if (noise != white).any():
-            errors = np.hypot(errors, UNSURE * (noise - white) * counts / weights)
+            errors = np.hypot(errors, UNSURE * _or_of_lower_degree(noise - white) * counts / weights)
     surely = np.where(counts > 0.0, values - SURELY * errors, -np.inf)
     best = surely.argmax(axis=0), np.arange(counts.shape[1])
     found = counts[best] > 0.0
@@ -172,6 +172,20 @@ def _term_variances(analysis: RingAnalysis, noise: FloatArray, white: float) -> 
     result[:m] = np.where(found, values[best], 0.0)[basis.groups[:m]]
     uncertainty[:m] = np.where(found, errors[best], np.inf)[basis.groups[:m]]
     return result, uncertainty
+
+
+def _or_of_lower_degree(values: FloatArray) -> FloatArray:
+    """The larger of values (J + 1, G) and of their means over the groups of the degree before.
+
+    A Gaussian covariance leaves next to nothing to high degrees, and what real noise leaves there is no share of that.
+    """
+    basis, result = harmonic_basis(), values.copy()
+    degrees = np.zeros(values.shape[1], dtype=np.int32)
+    degrees[basis.groups[basis.groups < len(degrees)]] = basis.degrees[basis.groups < len(degrees)]
+    for degree in range(FREE_DEGREE + 1, int(degrees.max()) + 1):
+        here = degrees == degree
+        result[:, here] = np.maximum(result[:, here], values[:, degrees == degree - 1].mean(axis=1, keepdims=True))
+    return result
 
 
 def _with_hint(

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from numba import config
 from random_neighbourhoods import analyse_ring, as_sample, draw, variances_by_degree
 
-from bezier_filters import estimate_vertex_geometry
+from bezier_filters import estimate_vertex_geometry, load_mesh
 from bezier_filters.learning.model_tree import (
     FEWEST_ON_A_SIDE,
     Leaf,
@@ -18,8 +19,10 @@ from bezier_filters.learning.model_tree import (
 from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.learning.plans import Choices, FitPlan
 from bezier_filters.learning.surface_model import SurfaceModel
+from bezier_filters.meshlab.meshset import shipped_bunny
 from bezier_filters.patches.harmonics import harmonic_basis
 from bezier_filters.surfaces import ellipsoid, sphere, torus
+from survivors import keep_survivors
 
 CALM, ROUGH = variances_by_degree(1e-4, 0.1), variances_by_degree(1.0, 0.3)
 
@@ -147,3 +150,20 @@ def test_the_parts_do_not_depend_on_what_is_selected():
     for name in ("k_min", "k_max", "normals", "mean_curvature_std", "rings_used", "status"):
         np.testing.assert_array_equal(getattr(part, name)[selected], getattr(whole, name)[selected])
     assert not part.k_max[~selected].any()
+
+
+@pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
+@pytest.mark.parametrize("deleted", [10, 30])
+def test_a_scan_with_detail_as_long_as_its_noise_keeps_one_fit(deleted):
+    """Otherwise a few vertices less turn normals by degrees."""
+    ms = load_mesh(shipped_bunny())
+    vertices, faces = ms.current_mesh().vertex_matrix(), ms.current_mesh().face_matrix()
+    used = np.unique(faces)
+    vertices, faces = vertices[used], np.searchsorted(used, faces).astype(np.int32)
+    survivors = np.ones(len(vertices), dtype=bool)
+    survivors[np.random.default_rng([1, deleted]).permutation(len(vertices))[: len(vertices) * deleted // 100]] = False
+    kept, reduced = keep_survivors(vertices, faces, survivors)
+    full, less = (estimate_vertex_geometry(*mesh) for mesh in ((vertices, faces), (vertices[kept], reduced)))
+    assert (full.fit.rings, full.fit.parts) == (less.fit.rings, less.fit.parts) == (2, ())
+    cosines = np.einsum("nk,nk->n", full.normals[kept], less.normals)
+    assert np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0))).mean() < 1.0

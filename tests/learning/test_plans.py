@@ -15,6 +15,7 @@ from bezier_filters.learning.plans import (
     FitPlan,
     all_plans,
     best_plan,
+    first_valley,
     plan_for,
     ring_plans,
 )
@@ -129,6 +130,22 @@ def test_twice_the_time_must_take_a_fifth_off_the_error(overhead, ratio):
     assert slow.cost == pytest.approx(ratio * fast.cost)
     assert best_plan([fast, slow]) is slow
     assert best_plan([fast, replace(plan_with(rings, 4, 1.03 * 0.785 ** np.log2(ratio)), overhead=overhead)]) is fast
+
+
+@pytest.mark.parametrize(
+    ("errors", "rings"),
+    [
+        ([1.3, 1.1, 1.2, 1.15, 1.0], [2]),  # a valley at 2 rings, and one that is hardly lower
+        ([2.3, 2.1, 2.3, 1.15, 1.0], [2, 3, 4, 5]),  # far lower
+        ([1.3, 1.1, 1.14, 1.0, 1.2], [2, 3, 4]),  # no rise between them
+        ([0.5, 1.0, 0.9, 0.8, 0.7], [2, 3, 4, 5]),  # of second order, with one ring: nobody asks
+    ],
+)
+def test_under_correlated_noise_detail_is_kept_if_it_costs_little(errors, rings):
+    plans = [plan_with(k, min(k + 1, 3), error) for k, error in enumerate(errors, 1)]
+    assert [plan.rings for plan in first_valley(plans)] == rings
+    narrow = plans[:1]
+    assert first_valley(narrow) == narrow
 
 
 def test_a_single_degree_is_taken_even_where_the_points_do_not_determine_it():
