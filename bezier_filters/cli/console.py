@@ -176,7 +176,7 @@ def print_holes(report: Report, source: str) -> None:
         size = f"{hole['edge_count']:>9,}  {hole['diameter']:>17.3g}"
         out.print(f"{size}  {method:<11}  {hole['new_faces']:>9,}  {angle:>19}".rstrip())
         if hole["reason"]:
-            remark = in_words_of_the_shell(hole["reason"])
+            remark = "tried before: " * hole["filled"] + in_words_of_the_shell(hole["reason"])
             out.print(Padding(escape(remark), (0, 2, 0, 11), expand=False), soft_wrap=False)
     if len(report["holes"]) > MOST_HOLES:
         out.print(f"  and {len(report['holes']) - MOST_HOLES:,} smaller ones")
