@@ -39,8 +39,10 @@ def averaged(faces: np.ndarray, values: np.ndarray, steps: int) -> np.ndarray:
     return values / np.sqrt(np.square(values).mean())
 
 
-def displaced(kind: str, level: float, surface: SampledSurface, edge: float, seed: int) -> np.ndarray:
+def displaced(kind: str, level: float, surface: SampledSurface, seed: int) -> np.ndarray:
     """The vertices with noise."""
+    edges = surface.vertices[surface.faces] - surface.vertices[np.roll(surface.faces, 1, axis=1)]
+    edge = float(np.linalg.norm(edges, axis=2).mean())
     random, vertices = np.random.default_rng(seed), surface.vertices
     white = random.standard_normal(len(vertices))
     if kind == "all directions":
@@ -81,19 +83,19 @@ KINDS = [
 ]
 
 
+def errors(geometry: bf.VertexGeometry, surface: SampledSurface) -> tuple[float, float]:
+    """Of the normal, and of H relative to its own root mean square."""
+    off = geometry.mean_curvature - surface.mean_curvature
+    relative = np.sqrt(np.square(off).mean() / np.square(surface.mean_curvature).mean())
+    return float(np.sqrt(np.square(angles(geometry.normals, surface.normals)).mean())), float(relative)
+
+
 def measure(kind: str, level: float, surface: SampledSurface, seed: int) -> list[float]:
     """Errors of normal and H, those of the best fixed setting, held share, rest of the height, by one surface."""
-    edges = surface.vertices[surface.faces] - surface.vertices[np.roll(surface.faces, 1, axis=1)]
-    vertices = displaced(kind, level, surface, float(np.linalg.norm(edges, axis=2).mean()), seed)
-
-    def errors(geometry: bf.VertexGeometry) -> tuple[float, float]:
-        off = geometry.mean_curvature - surface.mean_curvature
-        relative = np.sqrt(np.square(off).mean() / np.square(surface.mean_curvature).mean())
-        return float(np.sqrt(np.square(angles(geometry.normals, surface.normals)).mean())), float(relative)
-
+    vertices = displaced(kind, level, surface, seed)
     found = bf.estimate_vertex_geometry(vertices, surface.faces)
     fixed = [
-        errors(bf.estimate_vertex_geometry(vertices, surface.faces, rings=rings, degree=degree, alpha=1.0))
+        errors(bf.estimate_vertex_geometry(vertices, surface.faces, rings=rings, degree=degree, alpha=1.0), surface)
         for rings, degree in FIXED
     ]
     off = np.abs(found.mean_curvature - surface.mean_curvature)
@@ -101,7 +103,7 @@ def measure(kind: str, level: float, surface: SampledSurface, seed: int) -> list
     smoothed = bf.smooth(vertices, surface.faces).vertices
     heights = [np.einsum("ij,ij->i", points - surface.vertices, surface.normals) for points in (smoothed, vertices)]
     left = float(np.sqrt(np.square(heights[0]).mean() / np.square(heights[1]).mean()))
-    return [*errors(found), *np.min(fixed, axis=0), held, left]
+    return [*errors(found, surface), *np.min(fixed, axis=0), held, left]
 
 
 def main() -> None:

@@ -22,10 +22,9 @@ import reduction
 import smoothing
 import sub_holes
 import uneven_shape
-from bezier_filters import fill_holes, smooth, surfaces
+from bezier_filters import estimate_vertex_geometry, fill_holes, smooth, surfaces
 from bezier_filters.meshlab.meshset import shipped_bunny
 from cut_holes import compact, cut
-from peers import ours
 
 ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / "benchmarks" / "results"
@@ -149,18 +148,20 @@ def test_red_blood_cell(method, tolerance):
         assert_kept(row, {"mean_error": mean, "max_error": largest}, tolerance)
 
 
-def test_deleted_vertices():
-    methods = {"paper": ours(smoothness="paper")}
-    ((_, _, _, *found),) = reduction.measured(*reduction.model(shipped_bunny()), methods, (90,), (0.0,), 0)
-    row = kept("reduction.csv", noise=0.0, deleted_percent=90, method="paper")
-    assert_kept(row, dict(zip(list(row)[3:], found, strict=True)), GIVEN)
+@pytest.mark.parametrize(("method", "deleted", "tolerance"), [("paper", 90, GIVEN), ("automatic", 30, LEARNED)])
+def test_deleted_vertices(method, deleted, tolerance):
+    methods = {method: reduction.methods(slow=False)[method]}
+    ((_, _, _, *found),) = reduction.measured(*reduction.model(shipped_bunny()), methods, (deleted,), (0.0,), 0)
+    row = kept("reduction.csv", noise=0.0, deleted_percent=deleted, method=method)
+    assert_kept(row, dict(zip(list(row)[3:], found, strict=True)), tolerance)
 
 
-def test_uneven_shape():
+@pytest.mark.parametrize(("method", "tolerance"), [("paper", GIVEN), ("automatic", LEARNED)])
+def test_uneven_shape(method, tolerance):
     surface, regular, _ = uneven_shape.shape(30, 1, 0)
-    estimate = uneven_shape.methods()["paper"](surface.vertices, surface.faces)
-    row = kept("uneven_shape.csv", kept_percent=30, noise=0.0, method="paper")
-    assert_kept(row, dict(zip(list(row)[3:], uneven_shape.errors(surface, regular, estimate), strict=True)), GIVEN)
+    estimate = uneven_shape.methods()[method](surface.vertices, surface.faces)
+    row = kept("uneven_shape.csv", kept_percent=30, noise=0.0, method=method)
+    assert_kept(row, dict(zip(list(row)[3:], uneven_shape.errors(surface, regular, estimate), strict=True)), tolerance)
 
 
 @pytest.mark.parametrize(("filler", "method"), [("ours", "auto"), ("ours, paper", "paper")])
@@ -181,12 +182,15 @@ def test_smoothing(method, tolerance):
     assert_kept(row, {name: scores[name] for name in ("angle", "volume")}, tolerance)
 
 
-@pytest.mark.slow
-def test_noise():
-    values = np.array([noise.measure("white", 0.05, make(), 5) for make in noise.SURFACES.values()])
-    row = kept("noise.csv", kind="white", level=0.05)
-    means = np.exp(np.log(values[:, :4]).mean(axis=0))
-    assert_kept(row, dict(zip(list(row)[2:6], means, strict=True)), LEARNED)
+@pytest.mark.parametrize(("kind", "level"), [("averaged 1", 0.1), ("varying", 0.05)])
+def test_noise(kind, level):
+    values = []
+    for make in noise.SURFACES.values():
+        surface = make()
+        estimate = estimate_vertex_geometry(noise.displaced(kind, level, surface, 5), surface.faces)
+        values.append(noise.errors(estimate, surface))
+    row = kept("noise.csv", kind=kind, level=level)
+    assert_kept(row, dict(zip(("normal", "H"), np.exp(np.log(values).mean(axis=0)), strict=True)), LEARNED)
 
 
 @pytest.mark.skipif(not DENOISING.is_dir(), reason="the models are not part of the project")
