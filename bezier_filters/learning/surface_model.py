@@ -80,7 +80,7 @@ def learn_model(
             of_ring = ring_noise(noise, analysis)
         elif whole is not None:
             of_ring = of_ring.of_part(noise, analysis)
-        values, errors = _term_variances(analysis, of_ring.coefficients, noise.white)
+        values, errors = _term_variances(analysis, of_ring)
         if models:
             scale = (analysis.radius / models[-1].analysis.radius) ** (2.0 * basis.degrees)
             values, errors = _with_hint(values, errors, scale * models[-1].variances, scale * wider_errors)
@@ -149,7 +149,7 @@ def expected_variance(surplus: FloatArray, by_chance: FloatArray, prior_range: f
     return np.where(certain, np.maximum(surplus, 0.0), believed)
 
 
-def _term_variances(analysis: RingAnalysis, noise: FloatArray, white: float) -> tuple[FloatArray, FloatArray]:
+def _term_variances(analysis: RingAnalysis, of_ring: RingNoise) -> tuple[FloatArray, FloatArray]:
     """Variances of all terms as one ring shows them, and their standard errors, infinite if it does not.
 
     The coefficient of a term follows from a fit of any degree that has it: a low one leaves it
@@ -159,11 +159,14 @@ def _term_variances(analysis: RingAnalysis, noise: FloatArray, white: float) -> 
     squares, weights, counts = (
         part.sum(axis=0) for part in (analysis.sums.term_squares, analysis.sums.term_weights, analysis.sums.term_counts)
     )
+    noise = of_ring.coefficients
+    beyond_white = noise - of_ring.model.white
     with np.errstate(divide="ignore", invalid="ignore"):
         values = (squares - noise * counts) / weights
         errors = noise * np.sqrt(2.0 * counts / analysis.independent) / weights
-        if (noise != white).any():
-            errors = np.hypot(errors, UNSURE * _or_of_lower_degree(noise - white) * counts / weights)
+        if (beyond_white != 0.0).any():
+            of_model = _or_of_lower_degree(beyond_white) if of_ring.model.sills else beyond_white
+            errors = np.hypot(errors, UNSURE * of_model * counts / weights)
     surely = np.where(counts > 0.0, values - SURELY * errors, -np.inf)
     best = surely.argmax(axis=0), np.arange(counts.shape[1])
     found = counts[best] > 0.0

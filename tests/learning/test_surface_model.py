@@ -13,6 +13,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from bezier_filters import InvalidParameterError, estimate_vertex_geometry
+from bezier_filters.learning.noise_model import NoiseModel, ring_noise
 from bezier_filters.learning.surface_model import (
     CERTAIN,
     PRIOR_RANGE,
@@ -404,8 +405,7 @@ def test_variances_of_terms_scatter_by_their_standard_errors():
     for seed in range(150):
         points = draw(40, 25, np.zeros(len(basis.degrees)), 0.5, seed=seed).points
         analysis = analyse_ring(as_sample(points), 3, len(points))
-        noise = np.full(analysis.sums.term_squares.shape[1:], 0.25)
-        values, errors = _term_variances(analysis, noise, 0.25)
+        values, errors = _term_variances(analysis, ring_noise(NoiseModel(0.25), analysis))
         scores.append(
             (values / errors)[basis.degrees == analysis.degree][::2]
         )  # both terms of a frequency are told alike
