@@ -405,7 +405,8 @@ def test_variances_of_terms_scatter_by_their_standard_errors():
     for seed in range(150):
         points = draw(40, 25, np.zeros(len(basis.degrees)), 0.5, seed=seed).points
         analysis = analyse_ring(as_sample(points), 3, len(points))
-        values, errors = _term_variances(analysis, ring_noise(NoiseModel(0.25), analysis))
+        noise = np.full(analysis.sums.term_squares.shape[1:], 0.25)
+        values, errors = _term_variances(analysis, replace(ring_noise(NoiseModel(0.25), analysis), coefficients=noise))
         scores.append(
             (values / errors)[basis.degrees == analysis.degree][::2]
         )  # both terms of a frequency are told alike
