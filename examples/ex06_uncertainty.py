@@ -18,9 +18,9 @@ from common import run
 
 def main(out: Path) -> dict[str, Any]:
     """Write uncertainty.png; standard errors and errors of both halves, and how often 95 % intervals hold the truth."""
-    shape = torus(resolution=80, jitter=0.3)
+    shape = torus(resolution=120, jitter=0.3)
     right = shape.vertices[:, 0] > 0
-    sigma = np.where(right, 0.005, 0.001)
+    sigma = np.where(right, 0.01, 0.001)
     height = sigma * np.random.default_rng(0).standard_normal(len(sigma))
     vertices = shape.vertices + height[:, None] * shape.normals
 

@@ -296,11 +296,11 @@ def fit_in_balls(
     Where the patch is left open, one that suits the rings of about this radius is taken, the same everywhere.
     """
     choices = Choices(None, degrees, sigma)
-    leaf = None if fit else _learn_balls(mesh, adjacency, radius, choices, threads)
+    leaf = None if fit else _learn_balls(mesh, adjacency, radius, choices, robust, threads)
     if leaf is not None:
         before, mesh = mesh, refined(mesh, leaf.surface.noise)
         if (mesh.stops != before.stops).any():
-            leaf = _learn_balls(mesh, adjacency, radius, choices, threads)
+            leaf = _learn_balls(mesh, adjacency, radius, choices, robust, threads)
     if leaf is None:
         fit = fit or PatchFit()
         attempts = fallback_chain(1, fit, radius)
@@ -313,8 +313,11 @@ def fit_in_balls(
     return choice
 
 
-def _learn_balls(mesh: KernelMesh, adjacency: Adjacency, radius: float, choices: Choices, threads: int) -> Leaf | None:
+def _learn_balls(
+    mesh: KernelMesh, adjacency: Adjacency, radius: float, choices: Choices, robust: bool, threads: int
+) -> Leaf | None:
     """Learn the surface; the chosen plan is that of the rings whose radius is nearest to the one given."""
+    mesh = without_outliers(mesh, threads=threads) if robust else mesh
     wanted = nearest_rings(mesh, adjacency, radius, threads=threads)
     analyses, leaf = learn_surface(mesh, adjacency, replace(choices, rings=wanted), threads=threads)
     if not analyses:

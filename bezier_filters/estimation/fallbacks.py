@@ -20,6 +20,7 @@ from bezier_filters.kernels.kernel_input import (
 )
 from bezier_filters.learning.learn import MOST_TURNED
 from bezier_filters.learning.plans import FitPlan
+from bezier_filters.learning.quartic_mean import QUARTIC
 from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.patches.polynomials import elimination_order, lexicographic_places, row_starts
 from bezier_filters.runtime.parallel import Progress, run_in_chunks, run_kernel
@@ -207,6 +208,7 @@ def kernel_fit(attempt: FitAttempt, *, robust: bool = False) -> KernelFit:
     if attempt.noise[0] > 0.0:
         space, order = elimination_order(space)
     lower = np.tril_indices(space.dimension)
+    quartic, quartic_order = np.empty((0, 5)), np.empty(0, dtype=np.int32)
     weight_scale, weight_power = 0.0, 0
     moment_exponents, moment_place = space.moments
     if isinstance(fit, PatchFit):
@@ -217,6 +219,9 @@ def kernel_fit(attempt: FitAttempt, *, robust: bool = False) -> KernelFit:
         if np.isfinite(fit.weight_radius):
             weight_scale, weight_power = 1.0 / fit.weight_radius**2, fit.degree + 1
         prior, smallest_pivot = fit.prior[np.ix_(order, order)][lower], SMALLEST_PRIOR_PIVOT
+        if fit.quartic != 0.0:
+            quartic_order = space.places([(QUARTIC - k, k) for k in range(QUARTIC + 1)])
+            quartic = fit.quartic * fit.prior[np.ix_(order[quartic_order], order[quartic_order])]
     entries = np.flatnonzero(prior)
     degrees = space.total_degrees[lower[0]][entries]
     places: IntArray = entries[np.argsort(degrees, kind="stable")].astype(np.int32)
@@ -240,6 +245,8 @@ def kernel_fit(attempt: FitAttempt, *, robust: bool = False) -> KernelFit:
         prior=prior[places],
         prior_place=places,
         prior_degree=np.sort(degrees).astype(np.int32),
+        quartic=quartic,
+        quartic_order=quartic_order,
         smallest_pivot=smallest_pivot,
         normal_noise=attempt.noise[0],
         curvature_noise=attempt.noise[1],

@@ -17,9 +17,11 @@ from bezier_filters.kernels.lane_algebra import (
     add_moments,
     add_squared_residuals,
     differentiate,
+    factorise,
     raise_powers,
-    solve_lanes,
     sort_lanes,
+    substitute_back,
+    substitute_forward,
 )
 from bezier_filters.meshes.neighbourhoods import collect_ball, collect_ring
 from bezier_filters.runtime.jit import inner_jit, jit, variable
@@ -31,6 +33,7 @@ FEWEST = 128  # and how much room there is at least
 BIWEIGHT = 4.685  # standard deviations beyond which a residual has no weight: 95 % efficient for normal residuals
 SETTLED = 0.95  # reweighting goes on while the median residual falls below this share of the one before
 NORMAL_MEDIAN = 1.4826  # standard deviation of normal residuals over their median size
+QUARTIC_ROUNDS = 2  # of second derivatives and the fourth degree that follows from them
 EXACT = 1e-12  # median residual, in half widths of the neighbourhood, that is rounding: the points are interpolated
 
 
@@ -99,7 +102,13 @@ def fit_in_lanes(
             _solve(fit, capacity, most, work, None)
         else:
             _solve_robustly(fit, capacity, most, work, robust)
-        _differentiate(fit, capacity, most, work)
+        _differentiate(fit, work)
+        if fit.quartic.shape[0] > 0:
+            for _ in range(QUARTIC_ROUNDS):
+                _expect_quartic(fit, work)
+                _differentiate(fit, work)
+        store(work.total, 0, spread(0.0))
+        add_squared_residuals(work.coefficients, fit.starts, work.points, capacity, most, work.total, None)
         write_block(mesh, fit, block, work, of_block, results, conditions)
     return stop, 0
 
@@ -210,7 +219,14 @@ def _solve(fit: KernelFit, stride: int, count: int, work: FitWorkspace, weights:
     _sum_moments(fit, stride, count, work, weights)
     order = fit.exponents.shape[0]
     _set_up(fit, order, work)
-    solve_lanes(work.matrix, order, fit.smallest_pivot, work.solution, work.sound)
+    factorise(work.matrix, order + 1, order, fit.smallest_pivot, work.sound)
+    _finish(fit, order, work)
+
+
+@inner_jit()
+def _finish(fit: KernelFit, order: int, work: FitWorkspace) -> None:
+    """The coefficients from the factor."""
+    substitute_back(work.matrix, order, order, work.solution)
     for k in range(order):
         store(work.coefficients, fit.lexicographic[k], load(work.solution, k))
 
@@ -274,11 +290,47 @@ def _find_reaches(free: int, stride: int, count: int, work: FitWorkspace, robust
 
 
 @inner_jit()
-def _differentiate(fit: KernelFit, stride: int, count: int, work: FitWorkspace) -> None:
-    """Find the sum of the squared residuals, and the derivatives by lengths at the vertex."""
+def _expect_quartic(fit: KernelFit, work: FitWorkspace) -> None:
+    """Solve again, the fourth degree being expected as second derivatives S let expect it.
+
+    That is (x' S x) (x' S^2 x) / 8 times a factor: see `quartic_mean`. As S^2 = tr(S) S - det(S), it is
+    (tr(S) q^2 - det(S) q x' x) / 8 with q = x' S x. S counts as that of the sphere through the farthest point at most.
+    """
+    order, scale = fit.exponents.shape[0], load(work.box, 1)
+    zero, one, two, half, eighth = spread(0.0), spread(1.0), spread(2.0), spread(0.5), spread(0.125)
+    a, b, c = load(work.jets, 8), load(work.jets, 5), load(work.jets, 2)
+    mean, difference = half * (a + c), half * (a - c)
+    bend = where_greater(mean, zero, mean, zero - mean) + square_root(difference * difference + b * b)
+    sine = bend * square_root(load(work.box, 4))
+    less = where_greater(sine, one, one / sine, one)
+    a, b, c = less * a, less * b, less * c
+    trace, determinant = eighth * (a + c), eighth * (a * c - b * b)
+    quartic = (
+        trace * a * a - determinant * a,
+        two * b * (two * trace * a - determinant),
+        two * trace * (two * b * b + a * c) - determinant * (a + c),
+        two * b * (two * trace * c - determinant),
+        trace * c * c - determinant * c,
+    )
+    power = scale * scale
+    power = power * power  # the prior is per length; heights are over half widths of the neighbourhood
+    last = order * (order + 1) // 2
+    for k in range(order):
+        store(work.matrix, last + k, load(work.heights, fit.lexicographic[k]))
+    for k in range(fit.quartic.shape[0]):
+        total = zero
+        for n in range(len(quartic)):
+            total = multiply_add(spread(fit.quartic[k, n]), quartic[n], total)
+        place = last + fit.quartic_order[k]
+        store(work.matrix, place, multiply_add(total, power, load(work.matrix, place)))
+    substitute_forward(work.matrix, order, order)
+    _finish(fit, order, work)
+
+
+@inner_jit()
+def _differentiate(fit: KernelFit, work: FitWorkspace) -> None:
+    """Find the derivatives by lengths at the vertex."""
     zero, one = spread(0.0), spread(1.0)
-    store(work.total, 0, zero)
-    add_squared_residuals(work.coefficients, fit.starts, work.points, stride, count, work.total, None)
     for axis in range(2):
         store(work.origin, axis, (zero - load(work.box, 2 * axis)) * load(work.box, 2 * axis + 1))
     differentiate(work.coefficients, fit.starts, work.origin, work.jets)

@@ -108,6 +108,10 @@ class KernelFit(NamedTuple):
     prior: FloatArray  # non-zero entries of the prior, per length,
     prior_place: IntArray  # where they belong in the packed matrix,
     prior_degree: IntArray  # and their degree, ascending
+    # (5, 5): prior, per length, of the coefficients of degree 4, x^4 to y^4, times what these are expected to be in
+    # multiples of what round surfaces have; (0, 5) where they are expected to be 0,
+    quartic: FloatArray
+    quartic_order: IntArray  # and where they are in the order of elimination
     smallest_pivot: float
     normal_noise: float  # standard deviation of the heights; 0 for no standard errors
     curvature_noise: float

@@ -165,6 +165,17 @@ def substitute_back(factors: FloatArray, order: int, last: int, solution: FloatA
 
 
 @inner_jit()
+def substitute_forward(factors: FloatArray, order: int, last: int) -> None:
+    """Solve L y = b for factors from `factorise`, b being their row number `last`, which y replaces."""
+    b = last * (last + 1) // 2
+    for i in range(order):
+        row, total = i * (i + 1) // 2, load(factors, b + i)
+        for k in range(i):
+            total = total - load(factors, row + k) * load(factors, b + k)
+        store(factors, b + i, total * load(factors, row + i))
+
+
+@inner_jit()
 def solve_lanes(matrix: FloatArray, order: int, smallest_pivot: float, solution: FloatArray, sound: FloatArray) -> None:
     """Solve eight symmetric positive definite systems of some order.
 

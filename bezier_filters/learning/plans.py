@@ -12,8 +12,9 @@ from typing import TypeVar
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
+from bezier_filters.learning.quartic_mean import QUARTIC
 from bezier_filters.learning.ring_analysis import FREE_DEGREE
-from bezier_filters.learning.surface_model import UNSURE, RingModel, SurfaceModel
+from bezier_filters.learning.surface_model import RingModel, SurfaceModel
 from bezier_filters.patches.harmonics import harmonic_basis
 from bezier_filters.patches.polynomials import PolynomialSpace, total_degree_space
 
@@ -30,6 +31,8 @@ PROMISED = 1.03  # per degree, by which the predicted error is multiplied: what 
 # time, in the same units (about nanoseconds), of finding the plans: on small meshes that of the fit hardly matters;
 # of a vertex, and of each of its points beside their moments
 LEARNING, PER_VERTEX, PER_POINT = 1e8, 700.0, 85.0
+# correlated noise counts as so many times its variance in standard errors: long waves of it are taken for shape
+LONG_WAVES = 1.2
 # once a lower degree, or another ring, has raised the predicted error by this factor, none beyond it is tried
 MUCH_WORSE = 1.3
 RISE, FAR_LOWER = 1.05, 1.5  # factors of predicted errors between which a valley of theirs ends, and is not good enough
@@ -59,6 +62,7 @@ class FitPlan:
     normal_noise: float = 0.0
     curvature_noise: float = 0.0
     overhead: float = 0.0  # time per vertex of what is done whatever the plan
+    quartic: float = 0.0  # factor of a `QuarticMean` about which the terms of degree 4 vary
 
     @property
     def space(self) -> PolynomialSpace:
@@ -269,14 +273,26 @@ def _weighted_plan(surface: SurfaceModel, ring: RingModel, degree: int) -> FitPl
 
 
 def _plan_for_noise(ring: RingModel, degree: int, noise: float, weight_radius: float = np.inf) -> FitPlan:
-    """The fit that would be best if heights had this noise, length^2, with the errors that are predicted for it."""
+    """The fit that would be best if heights had this noise, length^2, with the errors that are predicted for it.
+
+    The fourth degree is expected to be what second derivatives let expect, if that is better.
+    """
     points, radius = float(ring.analysis.sizes.mean()), ring.analysis.radius
-    prior, overhead = _term_prior(ring, degree, noise), LEARNING / ring.analysis.vertex_count
-    plan = FitPlan(ring.analysis.rings, degree, points, radius, prior, weight_radius, 0.0, 0.0, overhead=overhead)
-    return _predicted(ring, plan)
+    overhead = LEARNING / ring.analysis.vertex_count
+
+    def plan(quartic: float) -> FitPlan:
+        prior = _term_prior(ring, degree, noise, quartic)
+        ends = weight_radius, 0.0, 0.0
+        return _predicted(
+            ring, FitPlan(ring.analysis.rings, degree, points, radius, prior, *ends, overhead=overhead, quartic=quartic)
+        )
+
+    # fits of higher degrees see the fourth degree themselves, and in a sample it is not told from the sixth
+    factors = {0.0, ring.quartic.factor if degree == QUARTIC else 0.0}
+    return min(map(plan, factors), key=lambda plan: plan.error)
 
 
-def _term_prior(ring: RingModel, degree: int, noise: float) -> FloatArray:
+def _term_prior(ring: RingModel, degree: int, noise: float, quartic: float) -> FloatArray:
     """Noise / variance of the terms up to a degree; 0 for the free ones."""
     basis = harmonic_basis()
     m = basis.up_to(degree)
@@ -289,12 +305,13 @@ def _term_prior(ring: RingModel, degree: int, noise: float) -> FloatArray:
     of_groups = np.bincount(groups, weights=likeness[: len(groups)]) / np.bincount(groups)
     of_terms[: len(groups)] *= of_groups[groups]
     least = np.maximum(of_terms / (STRONGEST_PRIOR * np.maximum(said, 1e-300)), 1e-300)
-    return np.where(basis.degrees[:m] <= FREE_DEGREE, 0.0, of_terms / np.maximum(ring.variances[:m], least))
+    variances = ring.quartic.variances(ring.variances, quartic)[:m]
+    return np.where(basis.degrees[:m] <= FREE_DEGREE, 0.0, of_terms / np.maximum(variances, least))
 
 
 def _predicted(ring: RingModel, plan: FitPlan) -> FitPlan:
     """A fit with the errors that a model predicts."""
-    slopes, curvatures = squared_errors(fit_equations(ring, plan), ring.variances)
+    slopes, curvatures = squared_errors(fit_equations(ring, plan), ring.quartic.variances(ring.variances, plan.quartic))
     return replace(
         plan,
         normal_error=_root(slopes) / ring.analysis.radius,
@@ -310,9 +327,10 @@ def _root(squared_error: float) -> float:
 def _calibrated(ring: RingModel, plan: FitPlan) -> FitPlan:
     """The plan with the noise that makes its standard errors those that are predicted cautiously."""
     equations = fit_equations(ring, plan)
-    if ring.noise.model.sills:  # long waves of the noise are easily taken for shape
-        equations = replace(equations, noise=(1.0 + UNSURE) * equations.noise)
-    expected, claimed = squared_errors(equations, ring.cautious), claimed_variances(equations)
+    if ring.noise.model.sills:
+        equations = replace(equations, noise=LONG_WAVES * equations.noise)
+    variances = ring.quartic.variances(ring.cautious, plan.quartic, cautious=True)
+    expected, claimed = squared_errors(equations, variances), claimed_variances(equations)
     with np.errstate(invalid="ignore", divide="ignore"):
         normal, curvature = (float(np.nan_to_num(np.sqrt(e / c))) for e, c in zip(expected, claimed, strict=True))
     return replace(plan, normal_noise=normal, curvature_noise=curvature)

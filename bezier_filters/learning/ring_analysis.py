@@ -25,8 +25,6 @@ FREE_DEGREE = 2  # height, slope and curvature are what we are after: no prior t
 FEWEST_SAMPLES = 12
 FEWEST_POINTS_PER_COEFFICIENT = 1.2
 FIRST = 8  # neighbourhoods by which plans are compared
-# neighbourhoods of a sample whose factors are kept: a part of the sample has some of them, as its order is random
-FACTORED = 64
 CHUNK = 4 * LANES  # neighbourhoods per chunk
 # a term whose column keeps less than this of its length, once what earlier terms explain is gone, is not seen
 UNSEEN = 3e-5
@@ -68,14 +66,14 @@ class RingAnalysis:
     # (N,): which rows of the next two arrays belong to these neighbourhoods, if they are part of a sample
     rows: IntArray
     points: FloatArray  # (S, n, 3): coordinates of the points, lengths; beyond `sizes`, anything
-    # (S', m, M): of the first S' of those S neighbourhoods: Q^T A for their design matrices A, Q being orthonormal for
-    # the m terms; upper triangular in its first m columns, and 0 in rows of terms that the points do not see
+    # (S, m, M): Q^T A for the design matrices A of those S neighbourhoods, Q being orthonormal for the m terms; upper
+    # triangular in its first m columns, and 0 in rows of terms that the points do not see
     factors: FloatArray
     sums: RingSums
 
     def where(self, kept: BoolArray) -> "RingAnalysis | None":
         """Only the neighbourhoods that are marked, (N,); None if they are too few."""
-        if kept.sum() < FEWEST_SAMPLES or not (self.rows[kept] < len(self.factors)).any():
+        if kept.sum() < FEWEST_SAMPLES:
             return None
         sums = RingSums(*(array[kept] for array in self.sums))
         return replace(self, centers=self.centers[kept], sizes=self.sizes[kept], rows=self.rows[kept], sums=sums)
@@ -96,8 +94,8 @@ class RingAnalysis:
 
     @cached_property
     def first(self) -> IntArray:
-        """The first neighbourhoods, up to `FIRST` of those whose factors are known: T numbers below N."""
-        return np.flatnonzero(self.rows < len(self.factors))[:FIRST].astype(np.int32)
+        """The first neighbourhoods, up to `FIRST`: T numbers below N."""
+        return np.arange(min(FIRST, len(self.rows)), dtype=np.int32)
 
     @cached_property
     def first_points(self) -> FloatArray:
@@ -135,6 +133,14 @@ class RingAnalysis:
         slope_x = a[:, 1] + 2.0 * ((a[:, 5] + a[:, 3]) * x + a[:, 4] * y)
         slope_y = a[:, 2] + 2.0 * ((a[:, 5] - a[:, 3]) * y + a[:, 4] * x)
         return np.concatenate([parameters, design @ a], axis=2), np.sqrt(1.0 + slope_x**2 + slope_y**2)
+
+    @cached_property
+    def reaches(self) -> FloatArray:
+        """Distance of the farthest point of each neighbourhood, (N,), a length."""
+        squares = np.square(self.points[self.rows]).sum(axis=2)
+        present = self._present(np.arange(len(self.rows), dtype=np.int32))
+        result: FloatArray = np.sqrt((squares * present).max(axis=1))
+        return result
 
     def _present(self, numbers: IntArray) -> BoolArray:
         return np.arange(self.points.shape[1]) < self.sizes[numbers, np.newaxis]
@@ -248,7 +254,7 @@ def _prepare(sample: NeighbourhoodSample, rings: int, most: int, vertex_count: i
         sizes,
         np.arange(len(rows), dtype=np.int32),
         points,
-        np.zeros((min(len(rows), FACTORED), m, len(basis.degrees))),
+        np.zeros((len(rows), m, len(basis.degrees))),
         RingSums(
             np.zeros((len(rows), m)),
             np.zeros((len(rows), len(basis.degrees))),
@@ -309,7 +315,7 @@ def analyse_in_lanes(
     factors: FloatArray,
     sums: RingSums,
 ) -> None:
-    """Fill rows start .. stop-1 of `sums`, and of `factors` as far as there are any.
+    """Fill rows start .. stop-1 of `factors` and `sums`.
 
     `points`, `sizes` and the results are those of `RingAnalysis`, x and y yet to be scaled; degrees and groups of
     the terms are those of `harmonic_basis`; `row_starts` says where the rows of a lower triangle start.
@@ -336,8 +342,7 @@ def analyse_in_lanes(
         _square_what_is_left(work, stride, count, m, highest)
         for lane in range(min(LANES, stop - first)):
             _write_row(work, lane, first + lane, sizes[first + lane], degrees, row_starts, sums)
-            if first + lane < factors.shape[0]:
-                _write_factors(work, lane, row_starts, factors[first + lane])
+            _write_factors(work, lane, row_starts, factors[first + lane])
         _write_coefficients(work, degrees, groups, row_starts, first, min(LANES, stop - first), sums)
 
 

@@ -10,19 +10,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import log_ndtr
 
 from bezier_filters.arrays import FloatArray
 from bezier_filters.learning.noise_model import NoiseModel, RingNoise, ring_noise
+from bezier_filters.learning.quartic_mean import QuarticMean, learn_quartic_mean
 from bezier_filters.learning.ring_analysis import FREE_DEGREE, RingAnalysis
+from bezier_filters.learning.variances import CAUTIOUS_RANGE, PRIOR_RANGE, UNSURE, expected_variance
 from bezier_filters.patches.harmonics import HIGHEST_DEGREE, harmonic_basis
 
 FEWEST_RINGS_FOR_NOISE = 2  # narrower rings leave too few points for a fit of high degree to tell noise from shape
-PRIOR_RANGE = 8.0  # standard errors over which a variance is as likely, beforehand, as it is to be nothing at all
-CAUTIOUS_RANGE = 4.0  # the same for standard errors, which had better be too large than too small
 SURELY = 4.0  # standard errors by which one estimate of a variance must be above another to be taken instead
-UNSURE = 0.4  # relative standard error of what correlated noise adds to the squares of coefficients
-CERTAIN = 30.0  # standard errors beyond which an estimate is taken as it is
 
 
 @dataclass(frozen=True)
@@ -35,6 +32,7 @@ class RingModel:
     variances: FloatArray
     cautious: FloatArray  # (M,): the same with less doubt that a term is there at all: what may be, for standard errors
     unmodelled: float  # mean square of the heights that is neither noise nor any of the terms, length^2
+    quartic: QuarticMean  # of the terms of degree 4, given those of degree 2
 
 
 @dataclass(frozen=True)
@@ -94,7 +92,8 @@ def learn_model(
         )
         modelled = float((analysis.sums.unexplained @ believed).sum() / analysis.sums.freedom[:, -1].sum())
         unmodelled = max(float(analysis.mean_squares[-1]) - of_ring.residuals[-1] - modelled, 0.0)
-        models.append(RingModel(analysis, of_ring, believed, cautious, unmodelled))
+        quartic = learn_quartic_mean(of_ring)
+        models.append(RingModel(analysis, of_ring, believed, cautious, unmodelled, quartic))
         wider_errors = errors
     return SurfaceModel(noise, tuple(reversed(models)))
 
@@ -127,26 +126,6 @@ def _falling_off(believed: FloatArray, values: FloatArray, errors: FloatArray) -
         result[unsure] = np.minimum(result[unsure], most)
         largest[degree] = float(result[degrees == degree].max())
     return result
-
-
-def expected_variance(surplus: FloatArray, by_chance: FloatArray, prior_range: float = PRIOR_RANGE) -> FloatArray:
-    """Mean of a variance v >= 0 whose estimate is normal about it, given the estimate.
-
-    Beforehand v is nothing at all or anything, the range of `prior_range` standard errors being as
-    likely as nothing: what rises clearly above chance is believed, and what does not, hardly. It is 0 if v cannot be
-    nothing. `surplus` (k,) are the estimates of v, `by_chance` (k,) their standard errors.
-
-    >>> expected_variance(np.array([-1.0, 0.0, 1.0, 5.0]), np.ones(4)).round(2)
-    array([0.04, 0.11, 0.39, 5.  ])
-    """
-    certain = surplus >= CERTAIN * by_chance
-    x = np.divide(surplus, by_chance, out=np.zeros_like(surplus), where=~certain & (by_chance > 0.0))
-    x = np.maximum(x, -CERTAIN)
-    log_density, log_share = -0.5 * x * x - 0.5 * np.log(2.0 * np.pi), log_ndtr(x)
-    ratio = np.exp(log_density - log_share)
-    with np.errstate(invalid="ignore"):  # unknown ones, whose standard error is infinite
-        believed: FloatArray = by_chance * (x + ratio) / (1.0 + prior_range * ratio)
-    return np.where(certain, np.maximum(surplus, 0.0), believed)
 
 
 def _term_variances(analysis: RingAnalysis, of_ring: RingNoise) -> tuple[FloatArray, FloatArray]:

@@ -19,6 +19,7 @@ from random_neighbourhoods import (
 
 from bezier_filters.learning.noise_model import LOOKED_AT, NoiseModel, ring_noise, squared_distances
 from bezier_filters.learning.plans import ring_plans
+from bezier_filters.learning.quartic_mean import no_mean
 from bezier_filters.learning.ring_analysis import FIRST
 from bezier_filters.learning.surface_model import RingModel, SurfaceModel
 from bezier_filters.patches.harmonics import harmonic_basis
@@ -139,7 +140,7 @@ def test_noise_that_was_drawn_is_found_by_the_analysis_as_was_foreseen(noise):
 
 
 def models_of(noise, analysis, variances):
-    ring = RingModel(analysis, ring_noise(noise, analysis), variances, variances, 0.0)
+    ring = RingModel(analysis, ring_noise(noise, analysis), variances, variances, 0.0, no_mean())
     return SurfaceModel(noise, (ring,))
 
 

@@ -19,6 +19,7 @@ from bezier_filters.learning.plans import (
     plan_for,
     ring_plans,
 )
+from bezier_filters.learning.quartic_mean import no_mean
 from bezier_filters.learning.surface_model import RingModel, SurfaceModel
 from bezier_filters.surfaces import height_field, sphere
 
@@ -35,7 +36,9 @@ def surface_model(points, variances, sigma, rings=3):
     """The model with the true variances."""
     analysis = analyse_ring(as_sample(points, rings), rings, len(points))
     noise = NoiseModel(sigma**2)
-    return SurfaceModel(noise, (RingModel(analysis, ring_noise(noise, analysis), variances, variances, 0.0),))
+    return SurfaceModel(
+        noise, (RingModel(analysis, ring_noise(noise, analysis), variances, variances, 0.0, no_mean()),)
+    )
 
 
 def errors_of_the_kernel(plan, drawn):

@@ -9,20 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from random_neighbourhoods import analyse_ring, as_sample, draw, variances_by_degree
-from scipy.integrate import quad
-from scipy.stats import norm
 
 from bezier_filters import InvalidParameterError, estimate_vertex_geometry
 from bezier_filters.learning.noise_model import NoiseModel, ring_noise
-from bezier_filters.learning.surface_model import (
-    CERTAIN,
-    PRIOR_RANGE,
-    SURELY,
-    _falling_off,
-    _term_variances,
-    expected_variance,
-    learn_model,
-)
+from bezier_filters.learning.surface_model import SURELY, _falling_off, _term_variances, learn_model
 from bezier_filters.patches.harmonics import harmonic_basis
 from bezier_filters.patches.polynomials import total_degree_space
 from bezier_filters.surfaces import bumpy_star, ellipsoid, height_field, monkey_saddle, sphere, torus, waves
@@ -245,16 +235,18 @@ def test_clean_irregular_meshes_are_as_accurate_as_they_were(name):
 
 @pytest.mark.parametrize("level", [0.02, 0.05, 0.1])
 def test_intervals_of_95_percent_cover_about_that_much(level):
+    """Each surface by itself as well, and errors that are said to be large are no more than twice as large."""
     coverage = []
     for make in SURFACES.values():
         surface = make(24)
         geometry = estimate_vertex_geometry(with_noise(surface, level), surface.faces)
         mask = inner(surface)
         error = np.abs(geometry.mean_curvature - surface.mean_curvature)[mask]
-        coverage.append(np.mean(error < 1.96 * geometry.mean_curvature_std[mask]))
+        claimed = geometry.mean_curvature_std[mask]
+        coverage.append(np.mean(error < 1.96 * claimed))
+        assert 0.5 < np.sqrt(np.mean(claimed**2) / np.mean(error**2)) < 2.0
     assert 0.85 < np.mean(coverage) < 0.99
-    assert min(coverage) > 0.6
-    assert max(coverage) < 1.0
+    assert min(coverage) > 0.8
 
 
 def test_standard_errors_are_those_of_repeated_measurements():
@@ -295,38 +287,6 @@ def test_the_terms_of_the_model_are_the_harmonics():
     for k, (j, frequency) in enumerate(terms):
         cosine, sine = 0.7**j * np.cos(frequency * phi), 0.7**j * np.sin(frequency * phi)
         assert min(np.abs(values[:, k] - cosine).max(), np.abs(values[:, k] - sine).max()) < 1e-12
-
-
-def posterior_mean(x):
-    """By integration, in standard errors: half a point mass at 0, half a density of 1 / range on v >= 0."""
-    # Relative to the highest density, so that nothing underflows.
-    top = max(x, 0.0)
-    cut = {"points": (top, top + 1.0), "limit": 200}
-    density = lambda v: np.exp(norm.logpdf(x - v) - norm.logpdf(x - top)) / PRIOR_RANGE  # noqa: E731
-    upwards = quad(lambda v: v * density(v), 0.0, top + 12.0, **cut)[0]
-    nothing = np.exp(norm.logpdf(x) - norm.logpdf(x - top))
-    return upwards / (nothing + quad(density, 0.0, top + 12.0, **cut)[0])
-
-
-@pytest.mark.parametrize("x", [-12.0, -3.0, -1.0, 0.0, 0.5, 1.0, 2.0, 3.0, 4.0, 8.0, 20.0])
-def test_the_expected_variance_is_the_mean_of_the_posterior_distribution(x):
-    assert expected_variance(np.array([0.3 * x]), np.array([0.3]))[0] == pytest.approx(
-        0.3 * posterior_mean(x), rel=1e-6
-    )
-
-
-@given(st.floats(-50, 50), st.floats(0, 50), st.floats(1e-3, 1e3))
-def test_a_larger_estimate_is_believed_to_be_larger(x, more, unit):
-    low, high = expected_variance(unit * np.array([x, x + more]), np.array([unit, unit]))
-    assert 0.0 <= low <= high * (1.0 + 1e-9)
-    assert high <= unit * max(x + more, 1.0)
-
-
-def test_what_is_certain_is_believed_and_nothing_comes_of_nothing():
-    values = np.array([2.0 * CERTAIN, 1e9, 5.0, 0.0, -3.0])
-    np.testing.assert_array_equal(expected_variance(values, np.array([1.0, 1.0, 0.0, 0.0, 0.0])), [*values[:3], 0, 0])
-    assert expected_variance(np.array([CERTAIN - 1e-9]), np.ones(1))[0] == pytest.approx(CERTAIN)
-    assert expected_variance(np.array([-1e9]), np.ones(1))[0] < 1e-3
 
 
 def analysed(drawn, rings=3):
