@@ -25,6 +25,7 @@ from bezier_filters.kernels.graph_geometry import bound_errors
 from bezier_filters.kernels.kernel_input import KernelMesh, with_steady_normals
 from bezier_filters.learning.learn import CANDIDATE_RINGS, MOST_TURNED, learn_from_samples, learn_surface
 from bezier_filters.learning.model_tree import (
+    WORTHWHILE_IF_CORRELATED,
     Features,
     Leaf,
     Split,
@@ -54,7 +55,7 @@ OUTLIER_REACH = OUTLIER_RINGS + MORE_RINGS + SPREADS  # how many edges around a 
 # learned from: what is off by so many standard deviations of the noise, among more vertices, is learned by itself
 OFF, LOOKED_AT = 1.4, 2000
 FEWEST_OFF, MOST_OFF = 40, 0.3  # vertices, and share of those looked at: more of them are in the sample, too
-WORTHWHILE_THERE = 0.2  # logarithm of the predicted error that this must save
+WORTHWHILE_THERE = 0.2  # logarithm of the predicted error that this must save, unless the noise is correlated
 RESIDUAL = 1  # place among the `first_features`
 GEOMETRIC_MEAN = np.exp(-0.5 * (np.euler_gamma + np.log(2.0)))  # of the absolute value of a standard normal variable
 
@@ -200,10 +201,13 @@ def _without_what_is_off(tree: Tree[Leaf], root: Leaf, choices: Choices, places:
     def sample(rings: int, count: int, _: bool) -> NeighbourhoodSample:
         return places.sample(off[:count], rings)
 
-    vertex_count = root.surface.by_rings[0].analysis.vertex_count
-    _, leaf = learn_from_samples(sample, vertex_count, choices, threads=threads)
+    vertex_count, noise = root.surface.by_rings[0].analysis.vertex_count, root.surface.noise
+    analyses, leaf = learn_from_samples(sample, vertex_count, choices, threads=threads)
+    worthwhile = WORTHWHILE_THERE
+    if noise.sills:  # its long waves would be found stronger where residuals are largest, by the choice of the places
+        leaf, worthwhile = leaf_of(analyses, choices, noise, heavy=noise.heavy), WORTHWHILE_IF_CORRELATED
     # without rings as wide as those of the first fit, there are none that do not fold
-    if leaf is None or -np.inf < saved(root.chosen, leaf) <= WORTHWHILE_THERE:
+    if leaf is None or -np.inf < saved(root.chosen, leaf) <= worthwhile:
         return tree
     return Split(RESIDUAL, threshold, tree, leaf)
 

@@ -14,6 +14,7 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.learning.noise_model import NoiseModel, known_noise
 from bezier_filters.learning.plans import (
+    THIRD_ORDER,
     Choices,
     FitPlan,
     all_plans,
@@ -21,6 +22,7 @@ from bezier_filters.learning.plans import (
     first_valley,
     plan_for,
     plans_around,
+    steady_plan,
 )
 from bezier_filters.learning.ring_analysis import FREE_DEGREE, RingAnalysis
 from bezier_filters.learning.surface_model import SurfaceModel, learn_model
@@ -93,7 +95,8 @@ def best_leaf(surface: SurfaceModel, plans: Sequence[FitPlan], choices: Choices)
     allowed = choices.among(sound)
     if not allowed or not np.isfinite(surface.sigma):
         return None
-    return Leaf(surface, sound, best_plan(first_valley(allowed) if surface.noise.sills else allowed))
+    best = best_plan(first_valley(allowed) if surface.noise.sills else allowed)
+    return Leaf(surface, sound, steady_plan(surface, best) if THIRD_ORDER in choices.degrees else best)
 
 
 def part_of(root: Leaf, analyses: Sequence[RingAnalysis], choices: Choices) -> Leaf | None:

@@ -35,6 +35,9 @@ LEARNING, PER_VERTEX, PER_POINT = 1e8, 700.0, 85.0
 LONG_WAVES = 1.2
 # once a lower degree, or another ring, has raised the predicted error by this factor, none beyond it is tried
 MUCH_WORSE = 1.3
+# narrower rings hold few points more than a fit of the fourth degree has coefficients: it follows correlated noise, and
+# a small change of the data decides for or against it
+WIDE_ENOUGH = 3
 RISE, FAR_LOWER = 1.05, 1.5  # factors of predicted errors between which a valley of theirs ends, and is not good enough
 # distance weights are looked at up to here: where narrow rings are best because the surface varies fast
 WEIGHTED_RINGS = 4
@@ -237,6 +240,15 @@ def first_valley(plans: Sequence[FitPlan]) -> Sequence[FitPlan]:
             return plans[:k]
         least = min(least, plan.error)
     return plans
+
+
+def steady_plan(surface: SurfaceModel, plan: FitPlan) -> FitPlan:
+    """The plan, or that of third order on the same narrow ring, if that is nearly as good under correlated noise."""
+    if not surface.noise.sills or plan.rings >= WIDE_ENOUGH or plan.degree <= THIRD_ORDER:
+        return plan
+    (ring,) = (ring for ring in surface.by_rings if ring.analysis.rings == plan.rings)
+    third = _ring_plan(surface, ring, (THIRD_ORDER,))
+    return plan if third is None or third.error > FAR_LOWER * plan.error else third
 
 
 def _of_third_order(plans: Sequence[FitPlan]) -> Sequence[FitPlan]:

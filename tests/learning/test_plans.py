@@ -10,6 +10,7 @@ from bezier_filters import FitStatus, estimate_vertex_geometry
 from bezier_filters.learning import plans as plans_module
 from bezier_filters.learning.noise_model import NoiseModel, ring_noise
 from bezier_filters.learning.plans import (
+    FAR_LOWER,
     PER_VERTEX,
     WEIGHTED_RINGS,
     FitPlan,
@@ -18,6 +19,7 @@ from bezier_filters.learning.plans import (
     first_valley,
     plan_for,
     ring_plans,
+    steady_plan,
 )
 from bezier_filters.learning.quartic_mean import no_mean
 from bezier_filters.learning.surface_model import RingModel, SurfaceModel
@@ -149,6 +151,25 @@ def test_under_correlated_noise_detail_is_kept_if_it_costs_little(errors, rings)
     assert [plan.rings for plan in first_valley(plans)] == rings
     narrow = plans[:1]
     assert first_valley(narrow) == narrow
+
+
+@pytest.mark.parametrize("sills", [(), (SMALL**2,)], ids=["white", "correlated"])
+@pytest.mark.parametrize("rings", [2, 3])
+def test_narrow_rings_keep_the_third_order_under_correlated_noise_unless_that_is_far_worse(rings, sills):
+    """The errors of fourth order are made up; those of third order follow from the model."""
+    points = draw(100, SIZE, *BETWEEN).points
+    noise = NoiseModel(SMALL**2, sills=sills, lengths=tuple(0.5 for _ in sills))
+    analysis = analyse_ring(as_sample(points, rings), rings, len(points))
+    model = SurfaceModel(
+        noise, (RingModel(analysis, ring_noise(noise, analysis), BETWEEN[0], BETWEEN[0], 0.0, no_mean()),)
+    )
+    third = ring_plans(model, model.by_rings[0], (3,))[0]
+    for factor in (1.1, 0.9):
+        curvature, normal = (factor / FAR_LOWER * error for error in (third.curvature_error, third.normal_error))
+        fourth = replace(third, degree=4, normal_error=normal, curvature_error=curvature)
+        kept = rings == 2 and bool(sills) and factor > 1.0
+        assert steady_plan(model, fourth).degree == (3 if kept else 4)
+        assert steady_plan(model, third) is third
 
 
 def test_a_single_degree_is_taken_even_where_the_points_do_not_determine_it():
