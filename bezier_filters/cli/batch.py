@@ -11,15 +11,17 @@ from contextlib import closing, contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import asdict, dataclass, replace
 from itertools import takewhile
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from bezier_filters.arrays import Report
 from bezier_filters.cli import console, filters
 from bezier_filters.cli.app import Json, Quiet, app
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.parameters import PARAMETERS
+
+if TYPE_CHECKING:
+    from bezier_filters.arrays import Report
 
 __all__ = ["Item", "batch", "filters", "plan", "run_command"]
 
@@ -36,7 +38,7 @@ class Item:
     result: Literal["waiting", "done", "skipped", "failed"] = "waiting"
     seconds: float = 0.0
     error: str = ""
-    report: Report | None = None
+    report: "Report | None" = None
 
 
 @app.command(epilog="Example: bezier-filters batch curvature 'scans/*.ply' --out curved --options '--quality gaussian'")
@@ -140,7 +142,7 @@ def _recorded(out: Path) -> dict[str, list[str]]:
     return found
 
 
-def run_command(arguments: Sequence[str]) -> Report:
+def run_command(arguments: Sequence[str]) -> "Report":
     """Do what the command line does with these arguments; its report."""
     printed = io.StringIO()
     with redirect_stdout(printed), redirect_stderr(io.StringIO()):
@@ -209,7 +211,7 @@ def plan(sources: Mapping[Path, str], out: Path, suffix: str, done: Sequence[str
     return list(items.values())
 
 
-def summarize(command: str, items: Sequence[Item], seconds: float) -> Report:
+def summarize(command: str, items: Sequence[Item], seconds: float) -> "Report":
     """The batch as one dict, which can be written as JSON."""
     count = {result: sum(item.result == result for item in items) for result in ("done", "skipped", "failed")}
     return {"command": command, **count, "seconds": seconds, "files": [asdict(item) for item in items]}

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
-from bezier_filters.arrays import Report
 from bezier_filters.cli import batch, console, filters, pictures, scale, watch
 from bezier_filters.cli.app import Json, Overwrite, Quiet, Source, app, check_target, in_the_shell
-from bezier_filters.meshes.mesh import TriangleMesh
 
 if TYPE_CHECKING:
+    from bezier_filters.arrays import Report
+    from bezier_filters.meshes.mesh import TriangleMesh
     from bezier_filters.meshlab.meshset import CurrentMesh
 
 __all__ = ["app", "batch", "filters", "pictures", "scale", "serve_command_line", "watch"]
@@ -66,7 +66,7 @@ def report(
         console.out.print(f"wrote [bold]{escape(str(page))}[/]; open it in a browser")
 
 
-def _inspected(source: Path, stage: console.Stage) -> tuple["CurrentMesh", Report]:
+def _inspected(source: Path, stage: console.Stage) -> tuple["CurrentMesh", "Report"]:
     """A mesh, and what `info` tells of it."""
     from bezier_filters.meshes.diagnosis import inspect_mesh
     from bezier_filters.meshes.mesh import triangle_mesh
@@ -86,7 +86,7 @@ def _inspected(source: Path, stage: console.Stage) -> tuple["CurrentMesh", Repor
     return loaded, summary | {"contents": contents_of(ms)}
 
 
-def _noise_of(mesh: TriangleMesh) -> Report:
+def _noise_of(mesh: "TriangleMesh") -> "Report":
     """The noise of a mesh, learned as for fitting and smoothing."""
     from bezier_filters.estimation.first_call import first_call
     from bezier_filters.estimation.noise_free import learn_noise

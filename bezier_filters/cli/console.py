@@ -1,5 +1,7 @@
 """What the command line prints: reports as text or JSON, and the progress bar."""
 
+from __future__ import annotations  # what they name costs time to import
+
 import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,13 +15,13 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskProgres
 from rich.table import Table
 from rich.text import Text
 
-from bezier_filters.arrays import Report
 from bezier_filters.display.summaries import noise_in_words, noise_level
 from bezier_filters.fields import CURVATURE, qualities
 from bezier_filters.runtime.parallel import Progress as ProgressCallback
 from bezier_filters.status import FitStatus
 
 if TYPE_CHECKING:
+    from bezier_filters.arrays import Report
     from bezier_filters.meshes.diagnosis import MeshReport
     from bezier_filters.meshes.mesh import TriangleMesh
 
@@ -254,7 +256,7 @@ def _remark(report: Report) -> str:
     return ""
 
 
-def mesh_summary(mesh: "TriangleMesh", report: "MeshReport", topology: Report, noise: Report | None) -> Report:
+def mesh_summary(mesh: TriangleMesh, report: MeshReport, topology: Report, noise: Report | None) -> Report:
     """What `info` tells, as one dict; the noise by the names of what `noise_in_words` takes, if there are faces."""
     from bezier_filters.meshes.diagnosis import diagnose, is_fit
 

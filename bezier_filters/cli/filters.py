@@ -5,12 +5,11 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 import bezier_filters
-from bezier_filters.arrays import Report
 from bezier_filters.cli import console
 from bezier_filters.cli.app import (
     NEEDS_A_LOOK,
@@ -29,6 +28,9 @@ from bezier_filters.cli.app import (
 from bezier_filters.fields import qualities
 from bezier_filters.parameters import COLORS, PARAMETERS, RUN, Parameter
 
+if TYPE_CHECKING:
+    from bezier_filters.arrays import Report
+
 _COLOR, _PROGRESS = COLORS[0], RUN[1]
 _COLORED = {_COLOR: replace(_COLOR, default=True)}
 
@@ -39,7 +41,7 @@ def filter_command(
     changed: Mapping[Parameter, Parameter] = _COLORED,
     *,
     verb: str = "fitting",
-    show: Callable[[Report, str], None] = console.print_status,
+    show: "Callable[[Report, str], None]" = console.print_status,
 ) -> Callable[[Callable[[], None]], Callable[[], None]]:
     """Add a command, which loads, runs a filter of the package, saves and reports.
 

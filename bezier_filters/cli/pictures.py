@@ -1,13 +1,12 @@
 """The commands that show the fields of files: as a picture, in a window, or in MeshLab."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from bezier_filters.cli import console
 from bezier_filters.cli.app import ColorRange, Json, Overwrite, Percentile, Quiet, Source, app, check_target, examples
-from bezier_filters.display.colors import ColorScale
 
 if TYPE_CHECKING:
     from bezier_filters.pictures.field_panels import MeshFile
@@ -43,7 +42,10 @@ FieldNames = Annotated[
 PictureColors = Annotated[
     str, typer.Option(help="auto (Cool Warm or Viridis), Paper, or a colour map of matplotlib: turbo, RdBu_r, ...")
 ]
-Scale = Annotated[ColorScale, typer.Option(help="symlog is logarithmic both ways from zero, for values of all sizes.")]
+Scale = Annotated[
+    Literal["linear", "symlog"],
+    typer.Option(help="symlog is logarithmic both ways from zero, for values of all sizes."),
+]
 Up = Annotated[str, typer.Option(help="Axis that points up: auto, x, y, z, -x, -y or -z.")]
 
 

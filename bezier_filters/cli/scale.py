@@ -4,17 +4,19 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from bezier_filters.arrays import Report
 from bezier_filters.cli import console
 from bezier_filters.cli.app import Json, Overwrite, Quiet, app, check_target, options
 from bezier_filters.errors import CancelledError
 from bezier_filters.fields import CURVATURE
 from bezier_filters.parameters import FIT, QUALITY_OF, SMOOTHING, Parameter, parameters
 from bezier_filters.runtime.parallel import Progress
+
+if TYPE_CHECKING:
+    from bezier_filters.arrays import Report
 
 scale_app = typer.Typer(
     help="Meshes of any size, in tiles on Dask: one machine or a cluster.",
@@ -143,7 +145,7 @@ def _resumable(*, quiet: bool) -> Iterator[Callable[[str, int, int], None]]:
         raise CancelledError("interrupted; give --resume to go on with what is not done yet") from None
 
 
-def _print(report: Report, target: Path, first: Callable[[], None], *, quiet: bool, json: bool) -> None:
+def _print(report: "Report", target: Path, first: Callable[[], None], *, quiet: bool, json: bool) -> None:
     if json:
         console.print_json(report)
     elif not quiet:

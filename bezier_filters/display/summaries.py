@@ -2,10 +2,11 @@
 
 from collections.abc import Iterable, Sequence
 from html import escape
+from numbers import Integral, Real
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from bezier_filters.arrays import FloatArray
+if TYPE_CHECKING:
+    from bezier_filters.arrays import FloatArray
 
 SMALLEST = 1e-4  # times the mean edge: what is less cannot be told from the shape
 
@@ -21,8 +22,10 @@ def html_table(title: str, header: Sequence[str], rows: Iterable[Sequence[object
     return f"<p><b>{escape(title)}</b></p><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
 
-def summary(name: str, unit: str, values: FloatArray) -> list[object]:
+def summary(name: str, unit: str, values: "FloatArray") -> list[object]:
     """Row of a table: name, unit, and smallest, median and largest value."""
+    import numpy as np
+
     numbers = [np.min(values), np.median(values), np.max(values)] if len(values) else [None] * 3
     return [name, unit, *numbers]
 
@@ -30,9 +33,9 @@ def summary(name: str, unit: str, values: FloatArray) -> list[object]:
 def _text(cell: object) -> str:
     if cell is None:
         return ""
-    if isinstance(cell, float | np.floating):
-        return f"{cell:.4g}"
-    return f"{cell:,}" if isinstance(cell, int | np.integer) else str(cell)
+    if isinstance(cell, Integral):
+        return f"{cell:,}"
+    return f"{cell:.4g}" if isinstance(cell, Real) else str(cell)
 
 
 def noise_level(sigma: float | None, edge: float | None = None) -> str:
