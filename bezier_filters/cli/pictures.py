@@ -90,8 +90,7 @@ def render(
     One mesh has a column for every field. Several have a column each and a row for every field, with the same colours
     for the same quantity; a mesh that lacks the field is grey.
     """
-    from bezier_filters.pictures.directions import with_directions
-    from bezier_filters.pictures.field_panels import default_field, field_panels
+    from bezier_filters.pictures.field_panels import default_field, field_panels, with_directions
     from bezier_filters.pictures.render import render_panels
 
     check_target(picture, *sources, overwrite=overwrite)
@@ -130,7 +129,7 @@ def view(
     """Show meshes with their fields in a window, to turn with the mouse; q closes it. Needs a display."""
     from bezier_filters.pictures.field_panels import default_field, field_panels
     from bezier_filters.pictures.scene import check_display, show_panels
-    from bezier_filters.runtime.interrupts import interrupts_end_the_process
+    from bezier_filters.runtime.supervision import interrupts_end_the_process
 
     check_display()
     with console.stages(quiet=False) as stage:

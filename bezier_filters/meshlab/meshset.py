@@ -19,7 +19,7 @@ import pymeshlab
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.files.filter_scripts import ScriptStep, read_filter_script, script_text
-from bezier_filters.runtime.interrupts import interrupts_held
+from bezier_filters.runtime.supervision import interrupts_held
 
 # pymeshlab has no type information, so these are Any to a type checker.
 MeshSet: TypeAlias = pymeshlab.MeshSet

@@ -18,8 +18,7 @@ from matplotlib.image import imread
 from bezier_filters import Panel, estimate_vertex_geometry, fill_holes, show, smooth
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.meshlab.meshset import read_current_mesh
-from bezier_filters.pictures.page import Results, page_of, reduced
-from bezier_filters.pictures.report import report_page
+from bezier_filters.pictures.page import Results, page_of, reduced, report_page
 from bezier_filters.pictures.scene import draw, up_axis, view_axes, view_of
 from bezier_filters.surfaces import cylinder, sphere, torus
 
