@@ -4,6 +4,7 @@ import shlex
 import subprocess
 import sys
 import time
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -140,7 +141,7 @@ def report(
 
 def _inspected(source: Path, stage: console.Stage) -> tuple["CurrentMesh", "Report"]:
     """A mesh, and what `info` tells of it."""
-    from bezier_filters.meshes.diagnosis import inspect_mesh
+    from bezier_filters.meshes.diagnosis import diagnose, inspect_mesh, is_fit
     from bezier_filters.meshes.mesh import triangle_mesh
     from bezier_filters.meshlab.mesh_files import contents_of, load_mesh
     from bezier_filters.meshlab.meshset import read_current_mesh
@@ -154,12 +155,21 @@ def _inspected(source: Path, stage: console.Stage) -> tuple["CurrentMesh", "Repo
     topology = topology_of(mesh.vertices, mesh.faces).counts
     faults = inspect_mesh(mesh)
     stage("learning the noise")
-    summary = console.mesh_summary(mesh, faults, topology, _noise_of(mesh) if mesh.face_count else None)
-    return loaded, summary | {"contents": contents_of(ms)}
+    return loaded, {
+        "vertices": mesh.vertex_count,
+        "faces": mesh.face_count,
+        **topology,
+        **asdict(faults),
+        "bounding_box": [mesh.vertices.min(axis=0).tolist(), mesh.vertices.max(axis=0).tolist()],
+        "noise": _noise_of(mesh) if mesh.face_count else None,
+        "fit_for_fitting": is_fit(mesh),
+        "findings": diagnose(mesh, faults),
+        "contents": contents_of(ms),
+    }
 
 
 def _noise_of(mesh: "TriangleMesh") -> "Report":
-    """The noise of a mesh, learned as for fitting and smoothing."""
+    """The noise of a mesh, learned as for fitting and smoothing, by the names of what `noise_in_words` takes."""
     from bezier_filters.estimation.first_call import first_call
     from bezier_filters.estimation.noise_free import learn_noise
     from bezier_filters.meshes.adjacency import vertex_adjacency
@@ -184,24 +194,24 @@ def demo(
     json: Json = False,
 ) -> None:
     """Write normals, mean and Gaussian curvature and torsion of a mesh as coloured PLYs and one picture."""
-    from bezier_filters.pictures.demo import paths, picture_path, run_demo
+    from bezier_filters.pictures.demo import paths, run_demo
 
-    for path in paths(out, source):
+    *_, picture = written = paths(out, source)
+    for path in written:
         check_target(path, *filter(None, [source]), overwrite=overwrite)
-    files = []
+    files: list[Report] = []
     with console.stages(quiet=quiet or json) as stage:
-        for number, step in enumerate(run_demo(out, source, stage)):
-            files.append({"output": str(step.path), **step.report})
-            if quiet or json:
-                continue
-            if number == 0:
-                console.print_status(step.report, str(source or "bunny"))
-            console.print_statistics(step.report, step.field.label)
-            console.print_written(step.report, str(step.path))
+        for label, path, told in run_demo(out, source, stage):
+            if not (quiet or json):
+                if not files:
+                    console.print_status(told, str(source or "bunny"))
+                console.print_statistics(told, label)
+                console.print_written(told, str(path))
+            files.append({"output": str(path), **told})
     if json:
-        console.print_json({"files": files, "picture": str(picture_path(out, source))})
+        console.print_json({"files": files, "picture": str(picture)})
     elif not quiet:
-        console.out.print(f"wrote [bold]{escape(str(picture_path(out, source)))}[/]; open the PLY files in MeshLab")
+        console.out.print(f"wrote [bold]{escape(str(picture))}[/]; open the PLY files in MeshLab")
 
 
 def serve_command_line() -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations  # what they name costs time to import
 import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -22,8 +21,6 @@ from bezier_filters.status import FitStatus
 
 if TYPE_CHECKING:
     from bezier_filters.arrays import Report
-    from bezier_filters.meshes.diagnosis import MeshReport
-    from bezier_filters.meshes.mesh import TriangleMesh
 
 MOST_HOLES = 20  # that are listed one by one
 FILLS = {
@@ -254,23 +251,6 @@ def _remark(report: Report) -> str:
         known = qualities(CURVATURE).get(report["quality"])
         return f"{known.label if known else report['quality']}: median {report['statistics']['median']:.4g}{unit}"
     return ""
-
-
-def mesh_summary(mesh: TriangleMesh, report: MeshReport, topology: Report, noise: Report | None) -> Report:
-    """What `info` tells, as one dict; the noise by the names of what `noise_in_words` takes, if there are faces."""
-    from bezier_filters.meshes.diagnosis import diagnose, is_fit
-
-    low, high = (mesh.vertices.min(axis=0), mesh.vertices.max(axis=0))
-    return {
-        "vertices": mesh.vertex_count,
-        "faces": mesh.face_count,
-        **topology,
-        **asdict(report),
-        "bounding_box": [low.tolist(), high.tolist()],
-        "noise": noise,
-        "fit_for_fitting": is_fit(mesh),
-        "findings": diagnose(mesh, report),
-    }
 
 
 def summary_rows(summary: Report) -> list[tuple[str, str]]:

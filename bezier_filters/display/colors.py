@@ -1,7 +1,6 @@
 """Colours of values: the range that a colour map spans, and the maps."""
 
 import math
-from dataclasses import dataclass
 from numbers import Real
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
@@ -72,22 +71,14 @@ def round_limits(low: float, high: float) -> tuple[float, float]:
     return low, high
 
 
-@dataclass(frozen=True)
-class Palette:
-    """A colour map by the colours at its nodes, linear in between."""
-
-    name: str  # what users type, in any case
-    # (red, green, blue) from the lowest value to the highest, evenly spaced, each channel in 0..1
-    colors: tuple[tuple[float, float, float], ...]
-
-
-# blue below zero, light grey at zero, red above: told apart with any kind of colour vision, and in every shadow
-COOL_WARM = Palette("Cool Warm", ((0.23, 0.30, 0.75), (0.90, 0.90, 0.90), (0.75, 0.02, 0.15)))
-
-# of the torsion in Li, Barsky, Jin (2009): red is high, blue medium, green low. Not for red-green colour blindness.
-PAPER = Palette("Paper", ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
-
-PALETTES = (COOL_WARM, PAPER)
+# colours (red, green, blue), each channel in 0..1, from the lowest value to the highest, evenly spaced and linear in
+# between, by what users type in any case
+PALETTES = {
+    # blue below zero, light grey at zero, red above: told apart with any kind of colour vision, and in every shadow
+    "Cool Warm": ((0.23, 0.30, 0.75), (0.90, 0.90, 0.90), (0.75, 0.02, 0.15)),
+    # of the torsion in Li, Barsky, Jin (2009): red is high, blue medium, green low. Not for red-green colour blindness.
+    "Paper": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
+}
 
 
 def default_colormap(*, signed: bool) -> str:
@@ -98,7 +89,7 @@ def default_colormap(*, signed: bool) -> str:
     >>> default_colormap(signed=True)
     'Cool Warm'
     """
-    return COOL_WARM.name if signed else "Viridis"
+    return "Cool Warm" if signed else "Viridis"
 
 
 def matplotlib_colormap(name: str, *, signed: bool = False) -> "Colormap":
@@ -107,8 +98,8 @@ def matplotlib_colormap(name: str, *, signed: bool = False) -> "Colormap":
     from matplotlib.colors import LinearSegmentedColormap
 
     name = default_colormap(signed=signed) if name == AUTO else name
-    palette = next((palette for palette in PALETTES if palette.name.lower() == name.lower()), None)
-    if palette is not None:
-        return LinearSegmentedColormap.from_list(palette.name, list(palette.colors), N=1024)
+    for own, colors in PALETTES.items():
+        if own.lower() == name.lower():
+            return LinearSegmentedColormap.from_list(own, list(colors), N=1024)
     known = {key.lower(): key for key in matplotlib.colormaps}
     return matplotlib.colormaps[name if name in matplotlib.colormaps else known[name.lower()]]

@@ -137,7 +137,7 @@ def _checked_colormap(output: Output, field: Field | None) -> str:
     """Name of the colour map, after a look at all that is said of colours if there shall be some."""
     if not output.color:
         return output.colormap
-    name = find_color_map(output.colormap, signed=field is not None and field.signed).name
+    name = find_color_map(output.colormap, signed=field is not None and field.signed)
     if field is None:
         raise BezierFilterError("color: there is no quality to colour by; choose one")
     if output.color_range is not None:
@@ -190,9 +190,4 @@ def _vertices_selected(ms: MeshSet, mesh: CurrentMesh) -> Iterator[None]:
 def _statistics(values: FloatArray) -> dict[str, float] | None:
     if not len(values):
         return None
-    return {
-        "min": float(values.min()),
-        "median": float(np.median(values)),
-        "max": float(values.max()),
-        "mean": float(values.mean()),
-    }
+    return {name: float(getattr(np, name)(values)) for name in ("min", "median", "max", "mean")}

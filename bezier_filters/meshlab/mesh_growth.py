@@ -22,18 +22,18 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.fields import PREFIX
 from bezier_filters.files.ply_text import color_columns, coordinate_columns, ply_text
 from bezier_filters.holes.polyharmonic_fairing import harmonic_continuation
-from bezier_filters.meshlab.mesh_attributes import KEPT_LEFTOVER, LEFTOVER, write_coordinates
-from bezier_filters.meshlab.meshset import BezierFilterError, Image, Mesh, MeshSet, PyMeshLabException, current_mesh
+from bezier_filters.meshlab.mesh_attributes import (
+    ATTRIBUTES,
+    KEPT_LEFTOVER,
+    LEFTOVER,
+    custom_attribute,
+    listed_attributes,
+    write_coordinates,
+)
+from bezier_filters.meshlab.meshset import BezierFilterError, Image, Mesh, MeshSet, current_mesh
 from bezier_filters.status import FitStatus
 
 _TEXTURE = "TextureFile "
-# what custom attributes are called in pymeshlab, by the beginnings of the parameters that save them
-_ATTRIBUTES = {
-    "__ca_vs__": ("vertex_custom_scalar_attribute", "array"),
-    "__ca_vp__": ("vertex_custom_point_attribute", "matrix"),
-    "__ca_fs__": ("face_custom_scalar_attribute", "array"),
-    "__ca_fp__": ("face_custom_point_attribute", "matrix"),
-}
 
 
 @dataclass(frozen=True)
@@ -92,8 +92,8 @@ def grow_mesh(ms: MeshSet, growth: MeshGrowth, *, select: bool) -> tuple[list[st
         if not np.array_equal(grown.vertex_matrix(), numbers):
             raise BezierFilterError("pymeshlab merged the new faces with the mesh in another way than expected")
         write_coordinates(ms, vertices)
-        for prefix, name, values in attributes:
-            getattr(grown, f"add_{_ATTRIBUTES[prefix][0]}")(values, name)
+        for kind, name, values in attributes:
+            getattr(grown, f"add_{ATTRIBUTES[kind][0]}")(values, name)
         if select:
             ms.set_selection_none(allfaces=True, allverts=True)
             ms.compute_selection_by_condition_per_face(condselect=f"fi >= {old.face_number()}")
@@ -129,30 +129,19 @@ def _attributes(ms: MeshSet, mesh: Mesh, growth: MeshGrowth) -> tuple[list[tuple
     """Custom attributes with rows for what is new, and the listed names of those that cannot be read."""
     found: list[tuple[str, str, FloatArray]] = []
     lost = []
-    for key in ms.filter_parameter_values("ply"):
-        prefix = next((prefix for prefix in _ATTRIBUTES if key.startswith(prefix)), None)
-        if prefix is None:
-            continue
-        name = key[len(prefix) :]
-        values = _values(mesh, prefix, name)
+    known = {name.lower(): name for name in (LEFTOVER, KEPT_LEFTOVER)}  # whose true names are not those listed
+    for kind, name in listed_attributes(ms):
+        values = custom_attribute(mesh, name, kind)
+        if values is None:
+            values = custom_attribute(mesh, known.get(name, name), kind)
         if values is None:
             lost.append(name)
             continue
-        new = values[growth.like_vertex if prefix.startswith("__ca_v") else growth.like_face]
+        new = values[growth.like_vertex if kind.startswith("__ca_v") else growth.like_face]
         if name.startswith(PREFIX):  # nothing has been estimated there
             new[:] = FitStatus.SKIPPED if name == f"{PREFIX}fit_status" else 0.0
-        found.append((prefix, name, np.concatenate([values, new])))
+        found.append((kind, name, np.concatenate([values, new])))
     return found, lost
-
-
-def _values(mesh: Mesh, prefix: str, listed: str) -> FloatArray | None:
-    """Values of an attribute by the name that pymeshlab lists; None if the true name differs and is not known."""
-    for name in (listed, *(name for name in (LEFTOVER, KEPT_LEFTOVER) if name.lower() == listed)):
-        try:
-            return np.array(getattr(mesh, "_".join(_ATTRIBUTES[prefix]))(name), dtype=np.float64)
-        except PyMeshLabException:
-            continue
-    return None
 
 
 def _texture(ms: MeshSet, old: Mesh, growth: MeshGrowth, vertices: FloatArray) -> _Texture | None:

@@ -23,8 +23,8 @@ from bezier_filters.meshlab.meshset import (
     PercentageValue,
     PureValue,
     PyMeshLabException,
+    filter_list,
     former_filter_names,
-    mesh_filter_names,
 )
 from bezier_filters.meshlab.vertex_filters import (
     apply_coord_bezier_patch_smoothing,
@@ -145,7 +145,7 @@ def run_filter_script(
 
 def check_steps(steps: Sequence[ScriptStep]) -> list[str]:
     """Names in Python of the filters of a script."""
-    theirs = mesh_filter_names()
+    theirs = filter_list()
     former = {old: now for old, now in (former_filter_names() | _NEWER_NAMES).items() if now in theirs}
     known = former | {name: name for name in (*theirs, *OURS)}
     names = []

@@ -5,7 +5,7 @@ place on the current mesh, a dict as result. What their docstrings do not say, t
 do; `documented` puts it there.
 """
 
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -318,23 +318,19 @@ def apply_coord_bezier_patch_smoothing(
             threads=threads,
             progress=progress,
         )
+        remark = f"iterations: {result.iterations} of {iterations} moved something, then nothing was left to do"
         report = _smoothing_report(result) | {
             "topology": topology_of(mesh.vertices, mesh.faces).counts,
-            "remarks": _smoothing_remarks(result.iterations, iterations),
+            "remarks": [remark] if 0 < result.iterations < iterations else [],
         }
         return Computed(columns(SMOOTH, result), mask, report, vertices=result.vertices)
 
     return run_filter(ms, SMOOTH, work, Output(quality, onselected, color, colormap, percentile, colorrange))
 
 
-def _smoothing_remarks(done: int, asked: int) -> list[str]:
-    return [f"iterations: {done} of {asked} moved something, then nothing was left to do"] if 0 < done < asked else []
-
-
 def _smoothing_report(result: SmoothingResult) -> Report:
     """The result without its arrays, and what follows from them."""
-    every = {field.name: getattr(result, field.name) for field in fields(result)}
-    return {name: value for name, value in every.items() if not isinstance(value, np.ndarray)} | {
+    return {name: value for name, value in vars(result).items() if not isinstance(value, np.ndarray)} | {
         "moved": int(np.count_nonzero(result.displacement)),
         "displacement": {
             "mean": result.mean_displacement,

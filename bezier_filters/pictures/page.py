@@ -45,16 +45,6 @@ _HEIGHT = 640  # pixels, in a notebook
 Result: TypeAlias = VertexGeometry | Creases | SmoothingResult | HoleFillingResult
 
 
-@dataclass(frozen=True)
-class Results:
-    """What there is to show of a mesh besides its shape."""
-
-    geometry: VertexGeometry | None = None
-    creases: Creases | None = None
-    smoothed: SmoothingResult | None = None
-    filled: HoleFillingResult | None = None
-
-
 @dataclass(frozen=True, repr=False)
 class Page:
     """A page with a mesh, which notebooks show where it is the last line of a cell.
@@ -118,15 +108,15 @@ def report_page(
     vertices, faces = mesh.vertices, mesh.faces
     normals = None if len(faces) else np.nan_to_num(mesh.vertex_normals)
     geometry = estimate_vertex_geometry(vertices, faces, normals=normals, progress=stage("curvature"))
-    results = Results(geometry)
+    creases = smoothed = filled = None
     if len(faces):
         stage("sharp edges, ridges and ravines")
         creases = find_creases(vertices, faces, geometry)
         smoothed = smooth(vertices, faces, progress=stage("smoothing"))
         filled = fill_holes(vertices, faces, progress=stage("filling holes"))
-        results = Results(geometry, creases, smoothed, filled)
     stage("writing the page" if len(faces) <= most_faces else f"choosing {most_faces:,} faces to draw")
-    return page_of(title, vertices, faces, results, facts=facts, findings=findings, most_faces=most_faces)
+    results = geometry, creases, smoothed, filled
+    return page_of(title, vertices, faces, *results, facts=facts, findings=findings, most_faces=most_faces)
 
 
 @takes_arrays
@@ -190,7 +180,7 @@ def show(
             count = mesh.vertex_count
             raise InvalidParameterError(f"results: a {got} belongs to another mesh than these {count} vertices")
         found[name] = result
-    return page_of(title, mesh.vertices, mesh.faces, Results(**found), most_faces=most_faces)  # type: ignore[arg-type]
+    return page_of(title, mesh.vertices, mesh.faces, **found, most_faces=most_faces)  # type: ignore[arg-type]
 
 
 def _fits(result: Result, vertex_count: int) -> bool:
@@ -206,7 +196,10 @@ def page_of(
     title: str,
     vertices: FloatArray,
     faces: IntArray,
-    results: Results,
+    geometry: VertexGeometry | None = None,
+    creases: Creases | None = None,
+    smoothed: SmoothingResult | None = None,
+    filled: HoleFillingResult | None = None,
     *,
     facts: Sequence[tuple[str, str]] = (),
     findings: Sequence[str] = (),
@@ -222,12 +215,11 @@ def page_of(
         notes.append(f"Drawn with {len(kept):,} of {len(of):,} {what}; values are those of the nearest vertices.")
     values: dict[str, FloatArray] = {}
     known = np.ones(len(vertices), dtype=np.bool_)
-    geometry, smoothed, filled = results.geometry, results.smoothed, results.filled
     if geometry is not None:
         values |= values_of([field for field in _FIELDS if set(ESTIMATES) & set(field.filters)], geometry)
         known = np.asarray(geometry.status <= FitStatus.FOLDED)
-    if results.creases is not None:
-        meshes |= _lines(results.creases, shown)
+    if creases is not None:
+        meshes |= _lines(creases, shown)
     if smoothed is not None:
         values |= columns(SMOOTH, smoothed)
         if geometry is not None:

@@ -32,7 +32,7 @@ from bezier_filters.runtime.atomic import atomic_write
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_OWN_MAPS = (AUTO, *(palette.name for palette in PALETTES))
+_OWN_MAPS = (AUTO, *PALETTES)
 _SIZES = (50, 4000)  # pixels; graphics drivers end at 16384, twice supersampled
 _SUFFIXES = (".png", ".jpg", ".jpeg", ".svg", ".pdf")
 _DPI = 72  # matplotlib measures text in points of 1/72 inch: at this resolution a point is a pixel

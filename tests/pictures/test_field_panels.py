@@ -271,11 +271,11 @@ def test_the_demonstration_shows_normals_as_colours_and_fields_with_the_range_of
     monkeypatch.setattr(demo, "render_panels", lambda path, panels, **_: shown.extend(panels))
     steps = list(demo.run_demo(tmp_path, SAMPLES / "ellipsoid.ply"))
     normals, *others = shown
-    ms = load_mesh(steps[0].path)
+    ms = load_mesh(steps[0][1])
     np.testing.assert_allclose(2.0 * normals.colors - 1.0, ms.current_mesh().vertex_normal_matrix(), atol=1e-6)
     assert [panel.title for panel in others] == ["mean curvature", "Gaussian curvature", "principal geodesic torsion"]
-    for panel, step in zip(others, steps[1:], strict=True):
-        low, high = step.report["color_range"]
+    for panel, (_, _, report) in zip(others, steps[1:], strict=True):
+        low, high = report["color_range"]
         assert panel.limits[0] <= low < high <= panel.limits[1]
         assert panel.limits[1] - panel.limits[0] < 1.6 * (high - low)
 
