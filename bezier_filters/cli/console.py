@@ -202,10 +202,8 @@ def print_creases(report: Report, source: str) -> None:
     for kind in ("ridge", "ravine"):
         for is_sharp in (True, False):
             lines = [line for line in report["lines"] if (line["kind"], line["is_sharp"]) == (kind, is_sharp)]
-            length, strongest = (
-                sum(line["length"] for line in lines),
-                max((line["strength"] for line in lines), default=0),
-            )
+            length = sum(line["length"] for line in lines)
+            strongest = max((line["strength"] for line in lines), default=0)
             certain = f"{min(line['certainty'] for line in lines):.1%}" if lines else ""
             name = f"{'sharp ' * is_sharp}{kind}s"
             table.add_row(name, f"{len(lines):,}", f"{length:.4g}", f"{strongest:.3g}", certain)

@@ -37,11 +37,7 @@ _NAMES = ("char uchar short ushort int uint float double", "int8 uint8 int16 uin
 _TYPES = {name: code for names in _NAMES for name, code in zip(names.split(), _CODES, strict=True)}
 _POINTS, _TRIANGLES = 0, 4
 _MODES = ("points", "lines", "a loop of lines", "a strip of lines", "triangles", "a strip of triangles", "a fan")
-_INDEX_TYPES: dict[int, np.dtype[np.unsignedinteger]] = {
-    5121: np.dtype(np.uint8),
-    5123: np.dtype(np.uint16),
-    5125: np.dtype(np.uint32),
-}
+_INDEX_TYPES = {5121: "u1", 5123: "u2", 5125: "u4"}
 _GLB, _GLB_HEADER, _CHUNK_HEADER = b"glTF", 12, 8
 _DATA_URI = "data:"
 
@@ -288,7 +284,8 @@ def _indices(path: Path, scene: dict[str, Any], chunk: bytes, accessor: dict[str
         data = base64.b64decode(uri.partition(",")[2])
     else:
         data = (path.parent / unquote(uri)).read_bytes()
-    kind, offset = _INDEX_TYPES[accessor["componentType"]], view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+    kind: np.dtype[np.unsignedinteger] = np.dtype(_INDEX_TYPES[accessor["componentType"]])
+    offset = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
     if offset + accessor["count"] * kind.itemsize > len(data):
         raise FieldFileError(f"{path} is cut short or damaged: its buffer ends before its indices")
     return np.frombuffer(data, kind, accessor["count"], offset)

@@ -219,7 +219,9 @@ def page_of(
         values |= values_of([field for field in _FIELDS if set(ESTIMATES) & set(field.filters)], geometry)
         known = np.asarray(geometry.status <= FitStatus.FOLDED)
     if creases is not None:
-        meshes |= _lines(creases, shown)
+        for kind in ("ridge", "ravine"):
+            if lines := [line for line in creases.lines if line.kind == kind]:
+                meshes[f"{kind}s"] = shown.packed(*edge_mesh(lines)[:2], lines=True)
     if smoothed is not None:
         values |= columns(SMOOTH, smoothed)
         if geometry is not None:
@@ -281,17 +283,6 @@ def reduced(vertices: FloatArray, faces: IntArray, most: int) -> tuple[FloatArra
         mesh = current_mesh(ms)
         points, triangles = np.array(mesh.vertex_matrix()), np.array(mesh.face_matrix(), dtype=np.int32)
     return points, triangles, cKDTree(vertices).query(points)[1].astype(np.int32)
-
-
-def _lines(creases: Creases, shown: _Shown) -> dict[str, Report]:
-    """The lines of each kind as meshes of edges."""
-    found = {}
-    for kind in ("ridge", "ravine"):
-        lines = [line for line in creases.lines if line.kind == kind]
-        if lines:
-            points, edges, _ = edge_mesh(lines)
-            found[f"{kind}s"] = shown.packed(points, edges, lines=True)
-    return found
 
 
 def _field(field: Field, columns: dict[str, FloatArray], rows: IntArray, known: BoolArray) -> Report:
