@@ -14,7 +14,7 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskProgres
 from rich.table import Table
 from rich.text import Text
 
-from bezier_filters.display.summaries import noise_in_words, noise_level
+from bezier_filters.display import noise_in_words, noise_level
 from bezier_filters.fields import CURVATURE, qualities
 from bezier_filters.runtime.parallel import Progress as ProgressCallback
 from bezier_filters.status import FitStatus

@@ -1,12 +1,13 @@
 """The commands that show the fields of files: as a picture, in a window, or in MeshLab."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from bezier_filters.cli import console
 from bezier_filters.cli.app import ColorRange, Json, Overwrite, Percentile, Quiet, Source, app, check_target, examples
+from bezier_filters.display import ColorScale
 
 if TYPE_CHECKING:
     from bezier_filters.pictures.field_panels import MeshFile
@@ -42,10 +43,7 @@ FieldNames = Annotated[
 PictureColors = Annotated[
     str, typer.Option(help="auto (Cool Warm or Viridis), Paper, or a colour map of matplotlib: turbo, RdBu_r, ...")
 ]
-Scale = Annotated[
-    Literal["linear", "symlog"],
-    typer.Option(help="symlog is logarithmic both ways from zero, for values of all sizes."),
-]
+Scale = Annotated[ColorScale, typer.Option(help="symlog is logarithmic both ways from zero, for values of all sizes.")]
 Up = Annotated[str, typer.Option(help="Axis that points up: auto, x, y, z, -x, -y or -z.")]
 
 
@@ -129,7 +127,7 @@ def view(
     """Show meshes with their fields in a window, to turn with the mouse; q closes it. Needs a display."""
     from bezier_filters.pictures.field_panels import default_field, field_panels
     from bezier_filters.pictures.scene import check_display, show_panels
-    from bezier_filters.runtime.supervision import interrupts_end_the_process
+    from bezier_filters.runtime.supervision import let_interrupts_end_the_process
 
     check_display()
     with console.stages(quiet=False) as stage:
@@ -137,8 +135,8 @@ def view(
     panels, colors = [], (colormap, percentile, limits, scale)
     for name in field or [default_field(files)]:
         panels += field_panels(files, name, *colors)
-    with interrupts_end_the_process():
-        show_panels(panels, columns=len(files) if len(files) > 1 else None, up=up)
+    let_interrupts_end_the_process()
+    show_panels(panels, columns=len(files) if len(files) > 1 else None, up=up)
 
 
 @app.command(epilog=examples("qmap curved.ply curved.qmap --field bz_k_max"))
@@ -156,7 +154,7 @@ def qmap(
     json: Json = False,
 ) -> None:
     """Write a colour map with its range for MeshLab's Quality Mapper, whose Load button opens it."""
-    from bezier_filters.display.colors import AUTO, default_colormap
+    from bezier_filters.display import AUTO, default_colormap
     from bezier_filters.meshlab.mesh_colors import save_quality_map
     from bezier_filters.pictures.field_panels import check_field, field_limits
 

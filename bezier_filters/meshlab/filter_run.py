@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, Report
-from bezier_filters.display.colors import AUTO, color_range
+from bezier_filters.display import AUTO, color_range
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.fields import Field, column_names, qualities
 from bezier_filters.meshlab import mesh_attributes

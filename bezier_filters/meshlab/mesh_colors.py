@@ -7,7 +7,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
-from bezier_filters.display.colors import AUTO, PALETTES, default_colormap
+from bezier_filters.display import AUTO, PALETTES, default_colormap
 from bezier_filters.meshlab.meshset import BezierFilterError, Mesh, MeshSet, current_mesh
 from bezier_filters.runtime.atomic import atomic_write
 

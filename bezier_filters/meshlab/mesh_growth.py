@@ -46,15 +46,6 @@ class MeshGrowth:
     like_face: IntArray  # (f,): old face from which each new one has them
 
 
-@dataclass(frozen=True)
-class _Texture:
-    """Texture coordinates (3 f, 2) of new faces, the number of the texture of each, and all textures by name."""
-
-    coordinates: FloatArray
-    numbers: IntArray
-    pictures: dict[str, Image]
-
-
 def grow_mesh(ms: MeshSet, growth: MeshGrowth, *, select: bool) -> tuple[list[str], bool]:
     """Add vertices and faces to the current mesh, which becomes a new layer with a new id.
 
@@ -81,7 +72,7 @@ def grow_mesh(ms: MeshSet, growth: MeshGrowth, *, select: bool) -> tuple[list[st
         numbers[:, 0] = np.arange(len(vertices))
         write_coordinates(ms, numbers[: old.vertex_number()])
         patch = _patch(old, growth, vertices, numbers)
-        textured = texture is not None and _load_patch(ms, patch, texture)
+        textured = texture is not None and _load_patch(ms, patch, *texture)
         if not textured:
             ms.add_mesh(patch, "new faces", set_as_current=False)
         ms.set_current_mesh(copy)
@@ -144,8 +135,10 @@ def _attributes(ms: MeshSet, mesh: Mesh, growth: MeshGrowth) -> tuple[list[tuple
     return found, lost
 
 
-def _texture(ms: MeshSet, old: Mesh, growth: MeshGrowth, vertices: FloatArray) -> _Texture | None:
-    """What the new faces show, if the old ones show something."""
+def _texture(
+    ms: MeshSet, old: Mesh, growth: MeshGrowth, vertices: FloatArray
+) -> tuple[FloatArray, IntArray, dict[str, Image]] | None:
+    """What the new faces show, if old ones do: coordinates (3 f, 2), numbers of the textures (f,), these by name."""
     if not old.has_wedge_tex_coord() or not old.texture_number():
         return None
     names, numbers = textures_of(ms)
@@ -155,7 +148,7 @@ def _texture(ms: MeshSet, old: Mesh, growth: MeshGrowth, vertices: FloatArray) -
     coordinates = wedge_coordinates(
         vertices[growth.faces], vertices[old.face_matrix()[like]], old.wedge_tex_coord_matrix().reshape(-1, 3, 2)[like]
     )
-    return _Texture(coordinates.reshape(-1, 2), numbers[like], {name: old.texture(name) for name in names})
+    return coordinates.reshape(-1, 2), numbers[like], {name: old.texture(name) for name in names}
 
 
 def _patch(old: Mesh, growth: MeshGrowth, vertices: FloatArray, numbers: FloatArray) -> Mesh:
@@ -231,7 +224,9 @@ def textures_of(ms: MeshSet) -> tuple[list[str], IntArray]:
     return names, rows["number"].astype(np.int32)
 
 
-def _load_patch(ms: MeshSet, patch: Mesh, texture: _Texture) -> bool:
+def _load_patch(
+    ms: MeshSet, patch: Mesh, coordinates: FloatArray, numbers: IntArray, pictures: dict[str, Image]
+) -> bool:
     """Add new faces with their texture as a layer, which becomes the current one.
 
     There is none, and the answer is False, if pymeshlab's files cannot hold a name, such as one with spaces.
@@ -246,21 +241,21 @@ def _load_patch(ms: MeshSet, patch: Mesh, texture: _Texture) -> bool:
         vertices |= {"float texture_u": u, "float texture_v": v}
     faces: dict[str, NDArray[Any]] = {
         "list uchar int vertex_indices": patch.face_matrix(),
-        "list uchar float texcoord": texture.coordinates.reshape(-1, 6),
-        "int texnumber": texture.numbers,
+        "list uchar float texcoord": coordinates.reshape(-1, 6),
+        "int texnumber": numbers,
     }
     if patch.has_face_color():
         faces |= color_columns(patch.face_color_matrix())
     if patch.has_face_scalar():
         faces["double quality"] = patch.face_scalar_array()
-    text = ply_text({"vertex": vertices, "face": faces}, [f"{_TEXTURE}{name}" for name in texture.pictures])
+    text = ply_text({"vertex": vertices, "face": faces}, [f"{_TEXTURE}{name}" for name in pictures])
     with TemporaryDirectory(prefix="bezier_filters_") as folder:
         path = Path(folder) / "patch.ply"
         path.write_text(text, encoding="utf-8")
-        if not all(_save_picture(Path(folder), name, picture) for name, picture in texture.pictures.items()):
+        if not all(_save_picture(Path(folder), name, picture) for name, picture in pictures.items()):
             return False
         ms.load_new_mesh(str(path))
-    if set(current_mesh(ms).textures()) == set(texture.pictures):
+    if set(current_mesh(ms).textures()) == set(pictures):
         return True
     ms.delete_current_mesh()
     return False

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from bezier_filters.arrays import Report
-from bezier_filters.display.colors import AUTO
+from bezier_filters.display import AUTO
 from bezier_filters.fields import CURVATURE, NORMALS, QUALITY, TORSION, qualities
 from bezier_filters.meshlab.mesh_files import load_mesh, save_mesh
 from bezier_filters.meshlab.meshset import read_current_mesh, shipped_bunny

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.display.colors import ColorScale, color_range, round_limits
+from bezier_filters.display import ColorScale, color_range, round_limits
 from bezier_filters.errors import FieldFileError, InvalidParameterError
 from bezier_filters.feature_lines.crease_lines import COLORS, Creases
 from bezier_filters.fields import FIELDS, PREFIX, QUALITY, Field

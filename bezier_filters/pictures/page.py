@@ -16,8 +16,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, Report
-from bezier_filters.display.colors import color_range, round_limits
-from bezier_filters.display.summaries import noise_level
+from bezier_filters.display import color_range, noise_level, round_limits
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.vertex_geometry import VertexGeometry

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bezier_filters.display.colors import AUTO, PALETTES, matplotlib_colormap
+from bezier_filters.display import AUTO, PALETTES, matplotlib_colormap
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.pictures import scene
 from bezier_filters.pictures.scene import Image, Panel

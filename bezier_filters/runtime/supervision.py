@@ -61,18 +61,13 @@ def interrupts_held() -> Iterator[None]:
             signal.raise_signal(arrived)
 
 
-@contextmanager
-def interrupts_end_the_process() -> Iterator[None]:
-    """Let Ctrl-C and requests to end do so at once, in the main thread.
+def let_interrupts_end_the_process() -> None:
+    """Let Ctrl-C and requests to end do so at once from now on.
 
     The loop of a window runs in a library, where handlers in Python would wait until the window is closed.
     """
-    before = {number: signal.signal(number, signal.SIG_DFL) for number in _FORWARDED}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    for number in _FORWARDED:
+        signal.signal(number, signal.SIG_DFL)
 
 
 @contextmanager

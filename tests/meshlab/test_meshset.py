@@ -6,7 +6,7 @@ import pymeshlab
 import pytest
 from meshset_state import attributes, changed, filter_script, mesh_state
 
-from bezier_filters.display.colors import color_range
+from bezier_filters.display import color_range
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.meshlab.mesh_attributes import (
     check_writable,

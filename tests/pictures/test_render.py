@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.image import imread
 
-from bezier_filters.display.colors import PALETTES, color_range, round_limits
+from bezier_filters.display import PALETTES, color_range, round_limits
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.pictures import scene
 from bezier_filters.pictures.render import clipped, render_panels, ticks

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.colors import to_rgb
 
 import bezier_filters as bf
-from bezier_filters.display.colors import PALETTES, matplotlib_colormap
+from bezier_filters.display import PALETTES, matplotlib_colormap
 from bezier_filters.meshlab.mesh_colors import COLOR_MAP_NAMES
 from bezier_filters.meshlab.meshset import BezierFilterError
 
