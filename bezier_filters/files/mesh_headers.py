@@ -35,7 +35,7 @@ CORNERS = ("vertex_indices", "vertex_index")
 _CODES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
 _NAMES = ("char uchar short ushort int uint float double", "int8 uint8 int16 uint16 int32 uint32 float32 float64")
 _TYPES = {name: code for names in _NAMES for name, code in zip(names.split(), _CODES, strict=True)}
-_POINTS, _TRIANGLES = 0, 4
+_POINTS, _TRIANGLES = 0, 4  # of the modes of glTF
 _MODES = ("points", "lines", "a loop of lines", "a strip of lines", "triangles", "a strip of triangles", "a fan")
 _INDEX_TYPES = {5121: "u1", 5123: "u2", 5125: "u4"}
 _GLB, _GLB_HEADER, _CHUNK_HEADER = b"glTF", 12, 8

@@ -16,6 +16,7 @@ from bezier_filters.estimation.fit_options import Automatic
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
 from bezier_filters.feature_lines.crease_lines import COLORS, Creases, crease_columns, edge_mesh, find_creases
 from bezier_filters.fields import CREASES, CURVATURE, NORMALS, PREFIX, SMOOTH, TORSION, column_names, columns
+from bezier_filters.meshes.half_edges import distinct_edges
 from bezier_filters.meshlab.filter_run import Computed, Output, run_filter
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
@@ -203,10 +204,9 @@ def _run(ms: MeshSet, name: str, fit: FitArguments, output: Output) -> Report:
 
 def _mean_edge(mesh: CurrentMesh) -> float | None:
     """Mean length of the edges of some 10,000 faces or more, or of all; None for a point cloud."""
-    n, faces = len(mesh.vertices), mesh.faces[:: 1 + len(mesh.faces) // MEASURED].astype(np.int64)
-    ends = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
-    start, stop = np.divmod(np.unique(ends[:, 0] * n + ends[:, 1]), n)  # each edge once
-    lengths = np.linalg.norm(mesh.vertices[start] - mesh.vertices[stop], axis=1)[start < stop]
+    edges, _, _ = distinct_edges(mesh.faces[:: 1 + len(mesh.faces) // MEASURED], len(mesh.vertices))
+    start, stop = edges[edges[:, 0] < edges[:, 1]].T
+    lengths = np.linalg.norm(mesh.vertices[start] - mesh.vertices[stop], axis=1)
     return float(lengths.mean()) if len(lengths) else None
 
 

@@ -1,7 +1,8 @@
 """The command line in a child process, which code that ends it, or never ends, costs nothing but itself.
 
 Readers of mesh files follow what a damaged file says and may end the process with it. The process that the user
-started therefore only starts another interpreter, waits for it, and says in plain words how it ended.
+started therefore only starts another interpreter, waits for it, and says in plain words how it ended. Signals end the
+work in order, wait while a step has to be done whole, or end the process at once, where a library has a loop of its own.
 """
 
 import os
