@@ -3,6 +3,7 @@
 from __future__ import annotations  # what they name costs time to import
 
 import json
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -29,12 +30,6 @@ FILLS = {
     "variational": "bent as little as the rim allows, where no surface was found to go on",
     "flat": "stretched like a membrane, where nothing smoother fits",
     "paper": "on bicubic patches over the plane of the hole",
-}
-# options by the parameters that remarks on holes name
-_IN_THE_SHELL = {
-    "outer_rims=True": "--outer-rims",
-    "repair=True of the filter": "--repair",
-    "intersecting=True": "--intersecting",
 }
 
 err = Console(stderr=True, highlight=False, soft_wrap=True)
@@ -153,10 +148,12 @@ def print_smoothing(report: Report, source: str) -> None:
 
 
 def in_words_of_the_shell(text: str) -> str:
-    """A remark on holes with options where it names parameters."""
-    for name, option in _IN_THE_SHELL.items():
-        text = text.replace(name, option)
-    return text
+    """A remark on holes with options where it names parameters.
+
+    >>> in_words_of_the_shell("the outer rim of an open sheet; outer_rims=True fills it, too")
+    'the outer rim of an open sheet; --outer-rims fills it, too'
+    """
+    return re.sub(r"(\w+)=True( of the filter)?", lambda found: f"--{found[1].replace('_', '-')}", text)
 
 
 def print_holes(report: Report, source: str) -> None:

@@ -2,7 +2,7 @@
 
 Readers of mesh files follow what a damaged file says and may end the process with it. The process that the user
 started therefore only starts another interpreter, waits for it, and says in plain words how it ended. Signals end the
-work in order, wait while a step has to be done whole, or end the process at once, where a library has a loop of its own.
+work in order, wait while a step has to be done whole, or end the process at once where a library has its own loop.
 """
 
 import os
