@@ -132,7 +132,7 @@ def load_everything() -> None:
     """Load the libraries and compiled functions that every process inherits."""
     import pymeshlab
 
-    from bezier_filters.meshlab.registration import FILTERS
+    from bezier_filters.meshlab.scripts import FILTERS
 
     for function in FILTERS:
         ms = pymeshlab.MeshSet()

@@ -27,7 +27,7 @@ import bezier_filters as bf
 import reduction
 from baselines import adaptive_gaussian_smoothing
 from bezier_filters import surfaces
-from bezier_filters.display.colors import color_range, round_limits
+from bezier_filters.display import color_range, round_limits
 from cut_holes import cut
 from peers import ours, ouyang_feng, razdan_bae
 from smoothing import Case, scores, with_noise

@@ -33,9 +33,6 @@ from .meshes.neighbourhoods import k_rings as k_rings
 from .meshlab.converters import mesh_arrays as mesh_arrays
 from .meshlab.converters import to_pyvista as to_pyvista
 from .meshlab.converters import to_trimesh as to_trimesh
-from .meshlab.crease_filter import (
-    compute_selection_by_bezier_crease_per_edge as compute_selection_by_bezier_crease_per_edge,
-)
 from .meshlab.hole_filter import meshing_close_holes_by_bezier_patch as meshing_close_holes_by_bezier_patch
 from .meshlab.mesh_colors import color_by_quality as color_by_quality
 from .meshlab.mesh_colors import save_quality_map as save_quality_map
@@ -47,12 +44,15 @@ from .meshlab.registration import unregister as unregister
 from .meshlab.scripts import StepReport as StepReport
 from .meshlab.scripts import run_filter_script as run_filter_script
 from .meshlab.scripts import script_step as script_step
-from .meshlab.smoothing_filter import apply_coord_bezier_patch_smoothing as apply_coord_bezier_patch_smoothing
+from .meshlab.vertex_filters import apply_coord_bezier_patch_smoothing as apply_coord_bezier_patch_smoothing
 from .meshlab.vertex_filters import (
     compute_curvature_by_bezier_patch_per_vertex as compute_curvature_by_bezier_patch_per_vertex,
 )
 from .meshlab.vertex_filters import (
     compute_normal_by_bezier_patch_per_vertex as compute_normal_by_bezier_patch_per_vertex,
+)
+from .meshlab.vertex_filters import (
+    compute_selection_by_bezier_crease_per_edge as compute_selection_by_bezier_crease_per_edge,
 )
 from .meshlab.vertex_filters import (
     compute_torsion_by_bezier_patch_per_vertex as compute_torsion_by_bezier_patch_per_vertex,
@@ -61,8 +61,8 @@ from .patches.fitting import PatchFit as PatchFit
 from .patches.fitting import fit_patch as fit_patch
 from .patches.patch import BezierPatch as BezierPatch
 from .patches.patch import ParameterRectangle as ParameterRectangle
-from .pictures.notebook import show as show
 from .pictures.page import Page as Page
+from .pictures.page import show as show
 from .pictures.render import render_panels as render_panels
 from .pictures.scene import Panel as Panel
 from .smoothing.smooth import smooth as smooth

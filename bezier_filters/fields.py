@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from bezier_filters.arrays import FloatArray
+if TYPE_CHECKING:
+    from bezier_filters.arrays import FloatArray
 
 PREFIX = "bz_"
 QUALITY = "quality"  # the column of a mesh's quality
@@ -37,10 +37,6 @@ class Field:
     def source(self) -> str:
         """Name of the attribute of the result."""
         return self.attribute or self.name
-
-    def of(self, array: FloatArray) -> FloatArray:
-        """Its values among those of the attribute, (n,) or (n, 3)."""
-        return array if self.component is None else array[:, self.component]
 
 
 def _vector(
@@ -116,15 +112,15 @@ def qualities(*filters: str) -> dict[str, Field]:
     return {field.quality: field for field in fields_of(*filters) if field.quality}
 
 
-def columns(name: str, result: object) -> dict[str, FloatArray]:
+def columns(name: str, result: object) -> dict[str, "FloatArray"]:
     """Columns of a filter, each (n,), from a `VertexGeometry` or a `SmoothingResult`."""
     return values_of([field for field in fields_of(name) if field.attribute is not None], result)
 
 
-def values_of(fields: Sequence[Field], result: object) -> dict[str, FloatArray]:
+def values_of(fields: Sequence[Field], result: object) -> dict[str, "FloatArray"]:
     """Columns of some fields that a result holds, each (n,)."""
-    arrays = {source: np.asarray(getattr(result, source), np.float64) for source in {f.source for f in fields}}
-    return {field.column: field.of(arrays[field.source]) for field in fields}
+    arrays = {source: getattr(result, source).astype(float, copy=False) for source in {f.source for f in fields}}
+    return {f.column: arrays[f.source] if f.component is None else arrays[f.source][:, f.component] for f in fields}
 
 
 def column_names(*filters: str) -> list[str]:

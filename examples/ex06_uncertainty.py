@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 import bezier_filters as bf
-from bezier_filters.display.colors import round_limits
+from bezier_filters.display import round_limits
 from bezier_filters.surfaces import torus
 from common import run
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 import bezier_filters as bf
-from bezier_filters.display.colors import color_range, round_limits
+from bezier_filters.display import color_range, round_limits
 from bezier_filters.meshlab.meshset import shipped_bunny
 from common import run
 

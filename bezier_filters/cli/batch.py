@@ -6,20 +6,22 @@ import json as json_module
 import os
 import shlex
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager, redirect_stderr, redirect_stdout, suppress
+from collections.abc import Mapping, Sequence
+from contextlib import closing, redirect_stderr, redirect_stdout, suppress
 from dataclasses import asdict, dataclass, replace
 from itertools import takewhile
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from bezier_filters.arrays import Report
 from bezier_filters.cli import console, filters
 from bezier_filters.cli.app import Json, Quiet, app
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.parameters import PARAMETERS
+
+if TYPE_CHECKING:
+    from bezier_filters.arrays import Report
 
 __all__ = ["Item", "batch", "filters", "plan", "run_command"]
 
@@ -36,7 +38,7 @@ class Item:
     result: Literal["waiting", "done", "skipped", "failed"] = "waiting"
     seconds: float = 0.0
     error: str = ""
-    report: Report | None = None
+    report: "Report | None" = None
 
 
 @app.command(epilog="Example: bezier-filters batch curvature 'scans/*.ply' --out curved --options '--quality gaussian'")
@@ -90,21 +92,29 @@ def batch(
             [command, os.path.abspath(source), os.path.abspath(target), *arguments] for _, source, target, *_ in work
         ]
         run = run_on_scheduler(absolute, scheduler, workers=processes)
-    with console.stages(quiet=quiet or json) as stage, closing(run) as outcomes, _kept(items, out):
+    with console.stages(quiet=quiet or json) as stage, closing(run) as outcomes:
         progress = stage(f"{command}: {len(todo):,} files")
-        for done, (position, outcome) in enumerate(outcomes, start=1):
-            index = todo[position]
-            if not outcome.error:
-                _record(out, items[index].output, [command, *arguments])
-            items[index] = replace(
-                items[index],
-                result="failed" if outcome.error else "done",
-                seconds=outcome.seconds,
-                error=outcome.error,
-                report=outcome.result,
-            )
-            if progress is not None:
-                progress(done, len(todo))
+        try:
+            for done, (position, outcome) in enumerate(outcomes, start=1):
+                index = todo[position]
+                if not outcome.error:
+                    record = [os.path.relpath(items[index].output, out), command, *arguments]
+                    with (out / RECORDS).open("a", encoding="utf-8") as records:
+                        print(json_module.dumps(record), file=records)
+                items[index] = replace(
+                    items[index],
+                    result="failed" if outcome.error else "done",
+                    seconds=outcome.seconds,
+                    error=outcome.error,
+                    report=outcome.result,
+                )
+                if progress is not None:
+                    progress(done, len(todo))
+        except KeyboardInterrupt:
+            there = sum(item.result in ("done", "skipped") for item in items)
+            told = f"{there:,} of {len(items):,} results are in {out}; the same command goes on"
+            console.err.print(told, markup=False)
+            raise
     summary = summarize(command, items, time.perf_counter() - start)
     if json:
         console.print_json(summary)
@@ -112,22 +122,6 @@ def batch(
         console.print_batch(summary)
     if summary["failed"]:
         raise typer.Exit(1)
-
-
-@contextmanager
-def _kept(items: Sequence[Item], out: Path) -> Iterator[None]:
-    """If the block is interrupted, say what is there."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        there = sum(item.result in ("done", "skipped") for item in items)
-        console.err.print(f"{there:,} of {len(items):,} results are in {out}; the same command goes on", markup=False)
-        raise
-
-
-def _record(out: Path, target: str, arguments: Sequence[str]) -> None:
-    with (out / RECORDS).open("a", encoding="utf-8") as records:
-        print(json_module.dumps([os.path.relpath(target, out), *arguments]), file=records)
 
 
 def _recorded(out: Path) -> dict[str, list[str]]:
@@ -140,7 +134,7 @@ def _recorded(out: Path) -> dict[str, list[str]]:
     return found
 
 
-def run_command(arguments: Sequence[str]) -> Report:
+def run_command(arguments: Sequence[str]) -> "Report":
     """Do what the command line does with these arguments; its report."""
     printed = io.StringIO()
     with redirect_stdout(printed), redirect_stderr(io.StringIO()):
@@ -209,7 +203,7 @@ def plan(sources: Mapping[Path, str], out: Path, suffix: str, done: Sequence[str
     return list(items.values())
 
 
-def summarize(command: str, items: Sequence[Item], seconds: float) -> Report:
+def summarize(command: str, items: Sequence[Item], seconds: float) -> "Report":
     """The batch as one dict, which can be written as JSON."""
     count = {result: sum(item.result == result for item in items) for result in ("done", "skipped", "failed")}
     return {"command": command, **count, "seconds": seconds, "files": [asdict(item) for item in items]}

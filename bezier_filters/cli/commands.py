@@ -1,21 +1,94 @@
 """The command line ``bezier-filters``."""
 
+import shlex
+import subprocess
 import sys
+import time
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
 
-from bezier_filters.arrays import Report
-from bezier_filters.cli import batch, console, filters, pictures, scale, watch
-from bezier_filters.cli.app import Json, Overwrite, Quiet, Source, app, check_target, in_the_shell
-from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.cli import batch, console, filters, pictures, scale
+from bezier_filters.cli.app import (
+    NEEDS_A_LOOK,
+    Json,
+    Overwrite,
+    Quiet,
+    Source,
+    app,
+    check_target,
+    examples,
+    in_the_shell,
+)
+from bezier_filters.errors import InvalidParameterError
 
 if TYPE_CHECKING:
+    from bezier_filters.arrays import Report
+    from bezier_filters.meshes.mesh import TriangleMesh
     from bezier_filters.meshlab.meshset import CurrentMesh
 
-__all__ = ["app", "batch", "filters", "pictures", "scale", "serve_command_line", "watch"]
+__all__ = ["app", "batch", "filters", "pictures", "scale", "serve_command_line"]
+
+POLL = 0.25  # seconds between looks; a file that is the same at two of them has been written whole
+
+Stamp = tuple[int, int]
+
+
+@app.command(epilog=examples("watch part.ply shown.ply --run 'curvature --quality gaussian'"))
+def watch(
+    source: Annotated[Path, typer.Argument(help="Mesh that another program saves.", metavar="INPUT")],
+    target: Annotated[
+        Path | None,
+        typer.Argument(help="Mesh to write; if left out, the input itself, with --overwrite.", metavar="OUTPUT"),
+    ] = None,
+    run: Annotated[
+        str, typer.Option(help="Command with its options, in quotes: curvature, smooth, fill-holes, ...")
+    ] = "curvature",
+    overwrite: Overwrite = False,
+) -> None:
+    """Run a command whenever MeshLab, or another program, saves the mesh; reload the result there to see it.
+
+    It is run at once, too. What cannot be read or computed is told, and the next save is waited for. Ctrl-C ends it.
+    """
+    command, *arguments = shlex.split(run) or [""]
+    batch.check_command(command, arguments)
+    target = target or source
+    check_target(target, source, overwrite=overwrite)
+    if not source.exists():
+        raise InvalidParameterError(f"INPUT: there is no file {source}")
+    work = [sys.executable, "-m", "bezier_filters", command, str(source), str(target), *arguments, "--overwrite"]
+    seen: Stamp | None = None
+    while True:
+        seen = _next_stamp(source, seen)
+        # In a process of its own, so that a file that is only half there ends nothing.
+        status = subprocess.run(work, check=False).returncode
+        if target.exists() and source.exists() and target.samefile(source):
+            seen = _stamp(source)  # this save was ours
+        told = f"done: reload {target} in MeshLab" if status in (0, NEEDS_A_LOOK) else "could not be run"
+        console.out.print(f"{time.strftime('%X')}  {command} {told}; waiting for {source} to be saved", markup=False)
+
+
+def _next_stamp(path: Path, seen: Stamp | None) -> Stamp:
+    """Wait until a file is there, is another one than that seen last, and is no longer written to."""
+    before = seen
+    while True:
+        now = _stamp(path)
+        if now is not None and now != seen and now == before:
+            return now
+        before = now
+        time.sleep(POLL)
+
+
+def _stamp(path: Path) -> Stamp | None:
+    """What changes when a file is written: its time and size; None while it is not there."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_mtime_ns, status.st_size
 
 
 @app.command(epilog="Example: bezier-filters info scan.ply")
@@ -47,7 +120,7 @@ def report(
     It shows curvature, torsion, error bars, status and sharp edges with legends and histograms, what info tells, and
     the mesh before and after smoothing and filling. A line drawn on the mesh has its profile.
     """
-    from bezier_filters.pictures.report import report_page
+    from bezier_filters.pictures.page import report_page
 
     page = Path(source.name).with_suffix(".html") if page is None else page
     if page.suffix.lower() not in (".html", ".htm"):
@@ -66,9 +139,9 @@ def report(
         console.out.print(f"wrote [bold]{escape(str(page))}[/]; open it in a browser")
 
 
-def _inspected(source: Path, stage: console.Stage) -> tuple["CurrentMesh", Report]:
+def _inspected(source: Path, stage: console.Stage) -> tuple["CurrentMesh", "Report"]:
     """A mesh, and what `info` tells of it."""
-    from bezier_filters.meshes.diagnosis import inspect_mesh
+    from bezier_filters.meshes.diagnosis import diagnose, inspect_mesh, is_fit
     from bezier_filters.meshes.mesh import triangle_mesh
     from bezier_filters.meshlab.mesh_files import contents_of, load_mesh
     from bezier_filters.meshlab.meshset import read_current_mesh
@@ -82,12 +155,21 @@ def _inspected(source: Path, stage: console.Stage) -> tuple["CurrentMesh", Repor
     topology = topology_of(mesh.vertices, mesh.faces).counts
     faults = inspect_mesh(mesh)
     stage("learning the noise")
-    summary = console.mesh_summary(mesh, faults, topology, _noise_of(mesh) if mesh.face_count else None)
-    return loaded, summary | {"contents": contents_of(ms)}
+    return loaded, {
+        "vertices": mesh.vertex_count,
+        "faces": mesh.face_count,
+        **topology,
+        **asdict(faults),
+        "bounding_box": [mesh.vertices.min(axis=0).tolist(), mesh.vertices.max(axis=0).tolist()],
+        "noise": _noise_of(mesh) if mesh.face_count else None,
+        "fit_for_fitting": is_fit(mesh),
+        "findings": diagnose(mesh, faults),
+        "contents": contents_of(ms),
+    }
 
 
-def _noise_of(mesh: TriangleMesh) -> Report:
-    """The noise of a mesh, learned as for fitting and smoothing."""
+def _noise_of(mesh: "TriangleMesh") -> "Report":
+    """The noise of a mesh, learned as for fitting and smoothing, by the names of what `noise_in_words` takes."""
     from bezier_filters.estimation.first_call import first_call
     from bezier_filters.estimation.noise_free import learn_noise
     from bezier_filters.meshes.adjacency import vertex_adjacency
@@ -112,24 +194,24 @@ def demo(
     json: Json = False,
 ) -> None:
     """Write normals, mean and Gaussian curvature and torsion of a mesh as coloured PLYs and one picture."""
-    from bezier_filters.pictures.demo import paths, picture_path, run_demo
+    from bezier_filters.pictures.demo import paths, run_demo
 
-    for path in paths(out, source):
+    *_, picture = written = paths(out, source)
+    for path in written:
         check_target(path, *filter(None, [source]), overwrite=overwrite)
-    files = []
+    files: list[Report] = []
     with console.stages(quiet=quiet or json) as stage:
-        for number, step in enumerate(run_demo(out, source, stage)):
-            files.append({"output": str(step.path), **step.report})
-            if quiet or json:
-                continue
-            if number == 0:
-                console.print_status(step.report, str(source or "bunny"))
-            console.print_statistics(step.report, step.field.label)
-            console.print_written(step.report, str(step.path))
+        for label, path, told in run_demo(out, source, stage):
+            if not (quiet or json):
+                if not files:
+                    console.print_status(told, str(source or "bunny"))
+                console.print_statistics(told, label)
+                console.print_written(told, str(path))
+            files.append({"output": str(path), **told})
     if json:
-        console.print_json({"files": files, "picture": str(picture_path(out, source))})
+        console.print_json({"files": files, "picture": str(picture)})
     elif not quiet:
-        console.out.print(f"wrote [bold]{escape(str(picture_path(out, source)))}[/]; open the PLY files in MeshLab")
+        console.out.print(f"wrote [bold]{escape(str(picture))}[/]; open the PLY files in MeshLab")
 
 
 def serve_command_line() -> None:

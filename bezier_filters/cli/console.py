@@ -1,9 +1,11 @@
 """What the command line prints: reports as text or JSON, and the progress bar."""
 
+from __future__ import annotations  # what they name costs time to import
+
 import json
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -13,15 +15,13 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskProgres
 from rich.table import Table
 from rich.text import Text
 
-from bezier_filters.arrays import Report
-from bezier_filters.display.summaries import noise_in_words, noise_level
+from bezier_filters.display import noise_in_words, noise_level
 from bezier_filters.fields import CURVATURE, qualities
 from bezier_filters.runtime.parallel import Progress as ProgressCallback
 from bezier_filters.status import FitStatus
 
 if TYPE_CHECKING:
-    from bezier_filters.meshes.diagnosis import MeshReport
-    from bezier_filters.meshes.mesh import TriangleMesh
+    from bezier_filters.arrays import Report
 
 MOST_HOLES = 20  # that are listed one by one
 FILLS = {
@@ -30,12 +30,6 @@ FILLS = {
     "variational": "bent as little as the rim allows, where no surface was found to go on",
     "flat": "stretched like a membrane, where nothing smoother fits",
     "paper": "on bicubic patches over the plane of the hole",
-}
-# options by the parameters that remarks on holes name
-_IN_THE_SHELL = {
-    "outer_rims=True": "--outer-rims",
-    "repair=True of the filter": "--repair",
-    "intersecting=True": "--intersecting",
 }
 
 err = Console(stderr=True, highlight=False, soft_wrap=True)
@@ -154,10 +148,12 @@ def print_smoothing(report: Report, source: str) -> None:
 
 
 def in_words_of_the_shell(text: str) -> str:
-    """A remark on holes with options where it names parameters."""
-    for name, option in _IN_THE_SHELL.items():
-        text = text.replace(name, option)
-    return text
+    """A remark on holes with options where it names parameters.
+
+    >>> in_words_of_the_shell("the outer rim of an open sheet; outer_rims=True fills it, too")
+    'the outer rim of an open sheet; --outer-rims fills it, too'
+    """
+    return re.sub(r"(\w+)=True( of the filter)?", lambda found: f"--{found[1].replace('_', '-')}", text)
 
 
 def print_holes(report: Report, source: str) -> None:
@@ -203,10 +199,8 @@ def print_creases(report: Report, source: str) -> None:
     for kind in ("ridge", "ravine"):
         for is_sharp in (True, False):
             lines = [line for line in report["lines"] if (line["kind"], line["is_sharp"]) == (kind, is_sharp)]
-            length, strongest = (
-                sum(line["length"] for line in lines),
-                max((line["strength"] for line in lines), default=0),
-            )
+            length = sum(line["length"] for line in lines)
+            strongest = max((line["strength"] for line in lines), default=0)
             certain = f"{min(line['certainty'] for line in lines):.1%}" if lines else ""
             name = f"{'sharp ' * is_sharp}{kind}s"
             table.add_row(name, f"{len(lines):,}", f"{length:.4g}", f"{strongest:.3g}", certain)
@@ -252,23 +246,6 @@ def _remark(report: Report) -> str:
         known = qualities(CURVATURE).get(report["quality"])
         return f"{known.label if known else report['quality']}: median {report['statistics']['median']:.4g}{unit}"
     return ""
-
-
-def mesh_summary(mesh: "TriangleMesh", report: "MeshReport", topology: Report, noise: Report | None) -> Report:
-    """What `info` tells, as one dict; the noise by the names of what `noise_in_words` takes, if there are faces."""
-    from bezier_filters.meshes.diagnosis import diagnose, is_fit
-
-    low, high = (mesh.vertices.min(axis=0), mesh.vertices.max(axis=0))
-    return {
-        "vertices": mesh.vertex_count,
-        "faces": mesh.face_count,
-        **topology,
-        **asdict(report),
-        "bounding_box": [low.tolist(), high.tolist()],
-        "noise": noise,
-        "fit_for_fitting": is_fit(mesh),
-        "findings": diagnose(mesh, report),
-    }
 
 
 def summary_rows(summary: Report) -> list[tuple[str, str]]:

@@ -5,12 +5,11 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 import bezier_filters
-from bezier_filters.arrays import Report
 from bezier_filters.cli import console
 from bezier_filters.cli.app import (
     NEEDS_A_LOOK,
@@ -29,6 +28,9 @@ from bezier_filters.cli.app import (
 from bezier_filters.fields import qualities
 from bezier_filters.parameters import COLORS, PARAMETERS, RUN, Parameter
 
+if TYPE_CHECKING:
+    from bezier_filters.arrays import Report
+
 _COLOR, _PROGRESS = COLORS[0], RUN[1]
 _COLORED = {_COLOR: replace(_COLOR, default=True)}
 
@@ -39,7 +41,7 @@ def filter_command(
     changed: Mapping[Parameter, Parameter] = _COLORED,
     *,
     verb: str = "fitting",
-    show: Callable[[Report, str], None] = console.print_status,
+    show: "Callable[[Report, str], None]" = console.print_status,
 ) -> Callable[[Callable[[], None]], Callable[[], None]]:
     """Add a command, which loads, runs a filter of the package, saves and reports.
 
@@ -202,10 +204,9 @@ def creases(
 ) -> None:
     """Find sharp edges, ridges and ravines, and write them as lines."""
     from bezier_filters.files.ply_text import check_line_file, save_lines
-    from bezier_filters.meshlab.crease_filter import creases_of, lines_as_mesh, report_of
     from bezier_filters.meshlab.mesh_files import load_mesh
     from bezier_filters.meshlab.meshset import read_current_mesh
-    from bezier_filters.meshlab.vertex_filters import FitArguments
+    from bezier_filters.meshlab.vertex_filters import FitArguments, creases_of, lines_as_mesh, report_of
     from bezier_filters.pictures.render import check_picture, render_panels
 
     check_line_file(target)

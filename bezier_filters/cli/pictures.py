@@ -7,7 +7,7 @@ import typer
 
 from bezier_filters.cli import console
 from bezier_filters.cli.app import ColorRange, Json, Overwrite, Percentile, Quiet, Source, app, check_target, examples
-from bezier_filters.display.colors import ColorScale
+from bezier_filters.display import ColorScale
 
 if TYPE_CHECKING:
     from bezier_filters.pictures.field_panels import MeshFile
@@ -88,8 +88,7 @@ def render(
     One mesh has a column for every field. Several have a column each and a row for every field, with the same colours
     for the same quantity; a mesh that lacks the field is grey.
     """
-    from bezier_filters.pictures.directions import with_directions
-    from bezier_filters.pictures.field_panels import default_field, field_panels
+    from bezier_filters.pictures.field_panels import default_field, field_panels, with_directions
     from bezier_filters.pictures.render import render_panels
 
     check_target(picture, *sources, overwrite=overwrite)
@@ -128,7 +127,7 @@ def view(
     """Show meshes with their fields in a window, to turn with the mouse; q closes it. Needs a display."""
     from bezier_filters.pictures.field_panels import default_field, field_panels
     from bezier_filters.pictures.scene import check_display, show_panels
-    from bezier_filters.runtime.interrupts import interrupts_end_the_process
+    from bezier_filters.runtime.supervision import let_interrupts_end_the_process
 
     check_display()
     with console.stages(quiet=False) as stage:
@@ -136,8 +135,8 @@ def view(
     panels, colors = [], (colormap, percentile, limits, scale)
     for name in field or [default_field(files)]:
         panels += field_panels(files, name, *colors)
-    with interrupts_end_the_process():
-        show_panels(panels, columns=len(files) if len(files) > 1 else None, up=up)
+    let_interrupts_end_the_process()
+    show_panels(panels, columns=len(files) if len(files) > 1 else None, up=up)
 
 
 @app.command(epilog=examples("qmap curved.ply curved.qmap --field bz_k_max"))
@@ -155,7 +154,7 @@ def qmap(
     json: Json = False,
 ) -> None:
     """Write a colour map with its range for MeshLab's Quality Mapper, whose Load button opens it."""
-    from bezier_filters.display.colors import AUTO, default_colormap
+    from bezier_filters.display import AUTO, default_colormap
     from bezier_filters.meshlab.mesh_colors import save_quality_map
     from bezier_filters.pictures.field_panels import check_field, field_limits
 

@@ -4,17 +4,19 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from bezier_filters.arrays import Report
 from bezier_filters.cli import console
 from bezier_filters.cli.app import Json, Overwrite, Quiet, app, check_target, options
 from bezier_filters.errors import CancelledError
 from bezier_filters.fields import CURVATURE
 from bezier_filters.parameters import FIT, QUALITY_OF, SMOOTHING, Parameter, parameters
 from bezier_filters.runtime.parallel import Progress
+
+if TYPE_CHECKING:
+    from bezier_filters.arrays import Report
 
 scale_app = typer.Typer(
     help="Meshes of any size, in tiles on Dask: one machine or a cluster.",
@@ -31,13 +33,16 @@ BigTarget = Annotated[Path, typer.Argument(help="PLY file to write.", metavar="O
 Faces = Annotated[Path | None, typer.Option(help="NPY file of the faces, if the input is one of the vertices.")]
 Columns = Annotated[list[str] | None, typer.Option("--column", help="Column to write; may be repeated.")]
 
-_METHOD, _ITERATIONS, _NOISE, _BORDERS, _VOLUME, _DETAIL, _RELAX, *_ = SMOOTHING
-_TILE_NOISE = replace(_NOISE, kind="float", help="Standard deviation of the noise, a length; learned if left out.")
-_IN_TILES = tuple(parameter for parameter in FIT if parameter.name not in ("radius", "noise", "detail"))
-_LENGTH_OF_DETAIL = replace(_DETAIL, kind="float", help="Size of the smallest detail to keep, a length.")
-TILE_FIT = (*_IN_TILES, _TILE_NOISE, _LENGTH_OF_DETAIL)
+# what is not as in memory: lengths are no percentages
+_CHANGED: dict[str, dict[str, Any]] = {
+    "noise": {"kind": "float", "help": "Standard deviation of the noise, a length; learned if left out."},
+    "detail": {"kind": "float", "help": "Size of the smallest detail to keep, a length."},
+    "keepvolume": {"name": "keep_volume"},
+}
 _PAPER = {"rings": 2, "alpha": 0.8, "smoothness": "paper"}
-PAPER_FIT = [replace(parameter, default=_PAPER.get(parameter.name, parameter.default)) for parameter in _IN_TILES]
+TILE_FIT = [replace(p, **_CHANGED.get(p.name, {})) for p in FIT if p.name != "radius"]
+PAPER_FIT = [replace(p, default=_PAPER.get(p.name, p.default)) for p in TILE_FIT if p.name not in _CHANGED]
+TILE_SMOOTHING = [replace(item, **_CHANGED.get(item.name, {})) for item in SMOOTHING if item.name not in _PAPER]
 TILES = parameters("""
 scheduler : address, optional
     threads, processes, synchronous, or the address of a Dask scheduler; by default, processes are started here.
@@ -81,17 +86,7 @@ def curvature(
 
 
 @scale_app.command(epilog="Example: bezier-filters scale smooth statue.ply smooth.ply --scheduler tcp://HOST:8786")
-@options(
-    _METHOD,
-    _ITERATIONS,
-    _TILE_NOISE,
-    _BORDERS,
-    replace(_VOLUME, name="keep_volume"),
-    _LENGTH_OF_DETAIL,
-    _RELAX,
-    *PAPER_FIT,
-    *TILES,
-)
+@options(*TILE_SMOOTHING, *PAPER_FIT, *TILES)
 def smooth(
     source: BigSource,
     target: BigTarget,
@@ -143,7 +138,7 @@ def _resumable(*, quiet: bool) -> Iterator[Callable[[str, int, int], None]]:
         raise CancelledError("interrupted; give --resume to go on with what is not done yet") from None
 
 
-def _print(report: Report, target: Path, first: Callable[[], None], *, quiet: bool, json: bool) -> None:
+def _print(report: "Report", target: Path, first: Callable[[], None], *, quiet: bool, json: bool) -> None:
     if json:
         console.print_json(report)
     elif not quiet:

@@ -6,7 +6,7 @@ import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.differential_geometry import DerivedCurvatures
-from bezier_filters.display.summaries import html_table, noise_in_words, summary
+from bezier_filters.display import html_table, noise_in_words, summary
 from bezier_filters.fields import ESTIMATES, fields_of
 from bezier_filters.status import FitStatus
 

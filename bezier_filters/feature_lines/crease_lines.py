@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.display.summaries import html_table
+from bezier_filters.display import html_table
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError, is_real
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.noise_free import LEFT, hides_sharp_edges, is_noisy, learn_noise, noise_free_surface

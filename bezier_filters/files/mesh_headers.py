@@ -1,19 +1,27 @@
 """The headers of mesh files, believed only as far as the size of the file bears them out.
 
 A damaged header must not make a reader allocate memory for what is not there; plyfile, which has no such check, and
-pymeshlab read a file after it has passed.
+pymeshlab read a file after it has passed. Of glTF files, pymeshlab's reader takes even more on trust, and then reads or
+writes beyond its memory: lines and strips for triangles, indices wherever they point, and nodes in circles.
 """
 
+import base64
+import json
 import os
 import re
+import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
 from itertools import islice
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
+from urllib.parse import unquote
+
+import numpy as np
+from numpy.typing import NDArray
 
 from bezier_filters.errors import FieldFileError
-from bezier_filters.files.gltf_check import check_gltf
 
 HEADER_LIMIT = 1 << 20  # bytes at the beginning of a file that hold its header; real ones have a few hundred
 BYTE_ORDER = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
@@ -27,6 +35,11 @@ CORNERS = ("vertex_indices", "vertex_index")
 _CODES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
 _NAMES = ("char uchar short ushort int uint float double", "int8 uint8 int16 uint16 int32 uint32 float32 float64")
 _TYPES = {name: code for names in _NAMES for name, code in zip(names.split(), _CODES, strict=True)}
+_POINTS, _TRIANGLES = 0, 4  # of the modes of glTF
+_MODES = ("points", "lines", "a loop of lines", "a strip of lines", "triangles", "a strip of triangles", "a fan")
+_INDEX_TYPES = {5121: "u1", 5123: "u2", 5125: "u4"}
+_GLB, _GLB_HEADER, _CHUNK_HEADER = b"glTF", 12, 8
+_DATA_URI = "data:"
 
 
 @dataclass(frozen=True)
@@ -148,7 +161,7 @@ def check_header(path: str | os.PathLike[str]) -> None:
     """
     path = Path(path)
     if path.suffix.lower() in (".gltf", ".glb"):
-        check_gltf(path)
+        _check_gltf(path)
         return
     with path.open("rb") as stream:
         head = stream.read(HEADER_LIMIT)
@@ -211,3 +224,68 @@ def _check_faces_of_off(path: Path, faces: int) -> None:
                 f"{path} is cut short or has faces over several lines: line {number} announces {int(cells[0])} "
                 f"corners, but holds {len(cells) - 1}"
             )
+
+
+def _check_gltf(path: Path) -> None:
+    """Refuse a glTF file, as text or binary, whose primitives are not whole triangles of its vertices.
+
+    What is not understood passes: its own reader has to judge.
+    """
+    try:
+        scene, chunk = _parts(path.read_bytes())
+        _check_nodes(path, scene.get("nodes", []))
+        for mesh in scene.get("meshes", []):
+            for primitive in mesh["primitives"]:
+                _check_primitive(path, scene, chunk, primitive)
+    except FieldFileError:
+        raise
+    except (ValueError, KeyError, IndexError, TypeError, AttributeError, struct.error, OSError):
+        pass
+
+
+def _parts(content: bytes) -> tuple[dict[str, Any], bytes]:
+    """The scene, and the bytes that follow it in a binary file."""
+    if content[:4] != _GLB:
+        return json.loads(content), b""
+    start = _GLB_HEADER + _CHUNK_HEADER
+    (size,) = struct.unpack_from("<I", content, _GLB_HEADER)
+    return json.loads(content[start : start + size]), content[start + size + _CHUNK_HEADER :]
+
+
+def _check_nodes(path: Path, nodes: list[dict[str, Any]]) -> None:
+    try:
+        TopologicalSorter({k: node.get("children", []) for k, node in enumerate(nodes)}).prepare()
+    except CycleError as error:
+        raise FieldFileError(f"{path} has nodes that are inside themselves") from error
+
+
+def _check_primitive(path: Path, scene: dict[str, Any], chunk: bytes, primitive: dict[str, Any]) -> None:
+    mode = primitive.get("mode", _TRIANGLES)
+    if mode not in (_POINTS, _TRIANGLES):
+        raise FieldFileError(f"{path} holds {_MODES[mode]}; only points and separate triangles can be read")
+    vertices = scene["accessors"][primitive["attributes"]["POSITION"]]["count"]
+    corners = vertices
+    if "indices" in primitive:
+        indices = _indices(path, scene, chunk, scene["accessors"][primitive["indices"]])
+        corners = len(indices)
+        if corners and indices.max() >= vertices:
+            raise FieldFileError(f"{path} has faces on vertices that are not in it")
+    if mode == _TRIANGLES and corners % 3:
+        raise FieldFileError(f"{path} has {corners} corners of triangles, which is not a multiple of 3")
+
+
+def _indices(path: Path, scene: dict[str, Any], chunk: bytes, accessor: dict[str, Any]) -> NDArray[np.unsignedinteger]:
+    """The numbers of vertices that an accessor stands for."""
+    view = scene["bufferViews"][accessor["bufferView"]]
+    uri = scene["buffers"][view["buffer"]].get("uri")
+    if uri is None:
+        data = chunk
+    elif uri.startswith(_DATA_URI):
+        data = base64.b64decode(uri.partition(",")[2])
+    else:
+        data = (path.parent / unquote(uri)).read_bytes()
+    kind: np.dtype[np.unsignedinteger] = np.dtype(_INDEX_TYPES[accessor["componentType"]])
+    offset = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+    if offset + accessor["count"] * kind.itemsize > len(data):
+        raise FieldFileError(f"{path} is cut short or damaged: its buffer ends before its indices")
+    return np.frombuffer(data, kind, accessor["count"], offset)

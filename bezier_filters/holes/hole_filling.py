@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.display.summaries import html_table
+from bezier_filters.display import html_table
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.fit_options import check_noise
 from bezier_filters.holes.fill_methods import FILL_METHODS, FillingMethod

@@ -11,18 +11,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, Report
-from bezier_filters.display.colors import AUTO, color_range
+from bezier_filters.display import AUTO, color_range
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.fields import Field, column_names, qualities
-from bezier_filters.meshlab.mesh_attributes import (
-    check_finite,
-    check_writable,
-    coordinates_restored_on_failure,
-    read_columns,
-    restored_on_failure,
-    write_columns,
-    write_coordinates,
-)
+from bezier_filters.meshlab import mesh_attributes
 from bezier_filters.meshlab.mesh_colors import check_limits, color_by_quality, find_color_map
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
@@ -85,7 +77,7 @@ def run_filter(ms: MeshSet, name: str, work: Work, output: Output) -> Report:
         mesh = read_current_mesh(ms)
         mask = mesh.selected_vertices() if output.onselected else np.ones(len(mesh.vertices), dtype=np.bool_)
     with preserved_filter_script(ms):
-        check_writable(ms, column_names(name))
+        mesh_attributes.check_writable(ms, column_names(name))
     with _timed(seconds, "fit"):  # nothing in the MeshSet changes meanwhile, so it may be interrupted
         try:
             computed = work(mesh, mask)
@@ -93,17 +85,22 @@ def run_filter(ms: MeshSet, name: str, work: Work, output: Output) -> Report:
             raise BezierFilterError(str(error)) from error
     check_unchanged(ms, mesh)
     quality = None if field is None else computed.columns[field.column]
-    limits = _limits(output, field, quality, computed.known)
+    limits: tuple[float, float] | None = None  # values of the first and the last colour
+    if output.color and field is not None and quality is not None:
+        limits = output.color_range
+        if limits is None:
+            limits = color_range(quality, signed=field.signed, percentile=output.percentile, mask=computed.known)
+            check_limits(*limits)
     # The normals follow the coordinates, and so they are restored last, by the outer of the two.
-    moves = nullcontext() if computed.vertices is None else coordinates_restored_on_failure(ms)
+    moves = nullcontext() if computed.vertices is None else mesh_attributes.coordinates_restored_on_failure(ms)
     with preserved_filter_script(ms):
-        columns = _merge(computed.columns, read_columns(ms, computed.columns), mask)
-        check_finite(columns)
-        with restored_on_failure(ms, columns), moves:
+        columns = _merge(computed.columns, mesh_attributes.read_columns(ms, computed.columns), mask)
+        mesh_attributes.check_finite(columns)
+        with mesh_attributes.restored_on_failure(ms, columns), moves:
             with _timed(seconds, "write"):
                 if computed.vertices is not None:
-                    write_coordinates(ms, computed.vertices)
-                write_columns(ms, columns)
+                    mesh_attributes.write_coordinates(ms, computed.vertices)
+                mesh_attributes.write_columns(ms, columns)
                 with _vertices_selected(ms, mesh) if output.onselected else nullcontext():
                     if field is not None:
                         ms.compute_scalar_by_function_per_vertex(q=field.column, onselected=output.onselected)
@@ -137,7 +134,7 @@ def _checked_colormap(output: Output, field: Field | None) -> str:
     """Name of the colour map, after a look at all that is said of colours if there shall be some."""
     if not output.color:
         return output.colormap
-    name = find_color_map(output.colormap, signed=field is not None and field.signed).name
+    name = find_color_map(output.colormap, signed=field is not None and field.signed)
     if field is None:
         raise BezierFilterError("color: there is no quality to colour by; choose one")
     if output.color_range is not None:
@@ -147,19 +144,6 @@ def _checked_colormap(output: Output, field: Field | None) -> str:
     except InvalidParameterError as error:
         raise BezierFilterError(str(error)) from error
     return name
-
-
-def _limits(
-    output: Output, field: Field | None, quality: FloatArray | None, known: BoolArray
-) -> tuple[float, float] | None:
-    """Values of the first and the last colour, or None if nothing is coloured."""
-    if not output.color or field is None or quality is None:
-        return None
-    if output.color_range is not None:
-        return output.color_range
-    limits = color_range(quality, signed=field.signed, percentile=output.percentile, mask=known)
-    check_limits(*limits)
-    return limits
 
 
 def _merge(new: Columns, old: Columns, mask: BoolArray) -> Columns:
@@ -190,9 +174,4 @@ def _vertices_selected(ms: MeshSet, mesh: CurrentMesh) -> Iterator[None]:
 def _statistics(values: FloatArray) -> dict[str, float] | None:
     if not len(values):
         return None
-    return {
-        "min": float(values.min()),
-        "median": float(np.median(values)),
-        "max": float(values.max()),
-        "mean": float(values.mean()),
-    }
+    return {name: float(getattr(np, name)(values)) for name in ("min", "median", "max", "mean")}

@@ -197,9 +197,7 @@ def _growth(mesh: CurrentMesh, result: HoleFillingResult) -> MeshGrowth:
     """What was added, and which old vertices and faces it resembles: those nearest on the rims."""
     vertices, faces = result.vertices[len(mesh.vertices) :], result.faces[len(mesh.faces) :]
     rim = np.unique(faces[faces < len(mesh.vertices)])
-    on_rim = np.zeros(len(result.vertices), dtype=np.bool_)
-    on_rim[rim] = True
-    beside = np.flatnonzero(on_rim[mesh.faces].any(axis=1)).astype(np.int32)
+    beside = np.flatnonzero(np.isin(mesh.faces, rim).any(axis=1)).astype(np.int32)
     centers = mesh.vertices[mesh.faces[beside]].mean(axis=1)
     like_vertex = rim[cKDTree(mesh.vertices[rim]).query(vertices)[1]]
     like_face = beside[cKDTree(centers).query(result.vertices[faces].mean(axis=1))[1]].astype(np.int32)

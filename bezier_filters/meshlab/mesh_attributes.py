@@ -28,23 +28,36 @@ CARRIERS = ("sigma", "plof")  # attributes that the outlier filter deletes
 LEFTOVER = "outlierScore"  # attribute that the outlier filter leaves behind
 KEPT_LEFTOVER = "outlierScore_kept"  # where a user's attribute of that name waits while the filter overwrites it
 
+# what custom attributes are called in pymeshlab, by the beginnings of the parameters that save them
+ATTRIBUTES = {
+    (SCALAR := "__ca_vs__"): ("vertex_custom_scalar_attribute", "array"),
+    (_POINT := "__ca_vp__"): ("vertex_custom_point_attribute", "matrix"),
+    "__ca_fs__": ("face_custom_scalar_attribute", "array"),
+    "__ca_fp__": ("face_custom_point_attribute", "matrix"),
+}
 _LEGAL_NAME = re.compile(r"(?!_(pi|e)$)[A-Za-z_][A-Za-z0-9_]*")
 _VARIABLES = ("q", "nx", "ny", "nz")  # of the expressions below: an attribute of that name hides them
 _DROP_ATTRIBUTES = "generate_copy_of_current_mesh makes a copy of the mesh without custom attributes"
 
 
-def scalar_attribute(mesh: Mesh, name: str) -> FloatArray | None:
-    """Values of a custom scalar attribute of the vertices, shape (n,), or None if there is none."""
+def custom_attribute(mesh: Mesh, name: str, kind: str = SCALAR) -> FloatArray | None:
+    """Values of a custom attribute, (n,) of scalar ones and (n, 3) of points, or None if there is none."""
     try:
-        return np.array(mesh.vertex_custom_scalar_attribute_array(name), dtype=np.float64)
+        return np.array(getattr(mesh, "_".join(ATTRIBUTES[kind]))(name), dtype=np.float64)
     except PyMeshLabException:
         return None
+
+
+def listed_attributes(ms: MeshSet) -> list[tuple[str, str]]:
+    """Kind and name of every custom attribute, as pymeshlab lists it: in lower case, with identifier characters."""
+    keys = ms.filter_parameter_values("ply")
+    return [(key[: len(SCALAR)], key[len(SCALAR) :]) for key in keys if key[: len(SCALAR)] in ATTRIBUTES]
 
 
 def read_columns(ms: MeshSet, names: Iterable[str]) -> dict[str, FloatArray]:
     """Those of the named scalar attributes that the current mesh has."""
     mesh = current_mesh(ms)
-    columns = {name: scalar_attribute(mesh, name) for name in names}
+    columns = {name: custom_attribute(mesh, name) for name in names}
     return {name: values for name, values in columns.items() if values is not None}
 
 
@@ -55,7 +68,7 @@ def check_writable(ms: MeshSet, names: Iterable[str]) -> None:
     """
     mesh = current_mesh(ms)
     for name in (*names, *CARRIERS, LEFTOVER, KEPT_LEFTOVER):
-        if _has_point_attribute(mesh, name):
+        if custom_attribute(mesh, name, _POINT) is not None:
             raise BezierFilterError(
                 f"the mesh has a point attribute {name!r} where a scalar one is needed; {_DROP_ATTRIBUTES}"
             )
@@ -74,8 +87,9 @@ def _check_names(ms: MeshSet, mesh: Mesh) -> None:
     except RuntimeError:  # how pymeshlab reports names that are no identifiers
         culprits = [
             name
-            for name in _listed_attributes(ms)
-            if not (_LEGAL_NAME.fullmatch(name) and _has_attribute(mesh, name))  # fit for expressions, and a true name
+            for kind, name in listed_attributes(ms)
+            if kind in (SCALAR, _POINT)
+            and not (_LEGAL_NAME.fullmatch(name) and _has_attribute(mesh, name))  # fit for expressions, and a true name
         ] or ["(not listed)"]
     finally:
         # A filter that failed leaves a reference to its MeshSet behind, and loading a mesh after the end of that
@@ -87,22 +101,8 @@ def _check_names(ms: MeshSet, mesh: Mesh) -> None:
     )
 
 
-def _listed_attributes(ms: MeshSet) -> list[str]:
-    """Names of the vertex attributes, changed by pymeshlab to lower case and identifier characters."""
-    keys = ms.filter_parameter_values("ply")
-    return [key[len("__ca_vs__") :] for key in keys if key.startswith(("__ca_vs__", "__ca_vp__"))]
-
-
 def _has_attribute(mesh: Mesh, name: str) -> bool:
-    return scalar_attribute(mesh, name) is not None or _has_point_attribute(mesh, name)
-
-
-def _has_point_attribute(mesh: Mesh, name: str) -> bool:
-    try:
-        mesh.vertex_custom_point_attribute_matrix(name)
-    except PyMeshLabException:
-        return False
-    return True
+    return any(custom_attribute(mesh, name, kind) is not None for kind in (SCALAR, _POINT))
 
 
 def check_finite(columns: Mapping[str, FloatArray]) -> None:
@@ -124,7 +124,7 @@ def write_columns(ms: MeshSet, columns: Mapping[str, FloatArray]) -> None:
     for name, values in columns.items():
         if values.shape != (mesh.vertex_number(),):
             raise BezierFilterError(f"{name}: got shape {values.shape}, expected ({mesh.vertex_number()},)")
-    old = {name: values for name, values in columns.items() if scalar_attribute(mesh, name) is not None}
+    old = {name: values for name, values in columns.items() if custom_attribute(mesh, name) is not None}
     for name in columns.keys() - old.keys():
         mesh.add_vertex_custom_scalar_attribute(np.ascontiguousarray(columns[name]), name)
     _overwrite_columns(ms, _changed(mesh, old))
@@ -204,7 +204,7 @@ def _carriers_free(ms: MeshSet) -> Iterator[None]:
     """Set aside the user's own attributes that have the names of the carriers, or of the leftover."""
     mesh = current_mesh(ms)
     aside = read_columns(ms, CARRIERS)
-    leftover = scalar_attribute(mesh, LEFTOVER)
+    leftover = custom_attribute(mesh, LEFTOVER)
     keep = leftover is not None and leftover.any()  # ours is all 0
     if keep:
         ms.compute_new_custom_scalar_attribute_per_vertex(name=KEPT_LEFTOVER, expr=LEFTOVER)
@@ -214,7 +214,7 @@ def _carriers_free(ms: MeshSet) -> Iterator[None]:
         yield
     finally:
         for name, values in aside.items():
-            if scalar_attribute(mesh, name) is None:
+            if custom_attribute(mesh, name) is None:
                 mesh.add_vertex_custom_scalar_attribute(values, name)
         if keep:
             ms.compute_new_custom_scalar_attribute_per_vertex(name=LEFTOVER, expr=KEPT_LEFTOVER)

@@ -1,44 +1,30 @@
 """Vertex colours from quality, high values always at the red or bright end, and colour maps as files for MeshLab."""
 
 import os
-from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
-from bezier_filters.display.colors import AUTO, PALETTES, Palette, default_colormap
+from bezier_filters.display import AUTO, PALETTES, default_colormap
 from bezier_filters.meshlab.meshset import BezierFilterError, Mesh, MeshSet, current_mesh
 from bezier_filters.runtime.atomic import atomic_write
 
-
-@dataclass(frozen=True)
-class ColorMap:
-    """A colour map of pymeshlab, which has two filters for them, or a palette of ours, which it reads from a file."""
-
-    name: str
-    transfer_function: bool = False
-    palette: Palette | None = None
-
-
 _RED_IS_LOW = ("RGB", "French RGB")  # pymeshlab gives low values their red end
+# of the two filters that pymeshlab has for colour maps; palettes of ours it reads from a file
+_COLOR_MAPS = ("RGB", "Viridis", "Plasma", "Cividis", "Turbo", "RdPu")
 # The transfer function "RGB" is missing: it is the first map again, with darker colours in between.
 _TRANSFER_FUNCTIONS = ("Meshlab RGB", "French RGB", "Red Scale", "Green Scale", "Blue Scale", "Grey Scale", "Flat")
-COLOR_MAPS = (
-    *(ColorMap(name) for name in ("RGB", "Viridis", "Plasma", "Cividis", "Turbo", "RdPu")),
-    *(ColorMap(name, transfer_function=True) for name in (*_TRANSFER_FUNCTIONS, "Saw 4", "Saw 8")),
-    *(ColorMap(palette.name, palette=palette) for palette in PALETTES),
-)
-COLOR_MAP_NAMES = tuple(color_map.name for color_map in COLOR_MAPS)
+COLOR_MAP_NAMES = (*_COLOR_MAPS, *_TRANSFER_FUNCTIONS, "Saw 4", "Saw 8", *PALETTES)
 
 
-def find_color_map(name: str, *, signed: bool = False) -> ColorMap:
+def find_color_map(name: str, *, signed: bool = False) -> str:
     """Colour map of a name in any case; ``"auto"`` depends on whether zero is the middle of the field's range."""
     wanted = default_colormap(signed=signed) if name == AUTO else name
-    for color_map in COLOR_MAPS:
-        if isinstance(wanted, str) and color_map.name.lower() == wanted.lower():
-            return color_map
+    for known in COLOR_MAP_NAMES:
+        if isinstance(wanted, str) and known.lower() == wanted.lower():
+            return known
     raise BezierFilterError(f"colormap: got {name!r}, expected one of {', '.join((AUTO, *COLOR_MAP_NAMES))}")
 
 
@@ -90,7 +76,7 @@ def color_by_quality(ms: MeshSet, low: float, high: float, colormap: str = AUTO)
         raise BezierFilterError("the mesh has no quality to colour by; compute one first")
     if not np.isfinite(mesh.vertex_scalar_array()).all():  # NaN aborts the process
         raise BezierFilterError("the quality of the mesh is not finite everywhere, so it cannot be coloured")
-    if color_map.name not in _RED_IS_LOW:
+    if color_map not in _RED_IS_LOW:
         _apply(ms, color_map, low, high)
         return
     ms.compute_scalar_by_function_per_vertex(q="-q", onselected=False)
@@ -100,21 +86,19 @@ def color_by_quality(ms: MeshSet, low: float, high: float, colormap: str = AUTO)
         ms.compute_scalar_by_function_per_vertex(q="-q", onselected=False)  # exact
 
 
-def _apply(ms: MeshSet, color_map: ColorMap, low: float, high: float) -> None:
+def _apply(ms: MeshSet, color_map: str, low: float, high: float) -> None:
     ends = {"minqualityval": low, "maxqualityval": high, "midhandlepos": 50.0, "brightness": 1.0}
-    if color_map.palette is not None:
+    if color_map in PALETTES:
         with TemporaryDirectory(prefix="bezier_filters_") as folder:
             path = str(Path(folder) / "palette.qmap")
-            _write_quality_map(path, np.array(color_map.palette.colors), low, high)
+            _write_quality_map(path, np.array(PALETTES[color_map]), low, high)
             ms.compute_color_from_scalar_using_transfer_function_per_vertex(
                 **ends, tfslist="Custom Transfer Function File", csvfilename=path
             )
-    elif color_map.transfer_function:
-        ms.compute_color_from_scalar_using_transfer_function_per_vertex(**ends, tfslist=color_map.name)
+    elif color_map in _COLOR_MAPS:
+        ms.compute_color_from_scalar_per_vertex(minval=low, maxval=high, perc=0.0, zerosym=False, colormap=color_map)
     else:
-        ms.compute_color_from_scalar_per_vertex(
-            minval=low, maxval=high, perc=0.0, zerosym=False, colormap=color_map.name
-        )
+        ms.compute_color_from_scalar_using_transfer_function_per_vertex(**ends, tfslist=color_map)
 
 
 def save_quality_map(path: str | os.PathLike[str], low: float, high: float, colormap: str = AUTO) -> None:
@@ -148,16 +132,16 @@ def save_quality_map(path: str | os.PathLike[str], low: float, high: float, colo
     """
     color_map = find_color_map(colormap, signed=low == -high)
     check_limits(low, high)
-    colors = _sampled(color_map) if color_map.palette is None else np.array(color_map.palette.colors)
+    colors = np.array(PALETTES[color_map]) if color_map in PALETTES else _sampled(color_map)
     with atomic_write(path) as temporary:
         _write_quality_map(temporary, colors, low, high)
 
 
-def _sampled(color_map: ColorMap) -> FloatArray:
+def _sampled(color_map: str) -> FloatArray:
     """Colours that pymeshlab gives to 256 qualities from 0 to 1, shape (256, 3)."""
     ms = MeshSet()
     ms.add_mesh(Mesh(np.zeros((256, 3)), v_scalar_array=np.linspace(0.0, 1.0, 256)))
-    color_by_quality(ms, 0.0, 1.0, color_map.name)
+    color_by_quality(ms, 0.0, 1.0, color_map)
     return np.asarray(current_mesh(ms).vertex_color_matrix()[:, :3])
 
 

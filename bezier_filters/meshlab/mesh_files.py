@@ -16,6 +16,7 @@ from bezier_filters.errors import FieldFileError
 from bezier_filters.fields import PREFIX
 from bezier_filters.files.field_files import read_fields
 from bezier_filters.files.mesh_headers import check_header
+from bezier_filters.meshlab.mesh_attributes import SCALAR, listed_attributes
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
     Mesh,
@@ -32,7 +33,6 @@ from bezier_filters.runtime.supervision import doing, memory_limited, processor_
 LEAST_PATIENCE, SLOWEST_READER = 60.0, 50_000.0
 _OURS = re.compile(f"{PREFIX}[a-z0-9_]+")  # names of attributes that every filter of pymeshlab can bear
 _UNIT = 1e-3  # by which the lengths of normals differ from 1 in files that round them
-_ATTRIBUTE_KEY = "__ca_vs__"  # of the parameters with which pymeshlab saves custom vertex attributes
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def contents_of(ms: MeshSet) -> list[str]:
     """
     mesh = current_mesh(ms)
     lengths = np.linalg.norm(mesh.vertex_normal_matrix(), axis=1)
-    columns = [key.removeprefix(_ATTRIBUTE_KEY) for key in ms.filter_parameter_values("ply") if _ATTRIBUTE_KEY in key]
+    columns = [name for kind, name in listed_attributes(ms) if kind == SCALAR]
     there = {
         "colours of vertices": mesh.has_vertex_color(),
         "colours of faces": mesh.has_face_color(),
@@ -282,7 +282,7 @@ def _save_options(ms: MeshSet, path: Path, support: FormatSupport, binary: bool,
         options["binary"] = binary
     if support.attributes and attributes:
         # pymeshlab's keys are in lower case, as the names of our columns are.
-        options |= {key: True for key in known if key.startswith(_ATTRIBUTE_KEY + PREFIX)}
+        options |= {key: True for key in known if key.startswith(SCALAR + PREFIX)}
     return options
 
 

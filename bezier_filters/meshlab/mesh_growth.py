@@ -22,18 +22,18 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.fields import PREFIX
 from bezier_filters.files.ply_text import color_columns, coordinate_columns, ply_text
 from bezier_filters.holes.polyharmonic_fairing import harmonic_continuation
-from bezier_filters.meshlab.mesh_attributes import KEPT_LEFTOVER, LEFTOVER, write_coordinates
-from bezier_filters.meshlab.meshset import BezierFilterError, Image, Mesh, MeshSet, PyMeshLabException, current_mesh
+from bezier_filters.meshlab.mesh_attributes import (
+    ATTRIBUTES,
+    KEPT_LEFTOVER,
+    LEFTOVER,
+    custom_attribute,
+    listed_attributes,
+    write_coordinates,
+)
+from bezier_filters.meshlab.meshset import BezierFilterError, Image, Mesh, MeshSet, current_mesh
 from bezier_filters.status import FitStatus
 
 _TEXTURE = "TextureFile "
-# what custom attributes are called in pymeshlab, by the beginnings of the parameters that save them
-_ATTRIBUTES = {
-    "__ca_vs__": ("vertex_custom_scalar_attribute", "array"),
-    "__ca_vp__": ("vertex_custom_point_attribute", "matrix"),
-    "__ca_fs__": ("face_custom_scalar_attribute", "array"),
-    "__ca_fp__": ("face_custom_point_attribute", "matrix"),
-}
 
 
 @dataclass(frozen=True)
@@ -44,15 +44,6 @@ class MeshGrowth:
     faces: IntArray  # (f, 3): new ones
     like_vertex: IntArray  # (k,): old vertex from which each new one has its attributes
     like_face: IntArray  # (f,): old face from which each new one has them
-
-
-@dataclass(frozen=True)
-class _Texture:
-    """Texture coordinates (3 f, 2) of new faces, the number of the texture of each, and all textures by name."""
-
-    coordinates: FloatArray
-    numbers: IntArray
-    pictures: dict[str, Image]
 
 
 def grow_mesh(ms: MeshSet, growth: MeshGrowth, *, select: bool) -> tuple[list[str], bool]:
@@ -81,7 +72,7 @@ def grow_mesh(ms: MeshSet, growth: MeshGrowth, *, select: bool) -> tuple[list[st
         numbers[:, 0] = np.arange(len(vertices))
         write_coordinates(ms, numbers[: old.vertex_number()])
         patch = _patch(old, growth, vertices, numbers)
-        textured = texture is not None and _load_patch(ms, patch, texture)
+        textured = texture is not None and _load_patch(ms, patch, *texture)
         if not textured:
             ms.add_mesh(patch, "new faces", set_as_current=False)
         ms.set_current_mesh(copy)
@@ -92,8 +83,8 @@ def grow_mesh(ms: MeshSet, growth: MeshGrowth, *, select: bool) -> tuple[list[st
         if not np.array_equal(grown.vertex_matrix(), numbers):
             raise BezierFilterError("pymeshlab merged the new faces with the mesh in another way than expected")
         write_coordinates(ms, vertices)
-        for prefix, name, values in attributes:
-            getattr(grown, f"add_{_ATTRIBUTES[prefix][0]}")(values, name)
+        for kind, name, values in attributes:
+            getattr(grown, f"add_{ATTRIBUTES[kind][0]}")(values, name)
         if select:
             ms.set_selection_none(allfaces=True, allverts=True)
             ms.compute_selection_by_condition_per_face(condselect=f"fi >= {old.face_number()}")
@@ -129,34 +120,25 @@ def _attributes(ms: MeshSet, mesh: Mesh, growth: MeshGrowth) -> tuple[list[tuple
     """Custom attributes with rows for what is new, and the listed names of those that cannot be read."""
     found: list[tuple[str, str, FloatArray]] = []
     lost = []
-    for key in ms.filter_parameter_values("ply"):
-        prefix = next((prefix for prefix in _ATTRIBUTES if key.startswith(prefix)), None)
-        if prefix is None:
-            continue
-        name = key[len(prefix) :]
-        values = _values(mesh, prefix, name)
+    known = {name.lower(): name for name in (LEFTOVER, KEPT_LEFTOVER)}  # whose true names are not those listed
+    for kind, name in listed_attributes(ms):
+        values = custom_attribute(mesh, name, kind)
+        if values is None:
+            values = custom_attribute(mesh, known.get(name, name), kind)
         if values is None:
             lost.append(name)
             continue
-        new = values[growth.like_vertex if prefix.startswith("__ca_v") else growth.like_face]
+        new = values[growth.like_vertex if kind.startswith("__ca_v") else growth.like_face]
         if name.startswith(PREFIX):  # nothing has been estimated there
             new[:] = FitStatus.SKIPPED if name == f"{PREFIX}fit_status" else 0.0
-        found.append((prefix, name, np.concatenate([values, new])))
+        found.append((kind, name, np.concatenate([values, new])))
     return found, lost
 
 
-def _values(mesh: Mesh, prefix: str, listed: str) -> FloatArray | None:
-    """Values of an attribute by the name that pymeshlab lists; None if the true name differs and is not known."""
-    for name in (listed, *(name for name in (LEFTOVER, KEPT_LEFTOVER) if name.lower() == listed)):
-        try:
-            return np.array(getattr(mesh, "_".join(_ATTRIBUTES[prefix]))(name), dtype=np.float64)
-        except PyMeshLabException:
-            continue
-    return None
-
-
-def _texture(ms: MeshSet, old: Mesh, growth: MeshGrowth, vertices: FloatArray) -> _Texture | None:
-    """What the new faces show, if the old ones show something."""
+def _texture(
+    ms: MeshSet, old: Mesh, growth: MeshGrowth, vertices: FloatArray
+) -> tuple[FloatArray, IntArray, dict[str, Image]] | None:
+    """What the new faces show, if old ones do: coordinates (3 f, 2), numbers of the textures (f,), these by name."""
     if not old.has_wedge_tex_coord() or not old.texture_number():
         return None
     names, numbers = textures_of(ms)
@@ -166,7 +148,7 @@ def _texture(ms: MeshSet, old: Mesh, growth: MeshGrowth, vertices: FloatArray) -
     coordinates = wedge_coordinates(
         vertices[growth.faces], vertices[old.face_matrix()[like]], old.wedge_tex_coord_matrix().reshape(-1, 3, 2)[like]
     )
-    return _Texture(coordinates.reshape(-1, 2), numbers[like], {name: old.texture(name) for name in names})
+    return coordinates.reshape(-1, 2), numbers[like], {name: old.texture(name) for name in names}
 
 
 def _patch(old: Mesh, growth: MeshGrowth, vertices: FloatArray, numbers: FloatArray) -> Mesh:
@@ -242,7 +224,9 @@ def textures_of(ms: MeshSet) -> tuple[list[str], IntArray]:
     return names, rows["number"].astype(np.int32)
 
 
-def _load_patch(ms: MeshSet, patch: Mesh, texture: _Texture) -> bool:
+def _load_patch(
+    ms: MeshSet, patch: Mesh, coordinates: FloatArray, numbers: IntArray, pictures: dict[str, Image]
+) -> bool:
     """Add new faces with their texture as a layer, which becomes the current one.
 
     There is none, and the answer is False, if pymeshlab's files cannot hold a name, such as one with spaces.
@@ -257,21 +241,21 @@ def _load_patch(ms: MeshSet, patch: Mesh, texture: _Texture) -> bool:
         vertices |= {"float texture_u": u, "float texture_v": v}
     faces: dict[str, NDArray[Any]] = {
         "list uchar int vertex_indices": patch.face_matrix(),
-        "list uchar float texcoord": texture.coordinates.reshape(-1, 6),
-        "int texnumber": texture.numbers,
+        "list uchar float texcoord": coordinates.reshape(-1, 6),
+        "int texnumber": numbers,
     }
     if patch.has_face_color():
         faces |= color_columns(patch.face_color_matrix())
     if patch.has_face_scalar():
         faces["double quality"] = patch.face_scalar_array()
-    text = ply_text({"vertex": vertices, "face": faces}, [f"{_TEXTURE}{name}" for name in texture.pictures])
+    text = ply_text({"vertex": vertices, "face": faces}, [f"{_TEXTURE}{name}" for name in pictures])
     with TemporaryDirectory(prefix="bezier_filters_") as folder:
         path = Path(folder) / "patch.ply"
         path.write_text(text, encoding="utf-8")
-        if not all(_save_picture(Path(folder), name, picture) for name, picture in texture.pictures.items()):
+        if not all(_save_picture(Path(folder), name, picture) for name, picture in pictures.items()):
             return False
         ms.load_new_mesh(str(path))
-    if set(current_mesh(ms).textures()) == set(texture.pictures):
+    if set(current_mesh(ms).textures()) == set(pictures):
         return True
     ms.delete_current_mesh()
     return False

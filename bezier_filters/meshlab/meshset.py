@@ -19,7 +19,7 @@ import pymeshlab
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.files.filter_scripts import ScriptStep, read_filter_script, script_text
-from bezier_filters.runtime.interrupts import interrupts_held
+from bezier_filters.runtime.supervision import interrupts_held
 
 # pymeshlab has no type information, so these are Any to a type checker.
 MeshSet: TypeAlias = pymeshlab.MeshSet
@@ -33,7 +33,7 @@ Length: TypeAlias = pymeshlab.PercentageValue | pymeshlab.PureValue | float
 
 LIBRARY = pymeshlab
 # as they are before `register` extends them
-_filter_list, _load_filter_script = pymeshlab.filter_list, pymeshlab.MeshSet.load_filter_script
+filter_list, _load_filter_script = pymeshlab.filter_list, pymeshlab.MeshSet.load_filter_script
 _lock = threading.RLock()
 
 
@@ -147,11 +147,6 @@ def absolute_length(length: Length | None, vertices: FloatArray, name: str) -> f
 def shipped_bunny() -> Path:
     """Path of the Stanford bunny that the pymeshlab package brings along: 28,088 vertices, closed."""
     return Path(pymeshlab.__file__).parent / "tests" / "sample_meshes" / "bunny.obj"
-
-
-def mesh_filter_names() -> list[str]:
-    """Names of pymeshlab's own filters."""
-    return list(_filter_list())
 
 
 def former_filter_names() -> dict[str, str]:

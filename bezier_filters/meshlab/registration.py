@@ -30,7 +30,7 @@ from bezier_filters.meshlab.scripts import (
     script_step,
     snake_case,
 )
-from bezier_filters.runtime.interrupts import interrupts_held
+from bezier_filters.runtime.supervision import interrupts_held
 
 Original = Callable[..., Any]
 

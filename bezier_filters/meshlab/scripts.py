@@ -15,7 +15,6 @@ import numpy as np
 from bezier_filters.arrays import Report
 from bezier_filters.errors import InvalidScriptError
 from bezier_filters.files.filter_scripts import ScriptStep
-from bezier_filters.meshlab.crease_filter import compute_selection_by_bezier_crease_per_edge
 from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
@@ -24,13 +23,14 @@ from bezier_filters.meshlab.meshset import (
     PercentageValue,
     PureValue,
     PyMeshLabException,
+    filter_list,
     former_filter_names,
-    mesh_filter_names,
 )
-from bezier_filters.meshlab.smoothing_filter import apply_coord_bezier_patch_smoothing
 from bezier_filters.meshlab.vertex_filters import (
+    apply_coord_bezier_patch_smoothing,
     compute_curvature_by_bezier_patch_per_vertex,
     compute_normal_by_bezier_patch_per_vertex,
+    compute_selection_by_bezier_crease_per_edge,
     compute_torsion_by_bezier_patch_per_vertex,
 )
 from bezier_filters.runtime.parallel import Progress
@@ -145,7 +145,7 @@ def run_filter_script(
 
 def check_steps(steps: Sequence[ScriptStep]) -> list[str]:
     """Names in Python of the filters of a script."""
-    theirs = mesh_filter_names()
+    theirs = filter_list()
     former = {old: now for old, now in (former_filter_names() | _NEWER_NAMES).items() if now in theirs}
     known = former | {name: name for name in (*theirs, *OURS)}
     names = []

@@ -1,4 +1,4 @@
-"""The filters that write the geometry of vertices into a MeshSet: normals, curvature and torsion by Bezier patches.
+"""The filters that write fields of vertices into a MeshSet: normals, curvature, torsion, what smoothing did, creases.
 
 Like the other filters they follow pymeshlab's manner: named ``verb_what_by_how_per_element``, keyword arguments, in
 place on the current mesh, a dict as result. What their docstrings do not say, the tables in `fields` and `parameters`
@@ -9,19 +9,36 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from bezier_filters.arrays import BoolArray, FloatArray, Report
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray, Report
+from bezier_filters.errors import InvalidMeshError
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.fit_options import Automatic
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
-from bezier_filters.fields import CURVATURE, NORMALS, PREFIX, TORSION, columns
+from bezier_filters.feature_lines.crease_lines import COLORS, Creases, crease_columns, edge_mesh, find_creases
+from bezier_filters.fields import CREASES, CURVATURE, NORMALS, PREFIX, SMOOTH, TORSION, column_names, columns
+from bezier_filters.meshes.half_edges import distinct_edges
 from bezier_filters.meshlab.filter_run import Computed, Output, run_filter
-from bezier_filters.meshlab.meshset import CurrentMesh, Length, MeshSet, absolute_length
+from bezier_filters.meshlab.meshset import (
+    BezierFilterError,
+    CurrentMesh,
+    Length,
+    Mesh,
+    MeshSet,
+    absolute_length,
+    current_mesh,
+)
+from bezier_filters.meshlab.topology import topology_of
 from bezier_filters.parameters import documented
 from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.runtime.parallel import Progress
+from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, smooth
+from bezier_filters.smoothing.smoothing_result import SmoothingResult
 from bezier_filters.status import FitStatus
 
 MEASURED = 20_000  # faces whose edges are measured, at most
+CREASE_COLUMNS = tuple(column_names(CREASES))
+# attribute of the points of the lines, which is that of the piece that follows: pymeshlab has none of edges
+CERTAINTY = PREFIX + "certainty"
 
 
 @dataclass(frozen=True)
@@ -187,10 +204,9 @@ def _run(ms: MeshSet, name: str, fit: FitArguments, output: Output) -> Report:
 
 def _mean_edge(mesh: CurrentMesh) -> float | None:
     """Mean length of the edges of some 10,000 faces or more, or of all; None for a point cloud."""
-    n, faces = len(mesh.vertices), mesh.faces[:: 1 + len(mesh.faces) // MEASURED].astype(np.int64)
-    ends = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
-    start, stop = np.divmod(np.unique(ends[:, 0] * n + ends[:, 1]), n)  # each edge once
-    lengths = np.linalg.norm(mesh.vertices[start] - mesh.vertices[stop], axis=1)[start < stop]
+    edges, _, _ = distinct_edges(mesh.faces[:: 1 + len(mesh.faces) // MEASURED], len(mesh.vertices))
+    start, stop = edges[edges[:, 0] < edges[:, 1]].T
+    lengths = np.linalg.norm(mesh.vertices[start] - mesh.vertices[stop], axis=1)
     return float(lengths.mean()) if len(lengths) else None
 
 
@@ -213,3 +229,238 @@ def _angles_in_degrees(a: FloatArray, b: FloatArray) -> FloatArray:
     b = _finite(b)
     sine = np.linalg.norm(np.cross(a, b), axis=1)
     return np.asarray(np.degrees(np.arctan2(sine, np.einsum("ij,ij->i", a, b))))
+
+
+@documented(SMOOTH)
+def apply_coord_bezier_patch_smoothing(
+    ms: MeshSet,
+    *,
+    method: SmoothingMethod = "auto",
+    iterations: int = 1,
+    noise: Length | None = None,
+    borders: SmoothedBorders = "curve",
+    keepvolume: bool | None = None,
+    detail: Length | None = None,
+    relax: bool = False,
+    rings: int | None = None,
+    alpha: float | None = None,
+    quality: str | None = None,
+    onselected: bool = False,
+    color: bool = False,
+    colormap: str = "auto",
+    percentile: float = 2.0,
+    colorrange: tuple[float, float] | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Report:
+    """Take the noise off the current mesh and keep its shape, its volume and its edges.
+
+    By default nothing is to be chosen: the noise is learned from the mesh, and what has none stays as it
+    is; round parts are smoothed like a scan, edges and corners are kept sharp. See `bezier_filters.smooth`.
+
+    The vertices move, and vertex and face normals are those of the new faces. Attributes of other filters, such as
+    ``bz_k_min``, stay as they are and describe the mesh before. Besides its own attributes the filter changes nothing
+    else in the MeshSet: not the selections, colours (unless asked for), textures or filter script; the id of the next
+    new layer skips one.
+
+    Parameters
+    ----------
+    ms : pymeshlab.MeshSet
+        Its current mesh must have faces.
+    onselected : bool
+        Only selected vertices move, or, if there are none, the vertices of the selected faces.
+
+    Returns
+    -------
+    dict
+        ``moved`` (number of vertices), ``displacement`` (mean, rms and max, lengths), ``noise_before`` and
+        ``noise_after`` (standard deviation along the normal, lengths, or None), ``noise_length`` (over which that
+        before is correlated, or 0), ``noise_heavy`` (whether it turns single normals), ``iterations`` (that moved
+        something: after those there is nothing left to do), ``remarks`` (texts), ``volume_before``,
+        ``volume_after`` (length^3) and ``volume_ratio`` (None if nothing is closed), ``topology`` (what pymeshlab
+        counts, as in `meshing_close_holes_by_bezier_patch`), ``mean_edge``, ``flipped_before``, ``flipped_after``,
+        ``degenerate_before``, ``degenerate_after`` and ``new_bad_faces`` (numbers of faces), ``attributes`` (names
+        written), ``quality``, ``unit``, ``statistics`` (min, median, max and mean of the quality), ``seconds`` (read,
+        fit, write, color) and, if coloured, ``color_range`` and ``colormap``. It can be written as JSON.
+
+    Examples
+    --------
+    >>> from pymeshlab import MeshSet, PureValue
+    >>> ms = MeshSet()
+    >>> ms.create_sphere(radius=1.0, subdiv=4)
+    >>> ms.apply_coord_random_displacement(displacement=PureValue(0.01))
+    >>> result = apply_coord_bezier_patch_smoothing(ms)
+    >>> bool(result["noise_after"] < 0.5 * result["noise_before"])
+    True
+    >>> round(result["volume_ratio"], 4)
+    1.0
+    """
+
+    def work(mesh: CurrentMesh, mask: BoolArray) -> Computed:
+        if not len(mesh.faces):
+            raise BezierFilterError(
+                "the current mesh has no faces, and smoothing needs a surface; make one first, for example with "
+                "generate_surface_reconstruction_screened_poisson"
+            )
+        result = smooth(
+            mesh.vertices,
+            mesh.faces,
+            method,
+            iterations=iterations,
+            noise=absolute_length(noise, mesh.vertices, "noise"),
+            borders=borders,
+            keep_volume=keepvolume,
+            detail=absolute_length(detail, mesh.vertices, "detail"),
+            relax=relax,
+            rings=rings,
+            alpha=alpha,
+            selected=None if mask.all() else mask,
+            threads=threads,
+            progress=progress,
+        )
+        remark = f"iterations: {result.iterations} of {iterations} moved something, then nothing was left to do"
+        report = _smoothing_report(result) | {
+            "topology": topology_of(mesh.vertices, mesh.faces).counts,
+            "remarks": [remark] if 0 < result.iterations < iterations else [],
+        }
+        return Computed(columns(SMOOTH, result), mask, report, vertices=result.vertices)
+
+    return run_filter(ms, SMOOTH, work, Output(quality, onselected, color, colormap, percentile, colorrange))
+
+
+def _smoothing_report(result: SmoothingResult) -> Report:
+    """The result without its arrays, and what follows from them."""
+    return {name: value for name, value in vars(result).items() if not isinstance(value, np.ndarray)} | {
+        "moved": int(np.count_nonzero(result.displacement)),
+        "displacement": {
+            "mean": result.mean_displacement,
+            "rms": result.rms_displacement,
+            "max": result.max_displacement,
+        },
+        "volume_ratio": result.volume_ratio,
+    }
+
+
+@documented(CREASES)
+def compute_selection_by_bezier_crease_per_edge(
+    ms: MeshSet,
+    *,
+    angle: float = 40.0,
+    minstrength: float = 2.0,
+    rings: int | Automatic = "auto",
+    radius: Length | None = None,
+    alpha: float | Automatic = "auto",
+    degree: int | Automatic = "auto",
+    smoothness: Smoothness = "third_order",
+    robust: bool | None = None,
+    noise: Length | None = None,
+    detail: Length | None = None,
+    polylines: bool = True,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Report:
+    """Select the creases of the current mesh: sharp edges, and the ridges and ravines of the surface between them.
+
+    Sharp edges are told by the angle of their faces, crest lines by the third derivatives of the Bezier patches; see
+    `bezier_filters.find_creases`. pymeshlab lets nobody select single edges from Python, so the filter selects
+    vertices: the ends of sharp edges and, where a line runs between vertices, the nearer end of every edge that it
+    crosses. The edges themselves are in a new layer named ``creases``, a mesh of edges and no faces that lies on the
+    surface: its quality is the strength of the lines, its attribute ``bz_certainty`` the probability that noise did not
+    make the piece after each point, ridges are red and ravines are blue, and its transform is that of
+    the mesh. The current mesh stays the current one.
+
+    The vertex selection is replaced. Besides that and its own attributes the filter changes nothing else in the
+    MeshSet: not the face selection, quality, colours, textures, other attributes or filter script. Running it again
+    adds a layer again.
+
+    Larger neighbourhoods give coarser lines. There are no smooth lines where the patches have a degree below 3.
+
+    Parameters
+    ----------
+    ms : pymeshlab.MeshSet
+        Its current mesh must have faces.
+    polylines : bool
+        Whether the layer of lines is added.
+
+    Returns
+    -------
+    dict
+        ``lines``, a dict for each with ``kind`` (``"ridge"`` or ``"ravine"``), ``is_sharp``, ``is_closed``,
+        ``strength``, ``certainty`` (mean), ``length`` and ``points`` (number), the strongest first;
+        ``selected_vertices`` and ``sharp_edges`` (numbers), ``crest_lines_told`` (whether the fit can tell smooth
+        lines), ``polylines_id`` (of the new layer, or None), ``status`` (vertices per status name), ``attributes``,
+        ``quality`` (None), ``unit``, ``statistics`` and ``seconds`` (read, fit, write). It can be written as JSON.
+
+    Examples
+    --------
+    >>> from pymeshlab import MeshSet
+    >>> ms = MeshSet()
+    >>> ms.create_cube()
+    >>> result = compute_selection_by_bezier_crease_per_edge(ms)
+    >>> len(result["lines"]), result["sharp_edges"], ms.current_mesh().selected_vertex_number()
+    (12, 12, 8)
+    """
+    fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, noise, detail, threads, progress)
+    layers: list[int] = []
+
+    def work(mesh: CurrentMesh, mask: BoolArray) -> Computed:
+        creases = creases_of(mesh, fit, angle, minstrength)
+
+        def select_and_add_lines() -> None:
+            ms.compute_selection_by_condition_per_vertex(condselect=f"{CREASE_COLUMNS[0]} != 0")
+            if polylines and creases.lines:
+                layers.append(_add_polylines(ms, creases))
+
+        return Computed(crease_columns(creases), mask, report_of(creases), write_more=select_and_add_lines)
+
+    report = run_filter(ms, CREASES, work, Output())
+    return report | {
+        "selected_vertices": current_mesh(ms).selected_vertex_number(),
+        "polylines_id": layers[0] if layers else None,
+    }
+
+
+def creases_of(mesh: CurrentMesh, fit: FitArguments, angle: float, min_strength: float) -> Creases:
+    """Fit patches to all vertices of a mesh and find its creases."""
+    if not len(mesh.faces):
+        raise InvalidMeshError("the current mesh has no faces; creases need a mesh, not a point cloud")
+    geometry = fit_mesh(mesh, np.ones(len(mesh.vertices), dtype=np.bool_), fit)
+    return find_creases(
+        mesh.vertices, mesh.faces, geometry, angle=angle, min_strength=min_strength, threads=fit.threads
+    )
+
+
+def _add_polylines(ms: MeshSet, creases: Creases) -> int:
+    """Add the lines as a layer with the transform of the current one, which stays current; return its id."""
+    source = current_mesh(ms)
+    current, transform = source.id(), np.array(source.transform_matrix())
+    points, edges, strengths, colors = lines_as_mesh(creases)
+    opaque = np.insert(colors, 3, 1.0, axis=1)
+    lines = Mesh(points, edge_matrix=edges, v_scalar_array=strengths, v_color_matrix=opaque)
+    ms.add_mesh(lines, "creases", set_as_current=True)
+    certainties = [np.append(line.certainties, line.certainties[-1]) for line in creases.lines]
+    current_mesh(ms).add_vertex_custom_scalar_attribute(np.concatenate(certainties), CERTAINTY)
+    layer = int(ms.current_mesh_id())
+    ms.set_matrix(transformmatrix=transform, freeze=False)
+    ms.set_current_mesh(current)
+    return layer
+
+
+def lines_as_mesh(creases: Creases) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
+    """Points (k, 3) and edges (e, 2) of all lines, and strength (k,) and colour (k, 3) at the points."""
+    points, edges, line_of_point = edge_mesh(creases.lines)
+    strengths = np.array([line.strength for line in creases.lines])
+    colors = np.array([COLORS[line.kind] for line in creases.lines]).reshape(-1, 3)
+    return points, edges, strengths[line_of_point], colors[line_of_point]
+
+
+def report_of(creases: Creases) -> Report:
+    """The creases as plain values, with a number in the place of the points of a line."""
+    told = ("kind", "is_sharp", "is_closed", "strength", "length")
+    lines = [
+        {name: getattr(line, name) for name in told}
+        | {"certainty": float(line.certainties.mean()), "points": len(line.points)}
+        for line in creases.lines
+    ]
+    found = {"sharp_edges": len(creases.sharp_edges), "crest_lines_told": creases.tells_crest_lines}
+    return {"lines": lines, **found, "status": creases.geometry.status_counts()}

@@ -1,29 +1,35 @@
-"""A page that a browser shows without anything else, where a mesh can be turned: for reports and notebooks.
+"""A page that a browser shows without anything else, where a mesh can be turned: for reports and in notebooks.
 
 It is `page.html` beside this module, with the scripts and all that it shows put into it, the latter as JSON.
 """
 
 import json
 from base64 import b64encode
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, Report
-from bezier_filters.display.colors import color_range, round_limits
-from bezier_filters.display.summaries import noise_level
+from bezier_filters.display import color_range, noise_level, round_limits
+from bezier_filters.errors import InvalidParameterError
+from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
-from bezier_filters.feature_lines.crease_lines import Creases, edge_mesh
+from bezier_filters.feature_lines.crease_lines import Creases, edge_mesh, find_creases
 from bezier_filters.fields import ESTIMATES, FIELDS, SMOOTH, Field, columns, values_of
-from bezier_filters.holes.hole_filling import HoleFillingResult
+from bezier_filters.holes.hole_filling import HoleFillingResult, fill_holes
+from bezier_filters.meshes.mesh import takes_arrays, triangle_mesh
 from bezier_filters.meshlab.hole_filter import fill_warnings
-from bezier_filters.meshlab.meshset import Mesh, MeshSet, current_mesh, one_at_a_time
+from bezier_filters.meshlab.meshset import CurrentMesh, Mesh, MeshSet, current_mesh, one_at_a_time
 from bezier_filters.pictures.scene import Panel, up_axis, view_axes
 from bezier_filters.runtime.atomic import atomic_write
+from bezier_filters.runtime.parallel import Progress
+from bezier_filters.smoothing.smooth import smooth
 from bezier_filters.smoothing.smoothing_result import SmoothingResult
 from bezier_filters.status import FitStatus
 
@@ -35,15 +41,7 @@ _FIELDS = sorted((field for field in FIELDS if field.name in SHOWN), key=lambda 
 _NOISE = Field("noise", "noise, outwards, as smoothing finds it", "length", (SMOOTH,), signed=True)
 _HEIGHT = 640  # pixels, in a notebook
 
-
-@dataclass(frozen=True)
-class Results:
-    """What there is to show of a mesh besides its shape."""
-
-    geometry: VertexGeometry | None = None
-    creases: Creases | None = None
-    smoothed: SmoothingResult | None = None
-    filled: HoleFillingResult | None = None
+Result: TypeAlias = VertexGeometry | Creases | SmoothingResult | HoleFillingResult
 
 
 @dataclass(frozen=True, repr=False)
@@ -93,11 +91,114 @@ class _Shown:
         return {"points": _packed(around, "<f4"), "indices": _packed(indices, "<u4"), "new_from": None, **more}
 
 
+def report_page(
+    title: str,
+    mesh: CurrentMesh,
+    facts: Sequence[tuple[str, str]],
+    findings: Sequence[str],
+    *,
+    stage: Callable[[str], Progress | None] = lambda _: None,
+    most_faces: int = MOST_FACES,
+) -> Page:
+    """Compute all that a page shows, with facts and findings as text.
+
+    The stages are told by their names; their callbacks say how far each has come.
+    """
+    vertices, faces = mesh.vertices, mesh.faces
+    normals = None if len(faces) else np.nan_to_num(mesh.vertex_normals)
+    geometry = estimate_vertex_geometry(vertices, faces, normals=normals, progress=stage("curvature"))
+    creases = smoothed = filled = None
+    if len(faces):
+        stage("sharp edges, ridges and ravines")
+        creases = find_creases(vertices, faces, geometry)
+        smoothed = smooth(vertices, faces, progress=stage("smoothing"))
+        filled = fill_holes(vertices, faces, progress=stage("filling holes"))
+    stage("writing the page" if len(faces) <= most_faces else f"choosing {most_faces:,} faces to draw")
+    results = geometry, creases, smoothed, filled
+    return page_of(title, vertices, faces, *results, facts=facts, findings=findings, most_faces=most_faces)
+
+
+@takes_arrays
+def show(
+    vertices: ArrayLike,
+    faces: ArrayLike | None = None,
+    *results: Result,
+    title: str = "",
+    most_faces: int = MOST_FACES,
+) -> Page:
+    """Show a mesh in a notebook, to be turned with the mouse, with results for it: the page of a report.
+
+    Fields are colours with legends and histograms, creases are lines, and what was smoothed or filled is after a slider
+    whose other side is before. A line drawn on the mesh has a profile.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array_like
+        The mesh that the results belong to: for smoothing and hole filling, that before.
+    faces : (m, 3) array_like, optional
+        Its triangles; None for a point cloud.
+    *results : VertexGeometry, Creases, SmoothingResult or HoleFillingResult
+        What was computed from it, at most one of each.
+    title : str
+        Heading of the page.
+    most_faces : int
+        A mesh with more faces is drawn with so many, and the page says so.
+
+    Returns
+    -------
+    Page
+        The last line of a cell shows it; ``save`` writes it as a file for a browser.
+
+    Raises
+    ------
+    InvalidMeshError
+        No vertices, or faces that are not triangles of them.
+    InvalidParameterError
+        A result that is none of these, or belongs to another mesh.
+
+    Examples
+    --------
+    >>> import bezier_filters as bf
+    >>> from bezier_filters.surfaces import torus
+    >>> shape = torus(resolution=12)
+    >>> result = bf.smooth(shape.vertices, shape.faces, "paper")
+    >>> bf.show(shape.vertices, shape.faces, result)  # in a notebook, the torus
+    Page(scan, smoothed; displacement)
+    """
+    mesh = triangle_mesh(vertices, [] if faces is None else faces)
+    if not mesh.vertex_count:
+        raise InvalidParameterError("vertices: got none, expected one or more")
+    names = {VertexGeometry: "geometry", Creases: "creases", SmoothingResult: "smoothed", HoleFillingResult: "filled"}
+    found: dict[str, Result] = {}
+    for result in results:
+        got, name = type(result).__name__, names.get(type(result), "")
+        if not name or name in found:
+            expected = ", ".join(kind.__name__ for kind in names)
+            raise InvalidParameterError(f"results: got {got}, expected at most one each of {expected}")
+        if not _fits(result, mesh.vertex_count):
+            count = mesh.vertex_count
+            raise InvalidParameterError(f"results: a {got} belongs to another mesh than these {count} vertices")
+        found[name] = result
+    return page_of(title, mesh.vertices, mesh.faces, **found, most_faces=most_faces)  # type: ignore[arg-type]
+
+
+def _fits(result: Result, vertex_count: int) -> bool:
+    """Whether a result is of a mesh with so many vertices."""
+    if isinstance(result, HoleFillingResult):
+        return len(result.vertices) - sum(len(hole.new_vertices) for hole in result.holes) == vertex_count
+    if isinstance(result, SmoothingResult):
+        return len(result.vertices) == vertex_count
+    return len((result.geometry if isinstance(result, Creases) else result).status) == vertex_count
+
+
 def page_of(
     title: str,
     vertices: FloatArray,
     faces: IntArray,
-    results: Results,
+    geometry: VertexGeometry | None = None,
+    creases: Creases | None = None,
+    smoothed: SmoothingResult | None = None,
+    filled: HoleFillingResult | None = None,
     *,
     facts: Sequence[tuple[str, str]] = (),
     findings: Sequence[str] = (),
@@ -113,12 +214,13 @@ def page_of(
         notes.append(f"Drawn with {len(kept):,} of {len(of):,} {what}; values are those of the nearest vertices.")
     values: dict[str, FloatArray] = {}
     known = np.ones(len(vertices), dtype=np.bool_)
-    geometry, smoothed, filled = results.geometry, results.smoothed, results.filled
     if geometry is not None:
         values |= values_of([field for field in _FIELDS if set(ESTIMATES) & set(field.filters)], geometry)
         known = np.asarray(geometry.status <= FitStatus.FOLDED)
-    if results.creases is not None:
-        meshes |= _lines(results.creases, shown)
+    if creases is not None:
+        for kind in ("ridge", "ravine"):
+            if lines := [line for line in creases.lines if line.kind == kind]:
+                meshes[f"{kind}s"] = shown.packed(*edge_mesh(lines)[:2], lines=True)
     if smoothed is not None:
         values |= columns(SMOOTH, smoothed)
         if geometry is not None:
@@ -180,17 +282,6 @@ def reduced(vertices: FloatArray, faces: IntArray, most: int) -> tuple[FloatArra
         mesh = current_mesh(ms)
         points, triangles = np.array(mesh.vertex_matrix()), np.array(mesh.face_matrix(), dtype=np.int32)
     return points, triangles, cKDTree(vertices).query(points)[1].astype(np.int32)
-
-
-def _lines(creases: Creases, shown: _Shown) -> dict[str, Report]:
-    """The lines of each kind as meshes of edges."""
-    found = {}
-    for kind in ("ridge", "ravine"):
-        lines = [line for line in creases.lines if line.kind == kind]
-        if lines:
-            points, edges, _ = edge_mesh(lines)
-            found[f"{kind}s"] = shown.packed(points, edges, lines=True)
-    return found
 
 
 def _field(field: Field, columns: dict[str, FloatArray], rows: IntArray, known: BoolArray) -> Report:

@@ -12,27 +12,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bezier_filters.display.colors import AUTO, PALETTES, matplotlib_colormap
+from bezier_filters.display import AUTO, PALETTES, matplotlib_colormap
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.pictures.scene import (
-    MARGIN,
-    UP_AXES,
-    VIEW_NAMES,
-    Image,
-    Panel,
-    View,
-    draw,
-    require_libraries,
-    up_axis,
-    view_axes,
-    view_of,
-)
+from bezier_filters.pictures import scene
+from bezier_filters.pictures.scene import Image, Panel
 from bezier_filters.runtime.atomic import atomic_write
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_OWN_MAPS = (AUTO, *(palette.name for palette in PALETTES))
+_OWN_MAPS = (AUTO, *PALETTES)
 _SIZES = (50, 4000)  # pixels; graphics drivers end at 16384, twice supersampled
 _SUFFIXES = (".png", ".jpg", ".jpeg", ".svg", ".pdf")
 _DPI = 72  # matplotlib measures text in points of 1/72 inch: at this resolution a point is a pixel
@@ -114,14 +103,19 @@ def render_panels(
     >>> render_panels("triangle.png", [panel], views=["front", "iso"])  # doctest: +SKIP
     """
     check_picture(path)
-    require_libraries()
+    scene.require_libraries()
     background = _checked(panels, views, columns, size, background, up)
     style = _Style(max(10.0, _FONT * max(size)), background)
-    ups = [up_axis(panel) if up == "auto" else up for panel in panels]
-    seen = [[view_of(panel, view_axes(view, up)) for view in views] for panel, up in zip(panels, ups, strict=True)]
+    ups = [scene.up_axis(panel) if up == "auto" else up for panel in panels]
+    seen = [
+        [scene.view_of(panel, scene.view_axes(view, up)) for view in views]
+        for panel, up in zip(panels, ups, strict=True)
+    ]
     scale = _common_scale([view for own in seen for view in own], size)
     with atomic_write(path) as temporary:
-        images = [draw(panel, own, scale=scale, background=background) for panel, own in zip(panels, seen, strict=True)]
+        images = [
+            scene.draw(panel, own, scale=scale, background=background) for panel, own in zip(panels, seen, strict=True)
+        ]
         _save(temporary, _sheet(panels, images, views, columns, title or "", style), style, dpi)
 
 
@@ -135,8 +129,8 @@ def _checked(
     if not panels or not views:
         raise InvalidParameterError("got no panels or no views, expected at least one of each")
     for view in views:
-        _check_choice("view", view, VIEW_NAMES)
-    _check_choice("up", up, ("auto", *UP_AXES))
+        _check_choice("view", view, scene.VIEW_NAMES)
+    _check_choice("up", up, ("auto", *scene.UP_AXES))
     for panel in panels:
         try:
             matplotlib_colormap(panel.colormap)
@@ -168,9 +162,9 @@ def _check_choice(parameter: str, got: str, allowed: Sequence[str], examples: Se
         raise InvalidParameterError(f"{parameter} is {got!r}, expected {'one' if examples else 'any'} of {names}")
 
 
-def _common_scale(views: Sequence[View], size: tuple[int, int]) -> float:
+def _common_scale(views: Sequence[scene.View], size: tuple[int, int]) -> float:
     """Pixels per unit of length with which every view fits into the size."""
-    room = np.array(size) - 2.0 * MARGIN
+    room = np.array(size) - 2.0 * scene.MARGIN
     extent = np.max([view.extent[:2] for view in views], axis=0)
     return float(np.min(room[extent > 0] / extent[extent > 0], initial=np.inf)) if extent.any() else 1.0
 

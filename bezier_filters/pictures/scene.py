@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.display.colors import AUTO, color_range, matplotlib_colormap, round_limits
+from bezier_filters.display import AUTO, color_range, matplotlib_colormap, round_limits
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.meshes.mesh import triangle_mesh
 

@@ -97,11 +97,6 @@ def _compile(function: Callable[..., object], signature: Signature, instructions
     lower_builtin(function, *signature.args)(instructions)
 
 
-def _instruction(name: str) -> Instructions:
-    """One instruction of LLVM."""
-    return lambda context, builder, signature, arguments: getattr(builder, name)(*arguments)
-
-
 def _library_function(name: str) -> Instructions:
     """One of LLVM's vector functions."""
 
@@ -133,10 +128,11 @@ def _spread(context: BaseContext, builder: ir.IRBuilder, signature: Signature, a
     return builder.shuffle_vector(one, undefined, ir.Constant(ir.VectorType(_INT32, LANES), [0] * LANES))
 
 
-_compile(operator.add, _LANES(_LANES, _LANES), _instruction("fadd"))
-_compile(operator.sub, _LANES(_LANES, _LANES), _instruction("fsub"))
-_compile(operator.mul, _LANES(_LANES, _LANES), _instruction("fmul"))
-_compile(operator.truediv, _LANES(_LANES, _LANES), _instruction("fdiv"))
+_TWO = _LANES(_LANES, _LANES)
+_compile(operator.add, _TWO, lambda context, builder, signature, args: builder.fadd(*args))
+_compile(operator.sub, _TWO, lambda context, builder, signature, args: builder.fsub(*args))
+_compile(operator.mul, _TWO, lambda context, builder, signature, args: builder.fmul(*args))
+_compile(operator.truediv, _TWO, lambda context, builder, signature, args: builder.fdiv(*args))
 _compile(
     load, _LANES(_ARRAY, types.intp), lambda c, builder, s, args: builder.load(_address(c, builder, s, *args), align=8)
 )

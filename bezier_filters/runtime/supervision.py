@@ -1,7 +1,8 @@
 """The command line in a child process, which code that ends it, or never ends, costs nothing but itself.
 
 Readers of mesh files follow what a damaged file says and may end the process with it. The process that the user
-started therefore only starts another interpreter, waits for it, and says in plain words how it ended.
+started therefore only starts another interpreter, waits for it, and says in plain words how it ended. Signals end the
+work in order, wait while a step has to be done whole, or end the process at once where a library has its own loop.
 """
 
 import os
@@ -34,6 +35,40 @@ _WINDOWS_ERRORS = 0xC0000000  # and above: what Windows ends processes with
 
 _notes: int | None = None  # file descriptor that tells the process that waits what is being done
 _expendable = False  # whether another process waits for this one, and says how it ended
+
+
+@contextmanager
+def interrupts_held() -> Iterator[None]:
+    """Let signals with handlers in Python, such as that of Ctrl-C, wait until the block is done.
+
+    In other threads than the main one nothing has to be done: handlers do not run there.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    pending: list[int] = []
+    handlers: dict[int, Callable[[int, FrameType | None], object]] = {}
+    try:
+        for number in signal.valid_signals():
+            handler = signal.getsignal(number)
+            if callable(handler) and not isinstance(handler, signal.Handlers):
+                handlers[number] = handler
+                signal.signal(number, lambda number, _frame: pending.append(number))
+        yield
+    finally:
+        for held, handler in handlers.items():
+            signal.signal(held, handler)
+        for arrived in dict.fromkeys(pending):
+            signal.raise_signal(arrived)
+
+
+def let_interrupts_end_the_process() -> None:
+    """Let Ctrl-C and requests to end do so at once from now on.
+
+    The loop of a window runs in a library, where handlers in Python would wait until the window is closed.
+    """
+    for number in _FORWARDED:
+        signal.signal(number, signal.SIG_DFL)
 
 
 @contextmanager

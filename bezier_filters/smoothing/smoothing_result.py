@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
-from bezier_filters.display.summaries import html_table, noise_in_words, noise_level
+from bezier_filters.display import html_table, noise_in_words, noise_level
 
 
 @dataclass(frozen=True, repr=False)

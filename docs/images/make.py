@@ -3,7 +3,7 @@
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from bezier_filters.pictures.demo import picture_path, run_demo
+from bezier_filters.pictures.demo import paths, run_demo
 
 FOLDER = Path(__file__).parent
 
@@ -11,9 +11,10 @@ FOLDER = Path(__file__).parent
 def main() -> None:
     """Draw the bunny of the README."""
     with TemporaryDirectory() as folder:
-        for _ in run_demo(Path(folder), size=(300, 300)):
+        for _ in run_demo(Path(folder)):
             pass
-        (FOLDER / "bunny.png").write_bytes(picture_path(Path(folder)).read_bytes())
+        *_, picture = paths(Path(folder))
+        (FOLDER / "bunny.png").write_bytes(picture.read_bytes())
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 import bezier_filters as bf
 from bezier_filters.cli.commands import app
-from bezier_filters.meshlab.meshset import BezierFilterError, former_filter_names, mesh_filter_names
+from bezier_filters.meshlab.meshset import BezierFilterError, filter_list, former_filter_names
 from bezier_filters.meshlab.scripts import _NEWER_NAMES, FILTERS, check_steps
 
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
@@ -195,7 +195,7 @@ class TestRunning:
         assert ms.mesh_number() == 1
 
     def test_names_of_meshlab_lead_to_filters(self):
-        filters = set(mesh_filter_names())
+        filters = set(filter_list())
         assert set(_NEWER_NAMES.values()) <= filters
         assert not set(_NEWER_NAMES) & set(former_filter_names())
         assert check_steps([bf.ScriptStep("Remeshing: Isotropic Explicit Remeshing")]) == [

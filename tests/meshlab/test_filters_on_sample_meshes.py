@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from conftest import load_sample
 
-from bezier_filters.meshlab.smoothing_filter import apply_coord_bezier_patch_smoothing
 from bezier_filters.meshlab.vertex_filters import (
+    apply_coord_bezier_patch_smoothing,
     compute_curvature_by_bezier_patch_per_vertex,
     compute_normal_by_bezier_patch_per_vertex,
     compute_torsion_by_bezier_patch_per_vertex,

@@ -6,13 +6,13 @@ import pymeshlab
 import pytest
 from meshset_state import attributes, changed, filter_script, mesh_state
 
-from bezier_filters.display.colors import color_range
+from bezier_filters.display import color_range
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.meshlab.mesh_attributes import (
     check_writable,
+    custom_attribute,
     read_columns,
     restored_on_failure,
-    scalar_attribute,
     write_columns,
 )
 from bezier_filters.meshlab.mesh_colors import COLOR_MAP_NAMES, color_by_quality
@@ -103,9 +103,9 @@ class TestColumns:
         with preserved_filter_script(ms):
             write_columns(ms, {name: AWKWARD / (k + 1) for k, name in enumerate(names)})
         for k, name in enumerate(names):
-            assert bits(scalar_attribute(ms.current_mesh(), name)) == bits(AWKWARD / (k + 1))
+            assert bits(custom_attribute(ms.current_mesh(), name)) == bits(AWKWARD / (k + 1))
         assert changed(before, mesh_state(ms)) == {f"1: {name}" for name in [*names, "outlierScore"]}
-        assert not scalar_attribute(ms.current_mesh(), "outlierScore").any()
+        assert not custom_attribute(ms.current_mesh(), "outlierScore").any()
 
     def test_equal_columns_are_left_alone(self):
         ms = cube()
@@ -122,15 +122,15 @@ class TestColumns:
         for k in range(3):
             write_columns(ms, {"bz_a": np.full(8, k + 0.5), "bz_b": np.arange(8.0) * k})
         for name, values in own.items():
-            assert bits(scalar_attribute(ms.current_mesh(), name)) == bits(values)
-        assert (scalar_attribute(ms.current_mesh(), "bz_a") == 2.5).all()
+            assert bits(custom_attribute(ms.current_mesh(), name)) == bits(values)
+        assert (custom_attribute(ms.current_mesh(), "bz_a") == 2.5).all()
 
     def test_coincident_vertices_keep_their_own_values(self):
         ms = pymeshlab.MeshSet()
         ms.add_mesh(pymeshlab.Mesh(np.zeros((60, 3)), np.arange(60).reshape(-1, 3)))
         for k in range(2):
             write_columns(ms, {"bz_a": np.arange(60.0) + k})
-        assert np.array_equal(scalar_attribute(ms.current_mesh(), "bz_a"), np.arange(60.0) + 1)
+        assert np.array_equal(custom_attribute(ms.current_mesh(), "bz_a"), np.arange(60.0) + 1)
         assert not ms.current_mesh().vertex_selection_array().any()
 
     def test_memory_stays_flat(self):
@@ -228,7 +228,7 @@ class TestRestoring:
         write_columns(ms, {"bz_a": AWKWARD})
         with restored_on_failure(ms, ["bz_a"]):
             write_columns(ms, {"bz_a": np.ones(8)})
-        assert (scalar_attribute(ms.current_mesh(), "bz_a") == 1.0).all()
+        assert (custom_attribute(ms.current_mesh(), "bz_a") == 1.0).all()
 
 
 class TestFilterScript:

@@ -10,7 +10,7 @@ from test_filters import array
 
 from bezier_filters.errors import CancelledError
 from bezier_filters.meshlab.meshset import BezierFilterError
-from bezier_filters.meshlab.smoothing_filter import apply_coord_bezier_patch_smoothing
+from bezier_filters.meshlab.vertex_filters import apply_coord_bezier_patch_smoothing
 from bezier_filters.smoothing.smooth import smooth
 from bezier_filters.surfaces import torus
 

@@ -17,8 +17,8 @@ from bezier_filters.meshes.half_edges import boundary_loops
 from bezier_filters.meshes.mesh import LARGEST, triangle_mesh
 from bezier_filters.meshlab.converters import mesh_arrays
 from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
-from bezier_filters.meshlab.smoothing_filter import apply_coord_bezier_patch_smoothing
 from bezier_filters.meshlab.topology import topology_of
+from bezier_filters.meshlab.vertex_filters import apply_coord_bezier_patch_smoothing
 
 ROOT = Path(__file__).parents[2]
 SAMPLES = sorted((ROOT / "sample_meshes").glob("*.ply"))

@@ -19,8 +19,17 @@ from bezier_filters.fields import columns, qualities
 from bezier_filters.meshlab.mesh_files import load_mesh, save_mesh
 from bezier_filters.meshlab.scripts import FILTERS
 from bezier_filters.pictures import demo
-from bezier_filters.pictures.directions import NAMES, SPACING, are_significant, with_directions
-from bezier_filters.pictures.field_panels import check_field, crease_panel, field_limits, field_panels, read_mesh_file
+from bezier_filters.pictures.field_panels import (
+    DIRECTIONS,
+    SPACING,
+    are_significant,
+    check_field,
+    crease_panel,
+    field_limits,
+    field_panels,
+    read_mesh_file,
+    with_directions,
+)
 from bezier_filters.pictures.render import legend
 from bezier_filters.pictures.scene import draw, view_axes, view_of
 from bezier_filters.status import FitStatus
@@ -262,11 +271,11 @@ def test_the_demonstration_shows_normals_as_colours_and_fields_with_the_range_of
     monkeypatch.setattr(demo, "render_panels", lambda path, panels, **_: shown.extend(panels))
     steps = list(demo.run_demo(tmp_path, SAMPLES / "ellipsoid.ply"))
     normals, *others = shown
-    ms = load_mesh(steps[0].path)
+    ms = load_mesh(steps[0][1])
     np.testing.assert_allclose(2.0 * normals.colors - 1.0, ms.current_mesh().vertex_normal_matrix(), atol=1e-6)
     assert [panel.title for panel in others] == ["mean curvature", "Gaussian curvature", "principal geodesic torsion"]
-    for panel, step in zip(others, steps[1:], strict=True):
-        low, high = step.report["color_range"]
+    for panel, (_, _, report) in zip(others, steps[1:], strict=True):
+        low, high = report["color_range"]
         assert panel.limits[0] <= low < high <= panel.limits[1]
         assert panel.limits[1] - panel.limits[0] < 1.6 * (high - low)
 
@@ -278,7 +287,7 @@ class TestDirections:
         (panel,) = field_panels([file], "shape", "auto", 2.0)
         lines = with_directions(panel, file).lines
         diagonal = np.linalg.norm(np.ptp(file.vertices, axis=0))
-        for (_, color), along_tube in zip(NAMES, (False, True), strict=True):
+        for (_, color), along_tube in zip(DIRECTIONS, (False, True), strict=True):
             ends = np.array([line for line, other in lines if other == color])
             middle, direction = ends.mean(axis=1), ends[:, 1] - ends[:, 0]
             direction /= np.linalg.norm(direction, axis=1)[:, None]

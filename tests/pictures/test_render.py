@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.image import imread
 
-from bezier_filters.display.colors import COOL_WARM, color_range, round_limits
+from bezier_filters.display import PALETTES, color_range, round_limits
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.pictures import scene
 from bezier_filters.pictures.render import clipped, render_panels, ticks
@@ -148,8 +148,8 @@ def test_red_is_high_and_colours_facing_the_viewer_are_those_of_the_bar() -> Non
     values = np.where(vertices[:, 0] < 0, -1.0, 1.0)
     image = draw(Panel(vertices, faces, values, signed=True))
     height, width, _ = image.shape
-    np.testing.assert_allclose(image[height // 2, width // 4], COOL_WARM.colors[0], atol=0.02)
-    np.testing.assert_allclose(image[height // 2, 3 * width // 4], COOL_WARM.colors[-1], atol=0.02)
+    np.testing.assert_allclose(image[height // 2, width // 4], PALETTES["Cool Warm"][0], atol=0.02)
+    np.testing.assert_allclose(image[height // 2, 3 * width // 4], PALETTES["Cool Warm"][-1], atol=0.02)
     assert image[height // 2, 3 * width // 4, 0] > 3 * image[height // 2, 3 * width // 4, 2]
 
 

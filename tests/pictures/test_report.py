@@ -18,8 +18,7 @@ from matplotlib.image import imread
 from bezier_filters import Panel, estimate_vertex_geometry, fill_holes, show, smooth
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.meshlab.meshset import read_current_mesh
-from bezier_filters.pictures.page import Results, page_of, reduced
-from bezier_filters.pictures.report import report_page
+from bezier_filters.pictures.page import page_of, reduced, report_page
 from bezier_filters.pictures.scene import draw, up_axis, view_axes, view_of
 from bezier_filters.surfaces import cylinder, sphere, torus
 
@@ -219,7 +218,7 @@ DRAG = """
 @in_a_browser
 def test_the_profile_of_a_sphere_has_its_curvature_and_its_height(tmp_path):
     ball = arrays(sphere(radius=2.0, resolution=24))
-    page = page_of("ball", *ball, Results(estimate_vertex_geometry(*ball)))
+    page = page_of("ball", *ball, estimate_vertex_geometry(*ball))
     mouse = "move('pointerdown', 0.5, 0.5); move('pointermove', 0.6, 0.5); move('pointermove', 0.5, 0.3);"
     found = told(page, tmp_path, DRAG % mouse)
     distances, (heights,), (values, errors) = (np.array(found[key]) for key in ("distances", "heights", "values"))
@@ -233,7 +232,7 @@ def test_the_profile_of_a_sphere_has_its_curvature_and_its_height(tmp_path):
 
 @in_a_browser
 def test_the_profile_of_a_tube_is_that_of_its_near_side_when_it_is_turned_too(tmp_path):
-    page = page_of("tube", *arrays(cylinder(radius=0.5, length=3.0, resolution=96)), Results())
+    page = page_of("tube", *arrays(cylinder(radius=0.5, length=3.0, resolution=96)))
     found = told(page, tmp_path, DRAG % "turned(0.8, 0); lined([-1, 0.1], [1, 0.1]);")
     distances, heights = np.array(found["distances"]), np.array(found["heights"][0], float)  # None is NaN
     seen = np.isfinite(heights)
@@ -249,7 +248,7 @@ def test_profiles_before_and_after(tmp_path):
     """Of a torus and of one that is a tenth larger, which stands for a smoothed one."""
     ring = arrays(torus(resolution=24))
     result = smooth(*ring, "paper")
-    page = page_of("torus", *ring, Results(smoothed=replace(result, vertices=1.1 * ring[0])))
+    page = page_of("torus", *ring, smoothed=replace(result, vertices=1.1 * ring[0]))
     found = told(page, tmp_path, "compare('smoothed');" + DRAG % "lined([-1, 0], [1, 0]);")
     before, after = (np.array(heights, float) for heights in found["heights"])
     assert found["values"] == []

@@ -98,6 +98,11 @@ def test_estimating_loads_no_pymeshlab():
     assert "pymeshlab" not in run(code).split()
 
 
+def test_help_loads_no_numpy():
+    code = "import sys; from bezier_filters.cli import commands; print(*sys.modules)"
+    assert "numpy" not in run(code).split()
+
+
 def test_every_public_name_exists():
     for name in bezier_filters.__all__:
         assert getattr(bezier_filters, name) is not None

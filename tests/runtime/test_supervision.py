@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bezier_filters.runtime.interrupts import interrupts_held
 from bezier_filters.runtime.supervision import (
     ALLOWANCE,
     crash_message,
     doing,
     end_of,
+    interrupts_held,
     memory_limited,
     processor_time_limited,
 )

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.colors import to_rgb
 
 import bezier_filters as bf
-from bezier_filters.display.colors import COOL_WARM, PAPER, matplotlib_colormap
+from bezier_filters.display import PALETTES, matplotlib_colormap
 from bezier_filters.meshlab.mesh_colors import COLOR_MAP_NAMES
 from bezier_filters.meshlab.meshset import BezierFilterError
 
@@ -61,11 +61,11 @@ def test_zero_is_neutral_and_the_lightest_colour_of_the_diverging_map():
 
 
 def test_the_palette_of_the_paper():
-    assert [to_rgb(name) for name in ("lime", "blue", "red")] == list(PAPER.colors)
+    assert [to_rgb(name) for name in ("lime", "blue", "red")] == list(PALETTES["Paper"])
 
 
 def test_the_default_depends_on_the_sign():
-    assert matplotlib_colormap("auto", signed=True).name == COOL_WARM.name
+    assert matplotlib_colormap("auto", signed=True).name == "Cool Warm"
     assert matplotlib_colormap("auto", signed=False).name == "viridis"
     assert matplotlib_colormap("TURBO").name == "turbo"
     with pytest.raises(KeyError):

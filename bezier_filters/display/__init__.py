@@ -1,1 +1,0 @@
-"""How values are shown: ranges and palettes of colours, tables for notebooks."""
