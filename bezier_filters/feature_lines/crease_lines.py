@@ -19,7 +19,7 @@ from bezier_filters.feature_lines.crest_segments import CurvatureAlongLines, cre
 from bezier_filters.feature_lines.polylines import chains
 from bezier_filters.fields import CREASES, column_names
 from bezier_filters.meshes.adjacency import Adjacency, mean_edge, vertex_adjacency
-from bezier_filters.meshes.dihedral_angles import MeshEdges, mesh_edges
+from bezier_filters.meshes.half_edges import MeshEdges, mesh_edges
 from bezier_filters.meshes.mesh import TriangleMesh, takes_arrays, triangle_mesh
 from bezier_filters.meshes.sharp_edges import certainties, sharp_edges
 from bezier_filters.runtime.parallel import Progress, one_thread_for_matrices, thread_count

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.meshes.dihedral_angles import MeshEdges
+from bezier_filters.meshes.half_edges import MeshEdges
 from bezier_filters.meshes.mesh import TriangleMesh
 
 

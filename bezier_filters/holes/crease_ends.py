@@ -8,9 +8,8 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.holes.influence_region import InfluenceRegion
 from bezier_filters.meshes.adjacency import vertex_adjacency
-from bezier_filters.meshes.dihedral_angles import mesh_edges
 from bezier_filters.meshes.frames import unit_face_normals
-from bezier_filters.meshes.half_edges import ends_of_half_edges, half_edge_twins
+from bezier_filters.meshes.half_edges import ends_of_half_edges, half_edge_twins, mesh_edges
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.sharp_edges import sharp_edges
 

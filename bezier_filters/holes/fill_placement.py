@@ -17,9 +17,8 @@ from bezier_filters.holes.polyharmonic_fairing import polyharmonic_fairing
 from bezier_filters.holes.refinement import Fill
 from bezier_filters.holes.smooth_fill import Attempt
 from bezier_filters.meshes.adjacency import Rows
-from bezier_filters.meshes.dihedral_angles import dihedral_angles
 from bezier_filters.meshes.frames import unit_face_normals
-from bezier_filters.meshes.half_edges import faces_at_edges
+from bezier_filters.meshes.half_edges import dihedral_angles, faces_at_edges
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.self_intersections import cut_faces, meeting_box
 
