@@ -14,9 +14,7 @@ from bezier_filters.errors import InvalidMeshError, InvalidParameterError, is_re
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.noise_free import LEFT, hides_sharp_edges, is_noisy, learn_noise, noise_free_surface
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
-from bezier_filters.feature_lines.crest_certainty import Sides
-from bezier_filters.feature_lines.crest_segments import CurvatureAlongLines, crest_segments, points_on_edges
-from bezier_filters.feature_lines.polylines import chains
+from bezier_filters.feature_lines.crest_lines import CurvatureAlongLines, Sides, crest_segments, points_on_edges
 from bezier_filters.fields import CREASES, column_names
 from bezier_filters.meshes.adjacency import Adjacency, mean_edge, vertex_adjacency
 from bezier_filters.meshes.half_edges import MeshEdges, mesh_edges
@@ -344,3 +342,47 @@ def _check(angle: object, min_strength: object) -> None:
         raise InvalidParameterError(f"angle: got {angle!r}, expected degrees above 0 and up to 180")
     if not (is_real(min_strength) and 0.0 <= min_strength < np.inf):
         raise InvalidParameterError(f"min_strength: got {min_strength!r}, expected a number of 0 or more")
+
+
+def chains(segments: IntArray, ends: IntArray | None = None) -> list[tuple[IntArray, IntArray]]:
+    """Join segments (s, 2), given by the numbers of the nodes at their ends, to chains as long as possible.
+
+    Chains end at nodes with one segment, or with three or more, and at further nodes that are named as `ends`. Each is
+    its nodes in order, (k + 1,), the last one the first one again if it is closed, and the segments between them, (k,).
+
+    >>> [nodes.tolist() for nodes, _ in chains(np.array([[4, 7], [9, 7], [1, 2], [2, 3], [3, 1]]))]
+    [[4, 7, 9], [1, 2, 3, 1]]
+    """
+    nodes, local = np.unique(segments, return_inverse=True)
+    pairs = local.reshape(-1, 2).tolist()
+    at_node: list[list[int]] = [[] for _ in nodes]
+    for segment, (a, b) in enumerate(pairs):
+        at_node[a].append(segment)
+        at_node[b].append(segment)
+    named = np.isin(nodes, [] if ends is None else ends).tolist()
+    is_end = [named[node] or len(here) != 2 for node, here in enumerate(at_node)]
+    used = [False] * len(pairs)
+
+    def walk(node: int, segment: int) -> tuple[IntArray, IntArray]:
+        path, passed = [node], []
+        while not used[segment]:
+            used[segment] = True
+            passed.append(segment)
+            a, b = pairs[segment]
+            node = b if a == node else a
+            path.append(node)
+            here = at_node[node]
+            if is_end[node]:
+                break
+            segment = here[0] if here[1] == segment else here[1]
+        return nodes[path], np.array(passed, dtype=np.int32)
+
+    result = [
+        walk(node, segment)
+        for node, here in enumerate(at_node)
+        if is_end[node]
+        for segment in here
+        if not used[segment]
+    ]
+    result += [walk(pair[0], segment) for segment, pair in enumerate(pairs) if not used[segment]]
+    return result

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError, is_integer, is_real
-from bezier_filters.holes.loops import corner_angles, diameter, edge_lengths, enclosed, plane_axes, vector_area
+from bezier_filters.holes.loops import corner_angles, diameter, enclosed, plane_axes, vector_area
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.half_edges import BorderEdges, border_edges, cycles, doubled_edges
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection
@@ -75,8 +75,8 @@ def find_holes(mesh: TriangleMesh, adjacency: Adjacency) -> list[Hole]:
         for part in parts:
             points, count = mesh.vertices[part], np.isin(part * np.int64(n) + np.roll(part, -1), cracks).sum()
             obstacle = f"{count} of its {len(part)} edges lie on those of another border: {WELD}" if count else ""
-            length, rim = float(edge_lengths(points).sum()), part[::-1].copy()
-            holes.append(Hole((rim,), turning, length, diameter(points), obstacle))
+            length = float(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1).sum())
+            holes.append(Hole((part[::-1].copy(),), turning, length, diameter(points), obstacle))
     for start, end in rest:
         length = np.linalg.norm(mesh.vertices[end] - mesh.vertices[start], axis=1).sum()
         where = end[border.unclear[end]][0]

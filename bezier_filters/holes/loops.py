@@ -28,11 +28,6 @@ def vector_area(loop: FloatArray) -> FloatArray:
     return np.asarray(0.5 * np.cross(centred, np.roll(centred, -1, axis=0)).sum(axis=0))
 
 
-def edge_lengths(loop: FloatArray) -> FloatArray:
-    """Lengths of the edges of a closed polygon (k, 3); edge i begins at point i, shape (k,)."""
-    return np.asarray(np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1))
-
-
 def diameter(points: FloatArray) -> float:
     """Largest distance between two of the points (k, 3)."""
     parts = (points[k : k + DISTANCES_AT_ONCE] for k in range(0, len(points), DISTANCES_AT_ONCE))

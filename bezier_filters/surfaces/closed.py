@@ -5,8 +5,7 @@ import numpy as np
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.surfaces import sampling
-from bezier_filters.surfaces.sampled_surface import SampledSurface
-from bezier_filters.surfaces.sampling import check_positive, check_resolution
+from bezier_filters.surfaces.sampling import SampledSurface, check_positive, check_resolution
 
 
 def sphere(*, radius: float = 1.0, resolution: int = 12, jitter: float = 0.0, seed: int = 0) -> SampledSurface:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from bezier_filters import InvalidMeshError, InvalidParameterError, estimate_vertex_geometry, find_creases
-from bezier_filters.feature_lines.polylines import chains
+from bezier_filters.feature_lines.crease_lines import chains
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.half_edges import mesh_edges
 from bezier_filters.meshes.mesh import triangle_mesh
