@@ -7,6 +7,7 @@ from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.display.summaries import html_table
@@ -14,7 +15,7 @@ from bezier_filters.errors import InvalidMeshError, InvalidParameterError, is_re
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.noise_free import LEFT, hides_sharp_edges, is_noisy, learn_noise, noise_free_surface
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
-from bezier_filters.feature_lines.crest_lines import CurvatureAlongLines, Sides, crest_segments, points_on_edges
+from bezier_filters.feature_lines.crest_lines import HEIGHT, CurvatureAlongLines, Sides, crest_segments, points_on_edges
 from bezier_filters.fields import CREASES, column_names
 from bezier_filters.meshes.adjacency import Adjacency, mean_edge, vertex_adjacency
 from bezier_filters.meshes.half_edges import MeshEdges, mesh_edges
@@ -240,7 +241,10 @@ def find_creases(
     mesh = triangle_mesh(vertices, faces)
     if not mesh.face_count:
         raise InvalidMeshError("faces: got none; creases need a mesh, not a point cloud")
-    _check(angle, min_strength)
+    if not (is_real(angle) and 0.0 < angle <= 180.0):
+        raise InvalidParameterError(f"angle: got {angle!r}, expected degrees above 0 and up to 180")
+    if not (is_real(min_strength) and 0.0 <= min_strength < np.inf):
+        raise InvalidParameterError(f"min_strength: got {min_strength!r}, expected a number of 0 or more")
     if geometry is None:
         geometry = estimate_vertex_geometry(mesh.vertices, mesh.faces, threads=threads, progress=progress)
     elif len(geometry.status) != mesh.vertex_count:
@@ -252,7 +256,8 @@ def find_creases(
     edges, sharp, certainty = _sharp_edges(mesh, adjacency, geometry, radians(angle), thread_count(threads))
     usable = geometry.status <= FitStatus.LOWER_DEGREE
     usable[edges.vertices[sharp]] = False
-    sides = Sides.of(mesh.vertices, geometry, mean_edge(mesh, adjacency))
+    reach = HEIGHT * mean_edge(mesh, adjacency) * geometry.rings_used
+    sides = Sides(geometry.normals, geometry.mean_curvature_std, reach, cKDTree(mesh.vertices))
     lines: list[CreaseLine] = []
     for kind in get_args(CreaseKind):
         lines += _sharp_lines(mesh, edges, sharp, certainty, adjacency.on_boundary, kind)
@@ -326,22 +331,15 @@ def _smooth_lines(
     else:
         field = CurvatureAlongLines(-g.k_min, -g.k_max, g.direction_min, -g.extremality_min)
     faces = np.flatnonzero(usable[mesh.faces].all(axis=1) & (edges.of_faces >= 0).all(axis=1)).astype(np.int32)
-    found = crest_segments(mesh, edges, field, faces)
-    for nodes, segments in chains(found.edges):
-        strength = float(found.weights[segments].sum())
+    pairs, shares, weights = crest_segments(mesh, edges, field, faces)
+    for nodes, segments in chains(pairs):
+        strength = float(weights[segments].sum())
         if strength >= min_strength:
-            points = points_on_edges(mesh, edges, found.shares, nodes)
+            points = points_on_edges(mesh, edges, shares, nodes)
             certainty = sides.certainty(field, points)
             if certainty >= 0.5:
                 here = np.full(len(segments), certainty)
-                yield CreaseLine(kind, False, points, edges.vertices[nodes], found.shares[nodes], strength, here)
-
-
-def _check(angle: object, min_strength: object) -> None:
-    if not (is_real(angle) and 0.0 < angle <= 180.0):
-        raise InvalidParameterError(f"angle: got {angle!r}, expected degrees above 0 and up to 180")
-    if not (is_real(min_strength) and 0.0 <= min_strength < np.inf):
-        raise InvalidParameterError(f"min_strength: got {min_strength!r}, expected a number of 0 or more")
+                yield CreaseLine(kind, False, points, edges.vertices[nodes], shares[nodes], strength, here)
 
 
 def chains(segments: IntArray, ends: IntArray | None = None) -> list[tuple[IntArray, IntArray]]:

@@ -11,7 +11,6 @@ from scipy.spatial import cKDTree
 from scipy.special import ndtr
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.estimation.vertex_geometry import VertexGeometry
 from bezier_filters.meshes.half_edges import MeshEdges
 from bezier_filters.meshes.mesh import TriangleMesh
 
@@ -31,19 +30,14 @@ class CurvatureAlongLines:
     slopes: FloatArray  # (n,): its derivative along them, the extremality; 0 where it is not known
 
 
-@dataclass(frozen=True)
-class CrestSegments:
-    """Straight pieces of ridges, each across one triangle."""
+def crest_segments(
+    mesh: TriangleMesh, edges: MeshEdges, field: CurvatureAlongLines, faces: IntArray
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Trace ridges across triangles: straight pieces, each across one triangle.
 
-    edges: IntArray  # (s, 2): the edges of the mesh between which each one runs
-    # (e,): for every edge of the mesh, where on it the slope vanishes, if anywhere: 0 at its first end, 1 at its second
-    shares: FloatArray
-    # (s,): what each one contributes to the strength of its line, without a unit; see `crest_segments`
-    weights: FloatArray
-
-
-def crest_segments(mesh: TriangleMesh, edges: MeshEdges, field: CurvatureAlongLines, faces: IntArray) -> CrestSegments:
-    """Trace ridges across triangles.
+    Gives the edges of the mesh between which each piece runs, (s, 2); for every edge of the mesh where on it the slope
+    vanishes, if anywhere, 0 at its first end and 1 at its second, (e,); and what each piece contributes to the strength
+    of its line, without a unit, (s,).
 
     The direction at one vertex is turned to agree with those at the two others, after which the slope is taken for
     linear in the triangle (Ohtake, Belyaev, Seidel, "Ridge-valley lines on meshes via implicit surface fitting", 2004).
@@ -82,7 +76,7 @@ def crest_segments(mesh: TriangleMesh, edges: MeshEdges, field: CurvatureAlongLi
     lengths = np.linalg.norm(points[:, 1] - points[:, 0], axis=1)
     k = largest[is_ridge]
     weights = lengths * np.minimum(k, -second_derivatives[is_ridge] / k**2)
-    return CrestSegments(pairs[is_ridge], shares, weights)
+    return pairs[is_ridge], shares, weights
 
 
 def points_on_edges(mesh: TriangleMesh, edges: MeshEdges, shares: FloatArray, ids: IntArray) -> FloatArray:
@@ -116,12 +110,6 @@ class Sides:
     errors: FloatArray  # (n,): standard errors of curvatures, 1/length
     reach: FloatArray  # (n,): radius of the neighbourhood of each vertex, a length
     tree: cKDTree  # of the vertices
-
-    @staticmethod
-    def of(vertices: FloatArray, geometry: VertexGeometry, edge: float) -> "Sides":
-        """Those of a mesh with some mean edge."""
-        reach = HEIGHT * edge * geometry.rings_used
-        return Sides(geometry.normals, geometry.mean_curvature_std, reach, cKDTree(vertices))
 
     def certainty(self, field: CurvatureAlongLines, points: FloatArray) -> float:
         """Probability that curvature falls off on both sides of a line (k, 3), on average, by more than noise makes it.

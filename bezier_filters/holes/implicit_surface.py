@@ -106,7 +106,7 @@ def _fits(
     reflections = reflections_of(_quadratics(points))
     if np.abs(np.diag(reflections.triangle)).min() < 1e-12:
         return []
-    turned = np.empty((len(points), len(points)))
+    turned = np.zeros((len(points), len(points)))  # of which the lower triangle is written
     factor = np.empty((len(points) - TERMS, len(points) - TERMS))
     errors = _error_covariance(len(surface), len(further)) if noisy else np.empty((0, 0))
     if noisy:
@@ -257,7 +257,11 @@ def restricted_likelihood(
     as much if the matrix is not positive definite otherwise; None if it still is not. `factor` is overwritten.
     """
     for _ in range(4):
-        _add_errors(turned, errors, variance, factor)
+        np.copyto(factor, turned[TERMS:, TERMS:])
+        if len(errors):
+            factor += variance * errors[TERMS:, TERMS:]
+        else:
+            factor[np.diag_indices(len(factor))] += variance
         # LAPACK's rows are columns here: its upper triangle is the lower one, and nothing is copied.
         if dpotrf(factor.T, lower=0, clean=0, overwrite_a=1)[1] == 0:
             weights = target.copy()
@@ -292,20 +296,6 @@ def _subtract_products(v: FloatArray, b: FloatArray, matrix: FloatArray) -> floa
         for j in range(TERMS, i + 1):
             squares += (1.0 if i == j else 2.0) * row[j] * row[j]
     return squares
-
-
-@jit()
-def _add_errors(turned: FloatArray, errors: FloatArray, variance: float, total: FloatArray) -> None:
-    """Write the lower triangle of the contrasts with errors, independent ones if no covariance is given."""
-    for i in range(total.shape[0]):
-        row = total[i]
-        for j in range(i + 1):
-            row[j] = turned[TERMS + i, TERMS + j]
-        if errors.shape[0] == 0:
-            row[i] += variance
-        else:
-            for j in range(i + 1):
-                row[j] += variance * errors[TERMS + i, TERMS + j]
 
 
 @jit(fastmath=FAST)

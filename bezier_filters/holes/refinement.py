@@ -12,7 +12,7 @@ import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.meshes.half_edges import face_neighbours
-from bezier_filters.meshes.triangles import angle_parts, cosine_between, has_corner
+from bezier_filters.meshes.triangles import angle_parts, area_vectors, cosine_between, has_corner
 from bezier_filters.runtime.jit import inner_jit, jit
 
 # triangles are split while their centroid is farther from their corners than the wanted edge length over this
@@ -21,7 +21,6 @@ DENSITY = float(np.sqrt(2.0))
 # edges of very different lengths, triangles stay larger than they would be
 FEW_FACES = 1_000
 MOST_PASSES = 60
-GROWTH = 9  # rows that there is room for, in faces of a fill, before its arrays are made longer
 MOST_FLIPS = 30  # passes over all edges
 
 Values = TypeVar("Values", FloatArray, IntArray)
@@ -42,24 +41,24 @@ def refine(fill: Fill, existing: AbstractSet[tuple[int, int]]) -> Fill:
     pairs = _as_rows(existing)
     points, sizes, faces = fill.points, fill.sizes, fill.faces
     neighbours = face_neighbours(faces)
-    n, m = len(points), len(faces)
     most = FEW_FACES + fill.rim_count**2
     for _ in range(MOST_PASSES):
+        n, m = len(points), len(faces)
         if m > most:
             break
-        if len(faces) < 3 * m:  # each face may become three
-            points, sizes = _with_room(points, GROWTH * m), _with_room(sizes, GROWTH * m)
-            faces, neighbours = _with_room(faces, GROWTH * m), _with_room(neighbours, GROWTH * m)
+        points, sizes = _with_room(points, m), _with_room(sizes, m)  # each face may become three
+        faces, neighbours = _with_room(faces, 2 * m), _with_room(neighbours, 2 * m)
         added = _split(points, sizes, faces, neighbours, n, m)
-        n, m = n + added, m + 2 * added
-        if _flip(points, faces[:m], neighbours, pairs, fill.rim_count) == added == 0:
+        points, sizes = points[: n + added], sizes[: n + added]
+        faces, neighbours = faces[: m + 2 * added], neighbours[: m + 2 * added]
+        if _flip(points, faces, neighbours, pairs, fill.rim_count) == added == 0:
             break
-    return Fill(points[:n].copy(), sizes[:n].copy(), faces[:m].copy(), fill.rim_count)
+    return Fill(points.copy(), sizes.copy(), faces.copy(), fill.rim_count)
 
 
 def _with_room(part: Values, count: int) -> Values:
-    """An array with as many further rows as are needed for so many in all."""
-    return np.concatenate([part, np.zeros((count - len(part), *part.shape[1:]), dtype=part.dtype)])
+    """An array with so many further rows."""
+    return np.concatenate([part, np.zeros((count, *part.shape[1:]), dtype=part.dtype)])
 
 
 def flip_edges(fill: Fill, existing: AbstractSet[tuple[int, int]]) -> Fill:
@@ -87,17 +86,11 @@ def relax_tangentially(fill: Fill) -> Fill:
     # All triangles are judged before vertices go back, so that their order does not matter.
     while True:
         points = np.where(moving[:, np.newaxis], means, fill.points)
-        before, after = (_area_vectors(corners, faces) for corners in (fill.points, points))
+        before, after = (area_vectors(corners, faces) for corners in (fill.points, points))
         turned = moving[faces].any(axis=1) & ((before * after).sum(axis=1) < 0.0)
         if not turned.any():
             return replace(fill, points=points)
         moving[faces[turned]] = False
-
-
-def _area_vectors(points: FloatArray, faces: IntArray) -> FloatArray:
-    """Normals of triangles, as long as twice their areas, (m, 3)."""
-    a, b, c = (points[faces[:, k]] for k in range(3))
-    return np.cross(b - a, c - a)
 
 
 @jit()

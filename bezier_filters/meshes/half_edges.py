@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.triangles import area_vectors
 
 COINCIDENT = 1e-4  # of the longest border edge at a vertex: others nearer than that lie at the same place
 UNCLEAR = -2  # in the place of the opposite half-edge, where there is not just one
@@ -64,10 +65,13 @@ def face_neighbours(faces: IntArray) -> IntArray:
     return faces_at_edges(faces, ends, starts).reshape(-1, 3)
 
 
-def half_edge_twins(mesh: TriangleMesh) -> IntArray:
-    """Opposite half-edges, (3 m,): -1 on the boundary, `UNCLEAR` at edges of more faces or of two that disagree."""
-    start, end = ends_of_half_edges(mesh.faces)
-    _, edge, count = distinct_edges(mesh.faces, mesh.vertex_count)
+def half_edge_twins(faces: IntArray, n: int) -> IntArray:
+    """Opposite half-edges of faces (m, 3) between n vertices, (3 m,).
+
+    It is -1 on the boundary, `UNCLEAR` at edges of more faces or of two that disagree.
+    """
+    start, end = ends_of_half_edges(faces)
+    _, edge, count = distinct_edges(faces, n)
     first, last = _first_and_last(edge, count)
     twin = first[edge] + (last[edge] - np.arange(len(edge)))
     opposite = (count == 2) & (start[first] == end[last])
@@ -111,8 +115,7 @@ def mesh_edges(mesh: TriangleMesh) -> MeshEdges:
     of_faces = np.full((len(faces), 3), -1, dtype=np.int32)
     of_faces[proper] = number.reshape(-1, 3)
 
-    corners = mesh.vertices[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = area_vectors(mesh.vertices, faces)
     doubled_areas = np.linalg.norm(normals, axis=1)
     known = doubled_areas > 0.0
     normals[known] /= doubled_areas[known, np.newaxis]
@@ -126,8 +129,8 @@ def mesh_edges(mesh: TriangleMesh) -> MeshEdges:
     own, other = face_ids[first // 3], face_ids[second // 3]
     angles, is_convex = np.zeros(len(vertices)), np.zeros(len(vertices), dtype=np.bool_)
     angles[is_inner] = np.where(known[own] & known[other], dihedral_angles(normals[own], normals[other]), 0.0)
-    tips = faces[other, (second + 2) % 3]
-    is_convex[is_inner] = np.einsum("ij,ij->i", mesh.vertices[tips] - corners[own, 0], normals[own]) < 0.0
+    beyond = mesh.vertices[faces[other, (second + 2) % 3]] - mesh.vertices[faces[own, 0]]
+    is_convex[is_inner] = np.einsum("ij,ij->i", beyond, normals[own]) < 0.0
     return MeshEdges(vertices, of_faces, angles, is_convex, widths)
 
 
@@ -145,25 +148,19 @@ class BorderEdges:
 def border_edges(mesh: TriangleMesh, on_boundary: BoolArray) -> BorderEdges:
     """The border of a mesh, found among the faces at the boundary, with the `on_boundary` of `Adjacency`."""
     faces = proper_faces(mesh.faces[on_boundary[mesh.faces].any(axis=1)])
-    twin = half_edge_twins(TriangleMesh(mesh.vertices, faces))
+    twin = half_edge_twins(faces, mesh.vertex_count)
     start, end = ends_of_half_edges(faces)
     # Where the other face of an edge was left out, one of its ends is not on the boundary.
     borders = (twin == -1) & on_boundary[start] & on_boundary[end]
     third = faces[:, [2, 0, 1]].ravel()
-    return BorderEdges(start[borders], end[borders], third[borders], _at_unclear_edges(mesh, faces, twin))
+    unclear = np.zeros(mesh.vertex_count, dtype=np.bool_)
+    unclear[start[twin == UNCLEAR]] = unclear[end[twin == UNCLEAR]] = True
+    return BorderEdges(start[borders], end[borders], third[borders], unclear)
 
 
 def unclear_vertices(mesh: TriangleMesh) -> BoolArray:
     """Vertices of edges with three faces or more, or with two that run through it the same way, (n,)."""
-    faces = proper_faces(mesh.faces)
-    return _at_unclear_edges(mesh, faces, half_edge_twins(TriangleMesh(mesh.vertices, faces)))
-
-
-def _at_unclear_edges(mesh: TriangleMesh, faces: IntArray, twin: IntArray) -> BoolArray:
-    result = np.zeros(mesh.vertex_count, dtype=np.bool_)
-    for ends in ends_of_half_edges(faces):
-        result[ends[twin == UNCLEAR]] = True
-    return result
+    return border_edges(mesh, np.ones(mesh.vertex_count, dtype=np.bool_)).unclear
 
 
 def doubled_edges(mesh: TriangleMesh, border: BorderEdges) -> BoolArray:
@@ -217,11 +214,16 @@ def boundary_loops(mesh: TriangleMesh) -> list[IntArray]:
     [array([0, 1, 2], dtype=int32)]
     """
     faces = proper_faces(mesh.faces)
-    twin, start = half_edge_twins(TriangleMesh(mesh.vertices, faces)), faces.ravel()
+    twin, start = half_edge_twins(faces, mesh.vertex_count), faces.ravel()
     boundary = np.flatnonzero(twin == -1)
-    order = boundary[np.argsort(start[boundary], kind="stable")].astype(np.int32)
-    successor = _boundary_successors(twin)
-    paths = cycles(successor, order)
+    following = np.arange(len(twin)).reshape(-1, 3)[:, [1, 2, 0]].ravel()
+    successor = np.where(twin == UNCLEAR, np.arange(len(twin)), following).astype(np.int32)
+    # Turn around the end vertex of all boundary half-edges at once, each within its own fan of faces.
+    turning = boundary
+    while len(turning):
+        turning = turning[twin[successor[turning]] >= 0]
+        successor[turning] = following[twin[successor[turning]]]
+    paths = cycles(successor, boundary[np.argsort(start[boundary], kind="stable")].astype(np.int32))
     return [start[path] for path in paths if twin[path[-1]] == -1 and successor[path[-1]] == path[0]]
 
 
@@ -242,16 +244,3 @@ def cycles(successor: IntArray, order: IntArray) -> list[IntArray]:
         if path:
             result.append(np.array(path, dtype=np.int32))
     return result
-
-
-def _boundary_successors(twin: IntArray) -> IntArray:
-    """Next boundary half-edge after each boundary half-edge; other entries mean nothing."""
-    following = np.arange(len(twin)).reshape(-1, 3)[:, [1, 2, 0]].ravel()
-    successor = following.copy()
-    successor[twin == UNCLEAR] = np.flatnonzero(twin == UNCLEAR)
-    # Turn around the end vertex of all half-edges at once, each within its own fan of faces.
-    turning = np.flatnonzero(twin == -1)
-    while len(turning):
-        turning = turning[twin[successor[turning]] >= 0]
-        successor[turning] = following[twin[successor[turning]]]
-    return successor.astype(np.int32)

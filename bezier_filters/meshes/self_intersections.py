@@ -18,18 +18,18 @@ def faces_in_boxes(vertices: FloatArray, faces: IntArray, low: FloatArray, high:
     axis = int(np.ptp(low, axis=0).argmax()) if len(low) else 0
     order = np.argsort(low[:, axis], kind="stable").astype(np.int32)
     begins, ends = low[order, axis], np.maximum.accumulate(high[order, axis])
-    corners = vertices[faces, axis]
-    first = np.searchsorted(ends, corners.min(axis=1)).astype(np.int32)
-    stop = np.searchsorted(begins, corners.max(axis=1), side="right").astype(np.int32)
-    near = np.flatnonzero(first < stop).astype(np.int32)
-    boxes = _Boxes(low, high, order, first[near], stop[near])
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    least, most = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+    first = np.searchsorted(ends, least[:, axis]).astype(np.int32)
+    stop = np.searchsorted(begins, most[:, axis], side="right").astype(np.int32)
+    boxes = _Boxes(low, high, order, first, stop)
     # Twice: first the faces of each box are counted, then they are listed.
     counts, indptr = np.zeros(len(low), dtype=np.int32), np.zeros(len(low) + 1, dtype=np.int32)
-    _collect(vertices, faces[near], boxes, counts, indptr, np.empty(0, dtype=np.int32))
+    _collect(least, most, boxes, counts, indptr, np.empty(0, dtype=np.int32))
     np.cumsum(counts, out=indptr[1:])
     indices = np.empty(indptr[-1], dtype=np.int32)
-    _collect(vertices, faces[near], boxes, np.zeros_like(counts), indptr, indices)
-    return Rows(indptr, near[indices])
+    _collect(least, most, boxes, np.zeros_like(counts), indptr, indices)
+    return Rows(indptr, indices)
 
 
 class _Boxes(NamedTuple):
@@ -44,32 +44,22 @@ class _Boxes(NamedTuple):
 
 @jit()
 def _collect(
-    vertices: FloatArray, faces: IntArray, boxes: _Boxes, counts: IntArray, indptr: IntArray, indices: IntArray
+    least: FloatArray, most: FloatArray, boxes: _Boxes, counts: IntArray, indptr: IntArray, indices: IntArray
 ) -> None:
-    """Count the faces in every box, and list them if there is room; `counts` is zero at first."""
-    for f in range(faces.shape[0]):
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+    """Count the faces in every box, by their least and most coordinates, and list them if there is room.
+
+    `counts` is zero at first.
+    """
+    for f in range(least.shape[0]):
         for q in range(boxes.first[f], boxes.stop[f]):
             box = boxes.order[q]
-            if _in_box(vertices, a, b, c, boxes.low[box], boxes.high[box]):
+            meets = True
+            for axis in range(3):
+                meets &= least[f, axis] <= boxes.high[box, axis] and most[f, axis] >= boxes.low[box, axis]
+            if meets:
                 if indices.shape[0] > 0:
                     indices[indptr[box] + counts[box]] = f
                 counts[box] += 1
-
-
-@inner_jit()
-def _in_box(vertices: FloatArray, a: int, b: int, c: int, low: FloatArray, high: FloatArray) -> bool:
-    for axis in range(3):
-        x, y, z = vertices[a, axis], vertices[b, axis], vertices[c, axis]
-        if min(x, y, z) > high[axis] or max(x, y, z) < low[axis]:
-            return False
-    return True
-
-
-def meeting_box(vertices: FloatArray, faces: IntArray, low: FloatArray, high: FloatArray) -> BoolArray:
-    """Whether the bounding boxes of faces meet the box between two corners, each (3,), (m,)."""
-    corners = vertices[faces]
-    return np.asarray(((corners.min(axis=1) <= high) & (corners.max(axis=1) >= low)).all(axis=1), dtype=np.bool_)
 
 
 def cut_faces(vertices: FloatArray, faces: IntArray, new: int) -> BoolArray:

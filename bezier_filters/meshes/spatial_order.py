@@ -88,7 +88,8 @@ def _ranks(order: IntArray) -> IntArray:
 
 
 def _renumbered(mesh: TriangleMesh, order: IntArray, rank: IntArray, face_order: IntArray) -> SpatialOrder:
-    return SpatialOrder(TriangleMesh(mesh.vertices[order], rank[mesh.faces[face_order]]), order)
+    faces = rank.take(mesh.faces.take(face_order, axis=0))  # twice as fast as by brackets
+    return SpatialOrder(TriangleMesh(mesh.vertices.take(order, axis=0), faces), order)
 
 
 def in_spatial_order(mesh: TriangleMesh, *, threads: int = 1) -> SpatialOrder:

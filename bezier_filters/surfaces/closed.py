@@ -88,10 +88,7 @@ def ellipsoid(
     directions, faces = sampling.sphere_directions(resolution, jitter=jitter, seed=seed)
     axes = np.asarray(semi_axes, dtype=np.float64)
     # F is half of the sum above.
-    hessian = np.diag(axes**-2)
-    return SampledSurface.from_level_set(
-        directions * axes, faces, directions / axes, np.broadcast_to(hessian, (len(directions), 3, 3))
-    )
+    return SampledSurface.from_level_set(directions * axes, faces, directions / axes, np.diag(axes**-2))
 
 
 def bumpy_star(

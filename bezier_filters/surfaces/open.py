@@ -56,10 +56,7 @@ def cylinder(
     outward = sampling.radial_directions(2 * np.pi * lattice[:, 0] / cells[0])
     vertices = radius * outward
     vertices[:, 2] = length * (lattice[:, 1] / cells[1] - 0.5)
-    hessian = np.diag([1.0, 1.0, 0.0])
-    return SampledSurface.from_level_set(
-        vertices, faces, radius * outward, np.broadcast_to(hessian, (len(vertices), 3, 3))
-    )
+    return SampledSurface.from_level_set(vertices, faces, radius * outward, np.diag([1.0, 1.0, 0.0]))
 
 
 def height_field(

@@ -75,13 +75,13 @@ class SampledSurface(DerivedCurvatures):
         (Goldman, "Curvature formulas for implicit curves and surfaces", CAGD 22, 2005).
 
         Faces (m, 3) are oriented like the gradients (n, 3), which point outward and are not zero; their scale cancels
-        with that of the Hessians (n, 3, 3).
+        with that of the Hessians (n, 3, 3), or (3, 3) if it is the same everywhere.
 
         The unit sphere x^2 + y^2 + z^2 = 1 at one point:
 
         >>> point = np.array([[0.0, 0.0, 1.0]])
         >>> no_faces = np.empty((0, 3), dtype=np.int32)
-        >>> SampledSurface.from_level_set(point, no_faces, 2 * point, 2 * np.eye(3)[None]).mean_curvature
+        >>> SampledSurface.from_level_set(point, no_faces, 2 * point, 2 * np.eye(3)).mean_curvature
         array([1.])
         """
         slope = np.linalg.norm(gradients, axis=1, keepdims=True)
