@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import bezier_filters as bf
-from bezier_filters.meshes.dihedral_angles import mesh_edges
+from bezier_filters.meshes.half_edges import mesh_edges
 from bezier_filters.meshes.mesh import triangle_mesh
 from cut_holes import Case, compact, normals
 from sub_holes import load, random_cuts, rms

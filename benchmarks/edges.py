@@ -15,7 +15,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 import bezier_filters as bf
-from bezier_filters.meshes.dihedral_angles import MeshEdges, mesh_edges
+from bezier_filters.meshes.half_edges import MeshEdges, mesh_edges
 from bezier_filters.meshes.mesh import triangle_mesh
 from crease_holes import TRULY_SHARP, keys, with_noise
 from peers import angles

@@ -71,7 +71,7 @@ OPERATORS = (
 )
 SPEED = re.compile(
     r"^(ROOM|FEWEST = 128|CHUNK|GROUP|SAMPLES|LOOKED_AT|PLACES|FIRST = 8|FACTORED|POINTS|DISTANCES_AT_ONCE"
-    r"|LARGEST_EXACT|FEW =|MOST_DENSE|FEW_FACES|GROWTH|PER_CELL|MOST_BITS|NO_VERTEX)|threads|chunk"
+    r"|LARGEST_EXACT|FEW =|MOST_DENSE|FEW_FACES|PER_CELL|MOST_BITS|NO_VERTEX)|threads|chunk"
 )
 """Lines that say how fast or at what effort something is computed, not what."""
 

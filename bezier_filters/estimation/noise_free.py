@@ -8,7 +8,7 @@ from bezier_filters.kernels.kernel_input import fitted_mesh
 from bezier_filters.learning.noise_model import NoiseModel, known_noise
 from bezier_filters.learning.plans import Choices
 from bezier_filters.meshes.adjacency import Adjacency, mean_edge
-from bezier_filters.meshes.dihedral_angles import mesh_edges
+from bezier_filters.meshes.half_edges import mesh_edges
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.sharp_edges import may_have_sharp_edges, sharp_edges
 from bezier_filters.runtime.parallel import Progress

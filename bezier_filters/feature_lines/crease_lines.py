@@ -7,6 +7,7 @@ from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.display import html_table
@@ -14,12 +15,10 @@ from bezier_filters.errors import InvalidMeshError, InvalidParameterError, is_re
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.noise_free import LEFT, hides_sharp_edges, is_noisy, learn_noise, noise_free_surface
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
-from bezier_filters.feature_lines.crest_certainty import Sides
-from bezier_filters.feature_lines.crest_segments import CurvatureAlongLines, crest_segments, points_on_edges
-from bezier_filters.feature_lines.polylines import chains
+from bezier_filters.feature_lines.crest_lines import HEIGHT, CurvatureAlongLines, Sides, crest_segments, points_on_edges
 from bezier_filters.fields import CREASES, column_names
 from bezier_filters.meshes.adjacency import Adjacency, mean_edge, vertex_adjacency
-from bezier_filters.meshes.dihedral_angles import MeshEdges, mesh_edges
+from bezier_filters.meshes.half_edges import MeshEdges, mesh_edges
 from bezier_filters.meshes.mesh import TriangleMesh, takes_arrays, triangle_mesh
 from bezier_filters.meshes.sharp_edges import certainties, sharp_edges
 from bezier_filters.runtime.parallel import Progress, one_thread_for_matrices, thread_count
@@ -242,7 +241,10 @@ def find_creases(
     mesh = triangle_mesh(vertices, faces)
     if not mesh.face_count:
         raise InvalidMeshError("faces: got none; creases need a mesh, not a point cloud")
-    _check(angle, min_strength)
+    if not (is_real(angle) and 0.0 < angle <= 180.0):
+        raise InvalidParameterError(f"angle: got {angle!r}, expected degrees above 0 and up to 180")
+    if not (is_real(min_strength) and 0.0 <= min_strength < np.inf):
+        raise InvalidParameterError(f"min_strength: got {min_strength!r}, expected a number of 0 or more")
     if geometry is None:
         geometry = estimate_vertex_geometry(mesh.vertices, mesh.faces, threads=threads, progress=progress)
     elif len(geometry.status) != mesh.vertex_count:
@@ -254,7 +256,8 @@ def find_creases(
     edges, sharp, certainty = _sharp_edges(mesh, adjacency, geometry, radians(angle), thread_count(threads))
     usable = geometry.status <= FitStatus.LOWER_DEGREE
     usable[edges.vertices[sharp]] = False
-    sides = Sides.of(mesh.vertices, geometry, mean_edge(mesh, adjacency))
+    reach = HEIGHT * mean_edge(mesh, adjacency) * geometry.rings_used
+    sides = Sides(geometry.normals, geometry.mean_curvature_std, reach, cKDTree(mesh.vertices))
     lines: list[CreaseLine] = []
     for kind in get_args(CreaseKind):
         lines += _sharp_lines(mesh, edges, sharp, certainty, adjacency.on_boundary, kind)
@@ -328,19 +331,56 @@ def _smooth_lines(
     else:
         field = CurvatureAlongLines(-g.k_min, -g.k_max, g.direction_min, -g.extremality_min)
     faces = np.flatnonzero(usable[mesh.faces].all(axis=1) & (edges.of_faces >= 0).all(axis=1)).astype(np.int32)
-    found = crest_segments(mesh, edges, field, faces)
-    for nodes, segments in chains(found.edges):
-        strength = float(found.weights[segments].sum())
+    pairs, shares, weights = crest_segments(mesh, edges, field, faces)
+    for nodes, segments in chains(pairs):
+        strength = float(weights[segments].sum())
         if strength >= min_strength:
-            points = points_on_edges(mesh, edges, found.shares, nodes)
+            points = points_on_edges(mesh, edges, shares, nodes)
             certainty = sides.certainty(field, points)
             if certainty >= 0.5:
                 here = np.full(len(segments), certainty)
-                yield CreaseLine(kind, False, points, edges.vertices[nodes], found.shares[nodes], strength, here)
+                yield CreaseLine(kind, False, points, edges.vertices[nodes], shares[nodes], strength, here)
 
 
-def _check(angle: object, min_strength: object) -> None:
-    if not (is_real(angle) and 0.0 < angle <= 180.0):
-        raise InvalidParameterError(f"angle: got {angle!r}, expected degrees above 0 and up to 180")
-    if not (is_real(min_strength) and 0.0 <= min_strength < np.inf):
-        raise InvalidParameterError(f"min_strength: got {min_strength!r}, expected a number of 0 or more")
+def chains(segments: IntArray, ends: IntArray | None = None) -> list[tuple[IntArray, IntArray]]:
+    """Join segments (s, 2), given by the numbers of the nodes at their ends, to chains as long as possible.
+
+    Chains end at nodes with one segment, or with three or more, and at further nodes that are named as `ends`. Each is
+    its nodes in order, (k + 1,), the last one the first one again if it is closed, and the segments between them, (k,).
+
+    >>> [nodes.tolist() for nodes, _ in chains(np.array([[4, 7], [9, 7], [1, 2], [2, 3], [3, 1]]))]
+    [[4, 7, 9], [1, 2, 3, 1]]
+    """
+    nodes, local = np.unique(segments, return_inverse=True)
+    pairs = local.reshape(-1, 2).tolist()
+    at_node: list[list[int]] = [[] for _ in nodes]
+    for segment, (a, b) in enumerate(pairs):
+        at_node[a].append(segment)
+        at_node[b].append(segment)
+    named = np.isin(nodes, [] if ends is None else ends).tolist()
+    is_end = [named[node] or len(here) != 2 for node, here in enumerate(at_node)]
+    used = [False] * len(pairs)
+
+    def walk(node: int, segment: int) -> tuple[IntArray, IntArray]:
+        path, passed = [node], []
+        while not used[segment]:
+            used[segment] = True
+            passed.append(segment)
+            a, b = pairs[segment]
+            node = b if a == node else a
+            path.append(node)
+            here = at_node[node]
+            if is_end[node]:
+                break
+            segment = here[0] if here[1] == segment else here[1]
+        return nodes[path], np.array(passed, dtype=np.int32)
+
+    result = [
+        walk(node, segment)
+        for node, here in enumerate(at_node)
+        if is_end[node]
+        for segment in here
+        if not used[segment]
+    ]
+    result += [walk(pair[0], segment) for segment, pair in enumerate(pairs) if not used[segment]]
+    return result

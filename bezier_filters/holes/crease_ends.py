@@ -8,9 +8,8 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.holes.influence_region import InfluenceRegion
 from bezier_filters.meshes.adjacency import vertex_adjacency
-from bezier_filters.meshes.dihedral_angles import mesh_edges
 from bezier_filters.meshes.frames import unit_face_normals
-from bezier_filters.meshes.half_edges import ends_of_half_edges, half_edge_twins
+from bezier_filters.meshes.half_edges import ends_of_half_edges, half_edge_twins, mesh_edges
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.sharp_edges import sharp_edges
 
@@ -60,7 +59,7 @@ def creases_around(region: InfluenceRegion, angle: float = ROUNDED) -> Creases:
     of_half_edges = edges.of_faces.ravel()  # no face of a region names a vertex twice, so all have an edge
     is_clear = is_sharp & (edges.angles > CLEAR)
     is_sharp, is_clear, is_convex = (values[of_half_edges] for values in (is_sharp, is_clear, edges.is_convex))
-    return Creases(is_sharp, is_clear, is_convex, half_edge_twins(mesh))
+    return Creases(is_sharp, is_clear, is_convex, half_edge_twins(region.faces, len(region.ids)))
 
 
 @dataclass(frozen=True)
@@ -185,12 +184,7 @@ def _tangent(points: FloatArray) -> FloatArray:
     return np.asarray(-slope / max(float(np.linalg.norm(slope)), 1e-300), dtype=np.float64)
 
 
-def faces_on_its_side(region: InfluenceRegion, creases: Creases, along_rim: frozenset[int]) -> BoolArray:
-    """Which faces (m,) of a region are reached from the rim without crossing a crease, if none goes through it."""
-    return _sectors(region, creases, [], along_rim) >= 0
-
-
-def _sectors(region: InfluenceRegion, creases: Creases, ends: list[CreaseEnd], along_rim: frozenset[int]) -> IntArray:
+def sectors(region: InfluenceRegion, creases: Creases, ends: list[CreaseEnd], along_rim: frozenset[int]) -> IntArray:
     """Number of the crease end, before it along the rim, whose side each face is on, (m,); -1 if none reaches it.
 
     Faces are reached from the rim without crossing a sharp edge, but not from edges of the rim that are creases: their
@@ -207,21 +201,18 @@ def _sectors(region: InfluenceRegion, creases: Creases, ends: list[CreaseEnd], a
         if k not in along_rim
     }
     result = np.full(len(faces), -1, dtype=np.int32)
-    front = []
+    reached = []
     for half_edge in np.flatnonzero(creases.twins < 0).tolist():
         sector = sector_of_edge.get((int(start[half_edge]), int(end[half_edge])), -1)
         if sector >= 0 and result[half_edge // 3] < 0:
             result[half_edge // 3] = sector
-            front.append(half_edge // 3)
-    while front:
-        reached = []
-        for face in front:
-            for half_edge in range(3 * face, 3 * face + 3):
-                other = int(creases.twins[half_edge]) // 3
-                if creases.twins[half_edge] >= 0 and not creases.is_sharp[half_edge] and result[other] < 0:
-                    result[other] = result[face]
-                    reached.append(other)
-        front = reached
+            reached.append(half_edge // 3)
+    for face in reached:  # which grows meanwhile
+        for half_edge in range(3 * face, 3 * face + 3):
+            other = int(creases.twins[half_edge]) // 3
+            if creases.twins[half_edge] >= 0 and not creases.is_sharp[half_edge] and result[other] < 0:
+                result[other] = result[face]
+                reached.append(other)
     return result
 
 
@@ -249,7 +240,7 @@ def cut_hole(
     groups: list[tuple[int, ...]],
 ) -> CutHole:
     """Find the parts of a hole, and the faces on their sides."""
-    sector_of_face = _sectors(region, creases, ends, along_rim)
+    sector_of_face = sectors(region, creases, ends, along_rim)
     part_of_sector = _parts(groups, len(ends))
     part_of_face = np.append(np.array(part_of_sector, dtype=np.int32), np.int32(-1))[sector_of_face]
     return CutHole(region, ends, groups, part_of_sector, part_of_face)

@@ -22,8 +22,8 @@ from bezier_filters.holes.crease_ends import (
     crease_ends,
     creases_around,
     cut_hole,
-    faces_on_its_side,
     may_have_creases,
+    sectors,
     sub_hole,
 )
 from bezier_filters.holes.implicit_surface import ImplicitSurface
@@ -109,7 +109,7 @@ def _beside_creases(
     region: InfluenceRegion, creases: Creases, along_rim: frozenset[int], *, noisy: bool
 ) -> Iterator[Attempt]:
     """A smooth fill of a hole that creases pass by, from what is on this side of them."""
-    own = faces_on_its_side(region, creases, along_rim)
+    own = sectors(region, creases, [], along_rim) >= 0  # reached from the rim without crossing a crease
     if not own.all():
         yield from islice(smooth_attempts(region, _side(region, own), noisy=noisy), 1)
 

@@ -1,27 +1,32 @@
-"""Fills in their mesh: which attempt is taken, what it cuts, and in which order holes that may meet are filled."""
+"""Fills in their mesh: what is tried, which attempt is taken, and in which order holes that may meet are filled.
 
-from collections.abc import Iterable, Sequence
+A further method to fill holes is a function of a task, and a line in the table.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import degrees
+from typing import Literal
 
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.holes.fill_methods import FILL_METHODS, FillingMethod, FillTask
+from bezier_filters.holes.crease_fill import crease_attempts
 from bezier_filters.holes.hole_detection import Hole
-from bezier_filters.holes.influence_region import InfluenceRegion, vertex_pairs
-from bezier_filters.holes.planar_fill import Correction
+from bezier_filters.holes.influence_region import InfluenceRegion, KnownSurface, vertex_pairs
+from bezier_filters.holes.planar_fill import Correction, paper_fill
 from bezier_filters.holes.polyharmonic_fairing import polyharmonic_fairing
-from bezier_filters.holes.refinement import Fill
-from bezier_filters.holes.smooth_fill import Attempt
+from bezier_filters.holes.smooth_fill import Attempt, smooth_attempts
 from bezier_filters.meshes.adjacency import Rows
-from bezier_filters.meshes.dihedral_angles import dihedral_angles
 from bezier_filters.meshes.frames import unit_face_normals
-from bezier_filters.meshes.half_edges import faces_at_edges
+from bezier_filters.meshes.half_edges import dihedral_angles, faces_at_edges
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.self_intersections import cut_faces, meeting_box
+from bezier_filters.meshes.self_intersections import cut_faces, faces_in_boxes
+
+FillingMethod = Literal["auto", "paper"]
 
 BULGE = 0.5  # times the diameter of a hole: how far its fill may leave the bounding box of the rim
 CUTTING = "every fill would cut other faces, intersecting=True takes the one that cuts least"
@@ -34,16 +39,48 @@ class OpenMesh:
     """A mesh with the holes that are to be filled, and what is known for that."""
 
     mesh: TriangleMesh
-    regions: Sequence[InfluenceRegion]  # of each hole, in the order in which fills give way to earlier ones
+    known: KnownSurface  # with the region of each hole, in the order in which fills give way to earlier ones
     boxes: FloatArray  # (h, 2, 3): lowest and highest corner of the box that each fill must not leave
     near: Rows  # faces of the mesh in each box
-    normals: FloatArray  # (n, 3): unit normals where surfaces are fitted, zero where they are not known
-    noise: float | None  # of the mesh, a length
     method: FillingMethod
-    creases: bool
+    creases: bool  # whether creases are continued
     intersecting: bool  # whether fills may cut other faces, if all do
-    alpha: float  # see `FillTask`
-    correction: Correction
+    # for ``"paper"``
+    alpha: float  # weight of the points
+    correction: Correction  # how patches are made to end at the rim
+
+
+@dataclass(frozen=True)
+class FillTask:
+    """A hole to fill."""
+
+    mesh: OpenMesh
+    region: InfluenceRegion  # what surrounds it
+    normals: FloatArray  # (b, 3): unit normals of the vertices of the region, zero where they are not known
+    noisy: bool  # whether these vertices have errors that should not be followed
+    threads: int
+
+
+def _automatic(task: FillTask) -> Iterator[Attempt]:
+    """With the creases that run into the hole, if there are any, or else smooth, in ever simpler ways."""
+    if task.mesh.creases:
+        yield from crease_attempts(task.region, noisy=task.noisy)
+    yield from smooth_attempts(task.region, task.normals, noisy=task.noisy, threads=task.threads)
+
+
+def _paper(task: FillTask) -> Iterator[Attempt]:
+    """In the paper's way: a patch for each part that creases cut the hole into, or one patch; or else smooth."""
+    fill_part = partial(paper_fill, alpha=task.mesh.alpha, correction=task.mesh.correction)
+    if task.mesh.creases:
+        for attempt in crease_attempts(task.region, noisy=task.noisy, fill_part=fill_part):
+            yield replace(attempt, method="paper")
+    fill = fill_part(task.region)
+    yield Attempt("paper", None, fill) if isinstance(fill, str) else Attempt("paper", fill)
+    yield from smooth_attempts(task.region, task.normals, noisy=task.noisy, threads=task.threads)
+
+
+# what each one tries, the best first: the first fill that cuts nothing is taken
+FILL_METHODS: dict[FillingMethod, Callable[[FillTask], Iterator[Attempt]]] = {"auto": _automatic, "paper": _paper}
 
 
 @dataclass(frozen=True)
@@ -53,10 +90,6 @@ class FaceSet:
     ids: IntArray  # (k,): the vertices, by their rows in the mesh that results; one may be there several times
     points: FloatArray  # (k, 3): their coordinates
     faces: IntArray  # (m, 3): places in `ids`
-
-    def renumbered(self, first: int, new_first: int) -> "FaceSet":
-        """The same with vertices from `first` on numbered from `new_first` on."""
-        return replace(self, ids=np.where(self.ids >= first, self.ids + (new_first - first), self.ids))
 
 
 @dataclass(frozen=True)
@@ -114,10 +147,9 @@ def fill_group(task: OpenMesh, group: Iterable[int], *, threads: int = 1) -> lis
     result = []
     next_vertex = task.mesh.vertex_count
     for number in group:
-        region = task.regions[number].with_joined(joined)
-        normals, noisy = task.normals[region.ids], region.is_noisy(task.noise)
-        hole = FillTask(region, normals, noisy, task.creases, task.alpha, task.correction, threads)
-        filled = _first_without_cuts(FILL_METHODS[task.method](hole), task, number, region, placed, next_vertex)
+        region = task.known.regions[number].with_joined(joined)
+        hole = FillTask(task, region, task.known.normals[region.ids], region.is_noisy(task.known.noise), threads)
+        filled = _first_without_cuts(hole, number, placed, next_vertex)
         result.append(filled)
         if filled.placed is not None:
             placed[number] = filled.placed
@@ -128,15 +160,9 @@ def fill_group(task: OpenMesh, group: Iterable[int], *, threads: int = 1) -> lis
     return result
 
 
-def _first_without_cuts(
-    attempts: Iterable[Attempt],
-    task: OpenMesh,
-    number: int,
-    region: InfluenceRegion,
-    earlier: dict[int, FaceSet],
-    next_vertex: int,
-) -> FilledHole:
+def _first_without_cuts(hole: FillTask, number: int, earlier: dict[int, FaceSet], next_vertex: int) -> FilledHole:
     """The first attempt that cuts nothing, or else none; if fills may cut others, the first of those that cut least."""
+    task, region = hole.mesh, hole.region
     low, high = task.boxes[number]
     meeting = [
         faces for k, faces in earlier.items() if (task.boxes[k, 0] <= high).all() and (task.boxes[k, 1] >= low).all()
@@ -145,19 +171,22 @@ def _first_without_cuts(
     of_mesh = FaceSet(ids, task.mesh.vertices[ids], np.arange(len(ids), dtype=np.int32).reshape(-1, 3))
     best = FilledHole()
     reasons: list[tuple[Attempt, str]] = []
-    for attempt in attempts:
-        problem = attempt.reason
-        if attempt.fill is not None:
-            placed = _placed(attempt.fill, region, next_vertex)
-            problem = _problem_with(placed, low, high)
-            if not problem:
-                placed, cuts = _with_fewer_cuts(placed, region.rim_count, [of_mesh, *meeting])
-                if best.attempt is None or cuts < best.cuts:  # of equals the earlier: methods come best first
-                    error = float(np.abs(placed.points[: region.rim_count] - region.rim_vertices).max())
-                    best = FilledHole(attempt, placed, next_vertex, cuts, rim_error=error)
-                if cuts == 0:
-                    break
-                problem = f"{cuts} of its faces would cut others"
+    for attempt in FILL_METHODS[task.method](hole):
+        fill, problem = attempt.fill, attempt.reason
+        if fill is not None and not np.isfinite(fill.points).all():
+            problem = "coordinates are not finite"
+        elif fill is not None and not ((fill.points >= low) & (fill.points <= high)).all():
+            problem = "bulges too far from the rim"
+        elif fill is not None:
+            new = np.arange(next_vertex, next_vertex + len(fill.points) - fill.rim_count)
+            placed = FaceSet(np.concatenate([region.ids[: fill.rim_count], new]), fill.points, fill.faces)
+            placed, cuts = _with_fewer_cuts(placed, region.rim_count, [of_mesh, *meeting])
+            if best.attempt is None or cuts < best.cuts:  # of equals the earlier: methods come best first
+                error = float(np.abs(placed.points[: region.rim_count] - region.rim_vertices).max())
+                best = FilledHole(attempt, placed, next_vertex, cuts, rim_error=error)
+            if cuts == 0:
+                break
+            problem = f"{cuts} of its faces would cut others"
         reasons.append((attempt, f"{attempt.method}: {problem}"))
     if best.cuts and not task.intersecting:
         return FilledHole(cuts=best.cuts, reason="; ".join(dict.fromkeys([CUTTING, *(text for _, text in reasons)])))
@@ -166,21 +195,6 @@ def _first_without_cuts(
     if best.attempt and best.cuts:
         told.append(f"{best.attempt.method}: taken, though {best.cuts} of its faces cut others, the fewest")
     return replace(best, reason="; ".join(dict.fromkeys(told)), rim_dihedral=angle)
-
-
-def _placed(fill: Fill, region: InfluenceRegion, next_vertex: int) -> FaceSet:
-    """A fill as a part of the mesh, its new vertices numbered on from a row."""
-    new = np.arange(next_vertex, next_vertex + len(fill.points) - fill.rim_count)
-    return FaceSet(np.concatenate([region.ids[: fill.rim_count], new]), fill.points, fill.faces)
-
-
-def _problem_with(placed: FaceSet, low: FloatArray, high: FloatArray) -> str:
-    """What is wrong with a fill by itself, given the box that it must not leave; empty if nothing is."""
-    if not np.isfinite(placed.points).all():
-        return "coordinates are not finite"
-    if not ((placed.points >= low) & (placed.points <= high)).all():
-        return "bulges too far from the rim"
-    return ""
 
 
 def _with_fewer_cuts(placed: FaceSet, rim_count: int, others: Sequence[FaceSet]) -> tuple[FaceSet, int]:
@@ -208,8 +222,8 @@ def _with_fewer_cuts(placed: FaceSet, rim_count: int, others: Sequence[FaceSet])
 
 def _cuts(placed: FaceSet, others: Sequence[FaceSet]) -> BoolArray:
     """Which faces of a fill cut one of the others or each other."""
-    low, high = placed.points.min(axis=0), placed.points.max(axis=0)
-    near = [other.faces[meeting_box(other.points, other.faces, low, high)] for other in others]
+    box = placed.points.min(axis=0, keepdims=True), placed.points.max(axis=0, keepdims=True)
+    near = [other.faces[faces_in_boxes(other.points, other.faces, *box).indices] for other in others]
     corners = [
         (p.ids[f].ravel(), p.points[f.ravel()]) for p, f in zip((*others, placed), (*near, placed.faces), strict=True)
     ]

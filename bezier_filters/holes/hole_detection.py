@@ -11,10 +11,11 @@ from scipy.sparse.csgraph import connected_components
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError, is_integer, is_real
-from bezier_filters.holes.loops import corner_angles, diameter, edge_lengths, enclosed, plane_axes, vector_area
+from bezier_filters.holes.loops import corner_angles, diameter, enclosed, plane_axes, vector_area
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.half_edges import BorderEdges, border_edges, cycles, doubled_edges
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection
+from bezier_filters.meshes.triangles import area_vectors
 
 # a loop that turns towards its surface by more than this is an outer rim: half-way from a tube to a flat disk
 RIM_TURNING = pi
@@ -75,8 +76,8 @@ def find_holes(mesh: TriangleMesh, adjacency: Adjacency) -> list[Hole]:
         for part in parts:
             points, count = mesh.vertices[part], np.isin(part * np.int64(n) + np.roll(part, -1), cracks).sum()
             obstacle = f"{count} of its {len(part)} edges lie on those of another border: {WELD}" if count else ""
-            length, rim = float(edge_lengths(points).sum()), part[::-1].copy()
-            holes.append(Hole((rim,), turning, length, diameter(points), obstacle))
+            length = float(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1).sum())
+            holes.append(Hole((part[::-1].copy(),), turning, length, diameter(points), obstacle))
     for start, end in rest:
         length = np.linalg.norm(mesh.vertices[end] - mesh.vertices[start], axis=1).sum()
         where = end[border.unclear[end]][0]
@@ -115,8 +116,6 @@ def _loops_around_gaps(
 
     What is connected with a vertex where it is unclear how a border goes on comes apart: starts and ends of its edges.
     """
-    if len(border.start) == 0:
-        return [], []
     order = np.argsort(border.start, kind="stable")
     start, end = border.start[order], border.end[order]
     first, last = np.searchsorted(start, end), np.searchsorted(start, end, side="right")
@@ -155,8 +154,7 @@ def _across_gaps(
 
     Half-edges are given by their other ends. Seen along the normal, each goes on with the next, counter-clockwise.
     """
-    a, b, c = (mesh.vertices[mesh.faces[adjacency.faces.row(vertex), k]] for k in range(3))
-    normal = np.cross(b - a, c - a).sum(axis=0)
+    normal = area_vectors(mesh.vertices, mesh.faces[adjacency.faces.row(vertex)]).sum(axis=0)
     x, y, _ = plane_axes(normal if normal.any() else np.array([0.0, 0.0, 1.0]))
 
     def bearings(ids: IntArray) -> FloatArray:

@@ -11,8 +11,16 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.display import html_table
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.fit_options import check_noise
-from bezier_filters.holes.fill_methods import FILL_METHODS, FillingMethod
-from bezier_filters.holes.fill_placement import FaceSet, FilledHole, OpenMesh, fill_group, groups_of_boxes, hole_box
+from bezier_filters.holes.fill_placement import (
+    FILL_METHODS,
+    FaceSet,
+    FilledHole,
+    FillingMethod,
+    OpenMesh,
+    fill_group,
+    groups_of_boxes,
+    hole_box,
+)
 from bezier_filters.holes.hole_detection import HoleChoice, find_holes
 from bezier_filters.holes.influence_region import influence_region, known_surface
 from bezier_filters.holes.planar_fill import Correction
@@ -273,19 +281,7 @@ def fill_holes(
     known = known_surface(mesh, regions, noise, threads=threads)
     boxes = np.array([hole_box(mesh, hole) for hole in chosen]).reshape(-1, 2, 3)
     near = faces_in_boxes(mesh.vertices, mesh.faces, boxes[:, 0], boxes[:, 1])
-    task = OpenMesh(
-        mesh,
-        known.regions,
-        boxes,
-        near,
-        known.normals,
-        known.noise,
-        method,
-        creases,
-        intersecting,
-        float(alpha),
-        correction,
-    )
+    task = OpenMesh(mesh, known, boxes, near, method, creases, intersecting, float(alpha), correction)
     reports = [
         HoleReport(h.rim, len(h.loops) - 1, h.edge_count, h.perimeter, h.diameter, h.is_outer_rim, reason=refusal)
         for h, refusal in zip(found, refusals, strict=True)
@@ -296,7 +292,9 @@ def fill_holes(
         if filled.placed is None:
             reports[number] = replace(reports[number], reason=filled.reason, self_intersections=filled.cuts)
             continue
-        fill = filled.placed.renumbered(filled.first_vertex, vertex_count)
+        ids = filled.placed.ids
+        ids = np.where(ids >= filled.first_vertex, ids + (vertex_count - filled.first_vertex), ids)
+        fill = replace(filled.placed, ids=ids)
         reports[number] = _report_of_fill(reports[number], filled, fill, vertex_count, face_count)
         fills.append(fill)
         vertex_count += len(reports[number].new_vertices)
@@ -312,8 +310,8 @@ def fill_holes(
 def _filled(task: OpenMesh, threads: int, progress: Progress | None) -> list[FilledHole]:
     """Fill all holes, on several threads if there are several groups of them."""
     groups = groups_of_boxes(task.boxes)
-    results = [FilledHole()] * len(task.regions)
-    report(progress, 0, len(task.regions))
+    results = [FilledHole()] * len(task.known.regions)
+    report(progress, 0, len(task.known.regions))
     done: list[int] = []
 
     def fill_groups(start: int, stop: int) -> None:
@@ -323,7 +321,7 @@ def _filled(task: OpenMesh, threads: int, progress: Progress | None) -> list[Fil
                 results[number] = filled
             done.extend(group)
 
-    of_holes = None if progress is None else lambda _, __: progress(len(done), len(task.regions))
+    of_holes = None if progress is None else lambda _, __: progress(len(done), len(task.known.regions))
     run_kernel(fill_groups, len(groups), threads=threads, progress=of_holes, chunk=1)
     return results
 

@@ -7,17 +7,20 @@ to the variation of the field have the largest restricted likelihood (REML), so 
 fitted and not followed.
 """
 
+from dataclasses import dataclass
 from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
+from scipy.linalg.lapack import dgeqrf, dpotrf
 
 from bezier_filters.arrays import BoolArray, FloatArray
-from bezier_filters.holes.reml import FAST, TERMS, reflections_of, restricted_likelihood, turn
 from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import run_kernel
 
+TERMS = 10  # of a quadratic
+FAST = {"contract", "reassoc", "nsz", "arcp"}
 POWERS = (3, 5)
 PILOT = 3  # one of so many points is enough to tell the power if that makes each value there more likely by e^(1/2)
 CLEAN = 1e-13  # errors over variation where there is no noise: as little as the arithmetic can take
@@ -103,7 +106,7 @@ def _fits(
     reflections = reflections_of(_quadratics(points))
     if np.abs(np.diag(reflections.triangle)).min() < 1e-12:
         return []
-    turned = np.empty((len(points), len(points)))
+    turned = np.zeros((len(points), len(points)))  # of which the lower triangle is written
     factor = np.empty((len(points) - TERMS, len(points) - TERMS))
     errors = _error_covariance(len(surface), len(further)) if noisy else np.empty((0, 0))
     if noisy:
@@ -199,3 +202,116 @@ def _value_and_gradient(surface: ImplicitSurface, x: float, y: float, z: float) 
         gy += power * slope * dy
         gz += power * slope * dz
     return value, gx, gy, gz
+
+
+@dataclass(frozen=True)
+class Reflections:
+    """Q = I - V T V^T, reflections that turn k columns (n, k) into a triangle.
+
+    In the directions that the first k axes do not take, polynomials vanish: the contrasts of REML.
+    """
+
+    vectors: FloatArray  # (n, k): V
+    weights: FloatArray  # (k, k): T
+    triangle: FloatArray  # (k, k): the first k rows that result
+
+    def applied(self, column: FloatArray) -> FloatArray:
+        """Q a of a column (n,)."""
+        return column - self.vectors @ (self.weights @ (column @ self.vectors))
+
+    def undone(self, column: FloatArray) -> FloatArray:
+        """Q^T a of a column (n,)."""
+        return column - self.vectors @ ((column @ self.vectors) @ self.weights)
+
+
+def reflections_of(columns: FloatArray) -> Reflections:
+    """The reflections of some columns (n, k)."""
+    factored, scales, _, _ = dgeqrf(columns)
+    vectors = np.tril(factored, -1)
+    np.fill_diagonal(vectors, 1.0)
+    # T is the inverse of the upper triangle of V^T V with the diagonal 1 / tau (Puglisi 1992).
+    inverse = np.triu(vectors.T @ vectors, 1)
+    np.fill_diagonal(inverse, 1.0 / np.maximum(scales, 1e-300))
+    count = columns.shape[1]
+    return Reflections(vectors, np.linalg.inv(inverse).T, np.triu(factored[:count]))
+
+
+def turn(matrix: FloatArray, reflections: Reflections) -> float:
+    """Replace the lower triangle of a symmetric matrix K (n, n) by that of Q K Q^T; return the norm of the contrasts.
+
+    Q K Q^T is K - V B^T - B V^T for B = A - V (T V^T A) / 2, where A = K V T^T.
+    """
+    vectors, weights = reflections.vectors, reflections.weights
+    half, columns = np.zeros((TERMS, len(matrix))), np.ascontiguousarray((vectors @ weights.T).T)
+    _multiply(matrix, columns, half)
+    half -= 0.5 * ((half @ vectors) @ weights.T) @ vectors.T
+    return float(np.sqrt(_subtract_products(np.ascontiguousarray(vectors.T), half, matrix)))
+
+
+def restricted_likelihood(
+    turned: FloatArray, target: FloatArray, errors: FloatArray, variance: float, factor: FloatArray
+) -> tuple[float, FloatArray] | None:
+    """-2 log of the restricted likelihood, up to a constant, and the weights.
+
+    Errors, independent ones if no covariance is given, are added with their variance, and with up to a thousand times
+    as much if the matrix is not positive definite otherwise; None if it still is not. `factor` is overwritten.
+    """
+    for _ in range(4):
+        np.copyto(factor, turned[TERMS:, TERMS:])
+        if len(errors):
+            factor += variance * errors[TERMS:, TERMS:]
+        else:
+            factor[np.diag_indices(len(factor))] += variance
+        # LAPACK's rows are columns here: its upper triangle is the lower one, and nothing is copied.
+        if dpotrf(factor.T, lower=0, clean=0, overwrite_a=1)[1] == 0:
+            weights = target.copy()
+            log_determinant, energy = _solve_factored(factor, weights)
+            return log_determinant + len(target) * float(np.log(energy)), weights
+        variance *= 10.0
+    return None
+
+
+@jit(fastmath=FAST)
+def _multiply(matrix: FloatArray, columns: FloatArray, products: FloatArray) -> None:
+    """Add a symmetric matrix, of which the lower triangle is read, times columns (k, n) to `products` (k, n)."""
+    for i in range(matrix.shape[0]):
+        row = matrix[i]
+        for c in range(columns.shape[0]):
+            column, product, x, total = columns[c], products[c], columns[c, i], 0.0
+            for j in range(i):
+                total += row[j] * column[j]
+                product[j] += row[j] * x
+            product[i] += total + row[i] * x
+
+
+@jit(fastmath=FAST)
+def _subtract_products(v: FloatArray, b: FloatArray, matrix: FloatArray) -> float:
+    """Subtract V^T B + B^T V of (10, n) from the lower triangle; return the sum of squares of all from row 10 on."""
+    squares = 0.0
+    for i in range(matrix.shape[0]):
+        row = matrix[i]
+        for j in range(i + 1):
+            for c in range(TERMS):
+                row[j] -= v[c, i] * b[c, j] + b[c, i] * v[c, j]
+        for j in range(TERMS, i + 1):
+            squares += (1.0 if i == j else 2.0) * row[j] * row[j]
+    return squares
+
+
+@jit(fastmath=FAST)
+def _solve_factored(factor: FloatArray, right: FloatArray) -> tuple[float, float]:
+    """Solve L L^T x = b in place, lower triangular; return log det L L^T and b^T x, which is positive."""
+    log_determinant, energy = 0.0, 0.0
+    for i in range(right.shape[0]):
+        row = factor[i]
+        log_determinant += 2.0 * np.log(row[i])
+        for j in range(i):
+            right[i] -= row[j] * right[j]
+        right[i] /= row[i]
+        energy += right[i] * right[i]
+    for i in range(right.shape[0] - 1, -1, -1):
+        row = factor[i]
+        right[i] /= row[i]
+        for j in range(i):
+            right[j] -= row[j] * right[i]
+    return log_determinant, max(energy, np.finfo(np.float64).tiny)

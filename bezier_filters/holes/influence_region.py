@@ -9,13 +9,12 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
+from bezier_filters.holes.loops import corner_angles
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.frames import unit_face_normals
-from bezier_filters.meshes.half_edges import faces_at_edges, half_edge, half_edge_lists
+from bezier_filters.meshes.half_edges import faces_at_edges
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.neighbourhoods import rings_around
-from bezier_filters.meshes.triangles import angle_parts, edge_length
-from bezier_filters.runtime.jit import jit
 
 RINGS = 5  # around a hole, from which its fill follows
 # of an edge, from which on points are fitted rather than interpolated: face normals are some 4 degrees off then
@@ -75,9 +74,15 @@ class InfluenceRegion:
     @cached_property
     def _rim_measures(self) -> tuple[FloatArray, FloatArray]:
         """Sum of the angles of the faces at each rim vertex, and the mean length of its edges, each (r,)."""
-        faces, angles, lengths = self.faces[self._faces_at_rim], *np.zeros((2, self.rim_count))
-        _measure_rim(self.vertices, faces, *half_edge_lists(faces, len(self.ids)), angles, lengths)
-        return angles, lengths
+        faces, points, n = self.faces[self._faces_at_rim], self.vertices, self.rim_count
+        here, after, before = (np.roll(faces, -k, axis=1).ravel() for k in range(3))
+        angles = corner_angles(points[here], points[after], points[before])
+        # Each edge is met once: as that to the corner after this one, and before it if it has no other face.
+        is_lone = faces_at_edges(faces, here, before) < 0
+        lengths = np.linalg.norm(points[[after, before]] - points[here], axis=2) * [np.ones(len(here)), is_lone]
+        total = np.bincount(np.repeat(here, 2), weights=lengths.T.ravel(), minlength=n)[:n]
+        count = np.bincount(here, weights=1.0 + is_lone, minlength=n)[:n]
+        return np.bincount(here, weights=angles, minlength=n)[:n].astype(np.float64), total / np.maximum(count, 1.0)
 
     @property
     def gaps(self) -> FloatArray:
@@ -141,28 +146,6 @@ def vertex_pairs(faces: IntArray, limit: int) -> frozenset[tuple[int, int]]:
     return frozenset((a, b) for a, b in ends.tolist())
 
 
-@jit()
-def _measure_rim(
-    points: FloatArray, faces: IntArray, first: IntArray, following: IntArray, angles: FloatArray, lengths: FloatArray
-) -> None:
-    """Write sums of angles and mean lengths of edges at the first vertices, both zero at first."""
-    for i in range(angles.shape[0]):
-        count = 0
-        h = first[i]
-        while h >= 0:
-            f, k = h // 3, h % 3
-            after, before = faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
-            cosine, sine = angle_parts(points, i, after, before)
-            angles[i] += np.arctan2(sine, cosine)
-            lengths[i] += edge_length(points, i, after)
-            count += 1
-            if half_edge(faces, first, following, i, before) < 0:  # the edge has no other face
-                lengths[i] += edge_length(points, i, before)
-                count += 1
-            h = following[h]
-        lengths[i] /= max(count, 1)
-
-
 @dataclass(frozen=True)
 class KnownSurface:
     """What is known of a mesh around its holes."""
@@ -222,27 +205,10 @@ def farthest_points(points: FloatArray, near: IntArray, most: int) -> IntArray:
     """
     distances = np.square(points - points.mean(axis=0)).sum(axis=1)
     taken = np.zeros(len(points), dtype=np.bool_)
-    _take_farthest(points, near, min(int(NEAR * most), len(near)), distances, taken)
-    everywhere = np.arange(len(points), dtype=np.int32)
-    _take_farthest(points, everywhere, most - int(np.count_nonzero(taken)), distances, taken)
-    return np.flatnonzero(taken).astype(np.int32)
-
-
-@jit()
-def _take_farthest(
-    points: FloatArray, candidates: IntArray, count: int, distances: FloatArray, taken: BoolArray
-) -> None:
-    """Take some of the candidates; `distances` are those to the points taken before, squared."""
-    for _ in range(count):
-        farthest = -1
-        for i in candidates:  # of equally far ones the first
-            if not taken[i] and (farthest < 0 or distances[i] > distances[farthest]):
-                farthest = i
+    everywhere, first = np.arange(len(points)), min(int(NEAR * most), len(near))
+    for k in range(most):
+        candidates = near if k < first else everywhere
+        farthest = candidates[np.argmax(np.where(taken[candidates], -1.0, distances[candidates]))]
         taken[farthest] = True
-        for i in range(points.shape[0]):
-            x, y, z = (
-                points[i, 0] - points[farthest, 0],
-                points[i, 1] - points[farthest, 1],
-                points[i, 2] - points[farthest, 2],
-            )
-            distances[i] = min(distances[i], x * x + y * y + z * z)
+        distances = np.minimum(distances, np.square(points - points[farthest]).sum(axis=1))
+    return np.flatnonzero(taken).astype(np.int32)

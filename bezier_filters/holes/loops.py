@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.meshes.triangles import area_vector
+from bezier_filters.meshes.triangles import unit_normal
 from bezier_filters.runtime.jit import inner_jit, jit
 
 DISTANCES_AT_ONCE = 512  # points whose distances to all others are computed together
@@ -26,11 +26,6 @@ def vector_area(loop: FloatArray) -> FloatArray:
     """Vector area of a closed polygon (k, 3): the normal by the right-hand rule, as long as the area, shape (3,)."""
     centred = loop - loop.mean(axis=0)
     return np.asarray(0.5 * np.cross(centred, np.roll(centred, -1, axis=0)).sum(axis=0))
-
-
-def edge_lengths(loop: FloatArray) -> FloatArray:
-    """Lengths of the edges of a closed polygon (k, 3); edge i begins at point i, shape (k,)."""
-    return np.asarray(np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1))
 
 
 def diameter(points: FloatArray) -> float:
@@ -168,14 +163,8 @@ def _cut_ears(
 def _forbidden(ids: IntArray, existing: AbstractSet[tuple[int, int]]) -> BoolArray:
     """Which corners of a loop must not be joined by a chord, (k, k); its own edges may be."""
     count = len(ids)
-    result: BoolArray = ids[:, np.newaxis] == ids
-    places: dict[int, list[int]] = {}
-    for k, name in enumerate(ids.tolist()):
-        places.setdefault(name, []).append(k)
-    pairs = [(i, j) for a, b in existing for i in places.get(a, ()) for j in places.get(b, ())]
-    if pairs:
-        i, j = np.array(pairs).T
-        result[i, j] = result[j, i] = True
+    names = ids.tolist()
+    result = np.array([[a == b or (min(a, b), max(a, b)) in existing for b in names] for a in names])
     corner = np.arange(count)
     result[corner, (corner + 1) % count] = result[(corner + 1) % count, corner] = False
     return result
@@ -222,7 +211,7 @@ def _search(
                 sharpest = max(worst[i, m], worst[m, k])
                 if sharpest > worst[i, k]:
                     continue
-                x, y, z, size = _normal(points, i, m, k)
+                x, y, z, twice = unit_normal(points, i, m, k)
                 for side in range(2):
                     a, b = (i, m) if side == 0 else (m, k)
                     sharpest = max(sharpest, _sharpness(points, rim_normals, split, a, b, x, y, z))
@@ -230,7 +219,7 @@ def _search(
                     u, v, w = rim_normals[k, 0], rim_normals[k, 1], rim_normals[k, 2]
                     sharpest = max(sharpest, _rounded(x * u + y * v + z * w, u * u + v * v + w * w))
                 # Of equally sharp ones the least area, of equal areas the first corner: sharpness is rounded for that.
-                total = area[i, m] + area[m, k] + size
+                total = area[i, m] + area[m, k] + 0.5 * twice
                 if sharpest < worst[i, k] or (sharpest == worst[i, k] and total < area[i, k]):
                     worst[i, k], area[i, k], split[i, k] = sharpest, total, m
 
@@ -243,7 +232,7 @@ def _sharpness(
     if b == a + 1:
         u, v, w = rim_normals[a, 0], rim_normals[a, 1], rim_normals[a, 2]
         return _rounded(x * u + y * v + z * w, u * u + v * v + w * w)
-    u, v, w, _ = _normal(points, a, split[a, b], b)
+    u, v, w, _ = unit_normal(points, a, split[a, b], b)
     return _rounded(x * u + y * v + z * w, u * u + v * v + w * w)
 
 
@@ -253,13 +242,3 @@ def _rounded(cosine: float, known: float) -> float:
     if known == 0.0:
         return 0.0
     return float(np.floor((1.0 - cosine) * STEPS + 0.5) / STEPS)
-
-
-@inner_jit()
-def _normal(points: FloatArray, i: int, m: int, k: int) -> tuple[float, float, float, float]:
-    """Unit normal of a triangle, zero if it has none, and its area."""
-    x, y, z = area_vector(points, i, m, k)
-    length = np.sqrt(x * x + y * y + z * z)
-    if length == 0.0:
-        return 0.0, 0.0, 0.0, 0.0
-    return x / length, y / length, z / length, 0.5 * length

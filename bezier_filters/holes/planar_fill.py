@@ -18,6 +18,7 @@ from bezier_filters.holes.influence_region import InfluenceRegion
 from bezier_filters.holes.loops import is_simple, plane_axes, triangulate_loop, vector_area
 from bezier_filters.holes.polyharmonic_fairing import harmonic_continuation
 from bezier_filters.holes.refinement import Fill, flip_edges, refine
+from bezier_filters.meshes.triangles import area_vectors
 from bezier_filters.patches.fitting import PatchFit, fit_patch
 
 FLATTEST = 1e-12  # area of a triangle, over the square of an edge, that rounding may make of none
@@ -148,6 +149,5 @@ def _angles(polygon: FloatArray) -> FloatArray:
 
 def _upright(flat: FloatArray, faces: IntArray) -> BoolArray:
     """Which triangles in the plane are not turned over."""
-    a, b, c = (flat[faces[:, k], :2] for k in range(3))
-    u, v = b - a, c - a
-    return np.asarray(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] > -FLATTEST * np.square(u).sum(axis=1))
+    sides = flat[faces[:, 1]] - flat[faces[:, 0]]
+    return np.asarray(area_vectors(flat, faces)[:, 2] > -FLATTEST * np.square(sides).sum(axis=1))

@@ -1,7 +1,6 @@
 """Fill a hole where the surface is smooth: triangles as large as those around it, on a surface that goes on."""
 
 from collections.abc import Iterator
-from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +11,7 @@ from bezier_filters.holes.influence_region import InfluenceRegion, fitted_points
 from bezier_filters.holes.loops import triangulate_loop
 from bezier_filters.holes.polyharmonic_fairing import harmonic_continuation, polyharmonic_fairing
 from bezier_filters.holes.refinement import Fill, flip_edges, refine, relax_tangentially
+from bezier_filters.meshes.half_edges import ends_of_half_edges
 
 FEWEST_POINTS = 16  # with known normals, for a surface
 MOST_AT_ONCE = 200  # edges of a rim up to which the fill is faired at its final resolution
@@ -80,7 +80,9 @@ def _triangulated(region: InfluenceRegion) -> Fill | None:
     """Join the vertices of the rim, or join them to one more vertex if they are joined elsewhere already."""
     polygon, normals, gaps = _polygon(region)
     points = region.rim_vertices
-    faces = triangulate_loop(points[polygon], polygon, normals, gaps, _forbidden(region, polygon))
+    own = zip(polygon.tolist(), np.roll(polygon, -1).tolist(), strict=True)  # edges of the rim, and bridges
+    joined = region.rim_edges | {(min(a, b), max(a, b)) for a, b in own}
+    faces = triangulate_loop(points[polygon], polygon, normals, gaps, joined)
     sizes = region.sizes
     if faces is not None and not _is_manifold(faces):  # where islands touch, two triangles may want one edge
         faces = None
@@ -96,9 +98,9 @@ def _triangulated(region: InfluenceRegion) -> Fill | None:
 
 def _is_manifold(faces: IntArray) -> bool:
     """Whether no edge is run through twice in one direction and no face names a vertex twice."""
-    starts, ends = faces.ravel().astype(np.int64), np.roll(faces, -1, axis=1).ravel()
-    edges = np.sort(starts * (int(faces.max()) + 1) + ends)
-    return bool((np.diff(edges) > 0).all() and (starts != ends).all())
+    starts, ends = ends_of_half_edges(faces)
+    edges = starts * (np.int64(faces.max()) + 1) + ends
+    return len(np.unique(edges)) == len(edges) and bool((starts != ends).all())
 
 
 def _polygon(region: InfluenceRegion) -> tuple[IntArray, FloatArray, FloatArray]:
@@ -121,12 +123,6 @@ def _polygon(region: InfluenceRegion) -> tuple[IntArray, FloatArray, FloatArray]
         normals = np.vstack([normals[:i], zero, turned_normals, zero, normals[i:]])
     count = np.bincount(polygon, minlength=region.rim_count)
     return polygon, normals, (region.gaps / np.maximum(count, 1))[polygon]
-
-
-def _forbidden(region: InfluenceRegion, polygon: IntArray) -> AbstractSet[tuple[int, int]]:
-    """Pairs that must not be joined by a chord: those that are joined already, and the bridges."""
-    corners = polygon.tolist()
-    return region.rim_edges | {(min(a, b), max(a, b)) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)}
 
 
 def _faired(fill: Fill, region: InfluenceRegion, order: int) -> Fill:

@@ -14,6 +14,7 @@ from bezier_filters.meshes.half_edges import (
     proper_faces,
 )
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
+from bezier_filters.meshes.triangles import area_vectors
 
 FEWEST_POINTS = 6  # points that determine a quadratic
 
@@ -93,8 +94,7 @@ def inspect_mesh(mesh: TriangleMesh | ArrayLike, faces: ArrayLike | None = None)
     """
     mesh = _as_mesh(mesh, faces)
     proper = proper_faces(mesh.faces)
-    corners = mesh.vertices[proper]
-    flat = ~np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).any(axis=1)
+    flat = ~area_vectors(mesh.vertices, proper).any(axis=1)
     triples = np.sort(mesh.faces, axis=1)
     triples = triples[np.lexsort(triples.T)]
     duplicates = (triples[1:] == triples[:-1]).all(axis=1)

@@ -9,7 +9,7 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.triangles import area_vector
+from bezier_filters.meshes.triangles import area_vector, unit_normal
 from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import run_kernel
 
@@ -53,11 +53,8 @@ def face_normal(vertices: FloatArray, faces: IntArray, f: int) -> Vector:
 @inner_jit()
 def unit_face_normal(vertices: FloatArray, faces: IntArray, f: int) -> Vector:
     """Unit normal of face f, zero if its area is zero."""
-    x, y, z = face_normal(vertices, faces, f)
-    length = np.sqrt(x * x + y * y + z * z)
-    if length == 0.0:
-        return 0.0, 0.0, 0.0
-    return x / length, y / length, z / length
+    x, y, z, _ = unit_normal(vertices, faces[f, 0], faces[f, 1], faces[f, 2])
+    return x, y, z
 
 
 def unit_face_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:

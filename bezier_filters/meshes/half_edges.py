@@ -1,8 +1,6 @@
-"""Half-edges: which face runs along an edge, which one lies beyond it, and the loops of those without another face.
+"""Edges and half-edges: which faces meet there and at which angles, and the loops of those without another face.
 
-Half-edge 3 f + k runs from corner k of face f to the next corner. Compiled code looks them up in lists by the vertex
-where they start, which takes no time to set up for the few faces of a fill. Whole meshes are sorted instead: a vertex
-of a hundred thousand edges would have a list that takes a quadratic time.
+Half-edge 3 f + k runs from corner k of face f to the next corner.
 """
 
 from dataclasses import dataclass
@@ -14,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.runtime.jit import inner_jit, jit
+from bezier_filters.meshes.triangles import area_vectors
 
 COINCIDENT = 1e-4  # of the longest border edge at a vertex: others nearer than that lie at the same place
 UNCLEAR = -2  # in the place of the opposite half-edge, where there is not just one
@@ -40,29 +38,10 @@ def distinct_edges(faces: IntArray, n: int) -> tuple[IntArray, IntArray, IntArra
     return edges.astype(np.int32), number.astype(np.int32), count.astype(np.int32)
 
 
-def half_edge_lists(faces: IntArray, n: int) -> tuple[IntArray, IntArray]:
-    """First half-edge at each of n vertices, (n,), and the next one after each half-edge, (3 m,); -1 at the end."""
-    first, following = np.full(n, -1, dtype=np.int32), np.empty(faces.size, dtype=np.int32)
-    _list_half_edges(faces, first, following)
-    return first, following
-
-
-@jit()
-def _list_half_edges(faces: IntArray, first: IntArray, following: IntArray) -> None:
-    for f in range(faces.shape[0] - 1, -1, -1):
-        for k in range(2, -1, -1):
-            start = faces[f, k]
-            following[3 * f + k] = first[start]
-            first[start] = 3 * f + k
-
-
-@inner_jit()
-def half_edge(faces: IntArray, first: IntArray, following: IntArray, start: int, end: int) -> int:
-    """Number of the first half-edge from start to end, -1 if there is none."""
-    found = first[start]
-    while found >= 0 and faces[found // 3, (found + 1) % 3] != end:
-        found = following[found]
-    return int(found)
+def _first_and_last(edge: IntArray, count: IntArray) -> tuple[IntArray, IntArray]:
+    """First and last half-edge of each edge, given the edge of each half-edge and how many it has."""
+    order = np.argsort(edge, kind="stable").astype(np.int32)
+    return order[np.cumsum(count) - count], order[np.cumsum(count) - 1]
 
 
 def faces_at_edges(faces: IntArray, starts: IntArray, ends: IntArray) -> IntArray:
@@ -72,19 +51,12 @@ def faces_at_edges(faces: IntArray, starts: IntArray, ends: IntArray) -> IntArra
     >>> faces_at_edges(faces, np.array([2, 1, 1], dtype=np.int32), np.array([1, 2, 0], dtype=np.int32))
     array([ 1,  0, -1], dtype=int32)
     """
-    n = 1 + max(int(faces.max(initial=0)), int(starts.max(initial=0)))
-    result = np.empty(len(starts), dtype=np.int32)
-    _find_faces(faces, *half_edge_lists(faces, n), starts, ends, result)
-    return result
-
-
-@jit()
-def _find_faces(
-    faces: IntArray, first: IntArray, following: IntArray, starts: IntArray, ends: IntArray, found: IntArray
-) -> None:
-    for q in range(starts.shape[0]):
-        place = half_edge(faces, first, following, starts[q], ends[q])
-        found[q] = place // 3 if place >= 0 else -1
+    tails, heads = ends_of_half_edges(faces)
+    n = 1 + max(int(ids.max(initial=0)) for ids in (tails, starts, ends))
+    keys, wanted = np.append(tails * np.int64(n) + heads, np.iinfo(np.int64).max), starts * np.int64(n) + ends
+    order = np.argsort(keys, kind="stable")  # of several such half-edges the first is found
+    place = order[np.searchsorted(keys[order], wanted)]
+    return np.where(keys[place] == wanted, place // 3, -1).astype(np.int32)
 
 
 def face_neighbours(faces: IntArray) -> IntArray:
@@ -93,15 +65,73 @@ def face_neighbours(faces: IntArray) -> IntArray:
     return faces_at_edges(faces, ends, starts).reshape(-1, 3)
 
 
-def half_edge_twins(mesh: TriangleMesh) -> IntArray:
-    """Opposite half-edges, (3 m,): -1 on the boundary, `UNCLEAR` at edges of more faces or of two that disagree."""
-    start, end = ends_of_half_edges(mesh.faces)
-    _, edge, count = distinct_edges(mesh.faces, mesh.vertex_count)
-    order = np.argsort(edge, kind="stable")
-    first, last = order[np.cumsum(count) - count], order[np.cumsum(count) - 1]  # half-edges of each edge
-    twin = (first + last)[edge] - np.arange(len(edge))
+def half_edge_twins(faces: IntArray, n: int) -> IntArray:
+    """Opposite half-edges of faces (m, 3) between n vertices, (3 m,).
+
+    It is -1 on the boundary, `UNCLEAR` at edges of more faces or of two that disagree.
+    """
+    start, end = ends_of_half_edges(faces)
+    _, edge, count = distinct_edges(faces, n)
+    first, last = _first_and_last(edge, count)
+    twin = first[edge] + (last[edge] - np.arange(len(edge)))
     opposite = (count == 2) & (start[first] == end[last])
     return np.where(opposite[edge], twin, np.where(count[edge] == 1, -1, UNCLEAR)).astype(np.int32)
+
+
+@dataclass(frozen=True)
+class MeshEdges:
+    """The distinct edges of a mesh; those of faces that name a vertex twice are left out."""
+
+    vertices: IntArray  # (e, 2): their ends, the smaller one first; rows in ascending order
+    # (m, 3): number of the edge from each corner of a face to the next; -1 where the face names a vertex twice
+    of_faces: IntArray
+    # (e,): angle between the normals of the two faces, in radians, 0 to pi: 0 where the surface is flat, where there
+    # are not just two faces, and where a face has no area
+    angles: FloatArray
+    is_convex: BoolArray  # (e,): whether the faces bend away from the outside
+    # (e,): length across the edge of the part of its faces that is nearer to it than to their other edges: two thirds
+    # of their area over the length of the edge, a third of each height
+    widths: FloatArray
+
+
+def dihedral_angles(normals: FloatArray, others: FloatArray) -> FloatArray:
+    """Angles between unit normals (k, 3), in radians: by their chord, which is accurate where they are nearly equal."""
+    half_chord = 0.5 * np.linalg.norm(normals - others, axis=1)
+    return np.asarray(2.0 * np.arcsin(np.minimum(half_chord, 1.0)), dtype=np.float64)
+
+
+def mesh_edges(mesh: TriangleMesh) -> MeshEdges:
+    """Find the edges of a mesh.
+
+    >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> ridge = triangle_mesh([[0, 0, 0], [0, 1, 0], [1, 0, -1], [-1, 0, -1]], [[0, 2, 1], [0, 1, 3]])
+    >>> edges = mesh_edges(ridge)
+    >>> edges.vertices[0], np.degrees(edges.angles[0]).round(), edges.is_convex[0]
+    (array([0, 1], dtype=int32), np.float64(90.0), np.True_)
+    """
+    faces = mesh.faces
+    proper = (faces != faces[:, [1, 2, 0]]).all(axis=1)
+    vertices, number, count = distinct_edges(faces[proper], mesh.vertex_count)
+    of_faces = np.full((len(faces), 3), -1, dtype=np.int32)
+    of_faces[proper] = number.reshape(-1, 3)
+
+    normals = area_vectors(mesh.vertices, faces)
+    doubled_areas = np.linalg.norm(normals, axis=1)
+    known = doubled_areas > 0.0
+    normals[known] /= doubled_areas[known, np.newaxis]
+    lengths = np.linalg.norm(mesh.vertices[vertices[:, 1]] - mesh.vertices[vertices[:, 0]], axis=1)
+    area = np.bincount(number, weights=np.repeat(doubled_areas[proper], 3), minlength=len(vertices))
+    widths = np.divide(area, 3.0 * lengths, out=np.zeros(len(vertices)), where=lengths > 0.0)
+
+    is_inner = count == 2
+    first, second = (of_edges[is_inner] for of_edges in _first_and_last(number, count))
+    face_ids = np.flatnonzero(proper)
+    own, other = face_ids[first // 3], face_ids[second // 3]
+    angles, is_convex = np.zeros(len(vertices)), np.zeros(len(vertices), dtype=np.bool_)
+    angles[is_inner] = np.where(known[own] & known[other], dihedral_angles(normals[own], normals[other]), 0.0)
+    beyond = mesh.vertices[faces[other, (second + 2) % 3]] - mesh.vertices[faces[own, 0]]
+    is_convex[is_inner] = np.einsum("ij,ij->i", beyond, normals[own]) < 0.0
+    return MeshEdges(vertices, of_faces, angles, is_convex, widths)
 
 
 @dataclass(frozen=True)
@@ -118,25 +148,19 @@ class BorderEdges:
 def border_edges(mesh: TriangleMesh, on_boundary: BoolArray) -> BorderEdges:
     """The border of a mesh, found among the faces at the boundary, with the `on_boundary` of `Adjacency`."""
     faces = proper_faces(mesh.faces[on_boundary[mesh.faces].any(axis=1)])
-    twin = half_edge_twins(TriangleMesh(mesh.vertices, faces))
+    twin = half_edge_twins(faces, mesh.vertex_count)
     start, end = ends_of_half_edges(faces)
     # Where the other face of an edge was left out, one of its ends is not on the boundary.
     borders = (twin == -1) & on_boundary[start] & on_boundary[end]
     third = faces[:, [2, 0, 1]].ravel()
-    return BorderEdges(start[borders], end[borders], third[borders], _at_unclear_edges(mesh, faces, twin))
+    unclear = np.zeros(mesh.vertex_count, dtype=np.bool_)
+    unclear[start[twin == UNCLEAR]] = unclear[end[twin == UNCLEAR]] = True
+    return BorderEdges(start[borders], end[borders], third[borders], unclear)
 
 
 def unclear_vertices(mesh: TriangleMesh) -> BoolArray:
     """Vertices of edges with three faces or more, or with two that run through it the same way, (n,)."""
-    faces = proper_faces(mesh.faces)
-    return _at_unclear_edges(mesh, faces, half_edge_twins(TriangleMesh(mesh.vertices, faces)))
-
-
-def _at_unclear_edges(mesh: TriangleMesh, faces: IntArray, twin: IntArray) -> BoolArray:
-    result = np.zeros(mesh.vertex_count, dtype=np.bool_)
-    for ends in ends_of_half_edges(faces):
-        result[ends[twin == UNCLEAR]] = True
-    return result
+    return border_edges(mesh, np.ones(mesh.vertex_count, dtype=np.bool_)).unclear
 
 
 def doubled_edges(mesh: TriangleMesh, border: BorderEdges) -> BoolArray:
@@ -190,11 +214,16 @@ def boundary_loops(mesh: TriangleMesh) -> list[IntArray]:
     [array([0, 1, 2], dtype=int32)]
     """
     faces = proper_faces(mesh.faces)
-    twin, start = half_edge_twins(TriangleMesh(mesh.vertices, faces)), faces.ravel()
+    twin, start = half_edge_twins(faces, mesh.vertex_count), faces.ravel()
     boundary = np.flatnonzero(twin == -1)
-    order = boundary[np.argsort(start[boundary], kind="stable")].astype(np.int32)
-    successor = _boundary_successors(twin)
-    paths = cycles(successor, order)
+    following = np.arange(len(twin)).reshape(-1, 3)[:, [1, 2, 0]].ravel()
+    successor = np.where(twin == UNCLEAR, np.arange(len(twin)), following).astype(np.int32)
+    # Turn around the end vertex of all boundary half-edges at once, each within its own fan of faces.
+    turning = boundary
+    while len(turning):
+        turning = turning[twin[successor[turning]] >= 0]
+        successor[turning] = following[twin[successor[turning]]]
+    paths = cycles(successor, boundary[np.argsort(start[boundary], kind="stable")].astype(np.int32))
     return [start[path] for path in paths if twin[path[-1]] == -1 and successor[path[-1]] == path[0]]
 
 
@@ -215,16 +244,3 @@ def cycles(successor: IntArray, order: IntArray) -> list[IntArray]:
         if path:
             result.append(np.array(path, dtype=np.int32))
     return result
-
-
-def _boundary_successors(twin: IntArray) -> IntArray:
-    """Next boundary half-edge after each boundary half-edge; other entries mean nothing."""
-    following = np.arange(len(twin)).reshape(-1, 3)[:, [1, 2, 0]].ravel()
-    successor = following.copy()
-    successor[twin == UNCLEAR] = np.flatnonzero(twin == UNCLEAR)
-    # Turn around the end vertex of all half-edges at once, each within its own fan of faces.
-    turning = np.flatnonzero(twin == -1)
-    while len(turning):
-        turning = turning[twin[successor[turning]] >= 0]
-        successor[turning] = following[twin[successor[turning]]]
-    return successor.astype(np.int32)

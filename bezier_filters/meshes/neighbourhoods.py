@@ -1,7 +1,6 @@
 """Neighbourhoods of a vertex: k-rings, the vertices within k edges, and balls, those within a distance."""
 
 import numpy as np
-from numba import njit
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
@@ -36,8 +35,14 @@ def k_rings(adjacency: Adjacency, rings: int) -> Rows:
     """
     if rings < 0:
         raise InvalidParameterError(f"rings: got {rings}, expected 0 or more")
-    indptr, indices = _k_rings(adjacency.vertices.indptr, adjacency.vertices.indices, rings)
-    return Rows(indptr, indices)
+    n, rows = len(adjacency.vertices), adjacency.vertices
+    members, (visited, stops) = np.empty(n + 1, dtype=np.int32), np.zeros((2, n), dtype=np.bool_)
+    found = [np.empty(0, dtype=np.int32)]
+    for i in range(n):
+        count, _ = collect_ring(rows.indptr, rows.indices, stops, i, rings, visited, members)
+        found.append(members[:count].copy())
+    indptr = np.cumsum([len(row) for row in found], dtype=np.int32)
+    return Rows(indptr, np.concatenate(found))
 
 
 def rings_around(neighbours: Rows, seeds: IntArray, rings: int) -> list[IntArray]:
@@ -161,20 +166,3 @@ def collect_ball(
             neighbours = count - 1
     forget(visited, members, count)
     return count, start, neighbours, rings
-
-
-@njit(cache=True, nogil=True)
-def _k_rings(indptr: IntArray, indices: IntArray, rings: int) -> tuple[IntArray, IntArray]:
-    """Concatenated rings of all vertices; counts first, so that the result is allocated once."""
-    n = indptr.shape[0] - 1
-    members = np.empty(n + 1, np.int32)
-    ptr = np.zeros(n + 1, np.int32)
-    visited, stops = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
-    for i in range(n):
-        ptr[i + 1] = ptr[i] + collect_ring(indptr, indices, stops, i, rings, visited, members)[0]
-    result = np.empty(ptr[n], np.int32)
-    for i in range(n):
-        collect_ring(indptr, indices, stops, i, rings, visited, members)
-        for a in range(ptr[i + 1] - ptr[i]):
-            result[ptr[i] + a] = members[a]
-    return ptr, result

@@ -22,8 +22,8 @@ from scipy.special import ndtr
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.adjacency import Adjacency
-from bezier_filters.meshes.dihedral_angles import MeshEdges
 from bezier_filters.meshes.frames import STEEPEST, TangentPlanes, steady_normals, tangent_planes
+from bezier_filters.meshes.half_edges import MeshEdges
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.triangles import cosine_between, has_corner, next_corner
 from bezier_filters.runtime.jit import inner_jit, jit

@@ -1,9 +1,15 @@
-"""Small formulas of single triangles, for compiled code."""
+"""Small formulas of triangles: of a single one for compiled code, and of many."""
 
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.runtime.jit import inner_jit
+
+
+def area_vectors(points: FloatArray, faces: IntArray) -> FloatArray:
+    """Normals of triangles, as long as twice their areas, (m, 3)."""
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    return np.cross(b - a, c - a)
 
 
 @inner_jit()
@@ -12,6 +18,16 @@ def area_vector(points: FloatArray, a: int, b: int, c: int) -> tuple[float, floa
     ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
     vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
     return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+
+
+@inner_jit()
+def unit_normal(points: FloatArray, a: int, b: int, c: int) -> tuple[float, float, float, float]:
+    """Unit normal of the triangle (a, b, c), zero if it has none, and twice its area."""
+    x, y, z = area_vector(points, a, b, c)
+    twice = np.sqrt(x * x + y * y + z * z)
+    if twice == 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    return x / twice, y / twice, z / twice, twice
 
 
 @inner_jit()

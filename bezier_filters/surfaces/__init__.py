@@ -2,7 +2,7 @@
 
 from bezier_filters.surfaces.closed import block_with_sharp_edges, bumpy_star, ellipsoid, sphere, torus
 from bezier_filters.surfaces.open import HeightFunction, cylinder, height_field, monkey_saddle, punched_patch, waves
-from bezier_filters.surfaces.sampled_surface import SampledSurface
+from bezier_filters.surfaces.sampling import SampledSurface
 
 __all__ = [
     "HeightFunction",

@@ -5,8 +5,7 @@ import numpy as np
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.surfaces import sampling
-from bezier_filters.surfaces.sampled_surface import SampledSurface
-from bezier_filters.surfaces.sampling import check_positive, check_resolution
+from bezier_filters.surfaces.sampling import SampledSurface, check_positive, check_resolution
 
 
 def sphere(*, radius: float = 1.0, resolution: int = 12, jitter: float = 0.0, seed: int = 0) -> SampledSurface:
@@ -89,10 +88,7 @@ def ellipsoid(
     directions, faces = sampling.sphere_directions(resolution, jitter=jitter, seed=seed)
     axes = np.asarray(semi_axes, dtype=np.float64)
     # F is half of the sum above.
-    hessian = np.diag(axes**-2)
-    return SampledSurface.from_level_set(
-        directions * axes, faces, directions / axes, np.broadcast_to(hessian, (len(directions), 3, 3))
-    )
+    return SampledSurface.from_level_set(directions * axes, faces, directions / axes, np.diag(axes**-2))
 
 
 def bumpy_star(

@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 from bezier_filters.arrays import FloatArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.surfaces import sampling
-from bezier_filters.surfaces.sampled_surface import SampledSurface
-from bezier_filters.surfaces.sampling import check_finite, check_positive, check_resolution
+from bezier_filters.surfaces.sampling import SampledSurface, check_finite, check_positive, check_resolution
 
 HeightFunction: TypeAlias = Callable[[FloatArray, FloatArray], Sequence[ArrayLike]]
 """Maps x and y, each (n,), to z, z_x, z_y, z_xx, z_xy, z_yy, each (n,) or a number."""
@@ -57,10 +56,7 @@ def cylinder(
     outward = sampling.radial_directions(2 * np.pi * lattice[:, 0] / cells[0])
     vertices = radius * outward
     vertices[:, 2] = length * (lattice[:, 1] / cells[1] - 0.5)
-    hessian = np.diag([1.0, 1.0, 0.0])
-    return SampledSurface.from_level_set(
-        vertices, faces, radius * outward, np.broadcast_to(hessian, (len(vertices), 3, 3))
-    )
+    return SampledSurface.from_level_set(vertices, faces, radius * outward, np.diag([1.0, 1.0, 0.0]))
 
 
 def height_field(

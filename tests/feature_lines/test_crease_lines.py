@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from bezier_filters import InvalidMeshError, InvalidParameterError, estimate_vertex_geometry, find_creases
-from bezier_filters.feature_lines.polylines import chains
+from bezier_filters.feature_lines.crease_lines import chains
 from bezier_filters.meshes.adjacency import vertex_adjacency
-from bezier_filters.meshes.dihedral_angles import mesh_edges
+from bezier_filters.meshes.half_edges import mesh_edges
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, cylinder, ellipsoid, height_field, sphere, torus
 

@@ -5,7 +5,7 @@ import pytest
 from scanner_noise import along_normals, in_all_directions, mean_edge_of
 
 from bezier_filters import estimate_vertex_geometry, find_creases
-from bezier_filters.meshes.dihedral_angles import mesh_edges
+from bezier_filters.meshes.half_edges import mesh_edges
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, sphere, torus
 

@@ -1,12 +1,23 @@
+from typing import get_args
+
 import numpy as np
 import pytest
-from hole_cases import sheet, without_faces_near
+from hole_cases import sheet, without_faces_near, without_squares
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.sparse.csgraph import connected_components
 
-from bezier_filters.holes.fill_placement import MOST_FREED, FaceSet, _cuts, _with_fewer_cuts, groups_of_boxes
+from bezier_filters.holes.fill_placement import (
+    FILL_METHODS,
+    MOST_FREED,
+    FaceSet,
+    FillingMethod,
+    _cuts,
+    _with_fewer_cuts,
+    groups_of_boxes,
+)
 from bezier_filters.holes.hole_filling import fill_holes
+from bezier_filters.holes.smooth_fill import Attempt, first_fill
 from bezier_filters.surfaces import block_with_sharp_edges, sphere
 
 
@@ -103,3 +114,16 @@ def test_the_angle_along_the_rim_is_that_of_the_result():
     edges = list(zip(hole.rim.tolist(), np.roll(hole.rim, -1).tolist(), strict=True))
     cosines = [normals[face_at[a, b]] @ normals[face_at[b, a]] for a, b in edges]
     assert hole.rim_dihedral == pytest.approx(np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0))).mean(), rel=1e-6)
+
+
+def test_the_table_has_all_methods():
+    assert tuple(FILL_METHODS) == get_args(FillingMethod)
+
+
+def test_a_further_method_is_a_function_and_a_line_in_the_table(monkeypatch):
+    monkeypatch.setitem(FILL_METHODS, "soap", lambda task: iter([Attempt("soap", first_fill(task.region, 1))]))
+    vertices, faces = sheet(10, 10)
+    faces = without_squares(vertices, faces, lambda x, y: (abs(x - 5) < 2) & (abs(y - 5) < 3))
+    result = fill_holes(vertices, faces, "soap")
+    assert [hole.method for hole in result.holes if hole.filled] == ["soap"]
+    assert np.abs(result.vertices[:, 2]).max() < 1e-9

@@ -7,8 +7,8 @@ import pytest
 from surface_cases import CASES, make
 
 from bezier_filters import estimate_vertex_geometry, triangle_mesh, vertex_adjacency
-from bezier_filters.meshes.dihedral_angles import mesh_edges
 from bezier_filters.meshes.frames import tangent_planes
+from bezier_filters.meshes.half_edges import mesh_edges
 from bezier_filters.meshes.sharp_edges import FOR_FITS, SHARP, WEAK, certainties, sharp_edge_vertices, sharp_edges
 from bezier_filters.surfaces import block_with_sharp_edges
 
