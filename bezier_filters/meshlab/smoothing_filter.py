@@ -11,8 +11,7 @@ from bezier_filters.meshlab.meshset import BezierFilterError, CurrentMesh, Lengt
 from bezier_filters.meshlab.topology import topology_of
 from bezier_filters.parameters import documented
 from bezier_filters.runtime.parallel import Progress
-from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, smooth
-from bezier_filters.smoothing.smoothing_result import SmoothingResult
+from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, SmoothingResult, smooth
 
 
 @documented(SMOOTH)

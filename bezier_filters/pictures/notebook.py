@@ -10,7 +10,7 @@ from bezier_filters.feature_lines.crease_lines import Creases
 from bezier_filters.holes.hole_filling import HoleFillingResult
 from bezier_filters.meshes.mesh import takes_arrays, triangle_mesh
 from bezier_filters.pictures.page import MOST_FACES, Page, Results, page_of
-from bezier_filters.smoothing.smoothing_result import SmoothingResult
+from bezier_filters.smoothing.smooth import SmoothingResult
 
 Shown: TypeAlias = VertexGeometry | Creases | SmoothingResult | HoleFillingResult
 

@@ -24,7 +24,7 @@ from bezier_filters.meshlab.hole_filter import fill_warnings
 from bezier_filters.meshlab.meshset import Mesh, MeshSet, current_mesh, one_at_a_time
 from bezier_filters.pictures.scene import Panel, up_axis, view_axes
 from bezier_filters.runtime.atomic import atomic_write
-from bezier_filters.smoothing.smoothing_result import SmoothingResult
+from bezier_filters.smoothing.smooth import SmoothingResult
 from bezier_filters.status import FitStatus
 
 MOST_FACES = 200_000  # that a browser turns without jerks on any machine

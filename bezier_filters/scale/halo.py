@@ -34,13 +34,10 @@ class Part:
 
 
 @dataclass(frozen=True)
-class TilePart:
-    """A tile with some rings around it: see `Part`; `own` is where the vertices of the tile are."""
+class TilePart(Part):
+    """A tile with some rings around it."""
 
-    ids: IntArray
-    mesh: TriangleMesh
-    cut: BoolArray
-    own: slice
+    own: slice  # where the vertices of the tile are
 
     def faces_of_tile(self) -> BoolArray:
         """Faces whose first corner belongs to the tile, (m,): every face of a mesh belongs to one tile."""
@@ -53,7 +50,7 @@ def tile_part(store: Store, tile: int, rings: int) -> TilePart:
     start, stop = store.layout.tile(tile)
     part = part_around(store, np.arange(start, stop, dtype=np.int32), rings)
     first = int(np.searchsorted(part.ids, start))
-    return TilePart(part.ids, part.mesh, part.cut, slice(first, first + stop - start))
+    return TilePart(**vars(part), own=slice(first, first + stop - start))
 
 
 def part_around(store: Store, seeds: IntArray, rings: int) -> Part:
@@ -164,17 +161,15 @@ class _Loaded:
         numbers[places] = np.arange(len(places), dtype=np.int32)
         vertices = self.vertices[places]
         self.vertices = np.empty((0, 3))
-        cells = self.store.layout.grid.cells(vertices)
-        faces, keys = np.empty((self.face_count, 3), dtype=np.int32), np.empty(self.face_count, dtype=np.int64)
-        there = self.faces[: self.face_count]
-        count = _local_faces(there, self.bits, self.slots, self.layers, rings, numbers, cells, faces, keys)
-        del there
+        kept = np.empty(self.face_count, dtype=np.int32)
+        count = _faces_within(self.faces, self.bits, self.slots, self.layers, rings, kept)
+        faces = self.faces[kept[:count]]
         self.faces = np.empty((0, 4), dtype=np.int32)
-        order = np.argsort(keys[:count])
-        is_first = np.ones(count, dtype=np.bool_)  # faces of several blocks come several times
-        is_first[1:] = np.diff(keys[order]) > 0
-        order = order[is_first]
-        return Part(ids, TriangleMesh(vertices, faces[order]), keys[order], cut)
+        corners = numbers[self.places(faces[:, 1:])]
+        cells = self.store.layout.grid.cells(vertices)[corners[:, 0]]
+        # faces of several blocks come several times
+        keys, first = np.unique(cells.astype(np.int64) << 32 | faces[:, 0], return_index=True)
+        return Part(ids, TriangleMesh(vertices, corners[first]), keys, cut)
 
 
 def _with_room(array: AnyRows, used: int, needed: int) -> AnyRows:
@@ -226,28 +221,13 @@ def _reach(
 
 
 @jit()
-def _local_faces(
-    faces: IntArray,
-    bits: int,
-    slots: IntArray,
-    layers: IntArray,
-    rings: int,
-    numbers: IntArray,
-    cells: IntArray,
-    result: IntArray,
-    keys: NDArray[np.int64],
-) -> int:
-    """Write the faces with a corner within rings - 1 layers in local numbers, and their keys; return their number."""
+def _faces_within(faces: IntArray, bits: int, slots: IntArray, layers: IntArray, rings: int, kept: IntArray) -> int:
+    """Write which of the first faces have a corner within rings - 1 layers; return their number."""
     count = 0
-    for f in range(faces.shape[0]):
-        nearest = FAR
+    for f in range(len(kept)):
         for c in range(1, 4):
-            nearest = min(nearest, _layer(bits, slots, layers, faces[f, c]))
-        if nearest >= rings:
-            continue
-        for c in range(3):
-            i = faces[f, c + 1]
-            result[count, c] = numbers[(slots[i >> bits] << bits) + (i & (1 << bits) - 1)]
-        keys[count] = (np.int64(cells[result[count, 0]]) << 32) | faces[f, 0]
-        count += 1
+            if _layer(bits, slots, layers, faces[f, c]) < rings:
+                kept[count] = f
+                count += 1
+                break
     return count

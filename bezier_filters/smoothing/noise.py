@@ -9,10 +9,9 @@ from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.smoothing.chebyshev import low_pass
 from bezier_filters.smoothing.clusters import Clusters, clusters_of
-from bezier_filters.smoothing.correlation import WHITE, Correlation, correlated_noise, correlated_signs
 from bezier_filters.smoothing.laplacian import Laplacian, umbrella_laplacian
 from bezier_filters.smoothing.mesh_parts import MeshPart
-from bezier_filters.smoothing.probes import random_bits
+from bezier_filters.smoothing.random_noise import WHITE, Correlation, correlated_noise, correlated_signs, random_bits
 
 WEAK, STRONGER = np.array([1.0]), np.array([10.0])  # strengths of the filters that residuals and normals are taken from
 STRONG = np.array([100.0])  # strength of the filter that rough places do not follow
@@ -70,8 +69,7 @@ class NoisyMesh:
         squares: SingleArray = np.square(probes).sum(axis=1, dtype=np.float32)
         if not self.correlation.times:
             return squares
-        around = self.clusters.diffuse(self.clusters.means(squares[:, np.newaxis]), threads=threads)
-        return self.clusters.at_vertices(around, threads=threads)[:, 0]
+        return self.clusters.around([squares], threads=threads)[:, 0]
 
 
 def learn_noise_levels(
@@ -123,14 +121,9 @@ def roughness(part: MeshPart, sigma: float, *, threads: int = 1) -> FloatArray:
     It goes by ratios, as the noise itself may vary. A tile has `ROUGHNESS_RINGS` around what counts; sigma is the
     standard deviation of the noise of the mesh as a whole.
     """
-    mesh, clusters, laplacian = part.mesh, clusters_of(part, PACE), free_laplacian(part, threads)
-    smooth = low_pass(laplacian, mesh.vertices, STRONG, threads=threads)
-    normals = tangent_planes(TriangleMesh(smooth, mesh.faces), part.adjacency, threads=threads).normals
-    heights = np.einsum("ij,ij->i", mesh.vertices - smooth, normals)
-    weak = low_pass(laplacian, mesh.vertices, WEAK, threads=threads)
-    roots = np.sqrt(np.abs(np.einsum("ij,ij->i", mesh.vertices - weak, normals)))
-    means = clusters.means(np.column_stack([np.square(heights), roots]))
-    around = clusters.at_vertices(clusters.diffuse(means, threads=threads), threads=threads).astype(np.float64)
+    clusters, laplacian = clusters_of(part, PACE), free_laplacian(part, threads)
+    strong, weak = _heights(part, laplacian, STRONG, threads)
+    around = clusters.around([np.square(strong), np.sqrt(np.abs(weak))], threads=threads).astype(np.float64)
     return around[:, 0] / np.maximum(around[:, 1] ** 4, (LEAST * sigma) ** 2)
 
 
@@ -162,14 +155,17 @@ def free_laplacian(part: MeshPart, threads: int) -> Laplacian:
 
 def _roots(part: MeshPart, clusters: Clusters, laplacian: Laplacian, share: float, threads: int) -> SingleArray:
     """Mean roots around every vertex of what a weak filter takes off, (n,)."""
-    mesh = part.mesh
-    taken = mesh.vertices - low_pass(laplacian, mesh.vertices, WEAK, threads=threads)
-    smooth = low_pass(laplacian, mesh.vertices, STRONGER, threads=threads)
-    normals = tangent_planes(TriangleMesh(smooth, mesh.faces), part.adjacency, threads=threads).normals
-    residuals = np.abs(np.einsum("ij,ij->i", taken, normals))
-    means = clusters.means(np.sqrt(residuals / share)[:, np.newaxis])
-    roots = clusters.at_vertices(clusters.diffuse(means, threads=threads), threads=threads)[:, 0]
+    _, weak = _heights(part, laplacian, STRONGER, threads)
+    roots = clusters.around([np.sqrt(np.abs(weak) / share)], threads=threads)[:, 0]
     return np.maximum(roots, np.float32(0.0))
+
+
+def _heights(part: MeshPart, laplacian: Laplacian, strength: FloatArray, threads: int) -> tuple[FloatArray, FloatArray]:
+    """Of the vertices over the mesh after a filter, and after a weak one, along the normals of the former, (n,)."""
+    vertices = part.mesh.vertices
+    smooth, weak = (low_pass(laplacian, vertices, one, threads=threads) for one in (strength, WEAK))
+    normals = tangent_planes(TriangleMesh(smooth, part.mesh.faces), part.adjacency, threads=threads).normals
+    return np.einsum("ij,ij->i", vertices - smooth, normals), np.einsum("ij,ij->i", vertices - weak, normals)
 
 
 def _levels(roots: SingleArray) -> FloatArray:
