@@ -23,7 +23,7 @@ from bezier_filters.runtime.parallel import Progress, thread_count
 from bezier_filters.scale.array_file import Values
 from bezier_filters.scale.scheduling import Scheduler, Workers, run_tasks, running
 from bezier_filters.scale.source import MeshSource
-from bezier_filters.scale.store import Store, build_store, is_store, open_store
+from bezier_filters.scale.store import MANIFEST, Store, build_store, open_store
 from bezier_filters.scale.tiles import (
     DamagedTileError,
     Tile,
@@ -211,7 +211,7 @@ def _opened_store(
         hint = "resume to go on with it, or remove it" if ours else "choose another folder"
         raise InvalidParameterError(f"store: {folder} is there already; {hint}")
     wanted = tile_size(options)
-    if ours and is_store(folder):
+    if ours and (folder / MANIFEST).is_file():
         store = open_store(folder, source.fingerprint())
         there = store.layout.tile_vertices
         if options.tile_vertices is not None and there != store.layout.in_whole_blocks(wanted):

@@ -27,7 +27,7 @@ from bezier_filters.scale.source import Fingerprint, MeshSource
 ROWS = 1 << 20  # vertices or faces that are held at a time
 LARGEST_BLOCK_BITS = 10  # of the number of vertices in a block: sampled neighbourhoods and halos read whole blocks
 FORMAT = 1
-MANIFEST = "store.json"
+MANIFEST = "store.json"  # which is there only if all the others are
 VERTICES, ORDER, RANK, FACES, FACE_PTR = "vertices.bin", "order.bin", "rank.bin", "faces.bin", "face_ptr.npy"
 
 
@@ -106,11 +106,6 @@ class Store:
     def sources(self, ids: IntArray) -> IntArray:
         """Which vertices of the source some are."""
         return np.array(self.order.mapped()[ids], dtype=np.int32)
-
-
-def is_store(folder: Path) -> bool:
-    """Whether there is a store that is complete."""
-    return (folder / MANIFEST).is_file()
 
 
 def open_store(folder: Path, fingerprint: Fingerprint | None = None) -> Store:
@@ -209,41 +204,37 @@ def _sort_vertices(source: MeshSource, store: Store, threads: int, passes: _Pass
     """Write coordinates and numbers of the vertices in their new order, and their new places."""
     n, grid = source.vertex_count, store.layout.grid
     ends = np.zeros(grid.cell_count + 1, dtype=np.int32)
-    of_vertices = ArrayFile(store.folder / "cells.tmp", np.dtype(np.int32), 1, n)
-    with open(of_vertices.path, "wb") as stream:
-        for start, stop in _chunks(n):
-            cells = grid.cells(source.vertices(start, stop).astype(np.float64), threads=threads)
-            np.add.at(ends[1:], cells, np.int32(1))  # far faster than with another type
-            cells.tofile(stream)
+    for start, stop in _chunks(n):
+        cells = grid.cells(source.vertices(start, stop).astype(np.float64), threads=threads)
+        np.add.at(ends[1:], cells, np.int32(1))  # far faster than with a number of another type
     np.cumsum(ends, out=ends)
     order = new_array_file(store.order.path, np.int32, 1, n)
     with open(store.rank.path, "wb") as stream:
         for start, stop in _chunks(n):
-            places = np.empty(stop - start, dtype=np.int32)
-            _place(of_vertices.read(start, stop), ends, start, places, order.mapped("r+"))
-            store.vertices.mapped("r+")[places] = source.vertices(start, stop)
+            vertices, places = source.vertices(start, stop), np.empty(stop - start, dtype=np.int32)
+            cells = grid.cells(vertices.astype(np.float64), threads=threads)
+            _place(cells, ends, start, places, order.mapped("r+"))
+            store.vertices.mapped("r+")[places] = vertices
             places.tofile(stream)
             passes.add(stop - start)
-    of_vertices.path.unlink()
 
 
 def _sort_faces(source: MeshSource, store: Store, passes: _Passes) -> None:
     """Write every face to each block that it touches."""
     m, bits = source.face_count, store.layout.block_bits
     ptr = np.zeros(store.layout.block_count + 1, dtype=np.int64)
-    ranked = ArrayFile(store.folder / "ranked.tmp", np.dtype(np.int32), 3, m)
-    with open(ranked.path, "wb") as stream:
-        for start, stop in _chunks(m):
-            faces = np.take(store.rank.mapped(), source.faces(start, stop))
-            _count_faces(faces, bits, ptr)
-            faces.tofile(stream)
-            passes.add(stop - start)
+
+    def ranked(start: int, stop: int) -> IntArray:
+        return np.take(store.rank.mapped(), source.faces(start, stop))
+
+    for start, stop in _chunks(m):
+        _count_faces(ranked(start, stop), bits, ptr)
+        passes.add(stop - start)
     np.cumsum(ptr, out=ptr)
     np.save(store.folder / FACE_PTR, ptr)
     rows = new_array_file(store.folder / FACES, np.int32, 4, int(ptr[-1]))
     for start, stop in _chunks(m):
-        _fill_in_faces(ranked.read(start, stop), start, bits, ptr, rows.mapped("r+"))
-    ranked.path.unlink()
+        _fill_in_faces(ranked(start, stop), start, bits, ptr, rows.mapped("r+"))
 
 
 @jit()

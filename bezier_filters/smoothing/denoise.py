@@ -255,7 +255,7 @@ def _mixture(
 
 
 def candidates(
-    noisy: NoisyMesh, fitted: FittedLowPass, kinds: Collection[int] = KINDS, *, threads: int = 1
+    noisy: NoisyMesh, fitted: FittedLowPass, kinds: Collection[int], *, threads: int = 1
 ) -> Iterator[Candidate]:
     """Estimates, ever sharper ones, of which the first is the low-pass filter's, and others as they are wanted.
 

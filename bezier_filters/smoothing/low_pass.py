@@ -42,7 +42,7 @@ class LowPassPlan:
     unit: float  # the mean edge, a length
     first: int  # number of the best strength with the umbrella Laplacian
     power: float | None  # of the best Laplacian, see `cotangent_laplacian`; None for that of umbrellas
-    fastest: float | None  # the largest rate of that
+    fastest: float  # the largest rate of that
     # the largest rate on average around a vertex: where edges are short, filters reach across more of them
     haste: float
     order: int  # the best order of its filters
