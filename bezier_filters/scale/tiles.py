@@ -117,15 +117,13 @@ def table_of(
     vertices: FloatArray, columns: Mapping[str, FloatArray], quality: str, names: Sequence[str], coordinates: str
 ) -> Values:
     """Rows of a PLY file: coordinates of some type, one of the columns as quality, if any, and some columns."""
-    fields = [(axis, coordinates) for axis in "xyz"]
-    fields += [(QUALITY, "<f8")] * bool(quality) + [(name, "<f8") for name in names]
-    rows = np.empty(len(vertices), dtype=fields)
-    every = [(axis, vertices[:, k]) for k, axis in enumerate("xyz")]
-    every += [(QUALITY, columns[quality])] if quality else []
-    every += [(name, columns[name]) for name in names]
+    every = dict(zip("xyz", vertices.T, strict=True))
+    every |= {QUALITY: columns[quality]} if quality else {}
+    every |= {name: columns[name] for name in names}
+    rows = np.empty(len(vertices), dtype=[(name, "<f8" if k > 2 else coordinates) for k, name in enumerate(every)])
     for start in range(0, len(rows), CACHED):  # column after column, as long as the rows are at hand
         stop = start + CACHED
-        for name, values in every:
+        for name, values in every.items():
             rows[name][start:stop] = values[start:stop]
     return rows
 

@@ -32,6 +32,7 @@ from bezier_filters.smoothing.low_pass import (
 )
 from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, MeshPart, SampledParts, sampled_parts, whole_mesh
 from bezier_filters.smoothing.noise import (
+    LEAST_NOISE,
     NoiseLevels,
     NoisyMesh,
     free_laplacian,
@@ -53,9 +54,6 @@ KINDS = range(len(FILTER_ROUNDS))
 GENTLE_TOLERANCE, SHARP_TOLERANCE = 2.5, 1.5  # of `filter_normals`
 PROBE = 0.1  # times sigma: how far vertices are moved to find their leverages
 FEWEST_SAMPLED = 60_000  # vertices times samples of the noise, that normals are filtered by
-# times the mean edge: fine relief of clean scans, in which neighbours differ, too, and which is left alone
-DETAIL = 0.01
-SMALLEST_NOISE = 1e-4  # times the mean edge: below that there is nothing to take off
 GAIN = 1e-3  # times sigma^2: mean decrease of the risk around a vertex below which a further estimate is left out
 # around a tile there are the rings in which a low-pass filter fades by so many powers of e, those over which risks
 # are averaged, and those that a round of filtering the normals reaches across: measured, for a hundredth of the noise
@@ -146,7 +144,7 @@ def learn_plan(
     """
     vertices, unit = parts.part.mesh.vertices, mean_edge(parts.part.mesh, parts.part.adjacency, threads=threads)
     sigma = noise.sigma
-    if not (sigma > (DETAIL + SMALLEST_NOISE) * unit and unit > 0.0):
+    if not (sigma > LEAST_NOISE * unit and unit > 0.0):
         return None
     center = vertices.mean(axis=0)
     if np.abs(center).max() <= np.ptp(vertices, axis=0).max():
@@ -154,10 +152,9 @@ def learn_plan(
     scale = float(2.0 ** -np.round(np.log2(unit)))  # single precision has few exponents
     part, sigma, unit = _normalised(parts.part, center, scale), sigma * scale, unit * scale
     clusters = clusters_of(part)
-    least, relief = (DETAIL + SMALLEST_NOISE) * unit, DETAIL * unit
     correlation = Correlation.of(noise, unit / scale, part.ids, free_laplacian(part, threads), parts.core)
     levels, at_vertices = learn_noise_levels(
-        part, clusters, parts.core, sigma, correlation, unit, least, relief, given=noise.given, threads=threads
+        part, clusters, parts.core, sigma, correlation, unit, given=noise.given, threads=threads
     )
     noisy = NoisyMesh(part, clusters, at_vertices, correlation)
     report(progress, 1, STEPS)

@@ -24,6 +24,9 @@ LOTS = 101  # which of the random numbers at vertices say what place that is
 SPREAD = 2.0  # ratio of high levels to low ones from which on the noise is taken to vary
 NO_CREASES = 0.12  # times the mean edge: creases of a mesh without noise look like less noise than this
 LEAST = 0.1  # of the highest levels, the lowest
+# times the mean edge: fine relief of clean scans, in which neighbours differ, too, and which is left alone
+DETAIL = 0.01
+LEAST_NOISE = DETAIL + 1e-4  # times the mean edge: below that there is nothing to take off
 MEAN_ROOT = 0.822  # mean of sqrt(|x|) for a standard normal x
 
 
@@ -79,8 +82,6 @@ def learn_noise_levels(
     sigma: float,
     correlation: Correlation,
     unit: float,
-    least: float,
-    detail: float,
     *,
     given: bool = False,
     threads: int = 1,
@@ -88,10 +89,11 @@ def learn_noise_levels(
     """What holds for a mesh as a whole, by the `core` of some parts, and the standard deviation of the noise, (n,).
 
     The noise has the same level everywhere, sigma, unless it clearly varies. Levels are means of what a weak filter
-    takes off, in a way that outliers, such as at edges, matter little to. None is below `least` before the standard
-    deviation of the relief, `detail`, is taken off it; `unit` is the mean edge. If it varies, sigma is its root mean
-    square if that was `given`, and no matter otherwise.
+    takes off, in a way that outliers, such as at edges, matter little to. None is below `LEAST_NOISE` before the
+    standard deviation of the relief, `DETAIL`, is taken off it; `unit` is the mean edge. If it varies, sigma is its
+    root mean square if that was `given`, and no matter otherwise.
     """
+    least, detail = LEAST_NOISE * unit, DETAIL * unit
     laplacian = free_laplacian(part, threads)
     noise = correlated_noise(part.ids, 1, correlation, laplacian, threads=threads).astype(np.float64)
     taken = noise - low_pass(laplacian, noise, WEAK, threads=threads)
