@@ -30,11 +30,10 @@ from bezier_filters import estimate_vertex_geometry, smooth
 from bezier_filters.fields import columns as columns_of
 from bezier_filters.fields import qualities
 from bezier_filters.scale import estimate_file, smooth_file
-from bezier_filters.scale.columns import DISPLACEMENT, SHARPNESS, table_of
 from bezier_filters.scale.run import peak_bytes
+from bezier_filters.scale.smooth import DISPLACEMENT, SHARPNESS
 from bezier_filters.scale.source import open_source
-from bezier_filters.scale.target import FACE, ply_head
-from bezier_filters.scale.tiles import open_tile
+from bezier_filters.scale.tiles import FACE, open_tile, ply_head, table_of
 
 MAJOR, MINOR = 1.0, 0.4
 SIZES = (1_000_000, 7_000_000, 50_000_000)

@@ -65,6 +65,6 @@ from .pictures.page import Page as Page
 from .pictures.page import show as show
 from .pictures.render import render_panels as render_panels
 from .pictures.scene import Panel as Panel
+from .smoothing.smooth import SmoothingResult as SmoothingResult
 from .smoothing.smooth import smooth as smooth
-from .smoothing.smoothing_result import SmoothingResult as SmoothingResult
 from .status import FitStatus as FitStatus

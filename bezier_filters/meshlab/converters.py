@@ -11,7 +11,7 @@ from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
 from bezier_filters.fields import ESTIMATES, SMOOTH, fields_of
 from bezier_filters.meshes.mesh import TriangleMesh, takes_arrays, triangle_mesh
-from bezier_filters.smoothing.smoothing_result import SmoothingResult
+from bezier_filters.smoothing.smooth import SmoothingResult
 
 if TYPE_CHECKING:
     import pyvista

@@ -31,8 +31,7 @@ from bezier_filters.meshlab.topology import topology_of
 from bezier_filters.parameters import documented
 from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.runtime.parallel import Progress
-from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, smooth
-from bezier_filters.smoothing.smoothing_result import SmoothingResult
+from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, SmoothingResult, smooth
 from bezier_filters.status import FitStatus
 
 MEASURED = 20_000  # faces whose edges are measured, at most

@@ -29,8 +29,7 @@ from bezier_filters.meshlab.meshset import CurrentMesh, Mesh, MeshSet, current_m
 from bezier_filters.pictures.scene import Panel, up_axis, view_axes
 from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.runtime.parallel import Progress
-from bezier_filters.smoothing.smooth import smooth
-from bezier_filters.smoothing.smoothing_result import SmoothingResult
+from bezier_filters.smoothing.smooth import SmoothingResult, smooth
 from bezier_filters.status import FitStatus
 
 MOST_FACES = 200_000  # that a browser turns without jerks on any machine

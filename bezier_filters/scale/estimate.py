@@ -2,27 +2,31 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from functools import partial
 
 import numpy as np
 
 from bezier_filters.arrays import Report
+from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.adaptive_fit import SurfaceFit, fit_parts
 from bezier_filters.estimation.fallbacks import fit_with_fallbacks
 from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, empty_geometry
-from bezier_filters.fields import values_of
+from bezier_filters.fields import CURVATURE, ESTIMATES, PREFIX, TORSION, Field, fields_of, values_of
 from bezier_filters.kernels.kernel_input import fitted_mesh, with_steady_normals
 from bezier_filters.learning.model_tree import leaves
 from bezier_filters.runtime.parallel import one_thread_for_matrices
-from bezier_filters.scale.columns import chosen_columns, estimated, table_of
 from bezier_filters.scale.halo import TilePart, tile_part
 from bezier_filters.scale.learn import FitOptions, learn_fit, rings_needed
 from bezier_filters.scale.run import Round, RunOptions, StageProgress, TileOutput, file_run
 from bezier_filters.scale.scheduling import Scheduler, dashboard
 from bezier_filters.scale.source import SourcePath, open_source
 from bezier_filters.scale.store import Store
+from bezier_filters.scale.tiles import table_of
 from bezier_filters.status import FitStatus
+
+ALL = "all"  # every estimate
+QUALITIES = {CURVATURE: "mean", TORSION: "torsion", ALL: "mean"}  # what is the quality, if nothing is said
 
 
 @one_thread_for_matrices()
@@ -131,7 +135,7 @@ def estimate_file(
             fit = learn_fit(run.store, options, threads=run.workers)
         with run.stages.stage("start"):
             link = dashboard(run.cluster.ready())
-        job = partial(estimate_tile, TileFit(run.store, fit, creases), chosen_quality, chosen)
+        job = partial(estimate_tile, run.store, fit, creases, chosen_quality, chosen)
         done = run.tiles("fit", run.results(parameters), job, link)
         run.write(done.tiles)
     return run.report() | {
@@ -145,24 +149,38 @@ def estimate_file(
     }
 
 
-@dataclass(frozen=True)
-class TileFit:
-    """How the vertices of a tile are fitted, see `estimate_vertex_geometry`."""
-
-    store: Store
-    fit: SurfaceFit
-    creases: bool
+def estimated(quantity: str = ALL) -> dict[str, Field]:
+    """Fields that are estimated, by their columns."""
+    filters = ESTIMATES if quantity == ALL else (quantity,)
+    return {field.column: field for field in fields_of(*filters) if field.attribute is not None}
 
 
-def estimate_tile(how: TileFit, quality: str, columns: Sequence[str], tile: int) -> TileOutput:
+def chosen_columns(quantity: str, quality: str | None, columns: Sequence[str] | None) -> tuple[str, list[str]]:
+    """The column that becomes the quality, "" for none, and those that are written: any of those that there are."""
+    every = estimated()
+    if quantity not in (*ESTIMATES, ALL):
+        raise InvalidParameterError(f"quantity: got {quantity!r}, expected one of {', '.join((*ESTIMATES, ALL))}")
+    wanted = list(estimated(quantity)) if columns is None else [PREFIX + name.removeprefix(PREFIX) for name in columns]
+    if not set(wanted) <= every.keys() or len(set(wanted)) < len(wanted):
+        raise InvalidParameterError(f"columns: got {wanted}, expected some of {list(every)}, each once")
+    qualities = {field.quality: column for column, field in every.items() if field.quality}
+    quality = quality or QUALITIES.get(quantity)
+    if quality is not None and quality not in qualities:
+        raise InvalidParameterError(f"quality: got {quality!r}, expected one of {', '.join(qualities)}")
+    return "" if quality is None else qualities[quality], wanted
+
+
+def estimate_tile(
+    store: Store, fit: SurfaceFit, creases: bool, quality: str, columns: Sequence[str], tile: int
+) -> TileOutput:
     """The estimate of the vertices of a tile, as rows of the file that is written: the column that is the quality, too.
 
     There is no quality if that is empty.
     """
-    geometry, part = fit_tile(how, tile)
+    geometry, part = fit_tile(store, fit, creases, tile)
     every = estimated()
     values = values_of([every[name] for name in {*columns, quality} - {""}], geometry)
-    rows = table_of(part.mesh.vertices[part.own], values, quality, columns, how.store.layout.dtype)
+    rows = table_of(part.mesh.vertices[part.own], values, quality, columns, store.layout.dtype)
     counts = geometry.status_counts()
     sums = {
         "status": [float(counts.get(status.name, 0)) for status in FitStatus],
@@ -171,17 +189,17 @@ def estimate_tile(how: TileFit, quality: str, columns: Sequence[str], tile: int)
     return TileOutput(rows, len(part.ids), sums)
 
 
-def fit_tile(job: TileFit, tile: int) -> tuple[VertexGeometry, TilePart]:
+def fit_tile(store: Store, fit: SurfaceFit, creases: bool, tile: int) -> tuple[VertexGeometry, TilePart]:
     """Estimate the vertices of a tile as in the whole mesh; also the part of that which had to be read."""
-    part = tile_part(job.store, tile, rings_needed(job.fit))
-    arrays, _ = fitted_mesh(part.mesh, creases=job.creases)
-    if job.fit.steady:
+    part = tile_part(store, tile, rings_needed(fit))
+    arrays, _ = fitted_mesh(part.mesh, creases=creases)
+    if fit.steady:
         arrays = with_steady_normals(arrays)
     own = np.arange(part.own.start, part.own.stop, dtype=np.int32)
     arrays = arrays._replace(origin=np.arange(len(part.ids), dtype=np.int32) - own[0])
     geometry = empty_geometry(len(own))
-    fit_with_fallbacks(arrays, own, job.fit.attempts, geometry, robust=job.fit.robust)
-    choice = fit_parts(arrays, own, job.fit, geometry)
+    fit_with_fallbacks(arrays, own, fit.attempts, geometry, robust=fit.robust)
+    choice = fit_parts(arrays, own, fit, geometry)
     return replace(geometry, fit=choice), part
 
 

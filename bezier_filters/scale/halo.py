@@ -3,17 +3,14 @@
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.arrays import BoolArray, IntArray
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.jit import jit
 from bezier_filters.scale.store import Store
-
-AnyRows = TypeVar("AnyRows", FloatArray, IntArray)
 
 FAR = 2**31 - 1  # ring of what was not reached: no number of rings comes near it
 GROUP = 16  # vertices whose surroundings are read together, so that few blocks are held
@@ -34,13 +31,10 @@ class Part:
 
 
 @dataclass(frozen=True)
-class TilePart:
-    """A tile with some rings around it: see `Part`; `own` is where the vertices of the tile are."""
+class TilePart(Part):
+    """A tile with some rings around it."""
 
-    ids: IntArray
-    mesh: TriangleMesh
-    cut: BoolArray
-    own: slice
+    own: slice  # where the vertices of the tile are
 
     def faces_of_tile(self) -> BoolArray:
         """Faces whose first corner belongs to the tile, (m,): every face of a mesh belongs to one tile."""
@@ -53,7 +47,7 @@ def tile_part(store: Store, tile: int, rings: int) -> TilePart:
     start, stop = store.layout.tile(tile)
     part = part_around(store, np.arange(start, stop, dtype=np.int32), rings)
     first = int(np.searchsorted(part.ids, start))
-    return TilePart(part.ids, part.mesh, part.cut, slice(first, first + stop - start))
+    return TilePart(**vars(part), own=slice(first, first + stop - start))
 
 
 def part_around(store: Store, seeds: IntArray, rings: int) -> Part:
@@ -102,20 +96,14 @@ def _together(parts: Sequence[Part]) -> Part:
 
 
 class _Loaded:
-    """Blocks that were read, and how far their vertices are from where it began.
-
-    Arrays have room for more than there is (`vertex_count`, `face_count`): of many rings each brings few blocks.
-    """
+    """Blocks that were read, and how far their vertices are from where it began."""
 
     def __init__(self, store: Store) -> None:
-        self.store, self.bits = store, store.layout.block_bits
+        self.store, self.bits, self.ptr = store, store.layout.block_bits, store.face_ptr()
         self.slots = np.full(store.layout.block_count, -1, dtype=np.int32)
-        self.vertex_count = self.face_count = 0
-        self.ptr = store.face_ptr()
-        self.vertices: FloatArray = np.empty((0, 3))
         self.layers: IntArray = np.empty(0, dtype=np.int32)
-        self.faces: IntArray = np.empty((0, 4), dtype=np.int32)
-        self.active: IntArray = np.empty(0, dtype=np.int32)  # faces that may still lead on
+        self.faces = list[IntArray]()
+        self.active: IntArray = np.empty((0, 4), dtype=np.int32)  # faces that may still lead on
 
     def places(self, ids: IntArray) -> IntArray:
         """Where vertices are in the arrays."""
@@ -123,67 +111,41 @@ class _Loaded:
 
     def load(self, blocks: IntArray, *, with_faces: bool) -> None:
         """Read blocks that are not there yet."""
-        size, n, face_start = 1 << self.bits, self.store.layout.vertex_count, self.face_count
-        self.slots[blocks] = (self.vertex_count >> self.bits) + np.arange(len(blocks), dtype=np.int32)
-        end = self.vertex_count + len(blocks) * size
-        self.vertices = _with_room(self.vertices, self.vertex_count, end)
-        self.layers = _with_room(self.layers, self.vertex_count, end)
-        self.layers[self.vertex_count : end] = FAR
+        self.slots[blocks] = (len(self.layers) >> self.bits) + np.arange(len(blocks), dtype=np.int32)
+        self.layers = np.append(self.layers, np.full(len(blocks) << self.bits, FAR, dtype=np.int32))
         if with_faces:
-            more = int((self.ptr[blocks + 1] - self.ptr[blocks]).sum())
-            self.faces = _with_room(self.faces, self.face_count, self.face_count + more)
-        for run in np.split(blocks, np.flatnonzero(np.diff(blocks) > 1) + 1):
-            start, stop = int(run[0]) * size, (int(run[-1]) + 1) * size
-            place, read = self.vertex_count, min(stop, n) - start
-            self.vertices[place : place + read] = self.store.coordinates(start, start + read)
-            self.vertices[place + read : place + stop - start] = 0.0  # the last block is not full
-            self.vertex_count += stop - start
-            if with_faces:
-                faces = self.store.faces(int(self.ptr[run[0]]), int(self.ptr[run[-1] + 1]))
-                self.faces[self.face_count : self.face_count + len(faces)] = faces
-                self.face_count += len(faces)
-        self.active = np.append(self.active, np.arange(face_start, self.face_count, dtype=np.int32))
+            runs = np.split(blocks, np.flatnonzero(np.diff(blocks) > 1) + 1)
+            found = [self.store.faces(int(self.ptr[run[0]]), int(self.ptr[run[-1] + 1])) for run in runs]
+            self.faces += found
+            self.active = np.concatenate([self.active, *found])
 
     def grow(self, k: int) -> IntArray:
         """Reach what shares a face with layer k; return the blocks that are missing for that."""
         needed = np.zeros(len(self.slots), dtype=np.bool_)
-        count = _reach(self.faces, self.active, self.bits, self.slots, self.layers, k, needed)
+        count = _reach(self.active, self.bits, self.slots, self.layers, k, needed)
         self.active = self.active[:count].copy()
         return np.flatnonzero(needed).astype(np.int32)
 
     def part(self, rings: int) -> Part:
         """All that was reached."""
-        size = 1 << self.bits
-        blocks = np.flatnonzero(self.slots >= 0)
-        places = ((self.slots[blocks] << self.bits)[:, np.newaxis] + np.arange(size, dtype=np.int32)).ravel()
-        cut = self.layers[places] == rings
-        ids = ((blocks << self.bits)[:, np.newaxis] + np.arange(size)).ravel()
-        reached = self.layers[places] != FAR
-        places, ids, cut = places[reached], ids[reached].astype(np.int32), cut[reached]
-        numbers = np.full(self.vertex_count, -1, dtype=np.int32)
-        numbers[places] = np.arange(len(places), dtype=np.int32)
-        vertices = self.vertices[places]
-        self.vertices = np.empty((0, 3))
-        cells = self.store.layout.grid.cells(vertices)
-        faces, keys = np.empty((self.face_count, 3), dtype=np.int32), np.empty(self.face_count, dtype=np.int64)
-        there = self.faces[: self.face_count]
-        count = _local_faces(there, self.bits, self.slots, self.layers, rings, numbers, cells, faces, keys)
-        del there
-        self.faces = np.empty((0, 4), dtype=np.int32)
-        order = np.argsort(keys[:count])
-        is_first = np.ones(count, dtype=np.bool_)  # faces of several blocks come several times
-        is_first[1:] = np.diff(keys[order]) > 0
-        order = order[is_first]
-        return Part(ids, TriangleMesh(vertices, faces[order]), keys[order], cut)
+        every = ((np.flatnonzero(self.slots >= 0) << self.bits)[:, np.newaxis] + np.arange(1 << self.bits)).ravel()
+        ids = every[self.layers[self.places(every)] != FAR].astype(np.int32)
+        places = self.places(ids)
+        numbers = np.full(len(self.layers), -1, dtype=np.int32)
+        numbers[places] = np.arange(len(ids), dtype=np.int32)
+        faces = np.concatenate([self.faces_within(rings, faces) for faces in self.faces])
+        corners = numbers[self.places(faces[:, 1:])]
+        vertices = self.store.coordinates_of(ids)
+        cells = self.store.layout.grid.cells(vertices)[corners[:, 0]]
+        # faces of several blocks come several times
+        keys, first = np.unique(cells.astype(np.int64) << 32 | faces[:, 0], return_index=True)
+        return Part(ids, TriangleMesh(vertices, corners[first]), keys, self.layers[places] == rings)
 
-
-def _with_room(array: AnyRows, used: int, needed: int) -> AnyRows:
-    """An array with some rows at least, half as many again as before where they did not suffice, and the used ones."""
-    if needed <= len(array):
-        return array
-    result = np.empty((max(needed, len(array) * 3 // 2), *array.shape[1:]), dtype=array.dtype)
-    result[:used] = array[:used]
-    return result
+    def faces_within(self, rings: int, faces: IntArray) -> IntArray:
+        """Those of some faces that have a corner within rings - 1 layers."""
+        within = np.zeros(len(faces), dtype=np.bool_)
+        _mark_within(faces, self.bits, self.slots, self.layers, rings, within)
+        return faces[within]
 
 
 @jit()
@@ -194,27 +156,25 @@ def _layer(bits: int, slots: IntArray, layers: IntArray, i: int) -> int:
 
 
 @jit()
-def _reach(
-    faces: IntArray, active: IntArray, bits: int, slots: IntArray, layers: IntArray, k: int, needed: BoolArray
-) -> int:
+def _reach(active: IntArray, bits: int, slots: IntArray, layers: IntArray, k: int, needed: BoolArray) -> int:
     """Put the unknown corners of active faces with one in layer k into layer k + 1.
 
     Blocks that are missing are marked. Faces within layer k, which lead nowhere, are left out of the active ones;
     returns how many stay.
     """
     count = 0
-    for f in active:
+    for f in range(len(active)):
         nearest, farthest = FAR, 0
         for c in range(1, 4):
-            layer = _layer(bits, slots, layers, faces[f, c])
+            layer = _layer(bits, slots, layers, active[f, c])
             nearest, farthest = min(nearest, layer), max(farthest, layer)
         if farthest <= k:
             continue
-        active[count] = f
-        count += 1
+        for c in range(4):
+            active[count, c] = active[f, c]
         if nearest == k:
             for c in range(1, 4):
-                i = faces[f, c]
+                i = active[f, c]
                 slot = slots[i >> bits]
                 if slot < 0:
                     needed[i >> bits] = True
@@ -222,32 +182,13 @@ def _reach(
                     place = (slot << bits) + (i & (1 << bits) - 1)
                     if layers[place] == FAR:
                         layers[place] = k + 1
+        count += 1
     return count
 
 
 @jit()
-def _local_faces(
-    faces: IntArray,
-    bits: int,
-    slots: IntArray,
-    layers: IntArray,
-    rings: int,
-    numbers: IntArray,
-    cells: IntArray,
-    result: IntArray,
-    keys: NDArray[np.int64],
-) -> int:
-    """Write the faces with a corner within rings - 1 layers in local numbers, and their keys; return their number."""
-    count = 0
-    for f in range(faces.shape[0]):
-        nearest = FAR
+def _mark_within(faces: IntArray, bits: int, slots: IntArray, layers: IntArray, rings: int, within: BoolArray) -> None:
+    """Mark the faces with a corner within rings - 1 layers."""
+    for f in range(len(faces)):
         for c in range(1, 4):
-            nearest = min(nearest, _layer(bits, slots, layers, faces[f, c]))
-        if nearest >= rings:
-            continue
-        for c in range(3):
-            i = faces[f, c + 1]
-            result[count, c] = numbers[(slots[i >> bits] << bits) + (i & (1 << bits) - 1)]
-        keys[count] = (np.int64(cells[result[count, 0]]) << 32) | faces[f, 0]
-        count += 1
-    return count
+            within[f] = within[f] or _layer(bits, slots, layers, faces[f, c]) < rings

@@ -3,12 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import chain
 from typing import Literal
 
 import numpy as np
 
-from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.arrays import BoolArray, IntArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.adaptive_fit import (
     LOOKED_AT,
@@ -24,7 +23,7 @@ from bezier_filters.estimation.adaptive_fit import (
 from bezier_filters.estimation.fallbacks import FitAttempt, fit_with_fallbacks
 from bezier_filters.estimation.fit_options import check_detail, check_fit_noise, fit_options
 from bezier_filters.estimation.vertex_geometry import empty_geometry
-from bezier_filters.kernels.kernel_input import fitted_mesh, with_steady_normals
+from bezier_filters.kernels.kernel_input import KernelMesh, fitted_mesh, with_steady_normals
 from bezier_filters.learning.learn import MOST_TURNED, learn_from_samples
 from bezier_filters.learning.model_tree import Leaf, leaves
 from bezier_filters.learning.neighbourhood_samples import (
@@ -36,14 +35,13 @@ from bezier_filters.learning.neighbourhood_samples import (
 from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.learning.plans import Choices
 from bezier_filters.learning.ring_analysis import RingAnalysis
-from bezier_filters.meshes.adjacency import vertex_adjacency
+from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.frames import STEADY_ROUNDS, tangent_planes
-from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.patches.smoothness import Smoothness
-from bezier_filters.scale.halo import in_source_order, part_around, part_around_samples, tile_part
+from bezier_filters.scale.halo import Part, in_source_order, part_around, part_around_samples, tile_part
 from bezier_filters.scale.store import Store
-from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, PART, Growth, MeshPart, SampledParts, core_of, part_seeds
+from bezier_filters.smoothing.mesh_parts import PART, SampledParts, grow, mesh_part, next_unseen, sampled_vertices
 
 CREASE_RINGS = 2  # around a vertex, within which faces decide about its plane and its creases
 
@@ -89,10 +87,13 @@ def learn_fit(store: Store, options: FitOptions, *, threads: int = 1) -> Surface
         return fit
     drawn = _draw(store, LOOKED_AT)
     known = np.union1d(learned.centers, drawn)
-    features = _first_features(store, known, fit, options, threads)
+    arrays, _, local = _fitted_around(store, options, threads, known, _widest(fit.attempts), fit.steady)
+    geometry = empty_geometry(len(arrays.vertices))
+    fit_with_fallbacks(arrays, local, fit.attempts, geometry, robust=fit.robust, threads=threads)
+    features = first_features(geometry, local)
 
     def sample(centers: IntArray, rings: int) -> NeighbourhoodSample:
-        return _sample_at(store, options, threads, False, rings, fit.steady, centers)
+        return _sample_at(store, options, threads, centers, rings, fit.steady)
 
     places = Places(drawn, lambda centers: features[np.searchsorted(known, centers)], sample)
     return with_parts(fit, learned, places, threads=threads)
@@ -108,38 +109,48 @@ def _learn_surface(
     store: Store, options: FitOptions, threads: int, choices: Choices, without: bool
 ) -> tuple[list[RingAnalysis], Leaf | None]:
     """What is learned of a mesh in memory, as it is or without its outliers."""
-    sample = partial(_sample, store, options, threads, without)
+
+    def sample(rings: int, count: int, steady: bool) -> NeighbourhoodSample:
+        return _sample_at(store, options, threads, _draw(store, count), rings, steady, without)
+
     return learn_from_samples(sample, store.layout.vertex_count, choices, threads=threads)
 
 
 def rings_needed(fit: SurfaceFit) -> int:
     """How many rings around a vertex its values depend on."""
-    chains = [fit.attempts] + ([] if fit.parts is None else [part.attempts for part in leaves(fit.parts)])
-    steady = STEADY_ROUNDS if fit.steady else 0
-    return _widest([attempt for chain in chains for attempt in chain]) + CREASE_RINGS + steady
+    parts = [] if fit.parts is None else leaves(fit.parts)
+    attempts = [*fit.attempts, *(attempt for part in parts for attempt in part.attempts)]
+    return _widest(attempts) + CREASE_RINGS + (STEADY_ROUNDS if fit.steady else 0)
 
 
-def _widest(attempts: list[FitAttempt]) -> int:
+def _widest(attempts: Sequence[FitAttempt]) -> int:
     return max(attempt.rings for attempt in attempts)
-
-
-def _sample(
-    store: Store, options: FitOptions, threads: int, without: bool, rings: int, count: int, steady: bool
-) -> NeighbourhoodSample:
-    """The neighbourhoods that would be sampled in memory."""
-    return _sample_at(store, options, threads, without, rings, steady, _draw(store, count))
 
 
 def _draw(store: Store, count: int) -> IntArray:
     """The vertices that would be drawn in memory."""
+
+    def have_normals(ids: IntArray) -> BoolArray:
+        part = part_around_samples(store, np.unique(ids), 1)
+        return _have_normals(part)[part.local(ids)]
+
     every = Population(store.layout.vertex_count, partial(_ranks, store))
-    return draw_vertices(every, partial(_have_normals, store), partial(_with_normals, store), count)
+    return draw_vertices(every, have_normals, partial(_with_normals, store), count)
 
 
 def _sample_at(
-    store: Store, options: FitOptions, threads: int, without: bool, rings: int, steady: bool, centers: IntArray
+    store: Store, options: FitOptions, threads: int, centers: IntArray, rings: int, steady: bool, without: bool = False
 ) -> NeighbourhoodSample:
     """The neighbourhoods of some vertices."""
+    around = _fitted_around(store, options, threads, centers, rings, steady, without)
+    sample = sample_neighbourhoods(*around, rings=rings, most_turned=MOST_TURNED, threads=threads)
+    return sample._replace(centers=centers)
+
+
+def _fitted_around(
+    store: Store, options: FitOptions, threads: int, centers: IntArray, rings: int, steady: bool, without: bool = False
+) -> tuple[KernelMesh, Adjacency, IntArray]:
+    """What is around some vertices, with or without its outliers, ready to be fitted, and their numbers there."""
     reach = rings + CREASE_RINGS + (OUTLIER_REACH if without else 0) + (STEADY_ROUNDS if steady else 0)
     part = part_around_samples(store, centers, reach, threads=threads)
     arrays, adjacency = fitted_mesh(part.mesh, creases=options.creases, threads=threads)
@@ -147,28 +158,12 @@ def _sample_at(
         arrays = without_outliers(arrays, threads=threads)
     if steady:
         arrays = with_steady_normals(arrays, threads=threads)
-    local = part.local(centers)
-    sample = sample_neighbourhoods(arrays, adjacency, local, rings=rings, most_turned=MOST_TURNED, threads=threads)
-    return sample._replace(centers=centers)
+    return arrays, adjacency, part.local(centers)
 
 
-def _first_features(store: Store, centers: IntArray, fit: SurfaceFit, options: FitOptions, threads: int) -> FloatArray:
-    """What the first fit shows at some vertices, (k, 2)."""
-    reach = _widest(list(fit.attempts)) + CREASE_RINGS + (STEADY_ROUNDS if fit.steady else 0)
-    part = part_around_samples(store, centers, reach, threads=threads)
-    arrays, _ = fitted_mesh(part.mesh, creases=options.creases, threads=threads)
-    if fit.steady:
-        arrays = with_steady_normals(arrays, threads=threads)
-    geometry, local = empty_geometry(part.mesh.vertex_count), part.local(centers)
-    fit_with_fallbacks(arrays, local, fit.attempts, geometry, robust=fit.robust, threads=threads)
-    return first_features(geometry, local)
-
-
-def _have_normals(store: Store, ids: IntArray) -> BoolArray:
+def _have_normals(part: Part) -> BoolArray:
     """Whether vertices have a normal."""
-    part = part_around_samples(store, np.unique(ids), 1)
-    normals = tangent_planes(part.mesh, vertex_adjacency(part.mesh)).normals
-    return np.asarray(normals[part.local(ids)].any(axis=1))
+    return np.asarray(tangent_planes(part.mesh, vertex_adjacency(part.mesh)).normals.any(axis=1))
 
 
 def _with_normals(store: Store) -> Population:
@@ -176,8 +171,7 @@ def _with_normals(store: Store) -> Population:
     marks = np.zeros(store.layout.vertex_count, dtype=np.bool_)
     for tile in range(store.layout.tile_count):
         part = tile_part(store, tile, 1)
-        normals = tangent_planes(part.mesh, vertex_adjacency(part.mesh)).normals
-        marks[store.sources(part.ids[part.own])] = normals[part.own].any(axis=1)
+        marks[store.sources(part.ids[part.own])] = _have_normals(part)[part.own]
     numbers = np.flatnonzero(marks).astype(np.int32)
     return Population(len(numbers), lambda chosen: _ranks(store, numbers[chosen]))
 
@@ -185,20 +179,11 @@ def _with_normals(store: Store) -> Population:
 def sampled_parts_of(store: Store, around: Sequence[int] = (), *, threads: int = 1) -> SampledParts:
     """The same parts as `smoothing.mesh_parts` finds in memory; vertices are those of the source."""
     n = store.layout.vertex_count
-    if n <= LARGEST_WHOLE:
-        taken = core = np.arange(n, dtype=np.int32)
-    else:
-        orders = [_grown(store, seed) for seed in part_seeds(n)]
-        core = np.unique(np.concatenate([core_of(order) for order in orders]))
-        taken = np.unique(np.concatenate([*orders, *(_grown(store, seed) for seed in around)]))
+    taken, core = sampled_vertices(n, around, partial(_grown, store))
     ids, mesh = in_source_order(store, part_around(store, np.sort(_ranks(store, taken)), 1))
-    is_taken = np.isin(store.sources(ids), taken)
-    number = np.cumsum(is_taken, dtype=np.int32) - np.int32(1)
-    faces = number[mesh.faces[is_taken[mesh.faces].all(axis=1)]]
-    part = TriangleMesh(mesh.vertices[is_taken], faces)
-    adjacency, whole = vertex_adjacency(part, threads=threads), vertex_adjacency(mesh, threads=threads)
-    cut = adjacency.faces.lengths != whole.faces.lengths[is_taken]
-    return SampledParts(MeshPart(part, adjacency, taken, cut, n), np.isin(taken, core))
+    numbers, adjacency = store.sources(ids), vertex_adjacency(mesh, threads=threads)
+    part = mesh_part(mesh, adjacency, np.isin(numbers, taken), numbers, n, threads=threads)
+    return SampledParts(part, np.isin(taken, core))
 
 
 def _grown(store: Store, seed: int) -> IntArray:
@@ -212,24 +197,20 @@ def _grown(store: Store, seed: int) -> IntArray:
         for seed, place in zip(seeds.tolist(), np.searchsorted(numbers, seeds).tolist(), strict=True):
             if seen[place]:
                 continue
-            growth = Growth.of(PART - len(found)).around(rows.indptr, rows.indices, place, seen)
-            if growth.looked_at >= rings:  # it goes on further than was read
+            order, looked_at = grow(rows, place, seen, PART - len(found))
+            if looked_at >= rings:  # it goes on further than was read
                 seeds, rings = np.array([seed], dtype=np.int32), 2 * rings
                 break
-            found = np.concatenate([found, numbers[growth.order[: growth.count]]])
+            found = np.append(found, numbers[order])
             if len(found) == PART:
                 return found
         else:
-            following = _next_unseen(found, seed, n)
+            met = np.zeros(n, dtype=np.bool_)
+            met[found] = True
+            following = next_unseen(met, seed)
             if following < 0:
                 return found
             seeds, rings = np.arange(following, min(following + NEXT, n), dtype=np.int32), NEXT_RINGS
-
-
-def _next_unseen(found: IntArray, after: int, n: int) -> int:
-    """The next vertex, beginning anew after the last one; -1 if all were found."""
-    met = set(found.tolist())
-    return next((k for k in chain(range(after + 1, n), range(after)) if k not in met), -1)
 
 
 def _ranks(store: Store, numbers: IntArray) -> IntArray:

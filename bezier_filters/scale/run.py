@@ -21,12 +21,18 @@ from bezier_filters.arrays import FloatArray, Report
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.runtime.parallel import Progress, thread_count
 from bezier_filters.scale.array_file import Values
-from bezier_filters.scale.partition import build_store
 from bezier_filters.scale.scheduling import Scheduler, Workers, run_tasks, running
 from bezier_filters.scale.source import MeshSource
-from bezier_filters.scale.store import Store, is_store, open_store
-from bezier_filters.scale.target import write_joined
-from bezier_filters.scale.tiles import DamagedTileError, Tile, TileReport, open_tile, remove_tile, write_tile
+from bezier_filters.scale.store import MANIFEST, Store, build_store, open_store
+from bezier_filters.scale.tiles import (
+    DamagedTileError,
+    Tile,
+    TileReport,
+    open_tile,
+    remove_tile,
+    write_joined,
+    write_tile,
+)
 
 TILE_VERTICES = 1 << 19  # of a tile, if there is memory for it: larger ones have hardly less around them
 SMALLEST_TILE = 1 << 8
@@ -205,7 +211,7 @@ def _opened_store(
         hint = "resume to go on with it, or remove it" if ours else "choose another folder"
         raise InvalidParameterError(f"store: {folder} is there already; {hint}")
     wanted = tile_size(options)
-    if ours and is_store(folder):
+    if ours and (folder / MANIFEST).is_file():
         store = open_store(folder, source.fingerprint())
         there = store.layout.tile_vertices
         if options.tile_vertices is not None and there != store.layout.in_whole_blocks(wanted):

@@ -10,8 +10,9 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, Report
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.estimation.adaptive_fit import OUTLIER_REACH, without_outliers
+from bezier_filters.estimation.adaptive_fit import OUTLIER_REACH, SurfaceFit, without_outliers
 from bezier_filters.estimation.noise_free import MOST_CLEANED
+from bezier_filters.fields import PREFIX
 from bezier_filters.kernels.kernel_input import fitted_mesh
 from bezier_filters.learning.noise_model import NoiseModel, known_noise
 from bezier_filters.meshes.adjacency import Adjacency, incoherent_vertices, vertex_adjacency
@@ -19,16 +20,15 @@ from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.runtime.parallel import one_thread_for_matrices
 from bezier_filters.scale.array_file import ArrayFile, saved_array
-from bezier_filters.scale.columns import DISPLACEMENT, SHARPNESS, table_of
 from bezier_filters.scale.components import StoredComponents, labelled_vertices, unite_components
-from bezier_filters.scale.estimate import TileFit, fit_tile
+from bezier_filters.scale.estimate import fit_tile
 from bezier_filters.scale.halo import TilePart, tile_part
 from bezier_filters.scale.learn import CREASE_RINGS, FitOptions, learn_fit, learn_noise, rings_needed, sampled_parts_of
 from bezier_filters.scale.run import Run, RunOptions, StageProgress, TileOutput, file_run
 from bezier_filters.scale.scheduling import Scheduler
 from bezier_filters.scale.source import SourcePath, open_source
 from bezier_filters.scale.store import Store
-from bezier_filters.scale.tiles import Tile, open_tile
+from bezier_filters.scale.tiles import Tile, open_tile, table_of
 from bezier_filters.smoothing.denoise import SmoothingPlan, denoise, learn_plan, rings_around
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, MeshPart
@@ -42,6 +42,8 @@ from bezier_filters.smoothing.volume import (
     offset_steps,
 )
 
+# columns: how far smoothing moved each vertex, and how sharp it kept edges
+DISPLACEMENT, SHARPNESS = PREFIX + "displacement", PREFIX + "sharpness"
 PAPER = FitOptions(rings=2, alpha=0.8, smoothness="paper")  # as ``bezier_filters.smooth(..., method="paper")``
 IN_STORE = {"auto": (90, 56), "paper": (0, 64)}  # bytes per vertex in the store, once and for each iteration
 FINISH_RINGS = 8  # around a tile, in which faces may turn over for the same reason
@@ -162,9 +164,7 @@ def _automatic(
             if here is None or not here.outliers:
                 break
             folder = results / f"clean-{step + 1}-{k + 1}"
-            current = mesh.with_vertices(
-                _joined_vertices(folder, run.tiles("clean", folder, partial(clean_tile, current)).tiles)
-            )
+            current = _with_results(mesh, folder, run.tiles("clean", folder, partial(clean_tile, current)).tiles)
             here = _noise_of(run, current, noise if step == 0 else None)
         here = here or NoiseModel(0.0)
         around = tuple[int, ...]()
@@ -176,12 +176,13 @@ def _automatic(
             components = unite_components(mesh, done.tiles)
         with run.stages.stage("learn"):
             parts = sampled_parts_of(current, around, threads=run.workers)
-            plan = learn_plan(parts, here, borders, detail, relax, threads=run.workers)
+            learned = learn_plan(parts, here, borders, detail, relax, threads=run.workers)
+            plan = None if learned is None else learned[0]
         is_last = step + 1 == iterations
         job = partial(smooth_tile, mesh, current, plan, borders == "fixed", components if is_last else None)
         folders.append(results / f"step-{step + 1}")
         done = run.tiles("smooth", folders[-1], job)
-        current = mesh.with_vertices(_joined_vertices(folders[-1], done.tiles))
+        current = _with_results(mesh, folders[-1], done.tiles)
     steps, volume_before = None, None
     if components is not None:
         before, now, gains = _component_sums(done.tiles, ("before", "now", "gains"), components.count)
@@ -191,7 +192,7 @@ def _automatic(
     of_steps = None if steps is None else saved_array(results / "steps.bin", steps)
     finish = partial(finish_tile, mesh, current, folders, borders == "fixed", components, of_steps)
     done = run.tiles("finish", results / "finish", finish)
-    left = _noise_of(run, mesh.with_vertices(_joined_vertices(results / "finish", done.tiles)))
+    left = _noise_of(run, _with_results(mesh, results / "finish", done.tiles))
     run.write(done.tiles)
     return run.report() | {
         "iterations": iterations,
@@ -334,9 +335,9 @@ def finish_tile(
     )
 
 
-def move_tile(how: TileFit, first: Store, tile: int) -> TileOutput:
+def move_tile(first: Store, current: Store, fit: SurfaceFit, creases: bool, tile: int) -> TileOutput:
     """The vertices of a tile on their patches, and how far they are from where they were at first."""
-    geometry, part = fit_tile(how, tile)
+    geometry, part = fit_tile(current, fit, creases, tile)
     displacements = np.zeros_like(part.mesh.vertices)
     displacements[part.own] = geometry.displacements
     points = part.mesh.vertices + sound_displacements(part.mesh, vertex_adjacency(part.mesh), displacements)
@@ -352,9 +353,9 @@ def _onto_patches(run: Run, iterations: int, options: FitOptions) -> Report:
         results = run.results({"quantity": "patches", "options": asdict(options), "step": step})
         with run.stages.stage("learn"):
             fit = learn_fit(current, options, threads=run.workers)
-        move = partial(move_tile, TileFit(current, fit, options.creases), run.store)
+        move = partial(move_tile, run.store, current, fit, options.creases)
         done = run.tiles(f"step {step + 1}", results, move)
-        current = run.store.with_vertices(_joined_vertices(results, done.tiles))
+        current = _with_results(run.store, results, done.tiles)
     run.write(done.tiles)
     return run.report() | {
         "iterations": iterations,
@@ -365,11 +366,11 @@ def _onto_patches(run: Run, iterations: int, options: FitOptions) -> Report:
     }
 
 
-def _joined_vertices(results: Path, tiles: Sequence[Tile]) -> Path:
-    """One file with the coordinates of all tiles, in the order of the store."""
-    path = results / "vertices.bin"
+def _with_results(mesh: Store, folder: Path, tiles: Sequence[Tile]) -> Store:
+    """A mesh with the coordinates of all tiles, float64, in spatial order of the old ones: one file in their folder."""
+    path = folder / "vertices.bin"
     with atomic_write(path) as temporary, open(temporary, "wb") as stream:
         for tile in tiles:
             rows = tile.rows()
             np.column_stack([rows[axis] for axis in "xyz"]).tofile(stream)
-    return path
+    return replace(mesh, vertices=ArrayFile(path, np.dtype(np.float64), 3, mesh.layout.vertex_count))

@@ -37,9 +37,8 @@ class MeshSource:
     """A mesh in one or two files, whose rows have a known place."""
 
     paths: tuple[Path, ...]
-    vertex_rows: ArrayFile  # with the columns below among others
+    vertex_rows: ArrayFile  # with the columns x, y and z among others, or nothing but the coordinates
     face_rows: ArrayFile
-    coordinates: tuple[str, ...] = ()  # names; none if they are all that there is in a row
     corners: str = ""  # name of their list; empty if they are all that there is in a row
 
     @property
@@ -56,15 +55,13 @@ class MeshSource:
     def dtype(self) -> DType:
         """Of the coordinates: float32 or float64."""
         rows = self.vertex_rows.dtype
-        if self.coordinates:
-            return np.result_type(*(rows[name] for name in self.coordinates))
-        return rows.newbyteorder("=")
+        return np.result_type(*(rows[axis] for axis in "xyz")) if rows.names else rows.newbyteorder("=")
 
     def vertices(self, start: int, stop: int) -> Values:
         """Coordinates of vertices start .. stop-1, (k, 3)."""
         rows = self.vertex_rows.read(start, stop)
-        if self.coordinates:
-            rows = np.column_stack([rows[name] for name in self.coordinates])
+        if rows.dtype.names:
+            rows = np.column_stack([rows[axis] for axis in "xyz"])
         return np.ascontiguousarray(rows, dtype=self.dtype)
 
     def faces(self, start: int, stop: int) -> IntArray:
@@ -139,7 +136,7 @@ def _open_ply(path: Path) -> MeshSource:
             f"{path} is cut short or damaged, or has other faces than triangles: triangles would take {offset} bytes, "
             f"it has {path.stat().st_size}"
         )
-    return MeshSource((path,), places["vertex"], places["face"], ("x", "y", "z"), corners[0].name)
+    return MeshSource((path,), places["vertex"], places["face"], corners[0].name)
 
 
 def _rows_of(path: Path, header: PlyHeader, element: PlyElement, offset: int) -> ArrayFile:

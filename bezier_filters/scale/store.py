@@ -1,10 +1,13 @@
 """A mesh in spatial order in a folder, cut into blocks that can be read one by one.
 
 Blocks are runs of vertices in spatial order; every face is kept with each block that has one of its corners, so
-that the faces at a vertex are all in one place. Tiles are runs of blocks.
+that the faces at a vertex are all in one place. Tiles are runs of blocks. A mesh is sorted without ever being held in
+memory. The order is that of `spatial_order`, which meshes in memory are sorted by, too: each tile then sees its
+vertices and faces in the same order as there, and its sums are the same to the last digit.
 """
 
 import json
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,14 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.errors import FieldFileError
-from bezier_filters.meshes.spatial_order import Grid
+from bezier_filters.errors import FieldFileError, InvalidMeshError
+from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.meshes.spatial_order import Grid, grid_around, widen_bounds
 from bezier_filters.runtime.atomic import atomic_write
-from bezier_filters.scale.array_file import ArrayFile, load_array
-from bezier_filters.scale.source import Fingerprint
+from bezier_filters.runtime.jit import jit
+from bezier_filters.runtime.parallel import Progress, report
+from bezier_filters.scale.array_file import ArrayFile, load_array, new_array_file
+from bezier_filters.scale.source import Fingerprint, MeshSource
 
+ROWS = 1 << 20  # vertices or faces that are held at a time
+LARGEST_BLOCK_BITS = 10  # of the number of vertices in a block: sampled neighbourhoods and halos read whole blocks
 FORMAT = 1
-MANIFEST = "store.json"
+MANIFEST = "store.json"  # which is there only if all the others are
 VERTICES, ORDER, RANK, FACES, FACE_PTR = "vertices.bin", "order.bin", "rank.bin", "faces.bin", "face_ptr.npy"
 
 
@@ -99,23 +107,6 @@ class Store:
         """Which vertices of the source some are."""
         return np.array(self.order.mapped()[ids], dtype=np.int32)
 
-    def with_vertices(self, path: Path) -> "Store":
-        """The same mesh with other coordinates, float64, in spatial order of the old ones."""
-        vertices = ArrayFile(path, np.dtype(np.float64), 3, self.layout.vertex_count)
-        return replace(self, vertices=vertices)
-
-
-def write_manifest(folder: Path, layout: Layout, fingerprint: Fingerprint) -> None:
-    """Declare a store to be complete."""
-    with atomic_write(folder / MANIFEST) as temporary:
-        text = json.dumps({"format": FORMAT, "source": fingerprint, **layout.__dict__}, indent=1)
-        temporary.write_text(text, encoding="utf-8")
-
-
-def is_store(folder: Path) -> bool:
-    """Whether there is a store that is complete."""
-    return (folder / MANIFEST).is_file()
-
 
 def open_store(folder: Path, fingerprint: Fingerprint | None = None) -> Store:
     """Open a store; FieldFileError if there is none, or it is damaged, or made from another source than this one."""
@@ -156,3 +147,127 @@ def _face_rows(store: Store) -> int:
 
 def _damaged(path: Path) -> FieldFileError:
     return FieldFileError(f"{path} is damaged or missing; remove the folder")
+
+
+def build_store(
+    source: MeshSource, folder: Path, tile_vertices: int, *, threads: int = 1, progress: Progress | None = None
+) -> Store:
+    """Make a mesh ready for tiles, in an empty folder; refused if a coordinate is not finite, or a face no triangle."""
+    n, m = source.vertex_count, source.face_count
+    passes = _Passes(2 * n + m, progress)
+    bits = min(LARGEST_BLOCK_BITS, int(math.log2(tile_vertices)))
+    grid = _grid(source, passes)
+    x, y, z = grid.low.tolist()
+    layout = Layout(n, m, source.dtype.str, bits, 0, (x, y, z), grid.scale, grid.bits)
+    layout = replace(layout, tile_vertices=layout.in_whole_blocks(tile_vertices))
+    store = Store(folder, layout, new_array_file(folder / VERTICES, source.dtype, 3, n))
+    _sort_vertices(source, store, threads, passes)
+    _sort_faces(source, store, passes)
+    with atomic_write(folder / MANIFEST) as temporary:  # which declares it to be complete
+        text = json.dumps({"format": FORMAT, "source": source.fingerprint(), **vars(layout)}, indent=1)
+        temporary.write_text(text, encoding="utf-8")
+    return open_store(folder)
+
+
+class _Passes:
+    """Rows done over several passes."""
+
+    def __init__(self, total: int, progress: Progress | None) -> None:
+        self.done, self.total, self.progress = 0, total, progress
+
+    def add(self, rows: int) -> None:
+        self.done += rows
+        report(self.progress, self.done, self.total)
+
+
+def _chunks(total: int) -> list[tuple[int, int]]:
+    return [(start, min(start + ROWS, total)) for start in range(0, total, ROWS)]
+
+
+def _grid(source: MeshSource, passes: _Passes) -> Grid:
+    """The grid around all vertices, which are checked."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for start, stop in _chunks(source.vertex_count):
+        vertices = source.vertices(start, stop).astype(np.float64)
+        widen_bounds(vertices, low, high)
+        if not np.isfinite(vertices).all():
+            bad = start + int(np.flatnonzero(~np.isfinite(vertices).all(axis=1))[0])
+            raise InvalidMeshError(
+                f"{source.paths[0]}: vertex {bad} has a coordinate that is NaN or infinite; remove such vertices first"
+            )
+        passes.add(stop - start)
+    triangle_mesh([low, high], [])  # sizes that cannot be computed with
+    return grid_around(low, high, source.vertex_count)
+
+
+def _sort_vertices(source: MeshSource, store: Store, threads: int, passes: _Passes) -> None:
+    """Write coordinates and numbers of the vertices in their new order, and their new places."""
+    n, grid = source.vertex_count, store.layout.grid
+    ends = np.zeros(grid.cell_count + 1, dtype=np.int32)
+    for start, stop in _chunks(n):
+        cells = grid.cells(source.vertices(start, stop).astype(np.float64), threads=threads)
+        np.add.at(ends[1:], cells, np.int32(1))  # far faster than with a number of another type
+    np.cumsum(ends, out=ends)
+    order = new_array_file(store.order.path, np.int32, 1, n)
+    with open(store.rank.path, "wb") as stream:
+        for start, stop in _chunks(n):
+            vertices, places = source.vertices(start, stop), np.empty(stop - start, dtype=np.int32)
+            cells = grid.cells(vertices.astype(np.float64), threads=threads)
+            _place(cells, ends, start, places, order.mapped("r+"))
+            store.vertices.mapped("r+")[places] = vertices
+            places.tofile(stream)
+            passes.add(stop - start)
+
+
+def _sort_faces(source: MeshSource, store: Store, passes: _Passes) -> None:
+    """Write every face to each block that it touches."""
+    m, bits = source.face_count, store.layout.block_bits
+    ptr = np.zeros(store.layout.block_count + 1, dtype=np.int64)
+
+    def ranked(start: int, stop: int) -> IntArray:
+        return np.take(store.rank.mapped(), source.faces(start, stop))
+
+    for start, stop in _chunks(m):
+        _count_faces(ranked(start, stop), bits, ptr)
+        passes.add(stop - start)
+    np.cumsum(ptr, out=ptr)
+    np.save(store.folder / FACE_PTR, ptr)
+    rows = new_array_file(store.folder / FACES, np.int32, 4, int(ptr[-1]))
+    for start, stop in _chunks(m):
+        _fill_in_faces(ranked(start, stop), start, bits, ptr, rows.mapped("r+"))
+
+
+@jit()
+def _place(cells: IntArray, ends: IntArray, first: int, places: IntArray, order: IntArray) -> None:
+    """Append each vertex to those of its cell."""
+    for i in range(cells.shape[0]):
+        place = ends[cells[i]]
+        ends[cells[i]] += 1
+        places[i] = place
+        order[place] = first + i
+
+
+@jit()
+def _count_faces(faces: IntArray, bits: int, ptr: NDArray[np.int64]) -> None:
+    """Count the faces of each block, one place later."""
+    for f in range(faces.shape[0]):
+        a, b, c = faces[f, 0] >> bits, faces[f, 1] >> bits, faces[f, 2] >> bits
+        ptr[a + 1] += 1
+        if b != a:
+            ptr[b + 1] += 1
+        if c not in (a, b):
+            ptr[c + 1] += 1
+
+
+@jit()
+def _fill_in_faces(faces: IntArray, first: int, bits: int, ptr: NDArray[np.int64], rows: IntArray) -> None:
+    """Append each face to those of its blocks."""
+    for f in range(faces.shape[0]):
+        a, b, c = faces[f, 0] >> bits, faces[f, 1] >> bits, faces[f, 2] >> bits
+        for k, block in enumerate((a, b, c)):
+            if (k == 1 and b == a) or (k == 2 and c in (a, b)):
+                continue
+            row = ptr[block]
+            ptr[block] += 1
+            rows[row, 0] = first + f
+            rows[row, 1], rows[row, 2], rows[row, 3] = faces[f, 0], faces[f, 1], faces[f, 2]

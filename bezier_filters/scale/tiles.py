@@ -1,18 +1,33 @@
-"""Results of single tiles: rows in an NPY file, and a JSON file with a checksum, which says that they are whole."""
+"""Results of tiles: rows in NPY files, with checksums that say that they are whole; and one PLY file of them all."""
 
 import json
+import os
 import zlib
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from bezier_filters._version import __version__
+from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import FieldFileError
+from bezier_filters.fields import QUALITY
+from bezier_filters.files.mesh_headers import TRIPLE
 from bezier_filters.runtime.atomic import atomic_write
-from bezier_filters.scale.array_file import Values, load_array
+from bezier_filters.runtime.parallel import Progress, report
+from bezier_filters.scale.array_file import DType, Values, load_array
+from bezier_filters.scale.source import MeshSource
+from bezier_filters.scale.store import Store
 
-ROWS = 1 << 16  # that checksums are computed of at a time
+CHECKED = 1 << 16  # rows that checksums are computed of at a time
+ROWS = 1 << 17  # rows that are held at a time
+CACHED = 1 << 11  # rows that fit into the cache
+FACE = np.dtype([("corners", "u1"), ("vertex_indices", "<i4", (TRIPLE,))])
+_NAMES = {"<f4": "float", "<f8": "double"}
 
 
 class DamagedTileError(FieldFileError):
@@ -58,13 +73,13 @@ def report_path(folder: Path, tile: int) -> Path:
     return tile_path(folder, tile).with_suffix(".json")
 
 
-def write_tile(folder: Path, report: TileReport, rows: Values) -> None:
+def write_tile(folder: Path, of_tile: TileReport, rows: Values) -> None:
     """Write the results of a tile, whole or not at all: the report comes last."""
-    content: dict[str, object] = {"report": asdict(report), "rows": str(rows.dtype.descr)}
+    content: dict[str, object] = {"report": asdict(of_tile), "rows": str(rows.dtype.descr)}
     text = json.dumps(content | {"checksum": _checksum(content, rows)})
-    with atomic_write(tile_path(folder, report.tile)) as temporary:
+    with atomic_write(tile_path(folder, of_tile.tile)) as temporary:
         np.save(temporary, rows)
-    with atomic_write(report_path(folder, report.tile)) as temporary:
+    with atomic_write(report_path(folder, of_tile.tile)) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
@@ -93,6 +108,84 @@ def remove_tile(folder: Path, tile: int) -> None:
 def _checksum(content: Mapping[str, object], rows: Values) -> int:
     """Of the report and all rows."""
     result = zlib.crc32(json.dumps(content).encode())
-    for start in range(0, len(rows), ROWS):
-        result = zlib.crc32(np.ascontiguousarray(rows[start : start + ROWS]).view(np.uint8).data, result)
+    for start in range(0, len(rows), CHECKED):
+        result = zlib.crc32(np.ascontiguousarray(rows[start : start + CHECKED]).view(np.uint8).data, result)
     return result
+
+
+def table_of(
+    vertices: FloatArray, columns: Mapping[str, FloatArray], quality: str, names: Sequence[str], coordinates: str
+) -> Values:
+    """Rows of a PLY file: coordinates of some type, one of the columns as quality, if any, and some columns."""
+    every = dict(zip("xyz", vertices.T, strict=True))
+    every |= {QUALITY: columns[quality]} if quality else {}
+    every |= {name: columns[name] for name in names}
+    rows = np.empty(len(vertices), dtype=[(name, "<f8" if k > 2 else coordinates) for k, name in enumerate(every)])
+    for start in range(0, len(rows), CACHED):  # column after column, as long as the rows are at hand
+        stop = start + CACHED
+        for name, values in every.items():
+            rows[name][start:stop] = values[start:stop]
+    return rows
+
+
+def write_joined(
+    path: str | os.PathLike[str],
+    source: MeshSource,
+    store: Store,
+    tiles: Sequence[Tile],
+    *,
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> None:
+    """Write a binary PLY file with the rows of all tiles, in order, as vertices, and the faces of the source."""
+    n, m = source.vertex_count, source.face_count
+    dtype = tiles[0].rows().dtype
+    with atomic_write(Path(path)) as temporary, open(temporary, "wb") as stream:
+        stream.write(ply_head(dtype, n, m))
+        done = 0
+        for write, total in ((partial(gathered, store, tiles), n), (partial(_faces, source), m)):
+            for rows in _in_order(write, total, threads):
+                rows.tofile(stream)
+                done += len(rows)
+                report(progress, done, n + m)
+
+
+def _in_order(rows: Callable[[int, int], Values], total: int, threads: int) -> Iterator[Values]:
+    """All rows, some at a time: as many as there are threads are being collected ahead."""
+    ahead: deque[Future[Values]] = deque()
+    with ThreadPoolExecutor(threads) as pool:
+        for start in range(0, total, ROWS):
+            ahead.append(pool.submit(rows, start, min(start + ROWS, total)))
+            if len(ahead) > threads:
+                yield ahead.popleft().result()
+        while ahead:
+            yield ahead.popleft().result()
+
+
+def _faces(source: MeshSource, start: int, stop: int) -> Values:
+    """Faces start .. stop-1 of the source as rows of a PLY file."""
+    rows = np.empty(stop - start, dtype=FACE)
+    rows["corners"], rows["vertex_indices"] = TRIPLE, source.faces(start, stop)
+    return rows
+
+
+def gathered(store: Store, tiles: Sequence[Tile], start: int, stop: int) -> Values:
+    """Rows of vertices start .. stop-1 of the source."""
+    ranks = store.rank.read(start, stop)
+    of_tile = ranks // np.int32(store.layout.tile_vertices)
+    rows = np.empty(len(ranks), dtype=tiles[0].rows().dtype)
+    order: IntArray = np.argsort(of_tile, kind="stable").astype(np.int32)
+    ends = np.searchsorted(of_tile[order], np.arange(len(tiles) + 1))
+    for tile in np.flatnonzero(np.diff(ends)).tolist():
+        these = order[ends[tile] : ends[tile + 1]]
+        table = tiles[tile].rows()
+        rows[these] = table[ranks[these] - tile * store.layout.tile_vertices]
+    return rows
+
+
+def ply_head(dtype: DType, n: int, m: int) -> bytes:
+    """Header of a binary PLY file with n vertices of a type and m triangles of type `FACE`."""
+    lines = ["ply", "format binary_little_endian 1.0", f"comment bezier_filters {__version__}", f"element vertex {n}"]
+    lines += [f"property {_NAMES[dtype[name].str]} {name}" for name in dtype.names or ()]
+    lines += [f"element face {m}", "property list uchar int vertex_indices", "end_header"]
+    return ("\n".join(lines) + "\n").encode("ascii")

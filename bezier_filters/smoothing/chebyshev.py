@@ -12,13 +12,13 @@ side by side; a step reads every neighbour once and overwrites the polynomial be
 """
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, RealArray, SingleArray
 from bezier_filters.runtime.jit import inner_jit, jit
-from bezier_filters.runtime.parallel import RangeTask, run_in_chunks, run_kernel
+from bezier_filters.runtime.parallel import run_kernel
 from bezier_filters.smoothing.laplacian import Laplacian
 
 SIDE_BY_SIDE = 4  # signals that run side by side
@@ -30,8 +30,15 @@ TERMS = 4.6
 FASTER = {"contract"}  # products may be added without being rounded first
 
 Signals = TypeVar("Signals", FloatArray, SingleArray)
-Step = tuple[np.float32, np.float32, SingleArray, SingleArray]  # scale, factor, before, current: see `_advance`
-MakeTask = Callable[[Step, SingleArray], RangeTask]
+
+
+class Step(NamedTuple):
+    """Of the recurrence: from T_k-1 and T_k to T_k+1."""
+
+    scale: np.float32  # of the Laplacian in A
+    factor: np.float32  # 2, or 1 in the first step
+    before: SingleArray  # T_k-1, which is overwritten
+    current: SingleArray  # T_k
 
 
 def coefficients(response: Callable[[FloatArray], FloatArray], bound: float, terms: int) -> FloatArray:
@@ -92,29 +99,21 @@ def diffuse(laplacian: Laplacian, signals: FloatArray, time: float, *, threads: 
 
 
 def _filtered(
-    laplacian: Laplacian, signals: Signals, rows: FloatArray, shares: SingleArray | None, threads: int
+    laplacian: Laplacian, signals: Signals, series: FloatArray, shares: SingleArray | None, threads: int
 ) -> Signals:
-    """Four columns at a time, filled up with zeros."""
+    """Signals without what filters, given by series (terms, s) and mixed by shares, take off: four columns at a time.
+
+    These are filled up with zeros.
+    """
     result = signals.copy()
     mixture = np.ones((len(signals), 1), dtype=np.float32) if shares is None else shares
     for first in range(0, signals.shape[1], SIDE_BY_SIDE):
         group = np.zeros((len(signals), SIDE_BY_SIDE), signals.dtype)
         count = min(SIDE_BY_SIDE, signals.shape[1] - first)
         group[:, :count] = signals[:, first : first + count]
-        result[:, first : first + count] -= _taken_off(laplacian, group, rows, mixture, threads)[:, :count]
-    return result
-
-
-def _taken_off(
-    laplacian: Laplacian, signals: RealArray, series: FloatArray, shares: SingleArray, threads: int
-) -> SingleArray:
-    """What filters, given by series (terms, s) and mixed by shares (n, s), take off four signals, (n, 4)."""
-    result = np.zeros(signals.shape, dtype=np.float32)
-
-    def make_task(step: Step, rows: SingleArray) -> RangeTask:
-        return lambda first, last: _advance_and_mix(laplacian, *step, first, last, shares, rows, result)
-
-    _run(laplacian, signals, series, make_task, threads)
+        taken = np.zeros(group.shape, dtype=np.float32)
+        _run(laplacian, group, series, _advance_and_mix, (mixture, taken), threads)
+        result[:, first : first + count] -= taken[:, :count]
     return result
 
 
@@ -133,15 +132,18 @@ def add_heights(
     `sums` (n, s) get the first three signals times the first three columns of `directions` (n, 4), `products` (n, s)
     the fourth times the fourth.
     """
-
-    def make_task(step: Step, rows: SingleArray) -> RangeTask:
-        return lambda first, last: _advance_and_measure(laplacian, *step, first, last, directions, rows, sums, products)
-
-    _run(laplacian, signals, series, make_task, threads)
+    _run(laplacian, signals, series, _advance_and_measure, (directions, sums, products), threads)
 
 
-def _run(laplacian: Laplacian, signals: RealArray, series: FloatArray, make_task: MakeTask, threads: int) -> None:
-    """Go through T_0, T_1, ... of A = 2 L / bound - 1, and do tasks with two of them, and their rows, at a time.
+def _run(
+    laplacian: Laplacian,
+    signals: RealArray,
+    series: FloatArray,
+    kernel: Callable[..., None],
+    arrays: tuple[SingleArray, ...],
+    threads: int,
+) -> None:
+    """Go through T_0, T_1, ... of A = 2 L / bound - 1; a kernel does what is to be done with two of them at a time.
 
     What the filters make of them is as large as the signals times the filters: it is passed over every other step.
     """
@@ -151,12 +153,11 @@ def _run(laplacian: Laplacian, signals: RealArray, series: FloatArray, make_task
     rows = np.zeros((len(series) + len(series) % 2, series.shape[1]), dtype=np.float32)  # in pairs
     rows[: len(series)] = series
     for k in range(1, len(rows)):
-        step = scale, np.float32(min(k, 2)), before, current
+        step = Step(scale, np.float32(min(k, 2)), before, current)
         if k % 2:
-            task = make_task(step, rows[k - 1 : k + 1])
-            run_in_chunks(lambda task=task: task, len(current), threads=threads)  # type: ignore[misc]
+            run_kernel(kernel, len(current), laplacian, step, rows[k - 1 : k + 1], *arrays, threads=threads)
         else:
-            run_kernel(_advance_only, len(current), laplacian, *step, threads=threads)
+            run_kernel(_advance, len(current), laplacian, step, threads=threads)
         before, current = current, before
 
 
@@ -164,28 +165,17 @@ def _run(laplacian: Laplacian, signals: RealArray, series: FloatArray, make_task
 def _differences(laplacian: Laplacian, signals: RealArray, result: SingleArray, start: int, stop: int) -> None:
     """Write the Laplacian of vertices start .. stop-1."""
     for i in range(start, stop):
-        a, b, c, d = signals[i, 0], signals[i, 1], signals[i, 2], signals[i, 3]
-        da, db, dc, dd = 0.0, 0.0, 0.0, 0.0
-        for q in range(laplacian.indptr[i], laplacian.indptr[i + 1]):
-            j, w = laplacian.indices[q], laplacian.weights[q]
-            da += w * (a - signals[j, 0])
-            db += w * (b - signals[j, 1])
-            dc += w * (c - signals[j, 2])
-            dd += w * (d - signals[j, 3])
-        rate = laplacian.rates[i]
-        result[i, 0], result[i, 1], result[i, 2], result[i, 3] = rate * da, rate * db, rate * dc, rate * dd
+        for c in range(SIDE_BY_SIDE):
+            total = 0.0
+            for q in range(laplacian.indptr[i], laplacian.indptr[i + 1]):
+                total += laplacian.weights[q] * (signals[i, c] - signals[laplacian.indices[q], c])
+            result[i, c] = laplacian.rates[i] * total
 
 
 @inner_jit(inline="always")  # a call with so many arrays takes three times as long as what it does
-def _advance(
-    laplacian: Laplacian,
-    scale: np.float32,
-    factor: np.float32,
-    before: SingleArray,
-    current: SingleArray,
-    i: int,
-) -> tuple[np.float32, np.float32, np.float32, np.float32]:
+def _advanced(laplacian: Laplacian, step: Step, i: int) -> tuple[np.float32, np.float32, np.float32, np.float32]:
     """Overwrite T_k-1 at vertex i by T_k+1 = 2 A T_k - T_k-1, or T_1 = A T_0, whose factor is 1."""
+    scale, factor, before, current = step
     sa = sb = sc = sd = np.float32(0.0)
     for q in range(laplacian.indptr[i], laplacian.indptr[i + 1]):
         j, w = laplacian.indices[q], laplacian.weights[q]
@@ -204,34 +194,18 @@ def _advance(
 
 
 @jit(fastmath=FASTER)
-def _advance_only(
-    laplacian: Laplacian,
-    scale: np.float32,
-    factor: np.float32,
-    before: SingleArray,
-    current: SingleArray,
-    start: int,
-    stop: int,
-) -> None:
+def _advance(laplacian: Laplacian, step: Step, start: int, stop: int) -> None:
     for i in range(start, stop):
-        _advance(laplacian, scale, factor, before, current, i)
+        _advanced(laplacian, step, i)
 
 
 @jit(fastmath=FASTER)
 def _advance_and_mix(
-    laplacian: Laplacian,
-    scale: np.float32,
-    factor: np.float32,
-    before: SingleArray,
-    current: SingleArray,
-    start: int,
-    stop: int,
-    shares: SingleArray,
-    rows: SingleArray,
-    result: SingleArray,
+    laplacian: Laplacian, step: Step, rows: SingleArray, shares: SingleArray, result: SingleArray, start: int, stop: int
 ) -> None:
+    current = step.current
     for i in range(start, stop):
-        a, b, c, d = _advance(laplacian, scale, factor, before, current, i)
+        a, b, c, d = _advanced(laplacian, step, i)
         first = second = np.float32(0.0)
         for s in range(rows.shape[1]):
             first += shares[i, s] * rows[0, s]
@@ -245,19 +219,17 @@ def _advance_and_mix(
 @jit(fastmath=FASTER)
 def _advance_and_measure(
     laplacian: Laplacian,
-    scale: np.float32,
-    factor: np.float32,
-    before: SingleArray,
-    current: SingleArray,
-    start: int,
-    stop: int,
-    directions: SingleArray,
+    step: Step,
     rows: SingleArray,
+    directions: SingleArray,
     sums: SingleArray,
     products: SingleArray,
+    start: int,
+    stop: int,
 ) -> None:
+    current = step.current
     for i in range(start, stop):
-        a, b, c, d = _advance(laplacian, scale, factor, before, current, i)
+        a, b, c, d = _advanced(laplacian, step, i)
         x, y, z, w = directions[i, 0], directions[i, 1], directions[i, 2], directions[i, 3]
         first = current[i, 0] * x + current[i, 1] * y + current[i, 2] * z
         second = a * x + b * y + c * z

@@ -9,6 +9,7 @@ then depends on those a few rings around it (on chains of ever earlier vertices,
 the clusters of the mesh but near where it was cut out. In the order of the vertices it would depend on all before.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +23,7 @@ from bezier_filters.runtime.parallel import run_kernel
 from bezier_filters.smoothing.chebyshev import diffuse
 from bezier_filters.smoothing.laplacian import Laplacian
 from bezier_filters.smoothing.mesh_parts import MeshPart
-from bezier_filters.smoothing.probes import random_bits
+from bezier_filters.smoothing.random_noise import random_bits
 
 SURROUNDINGS = 100.0  # squared edges around a vertex over which noise, rates and risks are averaged
 CENTERS = 100  # which of the random numbers at vertices say what order clusters form in
@@ -38,11 +39,10 @@ class Clusters:
     laplacian: Laplacian  # how values on clusters spread,
     pace: float  # and how much time that takes, per time on the mesh
 
-    def means(self, values: RealArray) -> FloatArray:
-        """Mean of values at vertices (n, c) over each cluster, (k, c)."""
-        sums = np.zeros((len(self.sizes), values.shape[1]))
-        _add_up(self.of_vertex, values, sums)
-        return sums / self.sizes[:, np.newaxis]
+    def means(self, columns: Iterable[RealArray]) -> FloatArray:
+        """Means of columns of values at vertices, each (n,), over each cluster, (k, c)."""
+        sums = [np.bincount(self.of_vertex, column, len(self.sizes)) for column in columns]
+        return np.column_stack(sums) / self.sizes[:, np.newaxis]
 
     def diffuse(self, values: FloatArray, *, threads: int = 1) -> FloatArray:
         """Values on clusters (k, c), averaged over their `SURROUNDINGS`."""
@@ -55,6 +55,10 @@ class Clusters:
         of_mesh = rows.indptr, rows.indices, self.of_vertex
         run_kernel(_spread, len(result), *of_mesh, single, result, threads=threads)
         return result
+
+    def around(self, columns: Iterable[RealArray], *, threads: int = 1) -> SingleArray:
+        """Columns of values at vertices, each (n,), averaged over their `SURROUNDINGS`, (n, c)."""
+        return self.at_vertices(self.diffuse(self.means(columns), threads=threads), threads=threads)
 
 
 def clusters_of(part: MeshPart, pace: float | None = None) -> Clusters:
@@ -136,14 +140,6 @@ def _join_centers(ptr: IntArray, indices: IntArray, rank: IntArray, center: IntA
     for i in range(len(center)):
         if center[i] <= -2:
             center[i] = -2 - center[i]
-
-
-@jit()
-def _add_up(of_vertex: IntArray, values: RealArray, sums: FloatArray) -> None:
-    """Add the values at vertices to those of their clusters, in ascending order."""
-    for i in range(len(of_vertex)):
-        for c in range(values.shape[1]):
-            sums[of_vertex[i], c] += values[i, c]
 
 
 @jit()

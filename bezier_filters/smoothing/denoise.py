@@ -1,12 +1,15 @@
 """Takes noise off a mesh: as a smooth surface or as one with sharp edges, wherever it is which.
 
-There are several estimates of the surface, from smooth to sharp (`candidates`). Stein's estimate of the
+There are several estimates of the surface under the noise, from smooth to sharp (`candidates`). The first is a low-pass
+filter. For edges and corners the normals of a more weakly filtered mesh are filtered, many times, by means that do not
+reach across what noise cannot explain, and the vertices follow. In between are fewer rounds. Stein's estimate of the
 risk tells what is best around each vertex, and which of them are worth their while at all.
 
 What holds for a mesh as a whole is learned from parts of it (`learn_plan`) and then done to all of it, or to tile after
 tile (`denoise`). A mesh that is not large is its own sample, and learning leaves what was to be found.
 """
 
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,13 +19,20 @@ from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.meshes.adjacency import Adjacency, mean_edge
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.parallel import Progress, report
-from bezier_filters.smoothing.candidates import FILTER_ROUNDS, GENTLE, KINDS, SHARPNESS, SMOOTH, Candidate, candidates
 from bezier_filters.smoothing.clusters import clusters_of
-from bezier_filters.smoothing.correlation import Correlation
-from bezier_filters.smoothing.laplacian import Borders
-from bezier_filters.smoothing.low_pass import STRENGTHS, LowPassPlan, fit_low_pass, learn_low_pass, strongest
+from bezier_filters.smoothing.laplacian import Borders, umbrella_laplacian
+from bezier_filters.smoothing.low_pass import (
+    STRENGTHS,
+    FittedLowPass,
+    LowPass,
+    LowPassPlan,
+    fit_low_pass,
+    learn_low_pass,
+    strongest,
+)
 from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, MeshPart, SampledParts, sampled_parts, whole_mesh
 from bezier_filters.smoothing.noise import (
+    LEAST_NOISE,
     NoiseLevels,
     NoisyMesh,
     free_laplacian,
@@ -31,18 +41,35 @@ from bezier_filters.smoothing.noise import (
     roughest,
     roughness,
 )
+from bezier_filters.smoothing.normal_filter import filter_normals, move_to_normals, noisy_normals
+from bezier_filters.smoothing.random_noise import OTHER_SIGNS, Correlation
 from bezier_filters.smoothing.risk import Estimates, last_gain, local_risks, local_shares, noise_factor, overall_risks
 from bezier_filters.smoothing.sliding import Sliding, held_back, sliding_of
 
-# times the mean edge: fine relief of clean scans, in which neighbours differ, too, and which is left alone
-DETAIL = 0.01
-SMALLEST_NOISE = 1e-4  # times the mean edge: below that there is nothing to take off
+# kinds of estimates: the low-pass filter proper, and one round after a slightly weaker one; then the sharp ones
+SMOOTH, GENTLE = 0, 1
+FILTER_ROUNDS = (0, 1, 2, 5, 16)  # of filtering the normals, by kind: from the third on after a much weaker filter
+SHARPNESS = (0.0, 0.0, 0.33, 0.67, 1.0)  # as reported, by kind
+KINDS = range(len(FILTER_ROUNDS))
+GENTLE_TOLERANCE, SHARP_TOLERANCE = 2.5, 1.5  # of `filter_normals`
+PROBE = 0.1  # times sigma: how far vertices are moved to find their leverages
+FEWEST_SAMPLED = 60_000  # vertices times samples of the noise, that normals are filtered by
 GAIN = 1e-3  # times sigma^2: mean decrease of the risk around a vertex below which a further estimate is left out
 # around a tile there are the rings in which a low-pass filter fades by so many powers of e, those over which risks
 # are averaged, and those that a round of filtering the normals reaches across: measured, for a hundredth of the noise
 FADED, AVERAGED, RINGS_PER_ROUND = 7.0, 14, 1.25
 HINT = GENTLE + 1  # kind of estimate that may not gain though sharper ones do: strong noise goes in more rounds
 STEPS = 6  # of the progress
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An estimate of the surface."""
+
+    kind: int  # which one it is
+    moves: SingleArray  # (n, 3): how far each vertex moves
+    residuals: SingleArray  # (n,): heights of the measured vertices over it, times the standard deviation of the noise
+    leverages: SingleArray  # (n,): how far it follows each vertex
 
 
 @dataclass(frozen=True)
@@ -89,7 +116,8 @@ def remove_noise(
         around = (int(roughest(roughness(whole, noise.sigma, threads=threads), whole.ids)[0]),)
     parts = sampled_parts(mesh, adjacency, around, threads=threads)
     is_whole = parts.part.mesh is mesh
-    learned = _learn(parts, noise, borders, detail, relax, threads, progress if is_whole else None)
+    shown = progress if is_whole else None
+    learned = learn_plan(parts, noise, borders, detail, relax, threads=threads, progress=shown)
     if learned is None:
         return Denoised(mesh.vertices.copy(), np.zeros(mesh.vertex_count))
     plan, result = learned
@@ -107,28 +135,16 @@ def learn_plan(
     relax: bool = False,
     *,
     threads: int = 1,
-) -> SmoothingPlan | None:
-    """Learn what holds for a mesh as a whole; None if there is no noise that is worth taking off.
-
-    One of its parts should be around its roughest place, see `roughness`. The others are as for `remove_noise`.
-    """
-    learned = _learn(parts, noise, borders, detail, relax, threads, None)
-    return None if learned is None else learned[0]
-
-
-def _learn(
-    parts: SampledParts,
-    noise: NoiseModel,
-    borders: Borders,
-    smallest: float | None,
-    relax: bool,
-    threads: int,
-    progress: Progress | None,
+    progress: Progress | None = None,
 ) -> tuple[SmoothingPlan, Denoised] | None:
-    """The plan, and what it makes of the parts."""
+    """Learn what holds for a mesh as a whole, and what it makes of the parts; None if there is no noise to speak of.
+
+    One of the parts should be around the roughest place of the mesh, see `roughness`. The others are as for
+    `remove_noise`.
+    """
     vertices, unit = parts.part.mesh.vertices, mean_edge(parts.part.mesh, parts.part.adjacency, threads=threads)
     sigma = noise.sigma
-    if not (sigma > (DETAIL + SMALLEST_NOISE) * unit and unit > 0.0):
+    if not (sigma > LEAST_NOISE * unit and unit > 0.0):
         return None
     center = vertices.mean(axis=0)
     if np.abs(center).max() <= np.ptp(vertices, axis=0).max():
@@ -136,21 +152,20 @@ def _learn(
     scale = float(2.0 ** -np.round(np.log2(unit)))  # single precision has few exponents
     part, sigma, unit = _normalised(parts.part, center, scale), sigma * scale, unit * scale
     clusters = clusters_of(part)
-    least, detail = (DETAIL + SMALLEST_NOISE) * unit, DETAIL * unit
     correlation = Correlation.of(noise, unit / scale, part.ids, free_laplacian(part, threads), parts.core)
     levels, at_vertices = learn_noise_levels(
-        part, clusters, parts.core, sigma, correlation, unit, least, detail, given=noise.given, threads=threads
+        part, clusters, parts.core, sigma, correlation, unit, given=noise.given, threads=threads
     )
     noisy = NoisyMesh(part, clusters, at_vertices, correlation)
     report(progress, 1, STEPS)
-    smallest = None if smallest is None else smallest * scale
-    low_pass, fitted = learn_low_pass(noisy, parts.core, borders, unit, smallest, threads=threads)
+    detail = None if detail is None else detail * scale
+    low_pass, fitted = learn_low_pass(noisy, parts.core, borders, unit, detail, threads=threads)
     report(progress, 2, STEPS)
     found, factor, overall = list[Candidate](), 1.0, np.zeros(1)
     risks: FloatArray | None = None
     # Filters of the normals do to hidden waves what a stronger low-pass filter does that may not be taken.
     stronger = STRENGTHS[low_pass.first + 1 : low_pass.first + 2]
-    is_bounded = smallest is not None and bool((stronger > strongest(smallest / unit)).any())
+    is_bounded = detail is not None and bool((stronger > strongest(detail / unit)).any())
     allowed = (SMOOTH,) if is_bounded else KINDS
     for candidate in candidates(noisy, fitted, allowed, threads=threads):
         if candidate.kind == SMOOTH:
@@ -167,11 +182,8 @@ def _learn(
         elif candidate.kind > HINT:
             break
     kinds = tuple(candidate.kind for candidate in found)
-    shares = None
-    if risks is not None:
-        shares = local_shares(clusters, risks, part.vertex_count, correlation.alike, threads=threads)
     mesh, adjacency = parts.part.mesh, parts.part.adjacency
-    result = _mixture(mesh, found, shares, scale)
+    result = _mixture(mesh, noisy, found, risks, scale, threads)
     sliding = Sliding.ALL
     if not relax:
         sliding = sliding_of(mesh, adjacency, result.points, at_vertices / scale, parts.core, threads=threads)
@@ -184,8 +196,8 @@ def denoise(part: MeshPart, plan: SmoothingPlan, *, threads: int = 1, progress: 
     """Take the noise off a mesh, or off a tile of it with `rings_around` what is wanted, by a plan of `learn_plan`."""
     scaled = _normalised(part, plan.center, plan.scale)
     clusters = clusters_of(scaled, plan.cluster_pace)
-    at_vertices, alike = local_sigma(scaled, clusters, plan.noise, threads=threads), plan.noise.correlation.alike
-    noisy = NoisyMesh(scaled, clusters, at_vertices, plan.noise.correlation)
+    correlation, at_vertices = plan.noise.correlation, local_sigma(scaled, clusters, plan.noise, threads=threads)
+    noisy = NoisyMesh(scaled, clusters, at_vertices, correlation)
     report(progress, 1, STEPS)
     fitted = fit_low_pass(noisy, plan.low_pass, threads=threads)
     report(progress, 2, STEPS)
@@ -194,11 +206,11 @@ def denoise(part: MeshPart, plan: SmoothingPlan, *, threads: int = 1, progress: 
     for candidate in estimates:
         found.append(candidate)
         report(progress, min(2 + candidate.kind, STEPS - 1), STEPS)
-    shares = None
+    risks: FloatArray | None = None
     if len(found) > 1:
-        risks = local_risks(clusters, _side_by_side(found, plan.noise_factor), plan.overall, alike, threads=threads)
-        shares = local_shares(clusters, risks, part.vertex_count, alike, threads=threads)
-    result = _mixture(part.mesh, found, shares, plan.scale)
+        side_by_side = _side_by_side(found, plan.noise_factor)
+        risks = local_risks(clusters, side_by_side, plan.overall, correlation.alike, threads=threads)
+    result = _mixture(part.mesh, noisy, found, risks, plan.scale, threads)
     report(progress, STEPS, STEPS)
     return replace(result, points=held_back(part.mesh, part.adjacency, result.points, plan.sliding, threads=threads))
 
@@ -225,11 +237,88 @@ def _side_by_side(found: list[Candidate], factor: float) -> Estimates:
     return Estimates(residuals if factor == 1.0 else residuals / np.float32(factor), leverages)
 
 
-def _mixture(mesh: TriangleMesh, found: list[Candidate], shares: SingleArray | None, scale: float) -> Denoised:
-    """Estimates mixed by their shares; there is only one if these are None."""
-    if shares is None:
-        shares = np.ones((mesh.vertex_count, 1), dtype=np.float32)
+def _mixture(
+    mesh: TriangleMesh, noisy: NoisyMesh, found: list[Candidate], risks: FloatArray | None, scale: float, threads: int
+) -> Denoised:
+    """Estimates mixed by their risks around every vertex; there is only one if these are None."""
+    shares = np.ones((mesh.vertex_count, 1), dtype=np.float32)
+    if risks is not None:
+        count, alike = noisy.part.vertex_count, noisy.correlation.alike
+        shares = local_shares(noisy.clusters, risks, count, alike, threads=threads)
     points = mesh.vertices.copy()
     for k, candidate in enumerate(found):
         points += shares[:, [k]] * (candidate.moves / np.float64(scale))  # which may be beyond single precision
     return Denoised(points, np.einsum("ns,s->n", shares, np.array([SHARPNESS[candidate.kind] for candidate in found])))
+
+
+def candidates(
+    noisy: NoisyMesh, fitted: FittedLowPass, kinds: Collection[int], *, threads: int = 1
+) -> Iterator[Candidate]:
+    """Estimates, ever sharper ones, of which the first is the low-pass filter's, and others as they are wanted.
+
+    All of them start with more or less of that filter.
+    """
+    part, filters, normals = noisy.part, fitted.filters, fitted.normals.astype(np.float32)
+    signs = noisy.probes(1, first=OTHER_SIGNS, threads=threads)[:, 0]
+    squares = noisy.mean_squares(signs[:, np.newaxis], threads=threads)
+    filtered = filters.apply(np.column_stack([part.mesh.vertices, signs]), threads=threads)
+    leverages = (signs * filtered[:, 3] / squares).astype(np.float32)
+    yield Candidate(SMOOTH, _moves(part.mesh, filtered[:, :3]), fitted.residuals, leverages)
+    del fitted, filtered, leverages  # for large meshes, memory counts
+    sharp = {kind: FILTER_ROUNDS[kind] for kind in KINDS[GENTLE + 1 :] if kind in kinds}
+    if GENTLE in kinds:
+        yield from _sharp(noisy, filters.weaker(), normals, signs, squares, {GENTLE: 1}, GENTLE_TOLERANCE, threads)
+    if sharp:
+        umbrella = umbrella_laplacian(part.mesh, part.adjacency, filters.borders, cut=part.cut, threads=threads)
+        filters = filters.weak(umbrella)
+        yield from _sharp(noisy, filters, normals, signs, squares, sharp, SHARP_TOLERANCE, threads)
+
+
+def _sharp(
+    noisy: NoisyMesh,
+    filters: LowPass,
+    normals: SingleArray,
+    signs: SingleArray,
+    squares: SingleArray,
+    rounds: dict[int, int],
+    tolerance: float,
+    threads: int,
+) -> Iterator[Candidate]:
+    """Estimates by kind, whose vertices follow normals that were filtered some rounds, after a low-pass filter."""
+    mesh, adjacency, sigma = noisy.part.mesh, noisy.part.adjacency, noisy.sigma
+    start = _moves(mesh, filters.apply(mesh.vertices, threads=threads))
+    samples = filters.apply(_noise_samples(noisy, normals, signs, threads), threads=threads).reshape(
+        mesh.vertex_count, -1, 3
+    )
+    probe = np.float32(PROBE) * samples[:, 0]
+    state = noisy_normals(_moved(mesh, start), _moved(mesh, start + probe), samples, threads=threads)
+    del samples
+    movable, done = ~adjacency.on_boundary, 0  # those at borders stay
+    for kind, total in rounds.items():
+        state = filter_normals(state, adjacency.faces, total - done, tolerance, threads=threads)
+        done = total
+        moves, probed = (
+            first + move_to_normals(_moved(mesh, first), adjacency, goal, movable, threads=threads)
+            for first, goal in ((start, state.normals), (start + probe, state.probed_normals))
+        )
+        residuals = -np.einsum("ij,ij->i", moves, normals) / sigma
+        leverages = np.einsum("ij,ij->i", probed - moves, normals) * signs / (PROBE * sigma * squares)
+        yield Candidate(kind, moves, residuals.astype(np.float32), leverages.astype(np.float32))
+
+
+def _noise_samples(noisy: NoisyMesh, normals: SingleArray, signs: SingleArray, threads: int) -> SingleArray:
+    """Coordinates of samples of the noise along the normals side by side, (n, 3 k); the first one goes by the signs."""
+    heights = noisy.samples(int(np.clip(FEWEST_SAMPLED // noisy.part.vertex_count, 2, 6)), threads=threads)
+    heights[:, 0] = signs
+    heights *= noisy.sigma.astype(np.float32)[:, np.newaxis]
+    vectors: SingleArray = heights[:, :, np.newaxis] * normals[:, np.newaxis]
+    return vectors.reshape(len(vectors), -1)
+
+
+def _moves(mesh: TriangleMesh, vertices: FloatArray) -> SingleArray:
+    """How far vertices are from where they were measured."""
+    return (vertices - mesh.vertices).astype(np.float32)
+
+
+def _moved(mesh: TriangleMesh, moves: SingleArray) -> TriangleMesh:
+    return TriangleMesh(mesh.vertices + moves, mesh.faces)

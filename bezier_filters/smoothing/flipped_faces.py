@@ -1,6 +1,6 @@
 """Triangles that face the wrong way or have no area, and how to have no more of them."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,8 +20,7 @@ REACH = 4
 WORSE = 4  # how many faces that stay wrong weigh as much as one that becomes wrong
 
 
-@dataclass(frozen=True)
-class BadFaces:
+class BadFaces(NamedTuple):
     """Faces that are wrong."""
 
     flipped: BoolArray  # (m,): more than 90 degrees away from the mean normal of the faces around
@@ -43,21 +42,13 @@ def bad_faces(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> 
     array([ True])
     """
     normals = tangent_planes(mesh, adjacency, threads=threads).normals
-    flipped, degenerate = np.zeros((2, mesh.face_count), dtype=np.bool_)
-    run_kernel(_find, mesh.face_count, mesh.vertices, mesh.faces, normals, flipped, degenerate, threads=threads)
-    return BadFaces(flipped, degenerate)
+    bad = BadFaces(*np.zeros((2, mesh.face_count), dtype=np.bool_))
+    run_kernel(_find, mesh.face_count, mesh.vertices, mesh.faces, normals, bad, threads=threads)
+    return bad
 
 
 @jit()
-def _find(
-    vertices: FloatArray,
-    faces: IntArray,
-    around: FloatArray,
-    flipped: BoolArray,
-    degenerate: BoolArray,
-    start: int,
-    stop: int,
-) -> None:
+def _find(vertices: FloatArray, faces: IntArray, around: FloatArray, bad: BadFaces, start: int, stop: int) -> None:
     """Mark the wrong ones of faces start .. stop-1."""
     for f in range(start, stop):
         x, y, z = face_normal(vertices, faces, f)
@@ -65,8 +56,8 @@ def _find(
         for k in range(3):
             i = faces[f, k]
             against += x * around[i, 0] + y * around[i, 1] + z * around[i, 2]
-        degenerate[f] = np.sqrt(x * x + y * y + z * z) <= THINNEST * longest_squared(vertices, faces, f)
-        flipped[f] = against < 0.0 and not degenerate[f]
+        bad.degenerate[f] = np.sqrt(x * x + y * y + z * z) <= THINNEST * longest_squared(vertices, faces, f)
+        bad.flipped[f] = against < 0.0 and not bad.degenerate[f]
 
 
 def repair_flipped_faces(

@@ -23,6 +23,20 @@ LEAST_AREA = 0.2
 FASTEST = 8.0
 
 
+class MeshStars(NamedTuple):
+    """A mesh with the faces at every vertex, as compiled functions read them."""
+
+    vertices: FloatArray
+    faces: IntArray
+    face_ptr: IntArray
+    face_indices: IntArray
+
+
+def mesh_stars(mesh: TriangleMesh, adjacency: Adjacency) -> MeshStars:
+    """The arrays of a mesh and its adjacency."""
+    return MeshStars(mesh.vertices, mesh.faces, adjacency.faces.indptr, adjacency.faces.indices)
+
+
 class Laplacian(NamedTuple):
     """The operator (L x)_i = rate_i (x_i - sum_j weight_ij x_j), whose eigenvalues lie in [0, bound]."""
 
@@ -42,7 +56,7 @@ def umbrella_laplacian(
     It depends on the connections alone, not on coordinates and their noise, and evens out the triangles, too.
     Vertices that are `cut` (n,), because the mesh is part of a larger one, stay.
     """
-    return _laplacian(mesh, adjacency, borders, 0.0, 0.0, 1.0, cut, threads)
+    return cotangent_laplacian(mesh, adjacency, borders, 0.0, 0.0, fastest=1.0, cut=cut, threads=threads)
 
 
 def cotangent_laplacian(
@@ -60,60 +74,32 @@ def cotangent_laplacian(
 
     A power of 0 means one rate for all, which goes by edges; 1 the Laplace-Beltrami operator, which goes by lengths, in
     units of the mean edge, `unit`. Rates are kept within `fastest`, which bounds the eigenvalues; by default
-    within `FASTEST`, and the largest rate that there is bounds them. Vertices that are `cut` stay.
+    within `FASTEST`, and the largest rate that there is bounds them. Vertices that are `cut` stay. The means are plain
+    ones if the unit is 0.
     """
-    result = _laplacian(mesh, adjacency, borders, power, unit, FASTEST if fastest is None else fastest, cut, threads)
+    rows, n = adjacency.vertices, mesh.vertex_count
+    result = Laplacian(rows.indptr, rows.indices, np.zeros(len(rows.indices), np.float32), np.zeros(n, np.float32))
+    options = unit, power, FASTEST if fastest is None else fastest, {"curve": 1, "fixed": 0, "free": 2}[borders]
+    run_kernel(_write_rows, n, mesh_stars(mesh, adjacency), *options, result, threads=threads)
+    if cut is not None:
+        result.rates[cut] = 0.0
     largest = float(result.rates.max(initial=0.5)) if fastest is None else fastest
     return result._replace(bound=2.0 * largest)
 
 
-def _laplacian(
-    mesh: TriangleMesh,
-    adjacency: Adjacency,
-    borders: Borders,
-    power: float,
-    unit: float,
-    fastest: float,
-    cut: BoolArray | None,
-    threads: int,
-) -> Laplacian:
-    """Of cotangent weights if there is a unit."""
-    rows, n = adjacency.vertices, mesh.vertex_count
-    weights, rates = np.zeros(len(rows.indices), np.float32), np.zeros(n, np.float32)
-
-    of_mesh = mesh.vertices, mesh.faces, adjacency.faces.indptr, adjacency.faces.indices, rows.indptr, rows.indices
-    options = unit, power, fastest, {"curve": 1, "fixed": 0, "free": 2}[borders]
-    run_kernel(_write_rows, n, *of_mesh, *options, weights, rates, threads=threads)
-    if cut is not None:
-        rates[cut] = 0.0
-    return Laplacian(rows.indptr, rows.indices, weights, rates)
-
-
 @jit()
 def _write_rows(
-    vertices: FloatArray,
-    faces: IntArray,
-    face_ptr: IntArray,
-    face_indices: IntArray,
-    ptr: IntArray,
-    indices: IntArray,
-    unit: float,
-    power: float,
-    fastest: float,
-    borders: int,
-    weights: SingleArray,
-    rates: SingleArray,
-    start: int,
-    stop: int,
+    mesh: MeshStars, unit: float, power: float, fastest: float, borders: int, result: Laplacian, start: int, stop: int
 ) -> None:
     """Write the weights and rates of vertices start .. stop-1; plain means if the unit is 0."""
+    ptr, weights = result.indptr, result.weights
     for i in range(start, stop):
         first, last = ptr[i], ptr[i + 1]
         on_border = False
         for q in range(first, last):
             met = 0
-            for p in range(face_ptr[i], face_ptr[i + 1]):
-                if has_corner(faces, face_indices[p], indices[q]):
+            for p in range(mesh.face_ptr[i], mesh.face_ptr[i + 1]):
+                if has_corner(mesh.faces, mesh.face_indices[p], result.indices[q]):
                     met += 1
             weights[q] = 1.0 if met != 1 else -1.0  # a sign marks the border for a moment
             on_border = on_border or met == 1
@@ -123,41 +109,31 @@ def _write_rows(
             weights[q] = abs(weights[q])
         area = 0.0
         if unit > 0.0 and not on_border:
-            area = _add_cotangents(vertices, faces, face_ptr, face_indices, first, last, indices, i, weights)
+            area = _write_cotangents(mesh, result, i)
         total = 0.0
         for q in range(first, last):
             total += weights[q]
         for q in range(first, last):
             weights[q] = weights[q] / total if total > 0.0 else 0.0
-        rates[i] = 1.0
+        result.rates[i] = 1.0
         if unit > 0.0 and not on_border:
-            rates[i] = min((total / (4.0 * max(area / (unit * unit), LEAST_AREA))) ** power, fastest)
+            result.rates[i] = min((total / (4.0 * max(area / (unit * unit), LEAST_AREA))) ** power, fastest)
         if total == 0.0 or (on_border and borders == 0):
-            rates[i] = 0.0
+            result.rates[i] = 0.0
 
 
 @jit()
-def _add_cotangents(
-    vertices: FloatArray,
-    faces: IntArray,
-    face_ptr: IntArray,
-    face_indices: IntArray,
-    first: int,
-    last: int,
-    indices: IntArray,
-    i: int,
-    weights: SingleArray,
-) -> float:
+def _write_cotangents(mesh: MeshStars, result: Laplacian, i: int) -> float:
     """Replace the weights of vertex i by half cotangent sums within bounds; return a third of the area around it."""
-    area = 0.0
-    for q in range(first, last):
-        weights[q] = 0.0
-    for p in range(face_ptr[i], face_ptr[i + 1]):
-        f = face_indices[p]
-        k = 0 if faces[f, 0] == i else 1 if faces[f, 1] == i else 2
-        a, b = faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
-        at_a, whole = cotangent_and_area(vertices, a, b, i)
-        at_b, _ = cotangent_and_area(vertices, b, i, a)
+    indices, weights, area = result.indices, result.weights, 0.0
+    first, last = result.indptr[i], result.indptr[i + 1]
+    weights[first:last] = 0.0
+    for p in range(mesh.face_ptr[i], mesh.face_ptr[i + 1]):
+        f = mesh.face_indices[p]
+        k = 0 if mesh.faces[f, 0] == i else 1 if mesh.faces[f, 1] == i else 2
+        a, b = mesh.faces[f, (k + 1) % 3], mesh.faces[f, (k + 2) % 3]
+        at_a, whole = cotangent_and_area(mesh.vertices, a, b, i)
+        at_b, _ = cotangent_and_area(mesh.vertices, b, i, a)
         area += whole / 3.0
         if whole == 0.0:
             continue

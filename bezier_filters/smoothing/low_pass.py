@@ -35,14 +35,6 @@ FEW = 20_000  # vertices; on smaller meshes, leverages are averaged over more pr
 
 
 @dataclass(frozen=True)
-class Shape:
-    """A mesh without most of its noise, but with the triangles that it has."""
-
-    normals: FloatArray  # (n, 3): of the smooth surface
-    vertices: FloatArray  # (n, 3): the vertices, moved onto the smooth surface along them
-
-
-@dataclass(frozen=True)
 class LowPassPlan:
     """What holds for a mesh as a whole."""
 
@@ -50,7 +42,7 @@ class LowPassPlan:
     unit: float  # the mean edge, a length
     first: int  # number of the best strength with the umbrella Laplacian
     power: float | None  # of the best Laplacian, see `cotangent_laplacian`; None for that of umbrellas
-    fastest: float | None  # the largest rate of that
+    fastest: float  # the largest rate of that
     # the largest rate on average around a vertex: where edges are short, filters reach across more of them
     haste: float
     order: int  # the best order of its filters
@@ -91,7 +83,7 @@ class FittedLowPass:
     """The filters that suit a mesh, and what they make of it."""
 
     filters: LowPass
-    shape: Shape  # what cotangents are those of
+    normals: FloatArray  # (n, 3): of the smooth surface that cotangents are those of
     # residuals, leverages: (n,): of the mixture, see `Estimates`; the leverages by the probes that chose it
     residuals: SingleArray
     leverages: SingleArray
@@ -145,18 +137,17 @@ def learn_low_pass(
     rough = tangent_planes(mesh, adjacency, threads=threads).normals
     allowed = STRENGTHS if detail is None else STRENGTHS[strongest(detail / unit) >= STRENGTHS]
     first = tried(umbrella, ORDER, rough, allowed).best
-    shape = _smooth_shape(mesh, adjacency, umbrella, first, threads)
+    smooth, normals = _smooth_shape(mesh, adjacency, umbrella, first, threads)
     strengths = allowed[: first + STRONGER + 1]
-    smooth = TriangleMesh(shape.vertices, mesh.faces)
-    chosen, power = tried(umbrella, ORDER, shape.normals, strengths), None
+    chosen, power = tried(umbrella, ORDER, normals, strengths), None
     for other in POWERS:
         laplacian = cotangent_laplacian(smooth, adjacency, borders, other, unit, cut=cut, threads=threads)
-        found = tried(laplacian, ORDER, shape.normals, strengths)
+        found = tried(laplacian, ORDER, normals, strengths)
         if found.risk < chosen.risk:
             chosen, power = found, other
     for order in ORDERS:
         if order != chosen.order:
-            found = tried(chosen.laplacian, order, shape.normals, strengths)
+            found = tried(chosen.laplacian, order, normals, strengths)
             chosen = min(chosen, found, key=lambda one: one.risk)
     laplacian, best = chosen.laplacian, chosen.best
     lowest, seldom = best + AROUND, 1.0
@@ -166,36 +157,28 @@ def learn_low_pass(
         estimates = chosen.estimates.among(near)
         shares = _shares(noisy, estimates, overall_risks(estimates, core), threads)
         seldom = float((shares[:, 0] > 0.5).mean())
-    estimates = _estimates(noisy, laplacian, chosen.order, strengths[near], shape.normals, threads)
+    estimates = _estimates(noisy, laplacian, chosen.order, strengths[near], normals, threads)
     overall = overall_risks(estimates, core)
     shares = _shares(noisy, estimates, overall, threads)
     used = int(np.flatnonzero(shares.mean(axis=0, dtype=np.float64) > RARE)[-1]) + 1
-    clusters, rates = noisy.clusters, laplacian.rates[:, np.newaxis]
-    haste = max(float(clusters.diffuse(clusters.means(rates), threads=threads).max()), 1.0)
+    clusters = noisy.clusters
+    haste = max(float(clusters.diffuse(clusters.means([laplacian.rates]), threads=threads).max()), 1.0)
     plan = LowPassPlan(
         borders, unit, first, power, 0.5 * laplacian.bound, haste, chosen.order, strengths[near], used, overall
     )
-    return plan, _mixture(plan, laplacian, shape, estimates, shares)
+    return plan, _mixture(plan, laplacian, normals, estimates, shares)
 
 
 def fit_low_pass(noisy: NoisyMesh, plan: LowPassPlan, *, threads: int = 1) -> FittedLowPass:
     """Find the strengths around every vertex of a mesh, or of a tile of one."""
     mesh, adjacency, cut = noisy.part.mesh, noisy.part.adjacency, noisy.part.cut
     laplacian = umbrella_laplacian(mesh, adjacency, plan.borders, cut=cut, threads=threads)
-    shape = _smooth_shape(mesh, adjacency, laplacian, plan.first, threads)
+    smooth, normals = _smooth_shape(mesh, adjacency, laplacian, plan.first, threads)
     if plan.power is not None:
-        laplacian = cotangent_laplacian(
-            TriangleMesh(shape.vertices, mesh.faces),
-            adjacency,
-            plan.borders,
-            plan.power,
-            plan.unit,
-            fastest=plan.fastest,
-            cut=cut,
-            threads=threads,
-        )
-    estimates = _estimates(noisy, laplacian, plan.order, plan.strengths, shape.normals, threads)
-    return _mixture(plan, laplacian, shape, estimates, _shares(noisy, estimates, plan.overall, threads))
+        options = plan.borders, plan.power, plan.unit
+        laplacian = cotangent_laplacian(smooth, adjacency, *options, fastest=plan.fastest, cut=cut, threads=threads)
+    estimates = _estimates(noisy, laplacian, plan.order, plan.strengths, normals, threads)
+    return _mixture(plan, laplacian, normals, estimates, _shares(noisy, estimates, plan.overall, threads))
 
 
 def _shares(noisy: NoisyMesh, estimates: Estimates, overall: FloatArray, threads: int) -> SingleArray:
@@ -206,7 +189,7 @@ def _shares(noisy: NoisyMesh, estimates: Estimates, overall: FloatArray, threads
 
 
 def _mixture(
-    plan: LowPassPlan, laplacian: Laplacian, shape: Shape, estimates: Estimates, shares: SingleArray
+    plan: LowPassPlan, laplacian: Laplacian, normals: FloatArray, estimates: Estimates, shares: SingleArray
 ) -> FittedLowPass:
     """The filters that are used at all; what stronger ones would have goes to the strongest of them."""
     stronger = shares[:, plan.used :].sum(axis=1)
@@ -216,7 +199,7 @@ def _mixture(
         np.einsum("ns,ns->n", shares, values[:, : plan.used]) for values in (estimates.residuals, estimates.leverages)
     )
     filters = LowPass(plan.borders, laplacian, plan.order, plan.strengths[: plan.used], shares)
-    return FittedLowPass(filters, shape, residuals, leverages)
+    return FittedLowPass(filters, normals, residuals, leverages)
 
 
 def _estimates(
@@ -237,8 +220,10 @@ def _estimates(
     return Estimates(residuals, np.float32(1.0) - taken / squares[:, np.newaxis])
 
 
-def _smooth_shape(mesh: TriangleMesh, adjacency: Adjacency, umbrella: Laplacian, best: int, threads: int) -> Shape:
-    """Normals of the vertices after a weak filter, and the mesh after its steps along them.
+def _smooth_shape(
+    mesh: TriangleMesh, adjacency: Adjacency, umbrella: Laplacian, best: int, threads: int
+) -> tuple[TriangleMesh, FloatArray]:
+    """The mesh after the steps of a weak filter along the normals of the vertices, and these normals.
 
     Without the steps along the surface, which would give the triangles other angles.
     """
@@ -246,4 +231,4 @@ def _smooth_shape(mesh: TriangleMesh, adjacency: Adjacency, umbrella: Laplacian,
     smooth = low_pass(umbrella, mesh.vertices, strength, threads=threads)
     normals = tangent_planes(TriangleMesh(smooth, mesh.faces), adjacency, threads=threads).normals
     heights = np.einsum("ij,ij->i", smooth - mesh.vertices, normals)
-    return Shape(normals, mesh.vertices + heights[:, np.newaxis] * normals)
+    return TriangleMesh(mesh.vertices + heights[:, np.newaxis] * normals, mesh.faces), normals

@@ -1,12 +1,13 @@
 """Parts of a large mesh, from which what holds for the whole is learned."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, IntArray
-from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
+from bezier_filters.meshes.adjacency import Adjacency, Rows, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.jit import jit
 
@@ -53,78 +54,62 @@ def sampled_parts(
     n = mesh.vertex_count
     if n <= LARGEST_WHOLE:
         return SampledParts(whole_mesh(mesh, adjacency), np.ones(n, dtype=np.bool_))
-    core, taken = np.zeros((2, n), np.bool_)
-    for seed in part_seeds(n):
-        order = _grown(adjacency, seed)
-        taken[order] = True
-        core[core_of(order)] = True
-    for seed in around:
-        taken[_grown(adjacency, seed)] = True
-    vertices = np.flatnonzero(taken).astype(np.int32)
-    number = np.full(n, -1, dtype=np.int32)
-    number[vertices] = np.arange(len(vertices), dtype=np.int32)
-    faces = mesh.faces[taken[mesh.faces].all(axis=1)]
-    part = TriangleMesh(mesh.vertices[vertices], number[faces])
+    ids, core = sampled_vertices(n, around, partial(_grown, adjacency))
+    taken = np.zeros(n, dtype=np.bool_)
+    taken[ids] = True
+    part = mesh_part(mesh, adjacency, taken, np.arange(n, dtype=np.int32), n, threads=threads)
+    return SampledParts(part, np.isin(ids, core))
+
+
+def sampled_vertices(n: int, around: Sequence[int], grown: Callable[[int], IntArray]) -> tuple[IntArray, IntArray]:
+    """Vertices of the parts of a mesh of n, and those that stand for the whole, from what grows around one of them."""
+    if n <= LARGEST_WHOLE:
+        every = np.arange(n, dtype=np.int32)
+        return every, every
+    orders = [grown(int(seed)) for seed in (np.arange(PARTS) + 0.5) * n / PARTS]
+    core = [order[: CORE if len(order) == PART else len(order)] for order in orders]
+    return np.unique(np.concatenate([*orders, *map(grown, around)])), np.unique(np.concatenate(core))
+
+
+def mesh_part(
+    mesh: TriangleMesh, adjacency: Adjacency, taken: BoolArray, ids: IntArray, vertex_count: int, *, threads: int = 1
+) -> MeshPart:
+    """The vertices of a mesh that are taken, (n,), and the faces between them; the other arguments as in `MeshPart`."""
+    number = np.cumsum(taken, dtype=np.int32) - np.int32(1)
+    part = TriangleMesh(mesh.vertices[taken], number[mesh.faces[taken[mesh.faces].all(axis=1)]])
     found = vertex_adjacency(part, threads=threads)
-    cut = found.faces.lengths != adjacency.faces.lengths_of(vertices)
-    return SampledParts(MeshPart(part, found, vertices, cut, n), core[vertices])
-
-
-def part_seeds(n: int) -> list[int]:
-    """Vertices that parts of a mesh of n vertices grow from."""
-    return [int(seed) for seed in (np.arange(PARTS) + 0.5) * n / PARTS]
-
-
-def core_of(order: IntArray) -> IntArray:
-    """Vertices of a part, nearest first, that are not near where it was cut out."""
-    return order[: CORE if len(order) == PART else len(order)]
+    cut = found.faces.lengths != adjacency.faces.lengths[taken]
+    return MeshPart(part, found, ids[taken], cut, vertex_count)
 
 
 def _grown(adjacency: Adjacency, seed: int) -> IntArray:
     """Vertices around one, nearest first, and then around the next one that is not among them."""
-    rows, n = adjacency.vertices, len(adjacency.vertices)
-    growth, seen, following = Growth.of(PART), np.zeros(n, np.bool_), seed
-    while not growth.is_full and following >= 0:
-        growth = growth.around(rows.indptr, rows.indices, following, seen)
-        following = _next_unseen(seen, following)
-    return growth.order[: growth.count]
+    seen, following = np.zeros(len(adjacency.vertices), np.bool_), seed
+    orders, room = list[IntArray](), PART
+    while room and following >= 0:
+        orders.append(grow(adjacency.vertices, following, seen, room)[0])
+        room -= len(orders[-1])
+        following = next_unseen(seen, following)
+    return np.concatenate(orders)
 
 
-@dataclass(frozen=True)
-class Growth:
-    """Vertices that a part has got, nearest first."""
+def grow(rows: Rows, seed: int, seen: BoolArray, room: int) -> tuple[IntArray, int]:
+    """What is connected to a vertex and was not seen before, nearest first, as many as there is room for.
 
-    # order, depth: (size,): the vertices and how many edges each is away from where it began
-    order: IntArray
-    depth: IntArray
-    count: int = 0  # how many there are
-    looked_at: int = -1  # the depth of the last one whose neighbours were added; -1 if there is none
-
-    @staticmethod
-    def of(size: int) -> "Growth":
-        """An empty part that has room for some vertices."""
-        return Growth(*np.zeros((2, size), dtype=np.int32))
-
-    @property
-    def is_full(self) -> bool:
-        """Whether there is no more room."""
-        return self.count == len(self.order)
-
-    def around(self, ptr: IntArray, indices: IntArray, seed: int, seen: BoolArray) -> "Growth":
-        """Add what is connected to a vertex and was not seen before, as long as there is room."""
-        count, done = _grow(ptr, indices, seed, seen, self.order, self.depth, self.count)
-        return Growth(self.order, self.depth, count, int(self.depth[done - 1]) if done > self.count else -1)
+    Also how many edges the last one whose neighbours were added is away; -1 if there is none.
+    """
+    order, depth = np.zeros((2, room), dtype=np.int32)
+    count, done = _grow(rows.indptr, rows.indices, seed, seen, order, depth)
+    return order[:count], int(depth[done - 1]) if done else -1
 
 
 @jit()
 def _grow(
-    ptr: IntArray, indices: IntArray, seed: int, seen: BoolArray, order: IntArray, depth: IntArray, count: int
+    ptr: IntArray, indices: IntArray, seed: int, seen: BoolArray, order: IntArray, depth: IntArray
 ) -> tuple[int, int]:
     """Write vertices around one, nearest first; return how many there are, and how many were looked at."""
-    done = count
-    order[count], depth[count] = seed, 0
-    seen[seed] = True
-    count += 1
+    order[0], seen[seed] = seed, True
+    count, done = 1, 0
     while done < count and count < len(order):
         i, next_depth = order[done], depth[done] + 1
         done += 1
@@ -138,7 +123,7 @@ def _grow(
 
 
 @jit()
-def _next_unseen(seen: BoolArray, after: int) -> int:
+def next_unseen(seen: BoolArray, after: int) -> int:
     """The next vertex, beginning anew after the last one; -1 if all were seen."""
     n = len(seen)
     for k in range(1, n):

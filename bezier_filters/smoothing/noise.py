@@ -9,10 +9,9 @@ from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.smoothing.chebyshev import low_pass
 from bezier_filters.smoothing.clusters import Clusters, clusters_of
-from bezier_filters.smoothing.correlation import WHITE, Correlation, correlated_noise, correlated_signs
 from bezier_filters.smoothing.laplacian import Laplacian, umbrella_laplacian
 from bezier_filters.smoothing.mesh_parts import MeshPart
-from bezier_filters.smoothing.probes import random_bits
+from bezier_filters.smoothing.random_noise import WHITE, Correlation, correlated_noise, correlated_signs, random_bits
 
 WEAK, STRONGER = np.array([1.0]), np.array([10.0])  # strengths of the filters that residuals and normals are taken from
 STRONG = np.array([100.0])  # strength of the filter that rough places do not follow
@@ -25,6 +24,9 @@ LOTS = 101  # which of the random numbers at vertices say what place that is
 SPREAD = 2.0  # ratio of high levels to low ones from which on the noise is taken to vary
 NO_CREASES = 0.12  # times the mean edge: creases of a mesh without noise look like less noise than this
 LEAST = 0.1  # of the highest levels, the lowest
+# times the mean edge: fine relief of clean scans, in which neighbours differ, too, and which is left alone
+DETAIL = 0.01
+LEAST_NOISE = DETAIL + 1e-4  # times the mean edge: below that there is nothing to take off
 MEAN_ROOT = 0.822  # mean of sqrt(|x|) for a standard normal x
 
 
@@ -70,8 +72,7 @@ class NoisyMesh:
         squares: SingleArray = np.square(probes).sum(axis=1, dtype=np.float32)
         if not self.correlation.times:
             return squares
-        around = self.clusters.diffuse(self.clusters.means(squares[:, np.newaxis]), threads=threads)
-        return self.clusters.at_vertices(around, threads=threads)[:, 0]
+        return self.clusters.around([squares], threads=threads)[:, 0]
 
 
 def learn_noise_levels(
@@ -81,8 +82,6 @@ def learn_noise_levels(
     sigma: float,
     correlation: Correlation,
     unit: float,
-    least: float,
-    detail: float,
     *,
     given: bool = False,
     threads: int = 1,
@@ -90,10 +89,11 @@ def learn_noise_levels(
     """What holds for a mesh as a whole, by the `core` of some parts, and the standard deviation of the noise, (n,).
 
     The noise has the same level everywhere, sigma, unless it clearly varies. Levels are means of what a weak filter
-    takes off, in a way that outliers, such as at edges, matter little to. None is below `least` before the standard
-    deviation of the relief, `detail`, is taken off it; `unit` is the mean edge. If it varies, sigma is its root mean
-    square if that was `given`, and no matter otherwise.
+    takes off, in a way that outliers, such as at edges, matter little to. None is below `LEAST_NOISE` before the
+    standard deviation of the relief, `DETAIL`, is taken off it; `unit` is the mean edge. If it varies, sigma is its
+    root mean square if that was `given`, and no matter otherwise.
     """
+    least, detail = LEAST_NOISE * unit, DETAIL * unit
     laplacian = free_laplacian(part, threads)
     noise = correlated_noise(part.ids, 1, correlation, laplacian, threads=threads).astype(np.float64)
     taken = noise - low_pass(laplacian, noise, WEAK, threads=threads)
@@ -123,14 +123,9 @@ def roughness(part: MeshPart, sigma: float, *, threads: int = 1) -> FloatArray:
     It goes by ratios, as the noise itself may vary. A tile has `ROUGHNESS_RINGS` around what counts; sigma is the
     standard deviation of the noise of the mesh as a whole.
     """
-    mesh, clusters, laplacian = part.mesh, clusters_of(part, PACE), free_laplacian(part, threads)
-    smooth = low_pass(laplacian, mesh.vertices, STRONG, threads=threads)
-    normals = tangent_planes(TriangleMesh(smooth, mesh.faces), part.adjacency, threads=threads).normals
-    heights = np.einsum("ij,ij->i", mesh.vertices - smooth, normals)
-    weak = low_pass(laplacian, mesh.vertices, WEAK, threads=threads)
-    roots = np.sqrt(np.abs(np.einsum("ij,ij->i", mesh.vertices - weak, normals)))
-    means = clusters.means(np.column_stack([np.square(heights), roots]))
-    around = clusters.at_vertices(clusters.diffuse(means, threads=threads), threads=threads).astype(np.float64)
+    clusters, laplacian = clusters_of(part, PACE), free_laplacian(part, threads)
+    strong, weak = _heights(part, laplacian, STRONG, threads)
+    around = clusters.around([np.square(strong), np.sqrt(np.abs(weak))], threads=threads).astype(np.float64)
     return around[:, 0] / np.maximum(around[:, 1] ** 4, (LEAST * sigma) ** 2)
 
 
@@ -162,14 +157,17 @@ def free_laplacian(part: MeshPart, threads: int) -> Laplacian:
 
 def _roots(part: MeshPart, clusters: Clusters, laplacian: Laplacian, share: float, threads: int) -> SingleArray:
     """Mean roots around every vertex of what a weak filter takes off, (n,)."""
-    mesh = part.mesh
-    taken = mesh.vertices - low_pass(laplacian, mesh.vertices, WEAK, threads=threads)
-    smooth = low_pass(laplacian, mesh.vertices, STRONGER, threads=threads)
-    normals = tangent_planes(TriangleMesh(smooth, mesh.faces), part.adjacency, threads=threads).normals
-    residuals = np.abs(np.einsum("ij,ij->i", taken, normals))
-    means = clusters.means(np.sqrt(residuals / share)[:, np.newaxis])
-    roots = clusters.at_vertices(clusters.diffuse(means, threads=threads), threads=threads)[:, 0]
+    _, weak = _heights(part, laplacian, STRONGER, threads)
+    roots = clusters.around([np.sqrt(np.abs(weak) / share)], threads=threads)[:, 0]
     return np.maximum(roots, np.float32(0.0))
+
+
+def _heights(part: MeshPart, laplacian: Laplacian, strength: FloatArray, threads: int) -> tuple[FloatArray, FloatArray]:
+    """Of the vertices over the mesh after a filter, and after a weak one, along the normals of the former, (n,)."""
+    vertices = part.mesh.vertices
+    smooth, weak = (low_pass(laplacian, vertices, one, threads=threads) for one in (strength, WEAK))
+    normals = tangent_planes(TriangleMesh(smooth, part.mesh.faces), part.adjacency, threads=threads).normals
+    return np.einsum("ij,ij->i", vertices - smooth, normals), np.einsum("ij,ij->i", vertices - weak, normals)
 
 
 def _levels(roots: SingleArray) -> FloatArray:

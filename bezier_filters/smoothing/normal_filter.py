@@ -1,32 +1,36 @@
-"""Face normals without their noise: means over the faces around that agree up to the noise.
+"""Face normals without their noise, and vertices that fit them.
 
-A face's neighbours count the less, the farther their normals are from its own, in units of the
-noise that is left in both (a bilateral filter). The noise is known: samples of it pass through
-the same means. So the filter becomes ever pickier as the noise falls, and comes to rest by itself
-where edges and corners, which noise does not explain, are as sharp as they are going to be.
+The normals become means over the faces around that agree up to the noise. A face's neighbours count the less, the
+farther their normals are from its own, in units of the noise that is left in both (a bilateral filter). The noise is
+known: samples of it pass through the same means. So the filter becomes ever pickier as the noise falls, and comes to
+rest by itself where edges and corners, which noise does not explain, are as sharp as they are going to be.
 
 To tell how far the result follows the data, a mesh whose vertices are moved a little, the probe, passes along.
 """
 
-from dataclasses import dataclass, replace
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
-from bezier_filters.arrays import FloatArray, IntArray, SingleArray
-from bezier_filters.meshes.adjacency import Rows
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
+from bezier_filters.meshes.adjacency import Adjacency, Rows
 from bezier_filters.meshes.frames import face_normal
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.triangles import has_corner
 from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks, run_kernel
+from bezier_filters.smoothing.chebyshev import Step, coefficients
+from bezier_filters.smoothing.laplacian import MeshStars, mesh_stars
 
 SMALLEST_VARIANCE = 1e-12  # of a normal, radians^2: below that everything agrees only with itself
 SQUARINGS = 5
 POWER = 2**SQUARINGS  # weights are (1 - x / power)^power, nearly exp(-x) and soon computed
+UPDATE_ROUNDS = 20  # more would fit the normals better, but let the vertices drift away from where they were measured
+TERMS = 10  # of the polynomial that does as much as all rounds
 
 
-@dataclass(frozen=True)
-class NoisyNormals:
+class NoisyNormals(NamedTuple):
     """Unit normals of faces, and what noise did to them."""
 
     faces: IntArray  # (m, 3): vertices of the faces
@@ -50,9 +54,9 @@ def noisy_normals(mesh: TriangleMesh, probe: TriangleMesh, noise: SingleArray, *
     """Normals of two meshes, and how samples of the noise of vertices (n, k, 3) turn the first ones, to first order."""
     m = mesh.face_count
     both, samples = np.zeros((m, 8), dtype=np.float32), np.zeros((m, noise.shape[1], 3), dtype=np.float32)
-    of_meshes = mesh.vertices, probe.vertices, mesh.faces
-    run_kernel(_write_normals, m, *of_meshes, noise, both, samples, threads=threads)
-    return NoisyNormals(mesh.faces, both, samples)
+    result = NoisyNormals(mesh.faces, both, samples)
+    run_kernel(_write_normals, m, mesh.vertices, probe.vertices, noise, result, threads=threads)
+    return result
 
 
 def filter_normals(
@@ -75,16 +79,13 @@ def filter_normals(
     """
     rows = faces_at.indptr, faces_at.indices
     most = 1 + 3 * int(faces_at.lengths.max(initial=0))
-    result = replace(state, both=np.zeros_like(state.both), samples=np.zeros_like(state.samples))
+    result = state._replace(both=np.zeros_like(state.both), samples=np.zeros_like(state.samples))
     for _ in range(rounds):
         _write_variances(state, faces_at, tolerance, threads)
-        old, new = state, result
 
-        def make_task(old: NoisyNormals = old, new: NoisyNormals = new) -> RangeTask:
+        def make_task(old: NoisyNormals = state, new: NoisyNormals = result) -> RangeTask:
             around, weights = np.empty(most, dtype=np.int32), np.empty((most, 2), dtype=np.float32)
-            return lambda start, stop: _filter(
-                old.faces, *rows, old.both, old.samples, start, stop, around, weights, new.both, new.samples
-            )
+            return partial(_filter, *rows, old, new, around, weights)
 
         run_in_chunks(make_task, len(state.faces), threads=threads)
         state, result = result, state
@@ -134,16 +135,10 @@ def _to_faces(
 
 @jit()
 def _write_normals(
-    vertices: FloatArray,
-    moved: FloatArray,
-    faces: IntArray,
-    noise: SingleArray,
-    both: SingleArray,
-    samples: SingleArray,
-    start: int,
-    stop: int,
+    vertices: FloatArray, moved: FloatArray, noise: SingleArray, result: NoisyNormals, start: int, stop: int
 ) -> None:
     """Write unit normals, areas and the changes of the normals."""
+    faces, both, samples = result
     for f in range(start, stop):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         x, y, z = face_normal(moved, faces, f)
@@ -172,22 +167,21 @@ def _write_normals(
 
 @jit()
 def _filter(
-    faces: IntArray,
     face_ptr: IntArray,
     face_indices: IntArray,
-    both: SingleArray,
-    samples: SingleArray,
-    start: int,
-    stop: int,
+    old: NoisyNormals,
+    new: NoisyNormals,
     around: IntArray,
     weights: SingleArray,
-    new_both: SingleArray,
-    new_samples: SingleArray,
+    start: int,
+    stop: int,
 ) -> None:
     """Write the means of faces start .. stop-1 with the faces that share a vertex with them.
 
     Work space for the faces around one and their weights, by the normals of both meshes.
     """
+    faces, both, samples = old
+    _, new_both, new_samples = new
     for f in range(start, stop):
         around[0], weights[0, 0], weights[0, 1], count = f, both[f, 3], both[f, 3], 1
         new_both[f, 3] = both[f, 3]
@@ -259,3 +253,106 @@ def _met_before(faces: IntArray, f: int, corner: int, g: int) -> bool:
     for k in range(corner):
         result = result or has_corner(faces, g, faces[f, k])
     return result
+
+
+def move_to_normals(
+    mesh: TriangleMesh, adjacency: Adjacency, normals: SingleArray, movable: BoolArray, *, threads: int = 1
+) -> SingleArray:
+    """Move the vertices so that the faces become perpendicular to given normals.
+
+    Each round moves every vertex by the mean of what takes it onto the planes through the centers of its faces,
+    x_i += mean of ((c_f - x_i) . n_f) n_f: steps downhill for the sum of ((x_i - c_f) . n_f)^2 (after
+    Sun, Rosin, Martin, Langbein, "Fast and effective feature-preserving mesh denoising", TVCG 2007).
+    The first step is linear in the coordinates, b = -A x, and all of them together are the polynomial
+    (1 - (1 - A)^rounds) / A of b, which a short Chebyshev series gives: the eigenvalues of A lie in [0, 1].
+
+    Faces whose normals (m, 3) are zero are ignored; vertices that are not movable (n,) stay. Returns the moves, (n, 3).
+    """
+    stars = mesh_stars(mesh, adjacency)
+    planes = np.zeros((mesh.face_count, 4), dtype=np.float32)
+    planes[:, :3] = normals
+    before, current, result = np.zeros((3, mesh.vertex_count, 3), dtype=np.float32)
+    run_kernel(_first_step, len(result), stars, planes, movable, current, threads=threads)
+    polynomial = coefficients(lambda x: (-np.expm1(UPDATE_ROUNDS * np.log1p(-x)) / x)[:, np.newaxis], 1.0, TERMS)
+    for k, coefficient in enumerate(polynomial[:, 0].astype(np.float32)):
+        step = Step(np.float32(2.0), np.float32(min(k, 2)), before, current)
+        run_kernel(_heights, mesh.face_count, mesh.faces, current, planes, threads=threads)
+        run_kernel(_advance, len(result), stars, planes, movable, step, coefficient, result, threads=threads)
+        if k > 0:
+            before, current = current, before
+    return result
+
+
+@jit()
+def _first_step(
+    mesh: MeshStars, planes: SingleArray, movable: BoolArray, moves: SingleArray, start: int, stop: int
+) -> None:
+    """Write how far vertices start .. stop-1 move in the first round."""
+    vertices, faces, face_ptr, face_indices = mesh
+    for i in range(start, stop):
+        if not movable[i]:
+            continue
+        x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
+        sx, sy, sz = 0.0, 0.0, 0.0
+        for q in range(face_ptr[i], face_ptr[i + 1]):
+            f = face_indices[q]
+            a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+            nx, ny, nz = planes[f, 0], planes[f, 1], planes[f, 2]
+            height = (
+                ((vertices[a, 0] - x) + (vertices[b, 0] - x) + (vertices[c, 0] - x)) * nx
+                + ((vertices[a, 1] - y) + (vertices[b, 1] - y) + (vertices[c, 1] - y)) * ny
+                + ((vertices[a, 2] - z) + (vertices[b, 2] - z) + (vertices[c, 2] - z)) * nz
+            ) / 3.0
+            sx, sy, sz = sx + height * nx, sy + height * ny, sz + height * nz
+        count = max(face_ptr[i + 1] - face_ptr[i], 1)
+        moves[i, 0], moves[i, 1], moves[i, 2] = sx / count, sy / count, sz / count
+
+
+@jit()
+def _heights(faces: IntArray, moves: SingleArray, planes: SingleArray, start: int, stop: int) -> None:
+    """Write how far the centers of faces start .. stop-1 move along their normals."""
+    third = np.float32(1.0 / 3.0)
+    for f in range(start, stop):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        planes[f, 3] = third * (
+            (moves[a, 0] + moves[b, 0] + moves[c, 0]) * planes[f, 0]
+            + (moves[a, 1] + moves[b, 1] + moves[c, 1]) * planes[f, 1]
+            + (moves[a, 2] + moves[b, 2] + moves[c, 2]) * planes[f, 2]
+        )
+
+
+@jit()
+def _advance(
+    mesh: MeshStars,
+    planes: SingleArray,
+    movable: BoolArray,
+    step: Step,
+    coefficient: np.float32,
+    result: SingleArray,
+    start: int,
+    stop: int,
+) -> None:
+    """Overwrite T_k-1 by T_k+1 = 2 (2 A - 1) T_k - T_k-1, or T_1; add it to the result. Factor 0 leaves T_0."""
+    face_ptr, face_indices = mesh.face_ptr, mesh.face_indices
+    double, factor, before, current = step
+    for i in range(start, stop):
+        if not movable[i]:
+            continue
+        x, y, z = current[i, 0], current[i, 1], current[i, 2]
+        if factor > np.float32(0.0):
+            sx = sy = sz = np.float32(0.0)
+            for q in range(face_ptr[i], face_ptr[i + 1]):
+                f = face_indices[q]
+                nx, ny, nz = planes[f, 0], planes[f, 1], planes[f, 2]
+                height = x * nx + y * ny + z * nz - planes[f, 3]
+                sx += height * nx
+                sy += height * ny
+                sz += height * nz
+            scale = double * factor / np.float32(max(face_ptr[i + 1] - face_ptr[i], 1))
+            kept = factor - np.float32(1.0)
+            x = before[i, 0] = scale * sx - factor * x - kept * before[i, 0]
+            y = before[i, 1] = scale * sy - factor * y - kept * before[i, 1]
+            z = before[i, 2] = scale * sz - factor * z - kept * before[i, 2]
+        result[i, 0] += coefficient * x
+        result[i, 1] += coefficient * y
+        result[i, 2] += coefficient * z

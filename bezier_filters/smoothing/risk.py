@@ -13,8 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
-from bezier_filters.runtime.jit import jit
+from bezier_filters.arrays import BoolArray, FloatArray, SingleArray
 from bezier_filters.smoothing.clusters import SURROUNDINGS, Clusters
 
 # vertices over which risks are averaged, on a regular mesh: the reciprocal of the sum of their squared weights
@@ -64,10 +63,13 @@ def local_risks(
     Where the local difference deviates from the overall one, (s,) from `overall_risks`, by no more than noise may make
     it do, the latter is taken (after James and Stein). So many vertices are `alike` that they tell no more than one.
     """
-    best, terms = int(overall.argmin()), _mean_terms(clusters, estimates)
-    distances = np.zeros(terms.shape)
-    _add_distances(clusters.of_vertex, estimates.residuals, best, distances)
-    distances /= clusters.sizes[:, np.newaxis]
+    best, residuals = int(overall.argmin()), estimates.residuals.T
+    # what the risks, plus 1, are the means of
+    terms = clusters.means(
+        r * r + 2.0 * leverages.astype(np.float64)
+        for r, leverages in zip(residuals, estimates.leverages.T, strict=True)
+    )
+    distances = clusters.means(np.square(r - residuals[best]) for r in residuals)
     differences = terms - terms[:, [best]]
     around = clusters.diffuse(np.hstack([differences, distances]), threads=threads)
     count = len(overall)
@@ -80,14 +82,6 @@ def local_risks(
     )
     result: FloatArray = overall + believed * local
     return result
-
-
-def _mean_terms(clusters: Clusters, estimates: Estimates) -> FloatArray:
-    """What the risks, plus 1, are the means of, averaged over each cluster, (k, s)."""
-    terms = np.zeros((len(clusters.sizes), estimates.residuals.shape[1]))
-    _add_terms(clusters.of_vertex, estimates.residuals, estimates.leverages, terms)
-    terms /= clusters.sizes[:, np.newaxis]
-    return terms
 
 
 def last_gain(clusters: Clusters, risks: FloatArray) -> float:
@@ -115,19 +109,3 @@ def noise_factor(squares: FloatArray, leverages: FloatArray) -> float:
     free = 1.0 - leverages
     best = np.argmin(squares / np.maximum(free, 1e-3) ** 2)
     return max(min(float(np.sqrt(squares[best] / max(free[best], 1e-3))), 1.0), 1e-3)
-
-
-@jit()
-def _add_terms(of_vertex: IntArray, residuals: SingleArray, leverages: SingleArray, sums: FloatArray) -> None:
-    """Add what the risks, plus 1, are the means of to the sums of each cluster."""
-    for i in range(len(of_vertex)):
-        for s in range(residuals.shape[1]):
-            sums[of_vertex[i], s] += residuals[i, s] * residuals[i, s] + 2.0 * leverages[i, s]
-
-
-@jit()
-def _add_distances(of_vertex: IntArray, residuals: SingleArray, best: int, sums: FloatArray) -> None:
-    """Add squared differences from one of the estimates."""
-    for i in range(len(of_vertex)):
-        for s in range(residuals.shape[1]):
-            sums[of_vertex[i], s] += (residuals[i, s] - residuals[i, best]) ** 2

@@ -19,6 +19,7 @@ from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.triangles import edge_length, longest_squared
 from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import run_kernel
+from bezier_filters.smoothing.laplacian import MeshStars, mesh_stars
 
 STEPS = 8  # each leaves of a move what is not along a normal: an edge at a right angle takes a half off in each
 # times the noise along the normal: unevenness of the triangles below which that is not in all directions
@@ -72,15 +73,13 @@ def held_back(
         held = _along_normals(mesh, adjacency, points, threads)
         slides = _slides(mesh, points, held, NARROW if sliding == Sliding.NARROW else 0.0, threads)
         result = _slid(held, points, slides)
-    rows = adjacency.faces
-    run_kernel(_shorten, len(result), mesh.vertices, mesh.faces, rows.indptr, rows.indices, result, threads=threads)
+    run_kernel(_shorten, len(result), mesh_stars(mesh, adjacency), result, threads=threads)
     return result
 
 
 def _along_normals(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray, threads: int) -> FloatArray:
-    held, rows = points.copy(), adjacency.faces
-    of_mesh = mesh.vertices, mesh.faces, rows.indptr, rows.indices, adjacency.on_boundary
-    run_kernel(_hold_back, len(points), *of_mesh, points, held, threads=threads)
+    held, stars = points.copy(), mesh_stars(mesh, adjacency)
+    run_kernel(_hold_back, len(points), stars, adjacency.on_boundary, points, held, threads=threads)
     return held
 
 
@@ -115,23 +114,16 @@ def _slid(held: FloatArray, points: FloatArray, slides: SingleArray) -> FloatArr
 
 @jit()
 def _hold_back(
-    vertices: FloatArray,
-    faces: IntArray,
-    face_ptr: IntArray,
-    face_indices: IntArray,
-    on_boundary: BoolArray,
-    points: FloatArray,
-    held: FloatArray,
-    start: int,
-    stop: int,
+    mesh: MeshStars, on_boundary: BoolArray, points: FloatArray, held: FloatArray, start: int, stop: int
 ) -> None:
     """Take off the moves of vertices start .. stop-1 what is along the surface: normals span what stays."""
+    vertices = mesh.vertices
     for i in range(start, stop):
         if on_boundary[i]:
             continue
         xx = xy = xz = yy = yz = zz = 0.0
-        for q in range(face_ptr[i], face_ptr[i + 1]):
-            x, y, z = face_normal(points, faces, face_indices[q])
+        for q in range(mesh.face_ptr[i], mesh.face_ptr[i + 1]):
+            x, y, z = face_normal(points, mesh.faces, mesh.face_indices[q])
             length = np.sqrt(x * x + y * y + z * z)
             if length > 0.0:
                 xx, xy, xz = xx + x * x / length, xy + x * y / length, xz + x * z / length
@@ -150,28 +142,20 @@ def _hold_back(
 
 
 @jit()
-def _shorten(
-    vertices: FloatArray,
-    faces: IntArray,
-    face_ptr: IntArray,
-    face_indices: IntArray,
-    points: FloatArray,
-    start: int,
-    stop: int,
-) -> None:
+def _shorten(mesh: MeshStars, points: FloatArray, start: int, stop: int) -> None:
     """End the moves of vertices start .. stop-1 to points where they are as long as the edges there allow."""
+    vertices = mesh.vertices
     for i in range(start, stop):
         x, y, z = points[i, 0] - vertices[i, 0], points[i, 1] - vertices[i, 1], points[i, 2] - vertices[i, 2]
         longest = 0.0
-        for q in range(face_ptr[i], face_ptr[i + 1]):
+        for q in range(mesh.face_ptr[i], mesh.face_ptr[i + 1]):
             for k in range(3):
-                longest = max(longest, edge_length(vertices, i, faces[face_indices[q], k]))
+                longest = max(longest, edge_length(vertices, i, mesh.faces[mesh.face_indices[q], k]))
         move, most = np.sqrt(x * x + y * y + z * z), FARTHEST * longest
         if move > most:
-            share = most / move
-            points[i, 0] = vertices[i, 0] + share * x
-            points[i, 1] = vertices[i, 1] + share * y
-            points[i, 2] = vertices[i, 2] + share * z
+            points[i, 0] = vertices[i, 0] + most / move * x
+            points[i, 1] = vertices[i, 1] + most / move * y
+            points[i, 2] = vertices[i, 2] + most / move * z
 
 
 @jit()

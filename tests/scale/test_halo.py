@@ -11,8 +11,8 @@ from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.spatial_order import in_spatial_order
 from bezier_filters.scale.halo import part_around, part_around_samples
-from bezier_filters.scale.partition import build_store
 from bezier_filters.scale.source import open_source
+from bezier_filters.scale.store import build_store
 
 
 def stored(folder, vertices, faces, tile=256):

@@ -13,8 +13,8 @@ from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.spatial_order import in_spatial_order
 from bezier_filters.scale import FitOptions, estimate_file, smooth_file
 from bezier_filters.scale.halo import part_around
-from bezier_filters.scale.partition import build_store
 from bezier_filters.scale.source import open_source
+from bezier_filters.scale.store import build_store
 from bezier_filters.surfaces import sphere, torus
 
 

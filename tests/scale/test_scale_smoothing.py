@@ -22,8 +22,8 @@ from bezier_filters.scale import FitOptions, learn, smooth_file
 from bezier_filters.scale.components import labelled_vertices, unite_components
 from bezier_filters.scale.halo import tile_part
 from bezier_filters.scale.learn import sampled_parts_of
-from bezier_filters.scale.partition import build_store
 from bezier_filters.scale.source import open_source
+from bezier_filters.scale.store import build_store
 from bezier_filters.scale.tiles import TileReport, open_tile, tile_path, write_tile
 from bezier_filters.smoothing import mesh_parts
 from bezier_filters.smoothing.mesh_parts import CORE, LARGEST_WHOLE, PART
@@ -247,9 +247,9 @@ def test_sampled_parts_are_those_in_memory(size, shape, tmp_path, monkeypatch):
         vertices, faces = pipe(12, 5200) if size == PART else pipe(3, 1800)
     mesh = triangle_mesh(*shuffled(vertices, faces))
     monkeypatch.setattr(mesh_parts, "CORE", CORE * size // PART)
+    monkeypatch.setattr(mesh_parts, "LARGEST_WHOLE", LARGEST_WHOLE * size // PART)
     for module in (mesh_parts, learn):
         monkeypatch.setattr(module, "PART", size)
-        monkeypatch.setattr(module, "LARGEST_WHOLE", LARGEST_WHOLE * size // PART)
     monkeypatch.setattr(learn, "FIRST_RINGS", 64 if size == PART else 6)
     assert mesh.vertex_count > LARGEST_WHOLE * size // PART
     store = build_store(open_source(save_arrays(tmp_path, mesh.vertices, mesh.faces)), tmp_path, 8192 * size // PART)

@@ -11,7 +11,7 @@ from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.runtime.parallel import CHUNK
 from bezier_filters.smoothing import denoise, mesh_parts
 from bezier_filters.smoothing.mesh_parts import CORE, LARGEST_WHOLE, PART, sampled_parts
-from bezier_filters.smoothing.vertex_update import UPDATE_ROUNDS, move_to_normals
+from bezier_filters.smoothing.normal_filter import UPDATE_ROUNDS, move_to_normals
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, sphere
 
 compiled = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")

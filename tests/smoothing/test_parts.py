@@ -48,7 +48,7 @@ def test_parts_with_rings_around_are_smoothed_as_the_whole(make):
     mesh = triangle_mesh(*make())
     adjacency = vertex_adjacency(mesh)
     sigma = 0.2 * edge_of(mesh.vertices, mesh.faces)
-    plan = learn_plan(sampled_parts(mesh, adjacency), NoiseModel(sigma**2), "curve")
+    plan, _ = learn_plan(sampled_parts(mesh, adjacency), NoiseModel(sigma**2), "curve")
     whole = denoise(whole_mesh(mesh, adjacency), plan)
     learned = remove_noise(mesh, adjacency, NoiseModel(sigma**2), "curve")
     assert np.abs(learned.points - whole.points).max() < 1e-5 * sigma  # what learning leaves

@@ -9,10 +9,9 @@ from bezier_filters import smooth
 from bezier_filters.learning.noise_model import NoiseModel, known_noise
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
-from bezier_filters.smoothing.correlation import WHITE, Correlation, correlated_noise, correlated_signs
 from bezier_filters.smoothing.mesh_parts import whole_mesh
 from bezier_filters.smoothing.noise import NoisyMesh, free_laplacian
-from bezier_filters.smoothing.probes import random_signs
+from bezier_filters.smoothing.random_noise import WHITE, Correlation, correlated_noise, correlated_signs, random_signs
 from bezier_filters.surfaces import bumpy_star, ellipsoid, torus, waves
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")

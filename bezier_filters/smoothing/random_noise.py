@@ -1,22 +1,57 @@
-"""Noise that is alike at neighbouring vertices, made of white noise: by it is found what filters leave of a scanner's.
+"""Random noise at the vertices of a mesh, by which leverages and what filters leave of noise are found.
 
-Heat flow on the mesh averages white noise over surroundings, which makes it as smooth as scanners do.
+It goes by the numbers of the vertices in the whole mesh alone, not by their order, so a tile draws the same as the mesh
+that it is a part of. Noise that is alike at neighbouring vertices is made of white noise: heat flow on the mesh
+averages it over surroundings, which makes it as smooth as scanners do.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.smoothing.chebyshev import diffuse
 from bezier_filters.smoothing.laplacian import Laplacian
-from bezier_filters.smoothing.probes import random_signs, white_noise
 
+OTHER_SIGNS = 32  # column from which on random signs are others than those that chose the filters
 FIRST_STREAM = 100  # of the random bits that correlated noise is made of
 # of a lattice of triangles, where it is known how alike heat flow makes neighbours: its size, and the largest time
 GRID, LONGEST = 32, 64.0
 AREA = 0.87  # of a mesh per vertex, times the squared mean edge
+
+
+def random_bits(ids: IntArray, stream: int) -> NDArray[np.uint64]:
+    """64 random bits for every number, (n,) (the generator splitmix64 of Steele, Lea and Flood, at the place `id`).
+
+    >>> random_bits(np.array([0, 1], dtype=np.int32), 0)
+    array([16294208416658607535,  7960286522194355700], dtype=uint64)
+    """
+    step = np.uint64(0x9E3779B97F4A7C15)
+    with np.errstate(over="ignore"):
+        bits = (ids.astype(np.uint64) + np.uint64((stream << 32) + 1)) * step
+        bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        bits = (bits ^ (bits >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return bits ^ (bits >> np.uint64(31))
+
+
+def random_signs(ids: IntArray, columns: int, *, first: int = 0, stream: int = 0) -> SingleArray:
+    """Random signs, (n, columns), from some column on, of which there are 64."""
+    bits = random_bits(ids, stream)
+    signs = [bits >> np.uint64(first + k) & np.uint64(1) for k in range(columns)]
+    return np.column_stack([2.0 * sign.astype(np.float32) - 1.0 for sign in signs])
+
+
+def white_noise(ids: IntArray, columns: int, *, stream: int = 1) -> SingleArray:
+    """Numbers of the standard normal distribution, (n, columns), by the transform of Box and Muller."""
+    result = np.empty((len(ids), columns), dtype=np.float32)
+    for k in range(0, columns, 2):
+        radius, angle = ((random_bits(ids, stream + k + j) >> np.uint64(11)) * 2.0**-53 for j in range(2))
+        radius = np.sqrt(-2.0 * np.log1p(-radius))
+        result[:, k] = radius * np.cos(2.0 * np.pi * angle)
+        result[:, k + 1 : k + 2] = (radius * np.sin(2.0 * np.pi * angle))[:, np.newaxis]
+    return result
 
 
 @dataclass(frozen=True)
@@ -43,10 +78,12 @@ class Correlation:
         scales = tuple(float(np.sqrt(share) / spread) for share, spread in zip(shares, spreads, strict=True))
         return Correlation(float(np.sqrt(noise.white / noise.variance)), times, scales, max(alike, 1.0))
 
-    def apply(self, white: SingleArray, others: list[SingleArray], laplacian: Laplacian, threads: int) -> SingleArray:
+    def apply(self, white: list[SingleArray], laplacian: Laplacian, threads: int) -> SingleArray:
         """Noise (n, c) made of white noise, and of other white noise for every part."""
-        result: FloatArray = self.white * white.astype(np.float64)
-        for time, scale, other in zip(self.times, self.scales, others, strict=True):
+        if not self.times:
+            return white[0]
+        result: FloatArray = self.white * white[0].astype(np.float64)
+        for time, scale, other in zip(self.times, self.scales, white[1:], strict=True):
             result += scale * diffuse(laplacian, other.astype(np.float64), time, threads=threads)
         return result.astype(np.float32)
 
@@ -71,19 +108,14 @@ def correlated_signs(
     ids: IntArray, columns: int, correlation: Correlation, laplacian: Laplacian, *, first: int = 0, threads: int = 1
 ) -> SingleArray:
     """Noise of variance 1 made of random signs, (n, columns)."""
-    signs = random_signs(ids, columns, first=first)
-    if not correlation.times:
-        return signs
-    others = [random_signs(ids, columns, first=first, stream=FIRST_STREAM + k) for k in range(len(correlation.times))]
-    return correlation.apply(signs, others, laplacian, threads)
+    streams = [0, *(FIRST_STREAM + k for k in range(len(correlation.times)))]
+    signs = [random_signs(ids, columns, first=first, stream=stream) for stream in streams]
+    return correlation.apply(signs, laplacian, threads)
 
 
 def correlated_noise(
     ids: IntArray, columns: int, correlation: Correlation, laplacian: Laplacian, *, threads: int = 1
 ) -> SingleArray:
     """Noise of variance 1 and normal distribution, (n, columns)."""
-    noise = white_noise(ids, columns)
-    if not correlation.times:
-        return noise
-    others = [white_noise(ids, columns, stream=FIRST_STREAM * (k + 2)) for k in range(len(correlation.times))]
-    return correlation.apply(noise, others, laplacian, threads)
+    streams = [1, *(FIRST_STREAM * (k + 2) for k in range(len(correlation.times)))]
+    return correlation.apply([white_noise(ids, columns, stream=stream) for stream in streams], laplacian, threads)
