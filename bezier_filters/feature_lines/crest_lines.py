@@ -17,6 +17,9 @@ from bezier_filters.meshes.mesh import TriangleMesh
 # standard errors by which curvature falls off beside the lines that noise makes, at most: those are found because it
 # does. On tori and cylinders with noise of 0.1 to 0.3 edges 2 in 150 lines have more.
 BY_CHANCE = 3.0
+# variance of a principal curvature over that of their mean: of a fit, x^2 - y^2 varies half as much about the plane as
+# x^2 + y^2 about its own mean
+PRINCIPAL = 1.5
 HEIGHT = np.sqrt(0.75)  # of an equilateral triangle over its side: a ring is so many edges wide
 
 
@@ -120,7 +123,7 @@ class Sides:
         lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
         middle = 0.5 * (points[1:] + points[:-1])
         at: IntArray = self.tree.query(middle)[1].astype(np.int32)
-        error = float(np.sqrt(1.5 * np.square(self.errors[at]).mean()))
+        error = float(np.sqrt(1.5 * PRINCIPAL * np.square(self.errors[at]).mean()))
         if error == 0.0:
             return 1.0
         across, reach = field.directions[at], self.reach[at][:, np.newaxis]
