@@ -52,7 +52,7 @@ TOPOLOGY = (
     "hole_filling",
     "loops",
     "planar_fill",
-    "fill_placement",
+    "fill_methods",
     "refinement",
     "influence_region",
 )

@@ -11,7 +11,7 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.display import html_table
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.fit_options import check_noise
-from bezier_filters.holes.fill_placement import (
+from bezier_filters.holes.fill_methods import (
     FILL_METHODS,
     FaceSet,
     FilledHole,

@@ -1,4 +1,4 @@
-"""Fills in their mesh: what is tried, which attempt is taken, and in which order holes that may meet are filled.
+"""Methods to fill a hole, which of their attempts is taken, and in which order holes that may meet are filled.
 
 A further method to fill holes is a function of a task, and a line in the table.
 """

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.sparse.csgraph import connected_components
 
-from bezier_filters.holes.fill_placement import (
+from bezier_filters.holes.fill_methods import (
     FILL_METHODS,
     MOST_FREED,
     FaceSet,
