@@ -99,6 +99,12 @@ def textured(textured_bunny):
     return textured_bunny
 
 
+@pytest.fixture
+def quick_pictures(monkeypatch):
+    """Pictures are drawn as large as they are, a quarter of the pixels, where no test looks at how smooth edges are."""
+    monkeypatch.setattr("bezier_filters.pictures.scene._SUPERSAMPLING", 1)
+
+
 @pytest.fixture(scope="session")
 def bunny():
     """The closed Stanford bunny, 28,088 vertices."""
