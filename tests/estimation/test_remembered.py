@@ -25,10 +25,10 @@ def nothing_known(monkeypatch):
 @pytest.fixture(params=["star", "block"])
 def mesh(request):
     if request.param == "star":
-        star = bumpy_star(resolution=14)
+        star = bumpy_star(resolution=8)
         vertices, faces = star.vertices, star.faces
     else:
-        vertices, faces = block_with_sharp_edges(resolution=12)
+        vertices, faces = block_with_sharp_edges(resolution=8)
     edge = np.linalg.norm(vertices[faces[:, 0]] - vertices[faces[:, 1]], axis=1).mean()
     return vertices + np.random.default_rng(5).normal(0.0, 0.1 * edge, vertices.shape), faces
 
