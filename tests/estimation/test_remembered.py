@@ -81,7 +81,7 @@ def test_what_was_not_asked_for_longest_is_forgotten(nothing_known):
 
 
 def test_threads_share_it(nothing_known, mesh):
-    with ThreadPoolExecutor(4) as pool:
+    with ThreadPoolExecutor(2) as pool:
         results = list(pool.map(lambda _: bf.estimate_vertex_geometry(*mesh).k_max, range(8)))
     for k_max in results[1:]:
         np.testing.assert_array_equal(k_max, results[0])
