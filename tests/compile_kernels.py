@@ -17,7 +17,10 @@ from survivors import keep_survivors
 def compile_kernels() -> None:
     """Call every function on meshes as small as they can be."""
     vertices, faces = punched_torus()
-    for options in ({}, {"robust": True, "conditions": True}, {"radius": 0.5}):
+    for robust in (False, True):
+        for conditions in (False, True):
+            bf.estimate_vertex_geometry(vertices, faces, robust=robust, conditions=conditions)
+    for options in ({"radius": 0.5}, {"rings": 2, "alpha": 0.8, "robust": True}):
         bf.estimate_vertex_geometry(vertices, faces, **options)
     bf.estimate_vertex_geometry(vertices, None)
     for method in ("auto", "paper"):

@@ -90,13 +90,24 @@ def textured_bunny(textured_bunny_file):
 @pytest.fixture
 def textured(textured_bunny):
     """The textured bunny in a MeshSet where everything that could get lost is set."""
+    return furnished_bunny(textured_bunny)
+
+
+def furnished_bunny(ms):
+    """That MeshSet with everything."""
     from furnished import furnish
 
-    textured_bunny.create_cube()
-    textured_bunny.set_current_mesh(0)
-    furnish(textured_bunny, height=10, faces=750)
-    textured_bunny.current_mesh().set_label("my bunny")
-    return textured_bunny
+    ms.create_cube()
+    ms.set_current_mesh(0)
+    furnish(ms, height=10, faces=750)
+    ms.current_mesh().set_label("my bunny")
+    return ms
+
+
+@pytest.fixture
+def quick_pictures(monkeypatch):
+    """Pictures are drawn as large as they are, a quarter of the pixels, where no test looks at how smooth edges are."""
+    monkeypatch.setattr("bezier_filters.pictures.scene._SUPERSAMPLING", 1)
 
 
 @pytest.fixture(scope="session")

@@ -7,6 +7,7 @@ neighbourhood that is [-1, 1]^2 in s and t, weighs ((1 - alpha) / alpha)^2 / C(a
 from math import comb
 
 import mpmath
+import numpy as np
 from mpmath import mpf
 
 mpmath.mp.dps = 150
@@ -48,11 +49,12 @@ def vertex_normal(vertices, faces, vertex):
 
 def neighbourhood(faces, vertex, rings):
     """A vertex and all within so many edges; faces that name a vertex twice have none."""
-    faces = [face for face in faces if len(set(face.tolist())) == 3]
-    found = {int(vertex)}
+    a, b, c = faces.T
+    faces = faces[(a != b) & (b != c) & (c != a)]
+    found = np.array([vertex])
     for _ in range(rings):
-        found |= {int(i) for face in faces if found & set(face.tolist()) for i in face}
-    return [int(vertex), *sorted(found - {int(vertex)})]
+        found = np.union1d(found, faces[np.isin(faces, found).any(axis=1)])
+    return [int(vertex), *found[found != vertex].tolist()]
 
 
 def farthest_direction(edges, normal):

@@ -6,13 +6,13 @@ import re
 import shutil
 import subprocess
 import sys
-from io import StringIO
+from io import BytesIO, StringIO, TextIOWrapper
 from pathlib import Path
 
 import numpy as np
 import pymeshlab
 import pytest
-from command_line import run
+from command_line import in_this_process, run
 from rich.console import Console
 from rich.progress import Progress
 
@@ -20,6 +20,7 @@ from bezier_filters import estimate_vertex_geometry, read_fields
 from bezier_filters._version import __version__
 from bezier_filters.cli import console
 from bezier_filters.cli.commands import app
+from bezier_filters.runtime import worker_processes
 from bezier_filters.surfaces import sphere
 
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
@@ -168,11 +169,17 @@ def test_a_write_protected_file_is_replaced_if_that_is_said(tmp_path):
     assert read_fields(target)["bz_normal_x"].any()
 
 
-def in_a_shell(folder, command):
-    """Run a command in a process of its own: its exit status, and all that it says."""
-    work = [sys.executable, "-m", "bezier_filters", *command.split()]
-    done = subprocess.run(work, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    return done.returncode, done.stdout
+@pytest.fixture
+def in_folder(tmp_path, monkeypatch):
+    """Runs a command in the folder of the test: its exit status, and all that it says."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(worker_processes, "run_in_processes", in_this_process)
+
+    def run_there(command):
+        done = run(*command.split())
+        return done.returncode, done.stdout + done.stderr
+
+    return run_there
 
 
 @pytest.mark.parametrize(
@@ -189,12 +196,12 @@ def in_a_shell(folder, command):
         ("scale curvature scan.ply a.ply", "a.ply", 2),
     ],
 )
-def test_every_command_spares_write_protected_files(command, target, status, tmp_path):
+def test_every_command_spares_write_protected_files(command, target, status, tmp_path, in_folder):
     (tmp_path / "out").mkdir()
     shutil.copy(SAMPLES / "torus.ply", tmp_path / "scan.ply")
     (tmp_path / target).write_text("precious")
     (tmp_path / target).chmod(0o444)
-    code, said = in_a_shell(tmp_path, command)
+    code, said = in_folder(command)
     assert code == status
     assert "is write-protected; give --overwrite to replace it" in said
     assert (tmp_path / target).read_text() == "precious"
@@ -205,14 +212,15 @@ def test_every_command_spares_write_protected_files(command, target, status, tmp
     "command",
     ["qmap scan.ply scan.ply", "curvature scan.ply c.ply --save-script scan.ply", "scale smooth scan.ply scan.ply"],
 )
-def test_every_command_spares_its_input(command, tmp_path):
+def test_every_command_spares_its_input(command, tmp_path, in_folder):
     shutil.copy(SAMPLES / "torus.ply", tmp_path / "scan.ply")
-    code, said = in_a_shell(tmp_path, command)
+    code, said = in_folder(command)
     assert code == 2
     assert "scan.ply is the input; give --overwrite to replace it" in said
     assert (tmp_path / "scan.ply").read_bytes() == (SAMPLES / "torus.ply").read_bytes()
 
 
+@pytest.mark.usefixtures("quick_pictures")
 @pytest.mark.parametrize(
     ("command", "name"),
     [("render scan.ply {} --field shape --size 50", "a.png"), ("qmap curved.ply {}", "a.qmap"), ("demo scan.ply", "")],
@@ -230,22 +238,22 @@ def test_they_are_replaced_if_that_is_said(command, name, tmp_path, monkeypatch)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="pipes are for POSIX systems")
-def test_meshes_come_and_go_through_pipes(tmp_path):
-    options = {"capture_output": True, "check": True}
-    command = [sys.executable, "-m", "bezier_filters"]
-    torus = (SAMPLES / "torus.ply").read_bytes()
-    done = subprocess.run([*command, "curvature", "-", "-", "--rings", "2"], input=torus, **options)
+def test_meshes_come_and_go_through_pipes(tmp_path, monkeypatch):
+    """Through those of a process at first, and then through what it reads as the standard input."""
+    command = [sys.executable, "-m", "bezier_filters", "curvature", "-", "-", "--rings", "2"]
+    done = subprocess.run(command, input=(SAMPLES / "torus.ply").read_bytes(), capture_output=True, check=True)
     run("curvature", SAMPLES / "torus.ply", tmp_path / "file.ply", "--rings", 2)
     assert done.stdout == (tmp_path / "file.ply").read_bytes()
     assert b"fitted as asked (OK)" in done.stderr
     ms = load(SAMPLES / "waves.ply")
     for suffix in (".obj", ".off", ".stl"):
         ms.save_current_mesh(str(tmp_path / f"w{suffix}"))
-        data = (tmp_path / f"w{suffix}").read_bytes()
-        report = json.loads(subprocess.run([*command, "info", "-", "--json"], input=data, **options).stdout)
+        monkeypatch.setattr(sys, "stdin", TextIOWrapper(BytesIO((tmp_path / f"w{suffix}").read_bytes())))
+        report = json.loads(run("info", "-", "--json").stdout)
         assert report["faces"] == ms.current_mesh().face_number()
-    refused = subprocess.run([*command, "curvature", "-", "-"], input=b"nothing", capture_output=True)
-    assert (refused.returncode, refused.stdout) == (2, b"")
+    monkeypatch.setattr(sys, "stdin", TextIOWrapper(BytesIO(b"nothing")))
+    refused = run("curvature", "-", "-")
+    assert (refused.returncode, refused.stdout) == (2, "")
 
 
 def test_formats_without_quality_are_written_with_a_note(tmp_path):
@@ -407,7 +415,7 @@ def test_info_says_what_stands_in_the_way(tmp_path):
 
 def test_the_noise_is_told_in_words_and_may_be_given(tmp_path):
     """By every command that looks at it, of a sphere with noise of 0.1 edges that is independent."""
-    ball, scan = sphere(resolution=30, jitter=0.2), tmp_path / "scan.ply"
+    ball, scan = sphere(resolution=20, jitter=0.2), tmp_path / "scan.ply"
     edge = float(np.linalg.norm(ball.vertices[ball.faces[:, 0]] - ball.vertices[ball.faces[:, 1]], axis=1).mean())
     heights = 0.1 * edge * np.random.default_rng(0).standard_normal((len(ball.vertices), 1))
     meshes = pymeshlab.MeshSet()
@@ -463,6 +471,7 @@ def test_render_draws_several_fields(tmp_path):
     assert picture.stat().st_size > 10_000
 
 
+@pytest.mark.usefixtures("quick_pictures")
 def test_demo_of_a_mesh_writes_four_meshes_and_a_picture(tmp_path):
     result = run("demo", SAMPLES / "bumpy_star.ply", "--out", tmp_path / "new" / "folder", "--json")
     assert result.returncode == 0, result.stderr

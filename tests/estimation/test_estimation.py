@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from conftest import pymeshlab_sample
 from graph_fits import fit_over_plane_z
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from plyfile import PlyData
 from reference import paper_fit
@@ -87,6 +87,7 @@ def assert_reproduces(geometry, truth, at_least, where=True):
     assert geometry.residual[fitted].max() < 1e-9
 
 
+@settings(max_examples=30)
 @given(
     alpha=st.floats(0.05, 1.0),
     degree=st.sampled_from([2, 3, 4]),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from fundamental_forms import fundamental_forms, principal_curvatures
 from graph_fits import fit_over_plane_z, geometry_of_graph
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from bezier_filters import FitStatus, PatchFit, estimate_vertex_geometry
@@ -47,6 +47,7 @@ def derivative_along(curvature, x, y, direction):
     )
 
 
+@settings(max_examples=40)
 @given(st.tuples(*[st.floats(-1, 1)] * 10), st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
 def test_formula_equals_numerical_differentiation_of_the_curvature_of_a_graph(coefficients, x, y):
     """The gradient is not zero: the terms with Christoffel symbols matter."""
@@ -65,6 +66,7 @@ def test_formula_equals_numerical_differentiation_of_the_curvature_of_a_graph(co
         assert value == pytest.approx(expected[0], abs=1e-6)
 
 
+@settings(max_examples=40)
 @given(st.tuples(*[st.floats(-0.7, 0.7)] * 10), st.integers(0, 20), st.sampled_from([3, 4]))
 def test_cubics_have_exact_extremalities(coefficients, seed, degree):
     """Fitted over the plane z = 0, which is not tangent anywhere."""

@@ -79,7 +79,7 @@ def some_of(vertices, seed):
     return chosen
 
 
-@settings(max_examples=40)
+@settings(max_examples=30)
 @given(mesh=st.sampled_from(MESHES), alpha=st.floats(0.1, 1.0), rings=st.integers(1, 3), seed=st.integers(0, 10**6))
 def test_the_papers_mode_is_dense_least_squares(mesh, alpha, rings, seed):
     vertices, faces = mesh
@@ -92,7 +92,7 @@ def test_the_papers_mode_is_dense_least_squares(mesh, alpha, rings, seed):
     assume(assert_equal(geometry, dense, np.flatnonzero(chosen), 0.1))
 
 
-@settings(max_examples=40)
+@settings(max_examples=30)
 @given(
     mesh=st.sampled_from(MESHES),
     count=st.integers(1, 10),

@@ -124,10 +124,10 @@ class TestOutside:
 
 
 ACCURACY = {
-    "torus": torus(resolution=30, jitter=0.3),
+    "torus": torus(resolution=20, jitter=0.3),
     "bumpy_star": bumpy_star(resolution=16, jitter=0.3),
     "ellipsoid": ellipsoid(resolution=16, jitter=0.3),
-    "waves": waves(resolution=40, jitter=0.3),
+    "waves": waves(resolution=30, jitter=0.3),
 }
 
 

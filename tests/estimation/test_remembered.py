@@ -25,10 +25,10 @@ def nothing_known(monkeypatch):
 @pytest.fixture(params=["star", "block"])
 def mesh(request):
     if request.param == "star":
-        star = bumpy_star(resolution=14)
+        star = bumpy_star(resolution=8)
         vertices, faces = star.vertices, star.faces
     else:
-        vertices, faces = block_with_sharp_edges(resolution=12)
+        vertices, faces = block_with_sharp_edges(resolution=8)
     edge = np.linalg.norm(vertices[faces[:, 0]] - vertices[faces[:, 1]], axis=1).mean()
     return vertices + np.random.default_rng(5).normal(0.0, 0.1 * edge, vertices.shape), faces
 
@@ -81,7 +81,7 @@ def test_what_was_not_asked_for_longest_is_forgotten(nothing_known):
 
 
 def test_threads_share_it(nothing_known, mesh):
-    with ThreadPoolExecutor(4) as pool:
+    with ThreadPoolExecutor(2) as pool:
         results = list(pool.map(lambda _: bf.estimate_vertex_geometry(*mesh).k_max, range(8)))
     for k_max in results[1:]:
         np.testing.assert_array_equal(k_max, results[0])

@@ -43,7 +43,7 @@ def errors(surface, vertices, **options):
 @each_option
 def test_outliers_do_less_harm(name, mode):
     surface = SURFACES[name]()
-    draws = [measured(surface, 0.05, seed) for seed in range(3)]
+    draws = [measured(surface, 0.05, seed) for seed in range(2)]
     robust, plain = (
         np.square([errors(surface, draw, robust=option, **OPTIONS[mode]) for draw in draws]).mean(axis=0)
         for option in (True, False)

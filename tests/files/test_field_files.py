@@ -176,7 +176,7 @@ def elements(draw: st.DrawFn) -> list[Element]:
     return draw(st.permutations(made))
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(elements(), st.sampled_from(["ascii", "<", ">"]))
 def test_every_layout_of_a_ply_file_is_read(
     tmp_path_factory: pytest.TempPathFactory, parts: list[Element], order: str

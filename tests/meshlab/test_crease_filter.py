@@ -133,6 +133,7 @@ class TestCommand:
         if suffix == ".ply":
             np.testing.assert_array_equal(mesh.vertex_scalar_array(), line["strength"])
 
+    @pytest.mark.usefixtures("quick_pictures")
     def test_text_and_picture(self, source):
         result = self.run(source, source.with_name("l.ply"), "--picture", source.with_name("p.png"), "--view", "iso")
         assert result.exit_code == 0, result.output

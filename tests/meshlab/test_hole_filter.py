@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pymeshlab
 import pytest
+from conftest import furnished_bunny
 from meshset_state import attributes, changed, frozen, layer_state, mesh_state
 
 from bezier_filters.errors import CancelledError
@@ -22,11 +23,26 @@ NORMALS = {"vertex_normal_matrix", "face_normal_matrix"}
 
 @pytest.fixture
 def textured(textured):
+    return with_columns(textured)
+
+
+def with_columns(ms):
     """With columns of our own, too."""
-    mesh = textured.current_mesh()
+    mesh = ms.current_mesh()
     mesh.add_vertex_custom_scalar_attribute(np.ones(mesh.vertex_number()), "bz_k_min")
     mesh.add_vertex_custom_scalar_attribute(np.zeros(mesh.vertex_number()), "bz_fit_status")
-    return textured
+    return ms
+
+
+@pytest.fixture(scope="module")
+def filled(textured_bunny_file):
+    """The bunny with everything before and after its holes were filled, to be looked at only, and the report."""
+    before, after = pymeshlab.MeshSet(), pymeshlab.MeshSet()
+    for ms in (before, after):
+        ms.load_new_mesh(str(textured_bunny_file))
+        with_columns(furnished_bunny(ms))
+    assert changed(mesh_state(before), mesh_state(after)) == set()
+    return before, after, meshing_close_holes_by_bezier_patch(after)
 
 
 def arrays(ms):
@@ -58,27 +74,31 @@ def punctured_torus(seam=False):
     return ms
 
 
-def test_the_mesh_is_that_of_the_array_function(textured):
-    expected = fill_holes(*arrays(textured))
-    report = meshing_close_holes_by_bezier_patch(textured)
-    vertices, faces = arrays(textured)
+def test_the_mesh_is_that_of_the_array_function(filled):
+    before, after, report = filled
+    expected = fill_holes(*arrays(before))
+    vertices, faces = arrays(after)
     np.testing.assert_array_equal(vertices, expected.vertices)
     np.testing.assert_array_equal(faces, expected.faces)
     assert report["closed_holes"] == expected.filled == 5
     assert report["open_holes"] == 0
-    assert textured.get_topological_measures()["boundary_edges"] == 0
+    alone = pymeshlab.MeshSet()  # since pymeshlab's filter changes what is selected
+    alone.add_mesh(pymeshlab.Mesh(vertices, faces))
+    assert alone.get_topological_measures()["boundary_edges"] == 0
 
 
-def test_everything_old_stays(textured):
-    before = layer_state(textured.current_mesh()) | {k: frozen(v) for k, v in attributes(textured).items()}
-    others = {key: value for key, value in mesh_state(textured).items() if key.startswith("1: ")}
-    script = mesh_state(textured)["script"]
-    count = textured.current_mesh().vertex_number(), textured.current_mesh().face_number()
-    report = meshing_close_holes_by_bezier_patch(textured)
-    after = layer_state(textured.current_mesh()) | {k: frozen(v) for k, v in attributes(textured).items()}
+def test_everything_old_stays(filled):
+    open_one, closed_one, report = filled
+    before, after = (
+        layer_state(ms.current_mesh()) | {k: frozen(v) for k, v in attributes(ms).items()}
+        for ms in (open_one, closed_one)
+    )
+    others = {key: value for key, value in mesh_state(open_one).items() if key.startswith("1: ")}
+    script = mesh_state(open_one)["script"]
+    count = open_one.current_mesh().vertex_number(), open_one.current_mesh().face_number()
     assert report["lost_attributes"] == []
     assert before.keys() == after.keys()
-    vertices, _ = arrays(textured)
+    vertices, _ = arrays(closed_one)
     np.testing.assert_array_equal(thawed(after["bounding_box"]), [*vertices.min(axis=0), *vertices.max(axis=0)])
     for key, old in before.items():
         if key in {*NORMALS, "bounding_box"}:
@@ -87,18 +107,17 @@ def test_everything_old_stays(textured):
             rows = thawed(old)
             np.testing.assert_array_equal(thawed(after[key])[: len(rows)], rows, err_msg=key)
             assert len(rows) in (*count, 3 * count[1]), key
-    state = mesh_state(textured)
+    state = mesh_state(closed_one)
     assert state["script"] == script
     assert state["current"] == report["id"]
-    assert {layer.id() for layer in textured} == {1, report["id"]}
+    assert {layer.id() for layer in closed_one} == {1, report["id"]}
     assert others.items() <= state.items()
 
 
-def test_what_is_new_is_defined(textured):
-    n, m = textured.current_mesh().vertex_number(), textured.current_mesh().face_number()
-    quality = textured.current_mesh().vertex_scalar_array()
-    report = meshing_close_holes_by_bezier_patch(textured)
-    mesh = textured.current_mesh()
+def test_what_is_new_is_defined(filled):
+    before, after, report = filled
+    n, m = before.current_mesh().vertex_number(), before.current_mesh().face_number()
+    quality, mesh = before.current_mesh().vertex_scalar_array(), after.current_mesh()
     assert mesh.vertex_number() == n + report["new_vertices"] > n
     assert mesh.face_number() == m + report["new_faces"]
     new = slice(n, None)
@@ -148,11 +167,10 @@ def edges_with_coordinates(mesh, faces):
     }
 
 
-def test_new_faces_show_the_texture_of_those_beside_them(textured, tmp_path):
-    m = textured.current_mesh().face_number()
-    report = meshing_close_holes_by_bezier_patch(textured)
+def test_new_faces_show_the_texture_of_those_beside_them(filled, tmp_path):
+    before, after, report = filled
+    m, mesh = before.current_mesh().face_number(), after.current_mesh()
     assert report["textured"]
-    mesh = textured.current_mesh()
     new = edges_with_coordinates(mesh, range(m, mesh.face_number()))
     old = edges_with_coordinates(mesh, range(m))
     shared = [(start, end) for start, end in new if (end, start) in old]
@@ -163,9 +181,9 @@ def test_new_faces_show_the_texture_of_those_beside_them(textured, tmp_path):
         face_at[start, end] for start, end in shared if np.allclose(new[start, end], old[end, start][::-1], atol=1e-6)
     }
     assert agreeing == {face_at[edge] for edge in shared}  # a new face with two old neighbours is like one of them
-    names, _ = textures_of(textured)
+    names, _ = textures_of(after)
     assert names == ["TextureDouble_A.png"]
-    textured.save_current_mesh(str(tmp_path / "closed.obj"))
+    after.save_current_mesh(str(tmp_path / "closed.obj"))
     materials = (tmp_path / "closed.obj.mtl").read_text()
     assert materials.count("newmtl") == materials.count("map_Kd TextureDouble_A.png")
 

@@ -209,9 +209,9 @@ import bezier_filters, pymeshlab
 bezier_filters.register()
 ms = pymeshlab.MeshSet()
 ms.create_torus(hsubdiv=40, vsubdiv=24)
-ms.apply_filter("compute_normal_by_bezier_patch_per_vertex", rings=2)
+ms.apply_filter("compute_normal_by_bezier_patch_per_vertex", rings=2, alpha=0.8)
 ms.apply_filter("apply_coord_laplacian_smoothing", stepsmoothnum=1)
-ms.apply_filter("compute_curvature_by_bezier_patch_per_vertex", alpha=1 / 3, quality="gaussian")
+ms.apply_filter("compute_curvature_by_bezier_patch_per_vertex", rings=3, alpha=1 / 3, quality="gaussian")
 ms.save_filter_script("script.mlx")
 bezier_filters.save_mesh(ms, "written.ply")
 """

@@ -20,7 +20,7 @@ COLUMNS = {"bz_displacement", "bz_sharpness"}
 @pytest.fixture
 def noisy():
     """A noisy torus, with another layer and everything set that could get lost."""
-    surface = torus(resolution=24, jitter=0.3)
+    surface = torus(resolution=16, jitter=0.3)
     heights = 0.01 * np.random.default_rng(0).standard_normal(len(surface.vertices))
     ms = pymeshlab.MeshSet()
     ms.add_mesh(pymeshlab.Mesh(surface.vertices + heights[:, None] * surface.normals, surface.faces), "ring")

@@ -225,7 +225,10 @@ class TestCommands:
                 assert image.info["dpi"] == pytest.approx((300, 300), abs=1)
 
     def test_a_scale_is_linear_or_symlog(self, folder):
-        assert run(folder, "render", "curved.ply", "s.png", "--scale", "symlog", "--histogram").exit_code == 0
+        assert (
+            run(folder, "render", "curved.ply", "s.png", "--scale", "symlog", "--histogram", "--size", 100).exit_code
+            == 0
+        )
         assert run(folder, "render", "curved.ply", "t.png", "--scale", "log").exit_code == 2
 
     def test_a_given_range(self, folder):

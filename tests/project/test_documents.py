@@ -5,6 +5,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pymeshlab
@@ -94,28 +95,39 @@ def prepared(tmp_path_factory):
     return folder
 
 
-@pytest.fixture
-def folder(prepared, tmp_path):
-    """The same for one command alone, which then needs no other before it."""
-    return shutil.copytree(prepared, tmp_path / "documents")
+@pytest.fixture(scope="module")
+def outcome(prepared, tmp_path_factory):
+    """Runs a command in files of its own, so that it needs no other before it; what several pages name, once."""
+
+    @cache
+    def run(*arguments):
+        folder = tmp_path_factory.mktemp("documents")
+        shutil.copytree(prepared, folder, dirs_exist_ok=True)
+        with pytest.MonkeyPatch.context() as patched:
+            patched.chdir(folder)
+            patched.setattr(worker_processes, "run_in_processes", in_this_process)
+            return CliRunner().invoke(app, arguments)
+
+    return run
 
 
+@pytest.mark.usefixtures("quick_pictures")
 @pytest.mark.parametrize("command", [*found(COMMAND), *in_help()])
-def test_command_runs(command, folder, monkeypatch):
+def test_command_runs(command, outcome):
     """`view` needs a display, `watch` never ends, completion changes the user's shell, HOST is any machine.
 
-    Their options are parsed.
+    Their options are parsed. Pictures are small.
 
     Processes for tiles and batches are started by other tests, and by the script above.
     """
-    monkeypatch.chdir(folder)
-    monkeypatch.setattr(worker_processes, "run_in_processes", in_this_process)
     arguments = shlex.split(command, comments=True)
     if arguments[0] in ("view", "watch", "--install-completion") or "HOST" in command:
         arguments.append("--help")
     elif arguments[0] == "scale":
         arguments += ["--scheduler", "synchronous"]
-    result = CliRunner().invoke(app, arguments)
+    elif arguments[0] == "render":
+        arguments += ["--size", "100"]
+    result = outcome(*arguments)
     assert result.exception is None
     assert result.exit_code == 0
 

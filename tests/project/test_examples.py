@@ -11,9 +11,14 @@ EXAMPLES = sorted(path.stem for path in (Path(__file__).parents[2] / "examples")
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
+def done():
+    """Results and folders of the examples that were run."""
+    return {}
+
+
+@pytest.fixture
+def run(done, tmp_path_factory, quick_pictures):
     """Run an example once: its results, and the folder with its files."""
-    done = {}
 
     def run_once(number):
         name = next(name for name in EXAMPLES if name.startswith(f"ex{number:02}_"))

@@ -64,14 +64,16 @@ def test_only_unfinished_tiles_are_computed_after_an_interrupt(files, tmp_path):
 
 
 def test_a_run_that_is_stopped_while_it_sorts_starts_anew(files, tmp_path):
+    given = {"options": FitOptions(**GIVEN)}
+
     def progress(stage, done, total):
         return stage != "sort" or done < total // 2
 
     with pytest.raises(CancelledError):
-        estimate_file(files, tmp_path / "out.ply", progress=progress, **OPTIONS)
-    report = estimate_file(files, tmp_path / "out.ply", resume=True, **OPTIONS)
+        estimate_file(files, tmp_path / "out.ply", progress=progress, **OPTIONS, **given)
+    report = estimate_file(files, tmp_path / "out.ply", resume=True, **OPTIONS, **given)
     assert report["computed_tiles"] == TILES
-    assert_same_as_in_memory(report, *clean())
+    assert_same_as_in_memory(report, *clean(), **GIVEN)
 
 
 @pytest.mark.parametrize("find", [tile_path, report_path])
@@ -96,13 +98,14 @@ def test_a_damaged_tile_is_named_and_computed_again(find, place, files, tmp_path
 
 
 def test_what_a_killed_process_leaves_is_no_result(files, tmp_path):
-    results = interrupted(files, tmp_path / "out.ply", 3)
+    given = {"options": FitOptions(**GIVEN)}
+    results = interrupted(files, tmp_path / "out.ply", 3, **given)
     done = tiles_in(results)
     tile_path(results, 7).with_name(".0123456789abcdef.npy").write_bytes(b"NUMPY")
     tile_path(results, 8).touch()
-    report = estimate_file(files, tmp_path / "out.ply", resume=True, **OPTIONS)
+    report = estimate_file(files, tmp_path / "out.ply", resume=True, **OPTIONS, **given)
     assert report["computed_tiles"] == TILES - len(done)
-    assert_same_as_in_memory(report, *clean())
+    assert_same_as_in_memory(report, *clean(), **GIVEN)
 
 
 def test_other_parameters_have_other_results(files, tmp_path):
@@ -126,12 +129,13 @@ def test_smoothing_goes_on_at_the_step_it_was_in(files, tmp_path):
 
 
 def test_a_store_of_another_mesh_is_refused(files, tmp_path):
-    interrupted(files, tmp_path / "out.ply", 2)
+    given = {"options": FitOptions(**GIVEN)}
+    interrupted(files, tmp_path / "out.ply", 2, **given)
     np.save(files[0], noisy()[0])
     with pytest.raises(FieldFileError, match="changed since"):
-        estimate_file(files, tmp_path / "out.ply", resume=True, **OPTIONS)
+        estimate_file(files, tmp_path / "out.ply", resume=True, **OPTIONS, **given)
     with pytest.raises(InvalidParameterError, match="resume to go on with it, or remove it"):
-        estimate_file(files, tmp_path / "out.ply", **OPTIONS)
+        estimate_file(files, tmp_path / "out.ply", **OPTIONS, **given)
 
 
 @pytest.mark.parametrize("name", ["vertices.bin", "order.bin", "rank.bin", "faces.bin", "face_ptr.npy"])
@@ -149,10 +153,11 @@ def test_a_store_that_is_damaged_is_named(name, damage, files, tmp_path):
 
 
 def test_other_tiles_are_refused(files, tmp_path):
-    interrupted(files, tmp_path / "out.ply", 2)
+    given = {"options": FitOptions(**GIVEN)}
+    interrupted(files, tmp_path / "out.ply", 2, **given)
     with pytest.raises(InvalidParameterError, match=r"^tile_vertices: got 512, .* has tiles of 256"):
-        estimate_file(files, tmp_path / "out.ply", resume=True, **OPTIONS | {"tile_vertices": 512})
-    report = estimate_file(files, tmp_path / "out.ply", resume=True, **OPTIONS | {"tile_vertices": None})
+        estimate_file(files, tmp_path / "out.ply", resume=True, **given, **OPTIONS | {"tile_vertices": 512})
+    report = estimate_file(files, tmp_path / "out.ply", resume=True, **given, **OPTIONS | {"tile_vertices": None})
     assert (report["tile_vertices"], report["computed_tiles"] < report["tiles"]) == (256, True)
 
 

@@ -3,7 +3,9 @@
 import contextlib
 import json
 import os
+import shutil
 import signal
+from functools import cache
 
 import numpy as np
 import pytest
@@ -265,27 +267,39 @@ def test_sampled_parts_are_those_in_memory(size, shape, tmp_path, monkeypatch):
         assert np.array_equal(one, other)
 
 
-@compiled
-@pytest.mark.parametrize("stage", ["measure", "smooth", "finish"])
-def test_a_run_goes_on_in_the_round_it_was_in(stage, tmp_path):
-    """Only what is not there is computed, and a tile that was damaged, in whatever round."""
-    vertices, faces = ball()
-    files, target = save_arrays(tmp_path, vertices, faces), tmp_path / "out.ply"
+@pytest.fixture(scope="module")
+def stopped(tmp_path_factory):
+    """A folder with a run that was stopped before the result was written."""
+    folder = tmp_path_factory.mktemp("stopped")
 
     def progress(name, done, total):
         return name != "write"
 
     with pytest.raises(CancelledError):
-        smooth_file(files, target, tile_vertices=512, progress=progress, **HOW)
-    assert not target.exists()
+        smooth_file(save_arrays(folder, *ball()), folder / "out.ply", tile_vertices=512, progress=progress, **HOW)
+    assert not (folder / "out.ply").exists()
+    return folder
+
+
+@cache
+def smoothed_ball():
+    return smooth(*ball())
+
+
+@compiled
+@pytest.mark.parametrize("stage", ["measure", "smooth", "finish"])
+def test_a_run_goes_on_in_the_round_it_was_in(stage, stopped, tmp_path):
+    """Only what is not there is computed, and a tile that was damaged, in whatever round."""
+    folder = shutil.copytree(stopped, tmp_path / "run")
+    files, target = (folder / "vertices.npy", folder / "faces.npy"), folder / "out.ply"
     folders = {"measure": "measure-1", "smooth": "step-1", "finish": "finish"}
-    (results,) = tmp_path.glob(f"out.ply.tiles/results-*/{folders[stage]}")
+    (results,) = folder.glob(f"out.ply.tiles/results-*/{folders[stage]}")
     damaged = tile_path(results, 1)
     damaged.write_bytes(damaged.read_bytes()[:-8])
     report = smooth_file(files, target, resume=True, **HOW)
     assert report["damaged_tiles"] == [1]
     assert (report["computed_tiles"], report["rounds"]) == (1, 3)
-    assert_near(report, smooth(vertices, faces))
+    assert_near(report, smoothed_ball())
     assert not results.exists()
 
 

@@ -140,7 +140,7 @@ def test_mixtures_are_taken_vertex_by_vertex(ball):
 
 @pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
 def test_the_order_suits_the_detail():
-    ring = torus(resolution=40, jitter=0.2)  # whose detail ends at some size
+    ring = torus(resolution=30, jitter=0.2)  # whose detail ends at some size
     assert chosen_order(ring.vertices, ring.normals, ring.faces) > ORDER
     ball = sphere(resolution=20)  # with detail of all sizes, whose spectrum x^-4 Wiener's filter of order 4 suits best
     mesh = triangle_mesh(ball.vertices, ball.faces)

@@ -118,8 +118,8 @@ def height_error(surface, vertices):
     ("surface", "passes", "most"),
     [
         pytest.param(torus(resolution=40, jitter=0.3), 3, 0.45, id="torus, three times"),
-        pytest.param(ellipsoid(resolution=20, jitter=0.2), 1, 0.3, id="ellipsoid, once"),
-        pytest.param(ellipsoid(resolution=20, jitter=0.2), 3, 0.4, id="ellipsoid, three times"),
+        pytest.param(ellipsoid(resolution=14, jitter=0.2), 1, 0.3, id="ellipsoid, once"),
+        pytest.param(ellipsoid(resolution=14, jitter=0.2), 3, 0.4, id="ellipsoid, three times"),
     ],
 )
 def test_averaged_noise_is_taken_off(surface, passes, most):

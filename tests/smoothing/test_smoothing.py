@@ -41,16 +41,25 @@ def with_noise(vertices, faces, normals, level, seed=0):
     return vertices + normals * heights[:, np.newaxis]
 
 
-@pytest.fixture(scope="module")
-def block():
+def noisy_block(resolution):
     """Clean and noisy vertices and faces of a block with sharp edges."""
-    vertices, faces = block_with_sharp_edges(resolution=24, jitter=0.2)
+    vertices, faces = block_with_sharp_edges(resolution=resolution, jitter=0.2)
     directions = face_normals(vertices, faces)
     normals = np.zeros_like(vertices)
     for k in range(3):
         np.add.at(normals, faces[:, k], directions)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     return vertices, with_noise(vertices, faces, normals, 0.2), faces
+
+
+@pytest.fixture(scope="module")
+def block():
+    return noisy_block(24)
+
+
+@pytest.fixture(scope="module")
+def coarse_block():
+    return noisy_block(12)
 
 
 @pytest.fixture(scope="module")
@@ -63,8 +72,8 @@ def smoothed(block):
 @pytest.mark.parametrize(
     ("surface", "most"),
     [
-        (sphere(resolution=24, jitter=0.2), 1.0),
-        (torus(resolution=30, jitter=0.2), 1.5),
+        (sphere(resolution=18, jitter=0.2), 1.0),
+        (torus(resolution=26, jitter=0.2), 1.5),
         (bumpy_star(resolution=20, jitter=0.2), 2.0),
     ],
     ids=["sphere", "torus", "bumpy star"],
@@ -80,7 +89,7 @@ def test_noise_on_smooth_surfaces_goes(surface, most):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_what_is_smooth_already_is_left_alone(seed):
-    ball = bumpy_star(resolution=16, jitter=0.2)
+    ball = bumpy_star(resolution=12, jitter=0.2)
     once = smooth(with_noise(ball.vertices, ball.faces, ball.normals, 0.2, seed), ball.faces)
     assert once.max_displacement > 0.0
     assert smooth(once.vertices, ball.faces).max_displacement == 0.0
@@ -107,7 +116,7 @@ def test_noise_is_told_before_and_after(block, smoothed):
 
 def test_a_body_of_two_kinds_is_treated_as_such(block):
     clean, noisy, faces = block
-    ball = sphere(resolution=24, jitter=0.2)
+    ball = sphere(resolution=16, jitter=0.2)
     scale = edge_of(clean, faces) / edge_of(ball.vertices, ball.faces)
     other = with_noise(ball.vertices, ball.faces, ball.normals, 0.2, seed=1) * scale + [5.0, 0.0, 0.0]
     result = smooth(np.vstack([noisy, other]), np.vstack([faces, ball.faces + len(noisy)]))
@@ -126,7 +135,7 @@ def test_clean_blocks_stay_as_they_are():
 
 
 def test_noise_that_varies_goes_everywhere():
-    ring = torus(resolution=40, jitter=0.2)
+    ring = torus(resolution=30, jitter=0.2)
     level = np.where(ring.vertices[:, 0] > 0.0, 0.3, 0.05)
     noise = np.random.default_rng(0).standard_normal(len(level)) * level * edge_of(ring.vertices, ring.faces)
     noisy = ring.vertices + ring.normals * noise[:, np.newaxis]
@@ -134,7 +143,7 @@ def test_noise_that_varies_goes_everywhere():
 
 
 def test_a_plane_keeps_its_border_curve_and_becomes_flat():
-    sheet = waves(resolution=30, amplitude=0.0)
+    sheet = waves(resolution=24, amplitude=0.0)
     noisy = with_noise(sheet.vertices, sheet.faces, sheet.normals, 0.2)
     free, fixed = smooth(noisy, sheet.faces), smooth(noisy, sheet.faces, borders="fixed")
     on_border = vertex_adjacency(triangle_mesh(sheet.vertices, sheet.faces)).on_boundary
@@ -162,16 +171,16 @@ def test_threads_do_not_matter(block, smoothed):
     assert np.array_equal(smoothed.vertices, smooth(noisy, faces, threads=3).vertices)
 
 
-def test_only_selected_vertices_move(block):
-    _, noisy, faces = block
+def test_only_selected_vertices_move(coarse_block):
+    _, noisy, faces = coarse_block
     selected = noisy[:, 0] > 0.0
     result = smooth(noisy, faces, selected=selected)
     assert np.array_equal(result.vertices[~selected], noisy[~selected])
     assert result.displacement[selected].mean() > 0.0
 
 
-def test_known_noise_takes_the_place_of_the_learned_one(block):
-    _, noisy, faces = block
+def test_known_noise_takes_the_place_of_the_learned_one(coarse_block):
+    _, noisy, faces = coarse_block
     result = smooth(noisy, faces, noise=0.0)
     assert np.array_equal(result.vertices, noisy)
     assert result.noise_before == 0.0
@@ -187,7 +196,7 @@ def test_known_noise_takes_the_place_of_the_learned_one(block):
     ],
 )
 def test_the_result_says_what_the_noise_was_in_words(sigma, blurred, in_all_directions, words):
-    ball = sphere(resolution=20, jitter=0.2)
+    ball = sphere(resolution=14, jitter=0.2)
     unit, n = edge_of(ball.vertices, ball.faces), len(ball.vertices)
     noise = np.random.default_rng(0).standard_normal((n, 3 if in_all_directions else 1))
     if blurred:
@@ -208,7 +217,7 @@ def test_the_result_says_what_the_noise_was_in_words(sigma, blurred, in_all_dire
 
 def test_waves_as_long_as_the_detail_keep_half_of_their_height():
     """Waves of 8 edges that are hidden in noise: the difference between the mesh with them and with their opposite."""
-    sheet = waves(resolution=50, amplitude=0.0)
+    sheet = waves(resolution=36, amplitude=0.0)
     unit, n = edge_of(sheet.vertices, sheet.faces), len(sheet.vertices)
     wave, noise = np.sin(2.0 * np.pi * sheet.vertices[:, 0] / (8.0 * unit)), np.random.default_rng(0).standard_normal(n)
     inside = np.abs(sheet.vertices[:, :2]).max(axis=1) < 0.7
@@ -227,8 +236,8 @@ def test_waves_as_long_as_the_detail_keep_half_of_their_height():
 
 
 @pytest.mark.parametrize("detail", [0.0, -1.0, np.inf, "2%", True])
-def test_detail_that_is_no_length_is_refused(block, detail):
-    _, noisy, faces = block
+def test_detail_that_is_no_length_is_refused(coarse_block, detail):
+    _, noisy, faces = coarse_block
     with pytest.raises(InvalidParameterError, match=r"detail: got .*, expected a positive length, or None"):
         smooth(noisy, faces, detail=detail)
     with pytest.raises(InvalidParameterError, match="detail: method='paper' does not use it"):
@@ -289,7 +298,7 @@ def with_coincident_vertices(vertices, faces):
 )
 @pytest.mark.parametrize("seed", [0, 5])
 def test_dirty_meshes_come_to_no_harm(spoil, seed):
-    ring = torus(resolution=24, jitter=0.2)
+    ring = torus(resolution=18, jitter=0.2)
     vertices, faces = spoil(with_noise(ring.vertices, ring.faces, ring.normals, 0.2, seed), ring.faces)
     result = smooth(vertices, faces)
     assert np.isfinite(result.vertices).all()
@@ -352,8 +361,8 @@ def test_the_paper_s_smoothing_goes_no_farther_than_neighbours():
     assert (moved <= longest).all()
 
 
-def test_progress_ends_and_cancels(block):
-    _, noisy, faces = block
+def test_progress_ends_and_cancels(coarse_block):
+    _, noisy, faces = coarse_block
     seen = []
     smooth(noisy, faces, progress=lambda done, total: seen.append(done / total))
     assert seen == sorted(seen)
@@ -364,7 +373,7 @@ def test_progress_ends_and_cancels(block):
 
 def test_impulses_at_a_fifth_of_the_vertices_go():
     """Among so many some look sound at first, so they are taken off more than once."""
-    shape = bumpy_star(resolution=24, jitter=0.2)
+    shape = bumpy_star(resolution=18, jitter=0.2)
     random, edge = np.random.default_rng(0), edge_of(shape.vertices, shape.faces)
     heights = 0.5 * edge * random.standard_normal(len(shape.vertices)) * (random.random(len(shape.vertices)) < 0.2)
     noisy = shape.vertices + heights[:, np.newaxis] * shape.normals
@@ -374,7 +383,7 @@ def test_impulses_at_a_fifth_of_the_vertices_go():
 
 def test_a_given_strength_matters_where_the_noise_varies():
     """Ten times as strong on one side as on the other: who says how strong it is gets it off."""
-    shape = torus(resolution=30, jitter=0.2)
+    shape = torus(resolution=24, jitter=0.2)
     place = shape.vertices[:, 0] - shape.vertices[:, 0].min()
     edge = edge_of(shape.vertices, shape.faces)
     sigma = 0.05 * edge * 10.0 ** (place / place.max() - 0.5)
