@@ -87,7 +87,7 @@ class _LanesModel(models.PrimitiveModel):
         super().__init__(manager, numba_type, _VECTOR)
 
 
-def _compile(function: Callable[..., object], signature: Signature, instructions: Instructions) -> None:
+def compile_as(function: Callable[..., object], signature: Signature, instructions: Instructions) -> None:
     """Let compiled code do with a function of some types what the instructions say."""
 
     @infer_global(function)
@@ -122,25 +122,28 @@ def _store(context: BaseContext, builder: ir.IRBuilder, signature: Signature, ar
     return context.get_dummy_value()
 
 
-def _spread(context: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: Arguments) -> ir.Value:
-    undefined = ir.Constant(_VECTOR, ir.Undefined)
-    one = builder.insert_element(undefined, arguments[0], ir.Constant(_INT32, 0))
-    return builder.shuffle_vector(one, undefined, ir.Constant(ir.VectorType(_INT32, LANES), [0] * LANES))
+def spread_over(builder: ir.IRBuilder, number: ir.Value, vector: ir.VectorType) -> ir.Value:
+    """The same number in all places of a vector."""
+    undefined = ir.Constant(vector, ir.Undefined)
+    one = builder.insert_element(undefined, number, ir.Constant(_INT32, 0))
+    return builder.shuffle_vector(one, undefined, ir.Constant(ir.VectorType(_INT32, vector.count), [0] * vector.count))
 
 
 _TWO = _LANES(_LANES, _LANES)
-_compile(operator.add, _TWO, lambda context, builder, signature, args: builder.fadd(*args))
-_compile(operator.sub, _TWO, lambda context, builder, signature, args: builder.fsub(*args))
-_compile(operator.mul, _TWO, lambda context, builder, signature, args: builder.fmul(*args))
-_compile(operator.truediv, _TWO, lambda context, builder, signature, args: builder.fdiv(*args))
-_compile(
+compile_as(operator.add, _TWO, lambda context, builder, signature, args: builder.fadd(*args))
+compile_as(operator.sub, _TWO, lambda context, builder, signature, args: builder.fsub(*args))
+compile_as(operator.mul, _TWO, lambda context, builder, signature, args: builder.fmul(*args))
+compile_as(operator.truediv, _TWO, lambda context, builder, signature, args: builder.fdiv(*args))
+compile_as(
     load, _LANES(_ARRAY, types.intp), lambda c, builder, s, args: builder.load(_address(c, builder, s, *args), align=8)
 )
-_compile(store, types.void(_ARRAY, types.intp, _LANES), _store)
-_compile(spread, _LANES(types.float64), _spread)
-_compile(multiply_add, _LANES(_LANES, _LANES, _LANES), _library_function("fmuladd"))
-_compile(square_root, _LANES(_LANES), _library_function("sqrt"))
-_compile(
+compile_as(store, types.void(_ARRAY, types.intp, _LANES), _store)
+compile_as(
+    spread, _LANES(types.float64), lambda context, builder, signature, args: spread_over(builder, args[0], _VECTOR)
+)
+compile_as(multiply_add, _LANES(_LANES, _LANES, _LANES), _library_function("fmuladd"))
+compile_as(square_root, _LANES(_LANES), _library_function("sqrt"))
+compile_as(
     where_greater,
     _LANES(_LANES, _LANES, _LANES, _LANES),
     lambda context, builder, signature, args: builder.select(builder.fcmp_ordered(">", *args[:2]), *args[2:]),

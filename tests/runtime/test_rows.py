@@ -1,0 +1,30 @@
+"""What compiled code does with rows is what the bodies of the functions say."""
+
+import numpy as np
+import pytest
+from numba import config
+
+from bezier_filters.runtime.jit import jit
+from bezier_filters.runtime.rows import NUMBERS, add_scaled, row_of, scaled, write_row, zero_row
+
+
+def mixed(array, weights, places, result):
+    """A sum of weighted rows into every row, some of them scaled once more, in the order of the places."""
+    for i in range(len(places)):
+        total = zero_row()
+        for q in range(i + 1):
+            total = add_scaled(weights[q], row_of(array, places[q]), total)
+        write_row(result, i, scaled(weights[i], total))
+
+
+@pytest.mark.skipif(config.DISABLE_JIT, reason="there is nothing to compare without the compiler")
+def test_compiled_rows_are_those_of_python():
+    rng = np.random.default_rng(0)
+    array, weights = rng.standard_normal((50, NUMBERS)).astype(np.float32), rng.standard_normal(20).astype(np.float32)
+    places = rng.integers(0, 50, 20).astype(np.int32)
+    compiled, plain = np.full((2, 20, NUMBERS), np.nan, dtype=np.float32)
+    jit()(mixed)(array, weights, places, compiled)
+    mixed(array, weights, places, plain)
+    expected = [weights[i] * (weights[: i + 1, np.newaxis] * array[places[: i + 1]]).sum(axis=0) for i in range(20)]
+    np.testing.assert_allclose(compiled, expected, rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(plain, expected, rtol=1e-5, atol=1e-5)
