@@ -24,7 +24,7 @@ from bezier_filters.meshes.adjacency import Rows
 from bezier_filters.meshes.frames import unit_face_normals
 from bezier_filters.meshes.half_edges import dihedral_angles, faces_at_edges
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.self_intersections import cut_faces, faces_in_boxes
+from bezier_filters.meshes.self_intersections import cut_faces, meeting_box
 
 FillingMethod = Literal["auto", "paper"]
 
@@ -222,8 +222,8 @@ def _with_fewer_cuts(placed: FaceSet, rim_count: int, others: Sequence[FaceSet])
 
 def _cuts(placed: FaceSet, others: Sequence[FaceSet]) -> BoolArray:
     """Which faces of a fill cut one of the others or each other."""
-    box = placed.points.min(axis=0, keepdims=True), placed.points.max(axis=0, keepdims=True)
-    near = [other.faces[faces_in_boxes(other.points, other.faces, *box).indices] for other in others]
+    low, high = placed.points.min(axis=0), placed.points.max(axis=0)
+    near = [other.faces[meeting_box(other.points, other.faces, low, high)] for other in others]
     corners = [
         (p.ids[f].ravel(), p.points[f.ravel()]) for p, f in zip((*others, placed), (*near, placed.faces), strict=True)
     ]

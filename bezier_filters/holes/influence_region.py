@@ -15,6 +15,7 @@ from bezier_filters.meshes.frames import unit_face_normals
 from bezier_filters.meshes.half_edges import faces_at_edges
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.neighbourhoods import rings_around
+from bezier_filters.runtime.jit import jit
 
 RINGS = 5  # around a hole, from which its fill follows
 # of an edge, from which on points are fitted rather than interpolated: face normals are some 4 degrees off then
@@ -205,10 +206,27 @@ def farthest_points(points: FloatArray, near: IntArray, most: int) -> IntArray:
     """
     distances = np.square(points - points.mean(axis=0)).sum(axis=1)
     taken = np.zeros(len(points), dtype=np.bool_)
-    everywhere, first = np.arange(len(points)), min(int(NEAR * most), len(near))
-    for k in range(most):
-        candidates = near if k < first else everywhere
-        farthest = candidates[np.argmax(np.where(taken[candidates], -1.0, distances[candidates]))]
-        taken[farthest] = True
-        distances = np.minimum(distances, np.square(points - points[farthest]).sum(axis=1))
+    _take_farthest(points, near, min(int(NEAR * most), len(near)), distances, taken)
+    everywhere = np.arange(len(points), dtype=np.int32)
+    _take_farthest(points, everywhere, most - int(np.count_nonzero(taken)), distances, taken)
     return np.flatnonzero(taken).astype(np.int32)
+
+
+@jit()
+def _take_farthest(
+    points: FloatArray, candidates: IntArray, count: int, distances: FloatArray, taken: BoolArray
+) -> None:
+    """Take some of the candidates; `distances` are those to the points taken before, squared."""
+    for _ in range(count):
+        farthest = -1
+        for i in candidates:  # of equally far ones the first
+            if not taken[i] and (farthest < 0 or distances[i] > distances[farthest]):
+                farthest = i
+        taken[farthest] = True
+        for i in range(points.shape[0]):
+            x, y, z = (
+                points[i, 0] - points[farthest, 0],
+                points[i, 1] - points[farthest, 1],
+                points[i, 2] - points[farthest, 2],
+            )
+            distances[i] = min(distances[i], x * x + y * y + z * z)

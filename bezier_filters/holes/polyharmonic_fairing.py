@@ -11,6 +11,8 @@ from scipy.sparse import csc_matrix, csr_matrix, diags, issparse
 from scipy.sparse.linalg import splu
 
 from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.meshes.triangles import cotangent_and_area
+from bezier_filters.runtime.jit import jit
 
 Matrix: TypeAlias = FloatArray | csr_matrix
 
@@ -69,13 +71,9 @@ def cotangent_matrix(points: FloatArray, faces: IntArray) -> tuple[Matrix, Float
     The matrix is dense if it is small: that takes a tenth of the time then.
     """
     n = len(points)
-    # Of the corner opposite the edge from corner k to the next: the cosine times both sides, and twice the area.
-    tips, tails, heads = (points[np.roll(faces, shift, axis=1)] for shift in (-2, 0, -1))
-    cosines, normals = ((tails - tips) * (heads - tips)).sum(axis=2), np.cross(tails - tips, heads - tips)
-    twice = np.linalg.norm(normals, axis=2)
-    weights = 0.5 * np.clip(cosines / np.maximum(twice, 1e-300), -LARGEST_COTANGENT, LARGEST_COTANGENT)
-    shares = np.bincount(np.roll(faces, -2, axis=1).ravel(), weights=0.5 * twice.ravel() / 3.0, minlength=n)
-    areas = np.maximum(shares.astype(np.float64), 1e-3 * max(float(shares.mean()), 1e-300))
+    areas, weights = np.zeros(n), np.zeros((len(faces), 3))
+    _measure(points, faces, areas, weights)
+    areas = np.maximum(areas, 1e-3 * max(float(areas.mean()), 1e-300))
     starts, ends = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     places = np.concatenate([starts, ends]), np.concatenate([ends, starts])
     if n <= MOST_DENSE:
@@ -87,3 +85,17 @@ def cotangent_matrix(points: FloatArray, faces: IntArray) -> tuple[Matrix, Float
     off: csr_matrix = csr_matrix((np.tile(weights.ravel(), 2), places), shape=(n, n))
     off.data = np.maximum(off.data, LEAST_COTANGENT)
     return (diags(np.asarray(off.sum(axis=1)).ravel()) - off).tocsr(), areas
+
+
+@jit()
+def _measure(points: FloatArray, faces: IntArray, areas: FloatArray, weights: FloatArray) -> None:
+    """Add the areas of faces to their vertices, and write half the cotangents opposite their edges.
+
+    Edge k of a face runs from its corner k to the next.
+    """
+    for f in range(faces.shape[0]):
+        for k in range(3):
+            tip = faces[f, (k + 2) % 3]
+            cotangent, area = cotangent_and_area(points, tip, faces[f, k], faces[f, (k + 1) % 3])
+            weights[f, k] = 0.5 * min(max(cotangent, -LARGEST_COTANGENT), LARGEST_COTANGENT)
+            areas[tip] += area / 3.0

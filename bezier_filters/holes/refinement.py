@@ -10,9 +10,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.half_edges import face_neighbours
-from bezier_filters.meshes.triangles import angle_parts, area_vectors, cosine_between, has_corner
+from bezier_filters.meshes.triangles import angle_parts, area_vector, cosine_between, has_corner
 from bezier_filters.runtime.jit import inner_jit, jit
 
 # triangles are split while their centroid is farther from their corners than the wanted edge length over this
@@ -21,6 +21,7 @@ DENSITY = float(np.sqrt(2.0))
 # edges of very different lengths, triangles stay larger than they would be
 FEW_FACES = 1_000
 MOST_PASSES = 60
+GROWTH = 9  # rows that there is room for, in faces of a fill, before its arrays are made longer
 MOST_FLIPS = 30  # passes over all edges
 
 Values = TypeVar("Values", FloatArray, IntArray)
@@ -41,24 +42,24 @@ def refine(fill: Fill, existing: AbstractSet[tuple[int, int]]) -> Fill:
     pairs = _as_rows(existing)
     points, sizes, faces = fill.points, fill.sizes, fill.faces
     neighbours = face_neighbours(faces)
+    n, m = len(points), len(faces)
     most = FEW_FACES + fill.rim_count**2
     for _ in range(MOST_PASSES):
-        n, m = len(points), len(faces)
         if m > most:
             break
-        points, sizes = _with_room(points, m), _with_room(sizes, m)  # each face may become three
-        faces, neighbours = _with_room(faces, 2 * m), _with_room(neighbours, 2 * m)
+        if len(faces) < 3 * m:  # each face may become three
+            points, sizes = _with_room(points, GROWTH * m), _with_room(sizes, GROWTH * m)
+            faces, neighbours = _with_room(faces, GROWTH * m), _with_room(neighbours, GROWTH * m)
         added = _split(points, sizes, faces, neighbours, n, m)
-        points, sizes = points[: n + added], sizes[: n + added]
-        faces, neighbours = faces[: m + 2 * added], neighbours[: m + 2 * added]
-        if _flip(points, faces, neighbours, pairs, fill.rim_count) == added == 0:
+        n, m = n + added, m + 2 * added
+        if _flip(points, faces[:m], neighbours, pairs, fill.rim_count) == added == 0:
             break
-    return Fill(points.copy(), sizes.copy(), faces.copy(), fill.rim_count)
+    return Fill(points[:n].copy(), sizes[:n].copy(), faces[:m].copy(), fill.rim_count)
 
 
 def _with_room(part: Values, count: int) -> Values:
-    """An array with so many further rows."""
-    return np.concatenate([part, np.zeros((count, *part.shape[1:]), dtype=part.dtype)])
+    """An array with as many further rows as are needed for so many in all."""
+    return np.concatenate([part, np.zeros((count - len(part), *part.shape[1:]), dtype=part.dtype)])
 
 
 def flip_edges(fill: Fill, existing: AbstractSet[tuple[int, int]]) -> Fill:
@@ -78,19 +79,11 @@ def relax_tangentially(fill: Fill) -> Fill:
 
     On a fill that is projected to its surface again this moves vertices along the surface only.
     """
-    n, faces = len(fill.points), fill.faces
-    starts, ends = faces.T.ravel(), faces[:, [1, 2, 0]].T.ravel()
-    sums = np.stack([np.bincount(starts, weights=values, minlength=n) for values in fill.points[ends].T], axis=1)
-    means = sums / np.maximum(np.bincount(starts, minlength=n), 1)[:, np.newaxis]
-    moving = np.arange(n) >= fill.rim_count
-    # All triangles are judged before vertices go back, so that their order does not matter.
-    while True:
-        points = np.where(moving[:, np.newaxis], means, fill.points)
-        before, after = (area_vectors(corners, faces) for corners in (fill.points, points))
-        turned = moving[faces].any(axis=1) & ((before * after).sum(axis=1) < 0.0)
-        if not turned.any():
-            return replace(fill, points=points)
-        moving[faces[turned]] = False
+    n = len(fill.points)
+    goals, counts, moving = np.zeros((n, 3)), np.zeros(n), np.arange(n) >= fill.rim_count
+    points = fill.points.copy()
+    _move_to_means(fill.points, fill.faces, goals, counts, moving, points)
+    return replace(fill, points=points)
 
 
 @jit()
@@ -219,3 +212,44 @@ def _are_joined(faces: IntArray, neighbours: IntArray, f: int, g: int, c: int, d
         if face < 0:
             break
     return True
+
+
+@jit()
+def _move_to_means(
+    before: FloatArray, faces: IntArray, goals: FloatArray, counts: FloatArray, moving: BoolArray, points: FloatArray
+) -> None:
+    """Write the new points; those of turned triangles, and of triangles that turn because they stay, keep their places.
+
+    `goals` and `counts` are zero at first.
+    """
+    for k in range(3):
+        for f in range(faces.shape[0]):
+            i, j = faces[f, k], faces[f, (k + 1) % 3]
+            counts[i] += 1.0
+            for axis in range(3):
+                goals[i, axis] += before[j, axis]
+    for i in range(before.shape[0]):
+        if moving[i]:
+            for axis in range(3):
+                points[i, axis] = goals[i, axis] / max(counts[i], 1.0)
+    turned = True
+    while turned:
+        turned = False
+        # All triangles are judged before vertices go back, so that their order does not matter.
+        for f in range(faces.shape[0]):
+            a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+            if (moving[a] or moving[b] or moving[c]) and _are_opposite(before, points, a, b, c):
+                moving[a] = moving[b] = moving[c] = False
+                turned = True
+        for i in range(before.shape[0]):
+            if not moving[i]:
+                for axis in range(3):
+                    points[i, axis] = before[i, axis]
+
+
+@inner_jit()
+def _are_opposite(before: FloatArray, after: FloatArray, a: int, b: int, c: int) -> bool:
+    """Whether a triangle is turned by more than a right angle."""
+    ux, uy, uz = area_vector(before, a, b, c)
+    vx, vy, vz = area_vector(after, a, b, c)
+    return ux * vx + uy * vy + uz * vz < 0.0

@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.triangles import area_vectors
+from bezier_filters.runtime.jit import jit
 
 COINCIDENT = 1e-4  # of the longest border edge at a vertex: others nearer than that lie at the same place
 UNCLEAR = -2  # in the place of the opposite half-edge, where there is not just one
@@ -51,12 +52,30 @@ def faces_at_edges(faces: IntArray, starts: IntArray, ends: IntArray) -> IntArra
     >>> faces_at_edges(faces, np.array([2, 1, 1], dtype=np.int32), np.array([1, 2, 0], dtype=np.int32))
     array([ 1,  0, -1], dtype=int32)
     """
-    tails, heads = ends_of_half_edges(faces)
-    n = 1 + max(int(ids.max(initial=0)) for ids in (tails, starts, ends))
-    keys, wanted = np.append(tails * np.int64(n) + heads, np.iinfo(np.int64).max), starts * np.int64(n) + ends
-    order = np.argsort(keys, kind="stable")  # of several such half-edges the first is found
-    place = order[np.searchsorted(keys[order], wanted)]
-    return np.where(keys[place] == wanted, place // 3, -1).astype(np.int32)
+    n = 1 + max(int(faces.max(initial=0)), int(starts.max(initial=0)))
+    first, following = np.full(n, -1, dtype=np.int32), np.empty(faces.size, dtype=np.int32)
+    found = np.empty(len(starts), dtype=np.int32)
+    _find_faces(faces, first, following, starts, ends, found)
+    return found
+
+
+@jit()
+def _find_faces(
+    faces: IntArray, first: IntArray, following: IntArray, starts: IntArray, ends: IntArray, found: IntArray
+) -> None:
+    """Look the edges up in lists of half-edges by the vertex where they start: for few faces faster than sorting.
+
+    `first` (n,) is -1 at first, and `following` (3 m,) is room for the half-edge after each.
+    """
+    for f in range(faces.shape[0] - 1, -1, -1):
+        for k in range(2, -1, -1):
+            following[3 * f + k] = first[faces[f, k]]
+            first[faces[f, k]] = 3 * f + k
+    for q in range(starts.shape[0]):
+        place = first[starts[q]]
+        while place >= 0 and faces[place // 3, (place + 1) % 3] != ends[q]:
+            place = following[place]
+        found[q] = place // 3 if place >= 0 else -1
 
 
 def face_neighbours(faces: IntArray) -> IntArray:

@@ -9,57 +9,130 @@ from bezier_filters.meshes.adjacency import Rows
 from bezier_filters.meshes.triangles import area_vector, cosine_between, has_corner
 from bezier_filters.runtime.jit import inner_jit, jit
 
+FEWEST_CELLS, MOST_CELLS = 4, 128  # per axis, in which boxes are looked up
 FOLDED = -0.9999  # cosine of the angle between two faces on one edge from which down they lie on each other
 
 
 def faces_in_boxes(vertices: FloatArray, faces: IntArray, low: FloatArray, high: FloatArray) -> Rows:
     """Faces whose bounding box meets each of some boxes between corners (b, 3): rows of ascending indices."""
-    # Sorted by where they begin along an axis, the boxes that a face may meet there follow each other.
-    axis = int(np.ptp(low, axis=0).argmax()) if len(low) else 0
-    order = np.argsort(low[:, axis], kind="stable").astype(np.int32)
-    begins, ends = low[order, axis], np.maximum.accumulate(high[order, axis])
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    least, most = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
-    first = np.searchsorted(ends, least[:, axis]).astype(np.int32)
-    stop = np.searchsorted(begins, most[:, axis], side="right").astype(np.int32)
-    boxes = _Boxes(low, high, order, first, stop)
-    # Twice: first the faces of each box are counted, then they are listed.
-    counts, indptr = np.zeros(len(low), dtype=np.int32), np.zeros(len(low) + 1, dtype=np.int32)
-    _collect(least, most, boxes, counts, indptr, np.empty(0, dtype=np.int32))
-    np.cumsum(counts, out=indptr[1:])
+    count, found = len(low), np.empty(0, dtype=np.int32)
+    if count == 0 or len(faces) == 0:
+        return Rows(np.zeros(count + 1, dtype=np.int32), found)
+    grid = _grid_of(low, high)
+    # Twice: first the faces of each box are counted, then those that were met, few of many, are written.
+    counts, is_met = np.zeros(count, dtype=np.int32), np.zeros(len(faces), dtype=np.bool_)
+    _collect(vertices, faces, grid, np.full(count, -1, dtype=np.int32), is_met, counts, found, found)
+    indptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
     indices = np.empty(indptr[-1], dtype=np.int32)
-    _collect(least, most, boxes, np.zeros_like(counts), indptr, indices)
-    return Rows(indptr, indices)
+    found = np.flatnonzero(is_met).astype(np.int32)
+    counts[:] = 0
+    _collect(vertices, faces[found], grid, np.full(count, -1, dtype=np.int32), is_met, counts, indptr, indices)
+    return Rows(indptr, found[indices])
 
 
-class _Boxes(NamedTuple):
-    """Boxes, and which of them each face may meet: entries first .. stop-1 of their order."""
+class _Grid(NamedTuple):
+    """Cells along each axis between the boxes' outermost corners, and the boxes that reach each cell as rows."""
 
     low: FloatArray
     high: FloatArray
-    order: IntArray
-    first: IntArray
-    stop: IntArray
+    origin: FloatArray
+    extent: FloatArray
+    cells: int
+    starts: IntArray
+    boxes: IntArray
+
+
+def _grid_of(low: FloatArray, high: FloatArray) -> _Grid:
+    origin, extent = low.min(axis=0), np.maximum(np.ptp(np.vstack([low, high]), axis=0), 1e-300)
+    cells = int(np.clip(round(len(low) ** 0.5), FEWEST_CELLS, MOST_CELLS))
+    starts = np.zeros(cells**3 + 1, dtype=np.int32)
+    grid = _Grid(low, high, origin, extent, cells, starts, np.empty(0, dtype=np.int32))
+    _list_boxes(grid, starts[1:])
+    np.cumsum(starts, out=starts)
+    grid = grid._replace(boxes=np.empty(starts[-1], dtype=np.int32))
+    _list_boxes(grid, starts[:-1].copy())
+    return grid
+
+
+@jit()
+def _list_boxes(grid: _Grid, fill: IntArray) -> None:
+    """List the boxes that reach each cell, from where `fill` says; without room for them, count them only."""
+    for box in range(grid.low.shape[0]):
+        x, end_x = _cells(grid, 0, grid.low[box, 0], grid.high[box, 0])
+        y, end_y = _cells(grid, 1, grid.low[box, 1], grid.high[box, 1])
+        z, end_z = _cells(grid, 2, grid.low[box, 2], grid.high[box, 2])
+        for i in range(x, end_x):
+            for j in range(y, end_y):
+                for k in range(z, end_z):
+                    cell = (i * grid.cells + j) * grid.cells + k
+                    if grid.boxes.shape[0] > 0:
+                        grid.boxes[fill[cell]] = box
+                    fill[cell] += 1
 
 
 @jit()
 def _collect(
-    least: FloatArray, most: FloatArray, boxes: _Boxes, counts: IntArray, indptr: IntArray, indices: IntArray
+    vertices: FloatArray,
+    faces: IntArray,
+    grid: _Grid,
+    met: IntArray,
+    is_met: BoolArray,
+    counts: IntArray,
+    indptr: IntArray,
+    indices: IntArray,
 ) -> None:
-    """Count the faces in every box, by their least and most coordinates, and list them if there is room.
+    """Count the faces in every box, mark them, and list them if there is room; `met` is -1 at first."""
+    for f in range(faces.shape[0]):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        x, end_x = _cells_of_face(grid, 0, vertices, a, b, c)
+        y, end_y = _cells_of_face(grid, 1, vertices, a, b, c)
+        z, end_z = _cells_of_face(grid, 2, vertices, a, b, c)
+        for i in range(x, end_x):
+            for j in range(y, end_y):
+                for k in range(z, end_z):
+                    cell = (i * grid.cells + j) * grid.cells + k
+                    for q in range(grid.starts[cell], grid.starts[cell + 1]):
+                        box = grid.boxes[q]
+                        if met[box] == f or not _in_box(vertices, a, b, c, grid.low[box], grid.high[box]):
+                            continue
+                        met[box] = f
+                        is_met[f] = True
+                        if indices.shape[0] > 0:
+                            indices[indptr[box] + counts[box]] = f
+                        counts[box] += 1
 
-    `counts` is zero at first.
-    """
-    for f in range(least.shape[0]):
-        for q in range(boxes.first[f], boxes.stop[f]):
-            box = boxes.order[q]
-            meets = True
-            for axis in range(3):
-                meets &= least[f, axis] <= boxes.high[box, axis] and most[f, axis] >= boxes.low[box, axis]
-            if meets:
-                if indices.shape[0] > 0:
-                    indices[indptr[box] + counts[box]] = f
-                counts[box] += 1
+
+@inner_jit()
+def _cells_of_face(grid: _Grid, axis: int, vertices: FloatArray, a: int, b: int, c: int) -> tuple[int, int]:
+    """Range of cells along an axis that a triangle reaches."""
+    x, y, z = vertices[a, axis], vertices[b, axis], vertices[c, axis]
+    return _cells(grid, axis, min(x, y, z), max(x, y, z))
+
+
+@inner_jit()
+def _cells(grid: _Grid, axis: int, least: float, most: float) -> tuple[int, int]:
+    """Range of cells along an axis that an interval reaches, empty if it is outside."""
+    origin, extent = grid.origin[axis], grid.extent[axis]
+    if most < origin or least > origin + extent:
+        return 0, 0
+    first = (least - origin) / extent * grid.cells
+    last = (most - origin) / extent * grid.cells
+    return int(min(max(first, 0.0), grid.cells - 1.0)), int(min(max(last, 0.0), grid.cells - 1.0)) + 1
+
+
+def meeting_box(vertices: FloatArray, faces: IntArray, low: FloatArray, high: FloatArray) -> BoolArray:
+    """Whether the bounding boxes of faces meet the box between two corners, each (3,), (m,)."""
+    corners = vertices[faces]
+    return np.asarray(((corners.min(axis=1) <= high) & (corners.max(axis=1) >= low)).all(axis=1), dtype=np.bool_)
+
+
+@inner_jit()
+def _in_box(vertices: FloatArray, a: int, b: int, c: int, low: FloatArray, high: FloatArray) -> bool:
+    for axis in range(3):
+        x, y, z = vertices[a, axis], vertices[b, axis], vertices[c, axis]
+        if min(x, y, z) > high[axis] or max(x, y, z) < low[axis]:
+            return False
+    return True
 
 
 def cut_faces(vertices: FloatArray, faces: IntArray, new: int) -> BoolArray:
