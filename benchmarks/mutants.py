@@ -70,7 +70,7 @@ OPERATORS = (
     *("ReplaceBreakWithContinue", "ReplaceContinueWithBreak", "NumberReplacer", "ZeroIterationForLoop"),
 )
 SPEED = re.compile(
-    r"^(ROOM|FEWEST = 128|CHUNK|GROUP|SAMPLES|LOOKED_AT|PLACES|FIRST = 8|FACTORED|POINTS|DISTANCES_AT_ONCE"
+    r"^(ROOM|FEWEST = 128|CHUNK|GROUP|SAMPLES|LOOKED_AT|PLACES|FIRST = 8|POINTS|DISTANCES_AT_ONCE"
     r"|LARGEST_EXACT|FEW =|MOST_DENSE|FEW_FACES|PER_CELL|MOST_BITS|NO_VERTEX)|threads|chunk"
 )
 """Lines that say how fast or at what effort something is computed, not what."""
@@ -88,7 +88,7 @@ WIDE = {
     "estimation/test_robust.py estimation/test_paper_mode.py estimation/test_convergence.py",
     "patches": "patches estimation/test_paper_mode.py kernels learning/test_model_tree.py learning/test_noise_model.py "
     "learning/test_ring_analysis.py estimation/test_extremality.py",
-    "learning": "learning smoothing/test_correlation.py",
+    "learning": "learning smoothing/test_random_noise.py",
     "holes": "holes",
     "meshes": "meshes feature_lines holes/test_hole_filling.py meshlab/test_topology.py estimation/test_estimation.py",
 }

@@ -176,17 +176,6 @@ def substitute_forward(factors: FloatArray, order: int, last: int) -> None:
 
 
 @inner_jit()
-def solve_lanes(matrix: FloatArray, order: int, smallest_pivot: float, solution: FloatArray, sound: FloatArray) -> None:
-    """Solve eight symmetric positive definite systems of some order.
-
-    `matrix` is as `factorise` takes it, with the right-hand side as a last row, and becomes the factor. The
-    solution means nothing where `sound` is 0.
-    """
-    factorise(matrix, order + 1, order, smallest_pivot, sound)
-    substitute_back(matrix, order, order, solution)
-
-
-@inner_jit()
 def add_squared_residuals(
     coefficients: FloatArray,
     starts: IntArray,

@@ -81,7 +81,7 @@ def learn_quartic_mean(noise: RingNoise) -> QuarticMean:
     for _ in range(ROUNDS):
         quartics = round_quartics(seconds, analysis.radius, analysis.reaches)
         there, rim = _product(corner, quartics), _product(corner[..., 2:], seconds)
-        factor, _ = _posterior(there, rim, found, expected, doubts, analysis.independent)
+        factor = _posterior(there, rim, found, expected, doubts, analysis.independent)
         seconds = plain - factor * _product(leak, quartics)
     if not factor > LEAST:
         return no_mean()
@@ -109,8 +109,8 @@ def learn_quartic_mean(noise: RingNoise) -> QuarticMean:
 
 def _posterior(
     there: FloatArray, rim: FloatArray, found: FloatArray, expected: FloatArray, doubts: FloatArray, independent: float
-) -> tuple[float, float]:
-    """The factors of two regressors that are likeliest, given what they are beforehand; NaN where numbers overflow."""
+) -> float:
+    """The likeliest factor of the first of two regressors, given what both are beforehand; NaN if numbers overflow."""
     # relative to their doubts, so that a factor that is certain leaves the equations well conditioned
     regressors = np.stack([there.ravel(), rim.ravel()]) * doubts[:, np.newaxis]
     misses = found.ravel() - (expected / doubts) @ regressors
@@ -118,10 +118,9 @@ def _posterior(
     error = float(np.square(found).mean()) / independent
     scale = matrix.trace() + error
     if not (np.isfinite(scale) and np.isfinite(right).all() and scale > 0.0):
-        return np.nan, np.nan
+        return np.nan
     matrix[[0, 1], [0, 1]] += max(error, 1e-12 * scale)
-    factor, at_rim = expected + doubts * np.linalg.solve(matrix, right)
-    return float(factor), float(at_rim)
+    return float((expected + doubts * np.linalg.solve(matrix, right))[0])
 
 
 def _product(matrices: FloatArray, vectors: FloatArray) -> FloatArray:

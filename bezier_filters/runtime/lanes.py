@@ -9,6 +9,7 @@ Arrays of lanes are flat float64 arrays in which the eight numbers lie next to e
 
 import operator
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
@@ -108,12 +109,21 @@ def _library_function(name: str) -> Instructions:
     return call
 
 
-def _address(
-    context: BaseContext, builder: ir.IRBuilder, signature: Signature, array: ir.Value, place: ir.Value
+def vector_address(
+    vector: ir.VectorType,
+    context: BaseContext,
+    builder: ir.IRBuilder,
+    signature: Signature,
+    array: ir.Value,
+    place: ir.Value,
 ) -> ir.Value:
+    """Where a vector is in an array of them."""
     data = context.make_array(signature.args[0])(context, builder, array).data
-    element = builder.gep(data, [builder.mul(place, ir.Constant(place.type, LANES))])
-    return builder.bitcast(element, _VECTOR.as_pointer())
+    element = builder.gep(data, [builder.mul(place, ir.Constant(place.type, vector.count))])
+    return builder.bitcast(element, vector.as_pointer())
+
+
+_address = partial(vector_address, _VECTOR)
 
 
 def _store(context: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: Arguments) -> ir.Value:

@@ -5,6 +5,7 @@ to its four numbers is one instruction, which compilers do not make of four vari
 define what they do; without the compiler they run as they stand, and rows are arrays of four numbers.
 """
 
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
@@ -17,7 +18,7 @@ from numba.core.typing.templates import Signature
 from numba.extending import models, register_model
 
 from bezier_filters.arrays import SingleArray
-from bezier_filters.runtime.lanes import Arguments, compile_as, spread_over
+from bezier_filters.runtime.lanes import Arguments, compile_as, spread_over, vector_address
 
 NUMBERS = 4
 Row: TypeAlias = SingleArray  # four numbers; see above what they are in compiled code
@@ -69,12 +70,7 @@ class _RowModel(models.PrimitiveModel):
         super().__init__(manager, numba_type, _VECTOR)
 
 
-def _address(
-    context: BaseContext, builder: ir.IRBuilder, signature: Signature, array: ir.Value, place: ir.Value
-) -> ir.Value:
-    data = context.make_array(signature.args[0])(context, builder, array).data
-    element = builder.gep(data, [builder.mul(place, ir.Constant(place.type, NUMBERS))])
-    return builder.bitcast(element, _VECTOR.as_pointer())
+_address = partial(vector_address, _VECTOR)
 
 
 def _write(context: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: Arguments) -> ir.Value:

@@ -10,9 +10,10 @@ from bezier_filters.kernels.lane_algebra import (
     add_squared_residuals,
     condition_numbers,
     differentiate,
+    factorise,
     raise_powers,
-    solve_lanes,
     sort_lanes,
+    substitute_back,
 )
 from bezier_filters.patches.polynomials import lexicographic_places, row_starts, tensor_space, total_degree_space
 from bezier_filters.runtime.lanes import LANES, aligned
@@ -69,6 +70,12 @@ def test_moments_are_added(lengths, count):
     np.testing.assert_array_equal(result[starts[-1] :], before[starts[-1] :])
 
 
+def solve(matrix, order, smallest_pivot, solution, sound):
+    """Eight systems, whose right-hand sides are a last row of the matrix, which becomes the factor."""
+    from_python(factorise)(matrix, order + 1, order, smallest_pivot, sound)
+    from_python(substitute_back)(matrix, order, order, solution)
+
+
 @pytest.mark.parametrize("order", [1, 2, 5, 16, 28])
 def test_solutions_and_factors(order):
     factors = RANDOM.standard_normal((LANES, order + 3, order))
@@ -78,7 +85,7 @@ def test_solutions_and_factors(order):
     padded[:, :order, :order], padded[:, order, :order] = matrices, sides
     lower = np.tril_indices(order + 1 + GROUP)
     flat, solution, sound = lanes_of(padded[:, lower[0], lower[1]].T), aligned(order), aligned(1)
-    from_python(solve_lanes)(flat, order, 1e-13, solution, sound)
+    solve(flat, order, 1e-13, solution, sound)
     assert sound.tolist() == [1.0] * LANES
     for lane in range(LANES):
         expected = np.linalg.solve(matrices[lane], sides[lane])
@@ -111,7 +118,7 @@ def test_a_rank_deficient_system_does_not_disturb_the_others():
     padded[:, :3, :3], padded[:, 3, :3] = matrices, [1.0, 2.0, 3.0]
     lower = np.tril_indices(4 + GROUP)
     solution, sound = aligned(3), aligned(1)
-    from_python(solve_lanes)(lanes_of(padded[:, lower[0], lower[1]].T), 3, 1e-6, solution, sound)
+    solve(lanes_of(padded[:, lower[0], lower[1]].T), 3, 1e-6, solution, sound)
     assert sound.tolist() == [1.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0, 1.0]
     for lane in np.flatnonzero(sound):
         assert solution[lane::LANES].tolist() == [1.0, 2.0, 3.0]
