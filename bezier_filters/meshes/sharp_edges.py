@@ -182,8 +182,8 @@ def sharp_edge_vertices(
     arrays = _FaceArrays(mesh.vertices, mesh.faces, at_vertex.indptr, at_vertex.indices, ring.indptr, ring.indices)
 
     def make_task() -> RangeTask:
-        angles = np.empty(MOST_EDGES)
-        return lambda start, stop: _find_sharp_vertices(arrays, candidates[start:stop], angles, result)
+        cosines = np.empty(MOST_EDGES)
+        return lambda start, stop: _find_sharp_vertices(arrays, candidates[start:stop], cosines, result)
 
     run_in_chunks(make_task, len(candidates), threads=threads)
     return result
@@ -201,41 +201,67 @@ class _FaceArrays(NamedTuple):
 
 
 @jit()
-def _find_sharp_vertices(mesh: _FaceArrays, ids: IntArray, angles: FloatArray, result: BoolArray) -> None:
-    """Mark those of the vertices `ids` that have two sharp edges or more; `angles` is work space."""
+def _find_sharp_vertices(mesh: _FaceArrays, ids: IntArray, cosines: FloatArray, result: BoolArray) -> None:
+    """Mark those of the vertices `ids` that have two sharp edges or more; `cosines` is work space."""
+    large = np.cos(FOR_FITS)
     for i in ids:
-        own = _edge_angles(mesh, i, angles, 0)
-        large = 0
+        own = _edge_cosines(mesh, i, cosines, 0)
+        candidates, least = 0, 1.0
         for a in range(own):
-            large += angles[a] > FOR_FITS
-        if large < 2:
+            candidates += cosines[a] < large
+            least = min(least, cosines[a])
+        if candidates < 2:
             continue
-        count = _edge_angles(mesh, i, angles, own)
-        for q in range(mesh.ring_ptr[i], mesh.ring_ptr[i + 1]):
-            count = _edge_angles(mesh, mesh.ring_indices[q], angles, count)
+        count = _edge_cosines_around(mesh, i, _much_flatter(least), cosines, own)
         sharp = 0
         for a in range(own):
-            if angles[a] > FOR_FITS:
-                flatter = 0
+            if count > own and cosines[a] < large:
+                flatter, bound = 0, _much_flatter(cosines[a])
                 for b in range(own, count):
-                    flatter += TIMES_HALF * angles[b] < angles[a]
+                    flatter += cosines[b] > bound
                 sharp += 2 * flatter > count - own
         result[i] = sharp >= 2  # where a sharp edge ends, one side of a fit may look across it
 
 
 @inner_jit()
-def _edge_angles(mesh: _FaceArrays, i: int, angles: FloatArray, count: int) -> int:
-    """Append the angles between the faces at the edges of vertex i, as far as there is room; return the new count."""
+def _much_flatter(cosine: float) -> float:
+    """Cosine of an angle so many times smaller."""
+    return float(np.cos(np.arccos(min(max(cosine, -1.0), 1.0)) / TIMES_HALF))
+
+
+@inner_jit()
+def _edge_cosines_around(mesh: _FaceArrays, i: int, flat: float, cosines: FloatArray, own: int) -> int:
+    """Append those of vertex i and its neighbours after its own, and return the new count.
+
+    It stays what it was once fewer than half can be flatter than an edge with the cosine `flat`.
+    """
+    count = _edge_cosines(mesh, i, cosines, own)
+    most = count - own
+    for q in range(mesh.ring_ptr[i], mesh.ring_ptr[i + 1]):
+        j = mesh.ring_indices[q]
+        most += mesh.face_ptr[j + 1] - mesh.face_ptr[j]
+    seen, steep = own, 0
+    for q in range(mesh.ring_ptr[i], mesh.ring_ptr[i + 1]):
+        for b in range(seen, count):
+            steep += cosines[b] <= flat
+        if 2 * steep >= most:
+            return own
+        seen, count = count, _edge_cosines(mesh, mesh.ring_indices[q], cosines, count)
+    return count
+
+
+@inner_jit()
+def _edge_cosines(mesh: _FaceArrays, i: int, cosines: FloatArray, count: int) -> int:
+    """Append those of the angles between the faces at the edges of vertex i, if there is room; return the new count."""
     faces = mesh.faces
     for q in range(mesh.face_ptr[i], mesh.face_ptr[i + 1]):
-        if count == angles.shape[0]:
+        if count == cosines.shape[0]:
             break
         f = mesh.face_indices[q]
         other = _other_face(mesh, i, f)
         if other >= 0:
             a, b, c, d, e, g = faces[f, 0], faces[f, 1], faces[f, 2], faces[other, 0], faces[other, 1], faces[other, 2]
-            cosine = cosine_between(mesh.vertices, a, b, c, d, e, g, 1.0)
-            angles[count] = np.arccos(min(max(cosine, -1.0), 1.0))
+            cosines[count] = cosine_between(mesh.vertices, a, b, c, d, e, g, 1.0)
             count += 1
     return count
 

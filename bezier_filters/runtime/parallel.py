@@ -22,7 +22,8 @@ Progress = Callable[[int, int], bool | None]
 RangeTask = Callable[[int, int], object]  # ``task(start, stop)`` computes a range of vertices
 
 THREADS_VARIABLE = "BEZIER_FILTERS_THREADS"
-CHUNK = 4096
+# vertices per chunk, at least and at most; in between so that each thread has about so many chunks
+CHUNK, LONGEST, PER_THREAD = 4096, 16384, 32
 MOST_THREADS = 256  # beside the calling one
 _lock, _limits = Lock(), list[Any]()  # of the calls under way, the first of which limits the threads of BLAS
 
@@ -66,7 +67,7 @@ def run_in_chunks(
     `make_task` is called once per thread, the calling one being the first: a task may own work space. The progress is
     told in the calling thread after each of its chunks; if that cancels, chunks under way are finished first.
     """
-    chunk = chunk or CHUNK
+    chunk = chunk or max(CHUNK, min(total // (PER_THREAD * threads), LONGEST))
     starts = iter(range(0, total, chunk))  # next() on an iterator of ints is atomic: the threads share it
     threads = max(1, min(threads, -(-total // chunk)))
     done = [0] * threads

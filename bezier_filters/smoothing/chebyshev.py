@@ -167,11 +167,15 @@ def _run(
 def _differences(laplacian: Laplacian, signals: RealArray, result: SingleArray, start: int, stop: int) -> None:
     """Write the Laplacian of vertices start .. stop-1."""
     for i in range(start, stop):
-        for c in range(SIDE_BY_SIDE):
-            total = 0.0
-            for q in range(laplacian.indptr[i], laplacian.indptr[i + 1]):
-                total += laplacian.weights[q] * (signals[i, c] - signals[laplacian.indices[q], c])
-            result[i, c] = laplacian.rates[i] * total
+        a = b = c = d = 0.0
+        for q in range(laplacian.indptr[i], laplacian.indptr[i + 1]):
+            j, weight = laplacian.indices[q], laplacian.weights[q]
+            a += weight * (signals[i, 0] - signals[j, 0])
+            b += weight * (signals[i, 1] - signals[j, 1])
+            c += weight * (signals[i, 2] - signals[j, 2])
+            d += weight * (signals[i, 3] - signals[j, 3])
+        rate = laplacian.rates[i]
+        result[i, 0], result[i, 1], result[i, 2], result[i, 3] = rate * a, rate * b, rate * c, rate * d
 
 
 @inner_jit(inline="always")  # a call with so many arrays takes three times as long as what it does

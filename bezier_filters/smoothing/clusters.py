@@ -34,10 +34,15 @@ class Clusters:
     """Disjoint clusters that cover a mesh, or a tile of one."""
 
     of_vertex: IntArray  # (n,): number of the cluster that a vertex belongs to
-    sizes: FloatArray  # (k,): numbers of their vertices
+    members: Rows  # the vertices of each cluster, in ascending order
     adjacency: Adjacency  # of the vertices
     laplacian: Laplacian  # how values on clusters spread,
     pace: float  # and how much time that takes, per time on the mesh
+
+    @property
+    def sizes(self) -> IntArray:
+        """Numbers of their vertices, (k,)."""
+        return self.members.lengths
 
     def means(self, columns: Iterable[RealArray]) -> FloatArray:
         """Means of columns of values at vertices, each (n,), over each cluster, (k, c)."""
@@ -83,7 +88,11 @@ def clusters_of(part: MeshPart, pace: float | None = None) -> Clusters:
     _join_centers(rows.indptr, rows.indices, rank, center)
     number = np.cumsum(center == np.arange(len(center)), dtype=np.int32) - np.int32(1)
     of_vertex, count = number[center], int(number[-1]) + 1 if len(number) else 0
-    sizes = np.bincount(of_vertex, minlength=count).astype(np.float64)
+    sizes = np.bincount(of_vertex, minlength=count)
+    members = Rows(
+        np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32),
+        np.argsort(of_vertex, kind="stable").astype(np.int32),
+    )
     # All edges between two clusters become one entry of a sparse matrix, with their number.
     start = np.repeat(of_vertex, rows.lengths)
     ones = np.ones(len(start), np.float32)
@@ -102,10 +111,10 @@ def clusters_of(part: MeshPart, pace: float | None = None) -> Clusters:
     )
     if pace is None:
         pace = _pace(mesh, rows, of_vertex, sizes, edges)
-    return Clusters(of_vertex, sizes, adjacency, laplacian, pace)
+    return Clusters(of_vertex, members, adjacency, laplacian, pace)
 
 
-def _pace(mesh: TriangleMesh, rows: Rows, of_vertex: IntArray, sizes: FloatArray, joined: csr_array) -> float:
+def _pace(mesh: TriangleMesh, rows: Rows, of_vertex: IntArray, sizes: IntArray, joined: csr_array) -> float:
     """Time on clusters per time on the mesh: by how far apart vertices are, and centers of gravity."""
     start = np.repeat(np.arange(len(rows), dtype=np.int32), rows.lengths)
     squares = np.square(mesh.vertices[rows.indices] - mesh.vertices[start]).sum()

@@ -19,7 +19,7 @@ from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.meshes.adjacency import Adjacency, mean_edge
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.parallel import Progress, report
-from bezier_filters.smoothing.clusters import clusters_of
+from bezier_filters.smoothing.clusters import Clusters, clusters_of
 from bezier_filters.smoothing.laplacian import Borders, umbrella_laplacian
 from bezier_filters.smoothing.low_pass import (
     STRENGTHS,
@@ -33,6 +33,7 @@ from bezier_filters.smoothing.low_pass import (
 from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, MeshPart, SampledParts, sampled_parts, whole_mesh
 from bezier_filters.smoothing.noise import (
     LEAST_NOISE,
+    PACE,
     NoiseLevels,
     NoisyMesh,
     free_laplacian,
@@ -111,9 +112,10 @@ def remove_noise(
     The noise is that along the normal; `detail` is the length of the shortest waves that keep half of their height.
     All vertices `relax`, that is slide along the surface, only on request (see `sliding`).
     """
-    whole, around = whole_mesh(mesh, adjacency), tuple[int, ...]()
+    whole, around, clusters = whole_mesh(mesh, adjacency), tuple[int, ...](), None
     if mesh.vertex_count > LARGEST_WHOLE and noise.sigma > 0.0:
-        around = (int(roughest(roughness(whole, noise.sigma, threads=threads), whole.ids)[0]),)
+        clusters = clusters_of(whole, PACE)
+        around = (int(roughest(roughness(whole, noise.sigma, clusters, threads=threads), whole.ids)[0]),)
     parts = sampled_parts(mesh, adjacency, around, threads=threads)
     is_whole = parts.part.mesh is mesh
     shown = progress if is_whole else None
@@ -124,7 +126,7 @@ def remove_noise(
     if is_whole:
         return result
     del parts, learned, result  # for large meshes, memory counts
-    return denoise(whole, plan, threads=threads, progress=progress)
+    return denoise(whole, plan, clusters, threads=threads, progress=progress)
 
 
 def learn_plan(
@@ -192,10 +194,20 @@ def learn_plan(
     return plan, replace(result, points=held_back(mesh, adjacency, result.points, sliding, threads=threads))
 
 
-def denoise(part: MeshPart, plan: SmoothingPlan, *, threads: int = 1, progress: Progress | None = None) -> Denoised:
-    """Take the noise off a mesh, or off a tile of it with `rings_around` what is wanted, by a plan of `learn_plan`."""
+def denoise(
+    part: MeshPart,
+    plan: SmoothingPlan,
+    clusters: Clusters | None = None,
+    *,
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> Denoised:
+    """Take the noise off a mesh, or off a tile of it with `rings_around` what is wanted, by a plan of `learn_plan`.
+
+    Its clusters may be known, at any pace.
+    """
     scaled = _normalised(part, plan.center, plan.scale)
-    clusters = clusters_of(scaled, plan.cluster_pace)
+    clusters = replace(clusters or clusters_of(scaled, plan.cluster_pace), pace=plan.cluster_pace)
     correlation, at_vertices = plan.noise.correlation, local_sigma(scaled, clusters, plan.noise, threads=threads)
     noisy = NoisyMesh(scaled, clusters, at_vertices, correlation)
     report(progress, 1, STEPS)

@@ -4,6 +4,7 @@ Which Laplacian and order, and which strengths there are, is learned from parts 
 these strengths suit a vertex depends on what is around it.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -28,6 +29,7 @@ AROUND = 3  # strengths on both sides of the one that is best for the mesh as a 
 STRONGER = 6  # steps of the strength beyond that of the umbrella Laplacian up to which others are tried
 RARE = 1e-3  # mean share of a strength up to which it is left out if it is stronger than all others that are not
 SELDOM = 1e-3  # share of the vertices that prefer the weakest strength, above which weaker ones are tried
+SPARSE = 2  # of these weaker ones, every other one is
 WEAKER = 2  # steps of the strength by which a filter that another one follows is weaker
 ENOUGH = 10_000.0  # strength of a filter whose normals need no stronger one
 FARTHEST = 3.8  # phase between the ends of an edge, beyond which waves are shorter than a mesh shows
@@ -150,16 +152,11 @@ def learn_low_pass(
             found = tried(chosen.laplacian, order, normals, strengths)
             chosen = min(chosen, found, key=lambda one: one.risk)
     laplacian, best = chosen.laplacian, chosen.best
-    lowest, seldom = best + AROUND, 1.0
-    while lowest > 0 and seldom > SELDOM:  # there, even weaker filters may be better
-        lowest = max(lowest - 2 * AROUND, 0)
-        near = slice(lowest, best + AROUND + 1)
-        estimates = chosen.estimates.among(near)
-        shares = _shares(noisy, estimates, overall_risks(estimates, core), threads)
-        seldom = float((shares[:, 0] > 0.5).mean())
-    estimates = _estimates(noisy, laplacian, chosen.order, strengths[near], normals, threads)
-    overall = overall_risks(estimates, core)
-    shares = _shares(noisy, estimates, overall, threads)
+    near = list(range(max(best - AROUND, 0), min(best + AROUND + 1, len(strengths))))
+    estimates, overall, shares = _among(noisy, core, chosen.estimates, near, threads)
+    while near[0] > 0 and (shares[:, 0] > 0.5).mean() > SELDOM:  # there, even weaker filters may be better
+        near = [*range(max(near[0] - 2 * AROUND, 0), max(near[0] - 1, 1), SPARSE), *near]
+        estimates, overall, shares = _among(noisy, core, chosen.estimates, near, threads)
     used = int(np.flatnonzero(shares.mean(axis=0, dtype=np.float64) > RARE)[-1]) + 1
     clusters = noisy.clusters
     haste = max(float(clusters.diffuse(clusters.means([laplacian.rates]), threads=threads).max()), 1.0)
@@ -179,6 +176,15 @@ def fit_low_pass(noisy: NoisyMesh, plan: LowPassPlan, *, threads: int = 1) -> Fi
         laplacian = cotangent_laplacian(smooth, adjacency, *options, fastest=plan.fastest, cut=cut, threads=threads)
     estimates = _estimates(noisy, laplacian, plan.order, plan.strengths, normals, threads)
     return _mixture(plan, laplacian, normals, estimates, _shares(noisy, estimates, plan.overall, threads))
+
+
+def _among(
+    noisy: NoisyMesh, core: BoolArray, estimates: Estimates, near: Sequence[int], threads: int
+) -> tuple[Estimates, FloatArray, SingleArray]:
+    """Some of the estimates, their risks for the mesh as a whole, and their shares."""
+    some = estimates.among(near)
+    overall = overall_risks(some, core)
+    return some, overall, _shares(noisy, some, overall, threads)
 
 
 def _shares(noisy: NoisyMesh, estimates: Estimates, overall: FloatArray, threads: int) -> SingleArray:

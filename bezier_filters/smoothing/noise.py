@@ -59,12 +59,12 @@ class NoisyMesh:
 
     def probes(self, columns: int, *, first: int = 0, threads: int = 1) -> SingleArray:
         """Noise of variance 1, (n, columns): random signs if it is white."""
-        laplacian = free_laplacian(self.part, threads)
+        laplacian = free_laplacian(self.part, threads) if self.correlation.times else None
         return correlated_signs(self.part.ids, columns, self.correlation, laplacian, first=first, threads=threads)
 
     def samples(self, columns: int, *, threads: int = 1) -> SingleArray:
         """Noise of variance 1 and normal distribution, (n, columns)."""
-        laplacian = free_laplacian(self.part, threads)
+        laplacian = free_laplacian(self.part, threads) if self.correlation.times else None
         return correlated_noise(self.part.ids, columns, self.correlation, laplacian, threads=threads)
 
     def mean_squares(self, probes: SingleArray, *, threads: int = 1) -> SingleArray:
@@ -116,14 +116,14 @@ def local_sigma(part: MeshPart, clusters: Clusters, levels: NoiseLevels, *, thre
     return levels.at(_roots(part, clusters, free_laplacian(part, threads), levels.share, threads))
 
 
-def roughness(part: MeshPart, sigma: float, *, threads: int = 1) -> FloatArray:
+def roughness(part: MeshPart, sigma: float, clusters: Clusters | None = None, *, threads: int = 1) -> FloatArray:
     """How much more a strong filter takes off around every vertex than a weak one, (n,): most at edges and corners.
 
     Where a large mesh is roughest, it has to be looked at, lest an edge be smoothed because no sample has met one.
     It goes by ratios, as the noise itself may vary. A tile has `ROUGHNESS_RINGS` around what counts; sigma is the
-    standard deviation of the noise of the mesh as a whole.
+    standard deviation of the noise of the mesh as a whole. The clusters, if they are known, have the pace `PACE`.
     """
-    clusters, laplacian = clusters_of(part, PACE), free_laplacian(part, threads)
+    clusters, laplacian = clusters or clusters_of(part, PACE), free_laplacian(part, threads)
     strong, weak = _heights(part, laplacian, STRONG, threads)
     around = clusters.around([np.square(strong), np.sqrt(np.abs(weak))], threads=threads).astype(np.float64)
     return around[:, 0] / np.maximum(around[:, 1] ** 4, (LEAST * sigma) ** 2)

@@ -78,9 +78,9 @@ class Correlation:
         scales = tuple(float(np.sqrt(share) / spread) for share, spread in zip(shares, spreads, strict=True))
         return Correlation(float(np.sqrt(noise.white / noise.variance)), times, scales, max(alike, 1.0))
 
-    def apply(self, white: list[SingleArray], laplacian: Laplacian, threads: int) -> SingleArray:
-        """Noise (n, c) made of white noise, and of other white noise for every part."""
-        if not self.times:
+    def apply(self, white: list[SingleArray], laplacian: Laplacian | None, threads: int) -> SingleArray:
+        """Noise (n, c) made of white noise, and of other white noise for every part, which heat flow needs."""
+        if laplacian is None:
             return white[0]
         result: FloatArray = self.white * white[0].astype(np.float64)
         for time, scale, other in zip(self.times, self.scales, white[1:], strict=True):
@@ -105,17 +105,23 @@ WHITE = Correlation()  # that of noise that is independent from vertex to vertex
 
 
 def correlated_signs(
-    ids: IntArray, columns: int, correlation: Correlation, laplacian: Laplacian, *, first: int = 0, threads: int = 1
+    ids: IntArray,
+    columns: int,
+    correlation: Correlation,
+    laplacian: Laplacian | None,
+    *,
+    first: int = 0,
+    threads: int = 1,
 ) -> SingleArray:
-    """Noise of variance 1 made of random signs, (n, columns)."""
+    """Noise of variance 1 made of random signs, (n, columns); white noise needs no Laplacian."""
     streams = [0, *(FIRST_STREAM + k for k in range(len(correlation.times)))]
     signs = [random_signs(ids, columns, first=first, stream=stream) for stream in streams]
     return correlation.apply(signs, laplacian, threads)
 
 
 def correlated_noise(
-    ids: IntArray, columns: int, correlation: Correlation, laplacian: Laplacian, *, threads: int = 1
+    ids: IntArray, columns: int, correlation: Correlation, laplacian: Laplacian | None, *, threads: int = 1
 ) -> SingleArray:
-    """Noise of variance 1 and normal distribution, (n, columns)."""
+    """Noise of variance 1 and normal distribution, (n, columns); white noise needs no Laplacian."""
     streams = [1, *(FIRST_STREAM * (k + 2) for k in range(len(correlation.times)))]
     return correlation.apply([white_noise(ids, columns, stream=stream) for stream in streams], laplacian, threads)

@@ -9,11 +9,14 @@ If p = x + noise of variance sigma^2, an estimate f(p) of x has the expected squ
 several estimates to trust there.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from bezier_filters.arrays import BoolArray, FloatArray, SingleArray
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
+from bezier_filters.runtime.jit import jit
+from bezier_filters.runtime.parallel import run_kernel
 from bezier_filters.smoothing.clusters import SURROUNDINGS, Clusters
 
 # vertices over which risks are averaged, on a regular mesh: the reciprocal of the sum of their squared weights
@@ -32,9 +35,9 @@ class Estimates:
     # (n, s): how much each estimate follows its own vertex: 1 for no smoothing at all, near 0 for much
     leverages: SingleArray
 
-    def among(self, columns: slice) -> "Estimates":
+    def among(self, columns: Sequence[int]) -> "Estimates":
         """Some of them."""
-        return Estimates(*(np.ascontiguousarray(values[:, columns]) for values in (self.residuals, self.leverages)))
+        return Estimates(*(np.ascontiguousarray(values[:, list(columns)]) for values in (self.residuals, self.leverages)))
 
     def means(self, rows: BoolArray | slice = slice(None)) -> tuple[FloatArray, FloatArray]:
         """Mean squared residual and mean leverage of each estimate, (s,), over all vertices or some."""
@@ -63,16 +66,13 @@ def local_risks(
     Where the local difference deviates from the overall one, (s,) from `overall_risks`, by no more than noise may make
     it do, the latter is taken (after James and Stein). So many vertices are `alike` that they tell no more than one.
     """
-    best, residuals = int(overall.argmin()), estimates.residuals.T
-    # what the risks, plus 1, are the means of
-    terms = clusters.means(
-        r * r + 2.0 * leverages.astype(np.float64)
-        for r, leverages in zip(residuals, estimates.leverages.T, strict=True)
-    )
-    distances = clusters.means(np.square(r - residuals[best]) for r in residuals)
-    differences = terms - terms[:, [best]]
-    around = clusters.diffuse(np.hstack([differences, distances]), threads=threads)
-    count = len(overall)
+    best, count, members = int(overall.argmin()), len(overall), clusters.members
+    sums = np.zeros((len(members), 2 * count))
+    rows = members.indptr, members.indices, estimates.residuals, estimates.leverages
+    run_kernel(_sum_up, len(sums), *rows, best, sums, threads=threads)
+    means = sums / clusters.sizes[:, np.newaxis]
+    means[:, :count] -= means[:, [best]]
+    around = clusters.diffuse(means, threads=threads)
     local = around[:, :count] - overall
     # A difference of squared residuals has four times the variance of the difference of the estimates.
     variances = np.maximum(4.0 * alike / VERTICES * around[:, count:], 0.0)
@@ -82,6 +82,28 @@ def local_risks(
     )
     result: FloatArray = overall + believed * local
     return result
+
+
+@jit()
+def _sum_up(
+    ptr: IntArray,
+    indices: IntArray,
+    residuals: SingleArray,
+    leverages: SingleArray,
+    best: int,
+    sums: FloatArray,
+    start: int,
+    stop: int,
+) -> None:
+    """Write, over clusters start .. stop-1, the risks of all estimates, plus 1, and squared distances from one."""
+    count = residuals.shape[1]
+    for k in range(start, stop):
+        for q in range(ptr[k], ptr[k + 1]):
+            i = indices[q]
+            for s in range(count):
+                r, distance = residuals[i, s], residuals[i, s] - residuals[i, best]
+                sums[k, s] += r * r + 2.0 * leverages[i, s]
+                sums[k, count + s] += distance * distance
 
 
 def last_gain(clusters: Clusters, risks: FloatArray) -> float:
