@@ -21,6 +21,7 @@ from bezier_filters.arrays import SingleArray
 from bezier_filters.runtime.lanes import Arguments, compile_as, spread_over, vector_address
 
 NUMBERS = 4
+Place: TypeAlias = int | np.uint32  # of a row; without a sign, compiled code need not ask whether it is from the end
 Row: TypeAlias = SingleArray  # four numbers; see above what they are in compiled code
 
 
@@ -29,13 +30,13 @@ def zero_row() -> Row:
     return np.zeros(NUMBERS, dtype=np.float32)
 
 
-def row_of(array: SingleArray, place: int) -> Row:
+def row_of(array: SingleArray, place: Place) -> Row:
     """One row of an array (n, 4)."""
     result: Row = array[place].copy()
     return result
 
 
-def write_row(array: SingleArray, place: int, value: Row) -> None:
+def write_row(array: SingleArray, place: Place, value: Row) -> None:
     """Write one row of an array (n, 4)."""
     array[place] = value
 

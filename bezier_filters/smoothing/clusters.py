@@ -88,7 +88,7 @@ def clusters_of(part: MeshPart, pace: float | None = None) -> Clusters:
     _join_centers(rows.indptr, rows.indices, rank, center)
     number = np.cumsum(center == np.arange(len(center)), dtype=np.int32) - np.int32(1)
     of_vertex, count = number[center], int(number[-1]) + 1 if len(number) else 0
-    sizes = np.bincount(of_vertex, minlength=count)
+    sizes = np.bincount(of_vertex, minlength=count).astype(np.int32)
     members = Rows(
         np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32),
         np.argsort(of_vertex, kind="stable").astype(np.int32),

@@ -44,7 +44,15 @@ from bezier_filters.smoothing.noise import (
 )
 from bezier_filters.smoothing.normal_filter import filter_normals, move_to_normals, noisy_normals
 from bezier_filters.smoothing.random_noise import OTHER_SIGNS, Correlation
-from bezier_filters.smoothing.risk import Estimates, last_gain, local_risks, local_shares, noise_factor, overall_risks
+from bezier_filters.smoothing.risk import (
+    Estimates,
+    gain_of,
+    local_risks,
+    local_shares,
+    noise_factor,
+    overall_risks,
+    worthwhile,
+)
 from bezier_filters.smoothing.sliding import Sliding, held_back, sliding_of
 
 # kinds of estimates: the low-pass filter proper, and one round after a slightly weaker one; then the sharp ones
@@ -56,6 +64,7 @@ GENTLE_TOLERANCE, SHARP_TOLERANCE = 2.5, 1.5  # of `filter_normals`
 PROBE = 0.1  # times sigma: how far vertices are moved to find their leverages
 FEWEST_SAMPLED = 60_000  # vertices times samples of the noise, that normals are filtered by
 GAIN = 1e-3  # times sigma^2: mean decrease of the risk around a vertex below which a further estimate is left out
+SUPERFLUOUS = 3e-4  # the same for one that sharper ones may have replaced
 # around a tile there are the rings in which a low-pass filter fades by so many powers of e, those over which risks
 # are averaged, and those that a round of filtering the normals reaches across: measured, for a hundredth of the noise
 FADED, AVERAGED, RINGS_PER_ROUND = 7.0, 14, 1.25
@@ -179,10 +188,15 @@ def learn_plan(
         estimates = _side_by_side(tried, less_noise)
         these = overall_risks(estimates, parts.core)
         those = local_risks(clusters, estimates, these, correlation.alike, threads=threads)
-        if last_gain(clusters, those) > GAIN:
+        if gain_of(clusters, those, -1) > GAIN:
             found, factor, overall, risks = tried, less_noise, these, those
         elif candidate.kind > HINT:
             break
+    if risks is not None:  # what was better than weaker filters may not be, beside sharper ones
+        found = [found[k] for k in worthwhile(clusters, risks, SUPERFLUOUS)]
+        estimates = _side_by_side(found, factor)
+        overall = overall_risks(estimates, parts.core)
+        risks = local_risks(clusters, estimates, overall, correlation.alike, threads=threads)
     kinds = tuple(candidate.kind for candidate in found)
     mesh, adjacency = parts.part.mesh, parts.part.adjacency
     result = _mixture(mesh, noisy, found, risks, scale, threads)
@@ -303,11 +317,11 @@ def _sharp(
         mesh.vertex_count, -1, 3
     )
     probe = np.float32(PROBE) * samples[:, 0]
-    state = noisy_normals(_moved(mesh, start), _moved(mesh, start + probe), samples, threads=threads)
+    state = noisy_normals(_moved(mesh, start), adjacency, _moved(mesh, start + probe), samples, threads=threads)
     del samples
     movable, done = ~adjacency.on_boundary, 0  # those at borders stay
     for kind, total in rounds.items():
-        state = filter_normals(state, adjacency.faces, total - done, tolerance, threads=threads)
+        state = filter_normals(state, total - done, tolerance, threads=threads)
         done = total
         moves, probed = (
             first + move_to_normals(_moved(mesh, first), adjacency, goal, movable, threads=threads)

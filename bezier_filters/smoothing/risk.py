@@ -37,7 +37,7 @@ class Estimates:
 
     def among(self, columns: Sequence[int]) -> "Estimates":
         """Some of them."""
-        return Estimates(*(np.ascontiguousarray(values[:, list(columns)]) for values in (self.residuals, self.leverages)))
+        return Estimates(*(np.take(values, columns, axis=1) for values in (self.residuals, self.leverages)))
 
     def means(self, rows: BoolArray | slice = slice(None)) -> tuple[FloatArray, FloatArray]:
         """Mean squared residual and mean leverage of each estimate, (s,), over all vertices or some."""
@@ -106,10 +106,21 @@ def _sum_up(
                 sums[k, count + s] += distance * distance
 
 
-def last_gain(clusters: Clusters, risks: FloatArray) -> float:
-    """Mean of what the last of several estimates gains over all others."""
-    gains = np.maximum(risks[:, :-1].min(axis=1) - risks[:, -1], 0.0)
+def gain_of(clusters: Clusters, risks: FloatArray, number: int) -> float:
+    """Mean of what one of several estimates gains over all others."""
+    gains = np.maximum(np.delete(risks, number, axis=1).min(axis=1) - risks[:, number], 0.0)
     return float(clusters.sizes @ gains) / max(len(clusters.of_vertex), 1)
+
+
+def worthwhile(clusters: Clusters, risks: FloatArray, gain: float) -> list[int]:
+    """Numbers of the estimates that are left, with the first, when those go that gain no more over what is left."""
+    kept = list(range(risks.shape[1]))
+    while len(kept) > 1:
+        gains = [gain_of(clusters, risks[:, kept], k) for k in range(1, len(kept))]
+        if min(gains) > gain:
+            break
+        del kept[1 + int(np.argmin(gains))]
+    return kept
 
 
 def local_shares(

