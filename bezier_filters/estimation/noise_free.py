@@ -14,7 +14,9 @@ from bezier_filters.meshes.sharp_edges import may_have_sharp_edges, sharp_edges
 from bezier_filters.runtime.parallel import Progress
 from bezier_filters.smoothing.denoise import Denoised, remove_noise
 from bezier_filters.smoothing.flipped_faces import repair_flipped_faces
+from bezier_filters.smoothing.impulses import MOST_ROUNDS, has_settled, learn_impulses, without_impulses
 from bezier_filters.smoothing.laplacian import Borders
+from bezier_filters.smoothing.mesh_parts import sampled_parts
 
 # times the mean edge: less noise turns a face by some 5 degrees at most, and no flat edge looks like a sharp one
 NOISY = 0.02
@@ -57,16 +59,32 @@ def denoised(
     """The mesh without its noise, see `remove_noise`, and without its outliers, which no filter takes for noise.
 
     Among many outliers some look sound, so they are taken off as long as there are any, and the noise is learned again,
-    of which the standard deviation `sigma` may be known.
+    of which the standard deviation `sigma` may be known. If it is not, and where a smooth surface is known tells which
+    vertices were hit by impulses, that is found again without these.
     """
+    measured = mesh.vertices
     for _ in range(MOST_CLEANED):
         if noise is None or not noise.outliers:
             break
         arrays, _ = fitted_mesh(mesh, adjacency=adjacency, creases=True, threads=threads)
         mesh = TriangleMesh(without_outliers(arrays, threads=threads).vertices, mesh.faces)
         noise = learn_noise(mesh, adjacency, sigma, threads=threads)
-    noise = noise or NoiseModel(0.0)
-    return remove_noise(mesh, adjacency, noise, borders, detail, relax, threads=threads, progress=progress)
+    found = remove_noise(
+        mesh, adjacency, noise or NoiseModel(0.0), borders, detail, relax, threads=threads, progress=progress
+    )
+    for _ in range(0 if sigma is not None else MOST_ROUNDS):
+        surface = TriangleMesh(found.points, mesh.faces)
+        parts = sampled_parts(surface, adjacency, threads=threads)
+        ids = parts.part.ids
+        impulses = learn_impulses(measured[ids], parts)
+        if impulses is None:
+            break
+        mesh = TriangleMesh(without_impulses(measured, surface, adjacency, impulses, threads=threads), mesh.faces)
+        noise = learn_noise(mesh, adjacency, threads=threads) or NoiseModel(0.0)
+        found = remove_noise(mesh, adjacency, noise, borders, detail, relax, threads=threads)
+        if has_settled(surface.vertices[ids], found.points[ids], impulses):
+            break
+    return found
 
 
 def is_noisy(mesh: TriangleMesh, adjacency: Adjacency, sigma: float | None) -> bool:

@@ -31,6 +31,13 @@ from bezier_filters.scale.store import Store
 from bezier_filters.scale.tiles import Tile, open_tile, table_of
 from bezier_filters.smoothing.denoise import SmoothingPlan, denoise, learn_plan, rings_around
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
+from bezier_filters.smoothing.impulses import (
+    MOST_ROUNDS,
+    Impulses,
+    has_settled,
+    learn_impulses,
+    without_impulses,
+)
 from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, MeshPart
 from bezier_filters.smoothing.noise import ROUGHNESS_RINGS, roughest, roughness
 from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, check_smoothing, sound_displacements
@@ -159,30 +166,44 @@ def _automatic(
     components: StoredComponents | None = None
     current, folders = mesh, list[Path]()
     for step in range(iterations):
+        measured, given = current, noise if step == 0 else None
         here = known if step == 0 else _noise_of(run, current)
         for k in range(MOST_CLEANED):
             if here is None or not here.outliers:
                 break
             folder = results / f"clean-{step + 1}-{k + 1}"
             current = _with_results(mesh, folder, run.tiles("clean", folder, partial(clean_tile, current)).tiles)
-            here = _noise_of(run, current, noise if step == 0 else None)
-        here = here or NoiseModel(0.0)
-        around = tuple[int, ...]()
-        if step == 0 or mesh.layout.vertex_count > LARGEST_WHOLE:
-            look = partial(measure_tile, current, here.sigma)
-            done = run.tiles("measure", results / f"measure-{step + 1}", look)
-            around = (_roughest(done.tiles),)
-        if step == 0 and mesh.layout.face_count > 0 and not done.sums("incoherent")[0]:
-            components = unite_components(mesh, done.tiles)
-        with run.stages.stage("learn"):
-            parts = sampled_parts_of(current, around, threads=run.workers)
-            learned = learn_plan(parts, here, borders, detail, relax, threads=run.workers)
-            plan = None if learned is None else learned[0]
-        is_last = step + 1 == iterations
-        job = partial(smooth_tile, mesh, current, plan, borders == "fixed", components if is_last else None)
-        folders.append(results / f"step-{step + 1}")
-        done = run.tiles("smooth", folders[-1], job)
-        current = _with_results(mesh, folders[-1], done.tiles)
+            here = _noise_of(run, current, given)
+        impulses: Impulses | None = None
+        before = np.zeros((0, 3))
+        for k in range(1 + MOST_ROUNDS):
+            here, name, around = here or NoiseModel(0.0), f"{step + 1}-{k + 1}", tuple[int, ...]()
+            is_first = step == k == 0
+            if is_first or mesh.layout.vertex_count > LARGEST_WHOLE:
+                look = partial(measure_tile, current, here.sigma)
+                done = run.tiles("measure", results / f"measure-{name}", look)
+                around = (_roughest(done.tiles),)
+            if is_first and mesh.layout.face_count > 0 and not done.sums("incoherent")[0]:
+                components = unite_components(mesh, done.tiles)
+            with run.stages.stage("learn"):
+                parts = sampled_parts_of(current, around, threads=run.workers)
+                learned = learn_plan(parts, here, borders, detail, relax, threads=run.workers)
+                plan = None if learned is None else learned[0]
+            is_last = step + 1 == iterations
+            job = partial(smooth_tile, mesh, current, plan, borders == "fixed", components if is_last else None)
+            folder = results / f"smooth-{name}"
+            done = run.tiles("smooth", folder, job)
+            current = _with_results(mesh, folder, done.tiles)
+            if given is None:
+                with run.stages.stage("learn"):
+                    impulses, before = _impulses_left(measured, current, impulses, before, run.workers)
+            if impulses is None or k == MOST_ROUNDS:
+                break
+            corrected = partial(correct_tile, measured, current, impulses)
+            of_heights = results / f"correct-{name}"
+            current = _with_results(mesh, of_heights, run.tiles("correct", of_heights, corrected).tiles)
+            here = _noise_of(run, current)
+        folders.append(folder)
     steps, volume_before = None, None
     if components is not None:
         before, now, gains = _component_sums(done.tiles, ("before", "now", "gains"), components.count)
@@ -217,6 +238,20 @@ def _noise_of(run: Run, store: Store, sigma: float | None = None) -> NoiseModel 
     with run.stages.stage("learn"):
         learned = learn_noise(store, threads=run.workers)
     return learned if sigma is None else known_noise(learned, sigma)
+
+
+def _impulses_left(
+    measured: Store, smoothed: Store, impulses: Impulses | None, before: FloatArray, threads: int
+) -> tuple[Impulses | None, FloatArray]:
+    """What `denoised` learns of impulses after a round, unless that has changed next to nothing, and from what points.
+
+    Given are the impulses and the points of the round before.
+    """
+    parts = sampled_parts_of(smoothed, threads=threads)
+    points = parts.part.mesh.vertices
+    if impulses is not None and has_settled(before, points, impulses):
+        return None, points
+    return learn_impulses(sampled_parts_of(measured, threads=threads).part.mesh.vertices, parts), points
 
 
 def _component_sums(tiles: Sequence[Tile], names: Sequence[str], count: int) -> list[FloatArray]:
@@ -254,6 +289,14 @@ def clean_tile(store: Store, tile: int) -> TileOutput:
     part = tile_part(store, tile, OUTLIER_REACH + CREASE_RINGS)
     arrays, _ = fitted_mesh(part.mesh, creases=True)
     return TileOutput(table_of(without_outliers(arrays).vertices[part.own], {}, "", (), "<f8"), len(part.ids), {})
+
+
+def correct_tile(measured: Store, smoothed: Store, impulses: Impulses, tile: int) -> TileOutput:
+    """Where the vertices of a tile were measured, as far as they were not hit by impulses."""
+    part = tile_part(smoothed, tile, 1)
+    heights = measured.coordinates_of(part.ids), part.mesh, vertex_adjacency(part.mesh)
+    points = without_impulses(*heights, impulses)[part.own]
+    return TileOutput(table_of(points, {}, "", (), "<f8"), len(part.ids), {})
 
 
 def _mesh_part(store: Store, part: TilePart, adjacency: Adjacency) -> MeshPart:

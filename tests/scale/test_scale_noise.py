@@ -1,5 +1,6 @@
 """What is learned of noise is the same in tiles: noise that is alike at neighbours, and noise that turns normals."""
 
+import numpy as np
 import pytest
 from numba import config
 from scale_cases import assert_same_as_in_memory, save_arrays, shuffled
@@ -25,6 +26,13 @@ def heavy():
     return shuffled(in_all_directions(surface.vertices, surface.faces, 0.5), surface.faces)
 
 
+def impulses():
+    surface = bumpy_star(resolution=18, jitter=0.2)
+    random, heights = np.random.default_rng(0), along_normals(surface, 0.6, 0) - surface.vertices
+    is_hit = random.random((len(heights), 1)) < 0.5
+    return shuffled(surface.vertices + is_hit * heights, surface.faces)
+
+
 CASES = {"averaged": averaged, "heavy": heavy}
 
 
@@ -46,9 +54,9 @@ def test_values_are_those_in_memory_to_the_last_bit(name, tmp_path):
     assert_same_as_in_memory(report, vertices, faces)
 
 
-@pytest.mark.parametrize("name", ["averaged", pytest.param("heavy", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["averaged", "impulses", pytest.param("heavy", marks=pytest.mark.slow)])
 def test_vertices_move_as_in_memory(name, tmp_path):
-    vertices, faces = CASES[name]()
+    vertices, faces = (CASES | {"impulses": impulses})[name]()
     report = smooth_file(save_arrays(tmp_path, vertices, faces), tmp_path / "out.ply", tile_vertices=400, **HOW)
     expected = smooth(vertices, faces)
     assert expected.max_displacement > expected.noise_before

@@ -292,7 +292,7 @@ def test_a_run_goes_on_in_the_round_it_was_in(stage, stopped, tmp_path):
     """Only what is not there is computed, and a tile that was damaged, in whatever round."""
     folder = shutil.copytree(stopped, tmp_path / "run")
     files, target = (folder / "vertices.npy", folder / "faces.npy"), folder / "out.ply"
-    folders = {"measure": "measure-1", "smooth": "step-1", "finish": "finish"}
+    folders = {"measure": "measure-1-1", "smooth": "smooth-1-1", "finish": "finish"}
     (results,) = folder.glob(f"out.ply.tiles/results-*/{folders[stage]}")
     damaged = tile_path(results, 1)
     damaged.write_bytes(damaged.read_bytes()[:-8])
