@@ -64,12 +64,16 @@ class NoiseModel:
         """
         squares = squared_distances(points)
         result = np.zeros(squares.shape)
-        for sill, length in zip(self.sills, self.lengths, strict=True):
-            result += sill * np.exp(-0.5 / length**2 * squares)
+        for sill, length in zip(self.sills, self.lengths, strict=True):  # in place: new arrays take longer than sums
+            correlations = -0.5 / length**2 * squares
+            np.exp(correlations, out=correlations)
+            correlations *= sill
+            result += correlations
         places = np.arange(points.shape[1])
         result[:, places, places] += self.white
-        steeper: FloatArray = result * (steepness[:, :, np.newaxis] * steepness[:, np.newaxis])
-        return steeper
+        result *= steepness[:, :, np.newaxis]
+        result *= steepness[:, np.newaxis]
+        return result
 
 
 def known_noise(learned: NoiseModel | None, sigma: float) -> NoiseModel:
@@ -85,11 +89,18 @@ def known_noise(learned: NoiseModel | None, sigma: float) -> NoiseModel:
 
 
 def squared_distances(points: FloatArray) -> FloatArray:
-    """Between all points of every neighbourhood, (T, n, d) to (T, n, n)."""
-    squares = np.square(points).sum(axis=2)
-    products = points @ points.transpose(0, 2, 1)
-    result: FloatArray = np.maximum(squares[:, :, np.newaxis] + squares[:, np.newaxis] - 2.0 * products, 0.0)
-    return result
+    """Between all points of every neighbourhood, (T, n, d) to (T, n, n).
+
+    |a - b|^2 = -2 a b + |a|^2 + |b|^2 is one product of longer vectors, which needs no other arrays of this size.
+    """
+    squares = np.square(points).sum(axis=2, keepdims=True)
+    ones = np.ones_like(squares)
+    left, right = (
+        np.concatenate([-2.0 * points, squares, ones], axis=2),
+        np.concatenate([points, ones, squares], axis=2),
+    )
+    result: FloatArray = left @ right.transpose(0, 2, 1)
+    return np.maximum(result, 0.0, out=result)
 
 
 @dataclass(frozen=True)

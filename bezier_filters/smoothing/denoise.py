@@ -163,11 +163,12 @@ def learn_plan(
     scale = float(2.0 ** -np.round(np.log2(unit)))  # single precision has few exponents
     part, sigma, unit = _normalised(parts.part, center, scale), sigma * scale, unit * scale
     clusters = clusters_of(part)
-    correlation = Correlation.of(noise, unit / scale, part.ids, free_laplacian(part, threads), parts.core)
+    laplacian = free_laplacian(part, threads)
+    correlation = Correlation.of(noise, unit / scale, part.ids, laplacian, parts.core)
     levels, at_vertices = learn_noise_levels(
-        part, clusters, parts.core, sigma, correlation, unit, given=noise.given, threads=threads
+        part, clusters, parts.core, sigma, correlation, laplacian, unit, given=noise.given, threads=threads
     )
-    noisy = NoisyMesh(part, clusters, at_vertices, correlation)
+    noisy = NoisyMesh(part, clusters, at_vertices, correlation, laplacian)
     report(progress, 1, STEPS)
     detail = None if detail is None else detail * scale
     low_pass, fitted = learn_low_pass(noisy, parts.core, borders, unit, detail, threads=threads)
@@ -223,7 +224,8 @@ def denoise(
     scaled = _normalised(part, plan.center, plan.scale)
     clusters = replace(clusters or clusters_of(scaled, plan.cluster_pace), pace=plan.cluster_pace)
     correlation, at_vertices = plan.noise.correlation, local_sigma(scaled, clusters, plan.noise, threads=threads)
-    noisy = NoisyMesh(scaled, clusters, at_vertices, correlation)
+    laplacian = free_laplacian(scaled, threads) if correlation.times else None
+    noisy = NoisyMesh(scaled, clusters, at_vertices, correlation, laplacian)
     report(progress, 1, STEPS)
     fitted = fit_low_pass(noisy, plan.low_pass, threads=threads)
     report(progress, 2, STEPS)

@@ -56,16 +56,15 @@ class NoisyMesh:
     clusters: Clusters  # of the same mesh
     sigma: FloatArray  # (n,): standard deviation of the noise around every vertex, positive lengths
     correlation: Correlation = WHITE  # how alike the noise of neighbouring vertices is
+    laplacian: Laplacian | None = None  # see `free_laplacian`: what noise that is alike is made with
 
     def probes(self, columns: int, *, first: int = 0, threads: int = 1) -> SingleArray:
         """Noise of variance 1, (n, columns): random signs if it is white."""
-        laplacian = free_laplacian(self.part, threads) if self.correlation.times else None
-        return correlated_signs(self.part.ids, columns, self.correlation, laplacian, first=first, threads=threads)
+        return correlated_signs(self.part.ids, columns, self.correlation, self.laplacian, first=first, threads=threads)
 
     def samples(self, columns: int, *, threads: int = 1) -> SingleArray:
         """Noise of variance 1 and normal distribution, (n, columns)."""
-        laplacian = free_laplacian(self.part, threads) if self.correlation.times else None
-        return correlated_noise(self.part.ids, columns, self.correlation, laplacian, threads=threads)
+        return correlated_noise(self.part.ids, columns, self.correlation, self.laplacian, threads=threads)
 
     def mean_squares(self, probes: SingleArray, *, threads: int = 1) -> SingleArray:
         """Squares of probes (n, columns) around every vertex, summed over the columns, (n,)."""
@@ -81,6 +80,7 @@ def learn_noise_levels(
     core: BoolArray,
     sigma: float,
     correlation: Correlation,
+    laplacian: Laplacian,
     unit: float,
     *,
     given: bool = False,
@@ -91,10 +91,9 @@ def learn_noise_levels(
     The noise has the same level everywhere, sigma, unless it clearly varies. Levels are means of what a weak filter
     takes off, in a way that outliers, such as at edges, matter little to. None is below `LEAST_NOISE` before the
     standard deviation of the relief, `DETAIL`, is taken off it; `unit` is the mean edge. If it varies, sigma is its
-    root mean square if that was `given`, and no matter otherwise.
+    root mean square if that was `given`, and no matter otherwise. The Laplacian is that of `free_laplacian`.
     """
     least, detail = LEAST_NOISE * unit, DETAIL * unit
-    laplacian = free_laplacian(part, threads)
     noise = correlated_noise(part.ids, 1, correlation, laplacian, threads=threads).astype(np.float64)
     taken = noise - low_pass(laplacian, noise, WEAK, threads=threads)
     share = float(np.sqrt(np.square(taken[core]).mean()))

@@ -80,7 +80,7 @@ class Correlation:
 
     def apply(self, white: list[SingleArray], laplacian: Laplacian | None, threads: int) -> SingleArray:
         """Noise (n, c) made of white noise, and of other white noise for every part, which heat flow needs."""
-        if laplacian is None:
+        if laplacian is None or not self.times:
             return white[0]
         result: FloatArray = self.white * white[0].astype(np.float64)
         for time, scale, other in zip(self.times, self.scales, white[1:], strict=True):
