@@ -21,7 +21,7 @@ from bezier_filters.smoothing.clusters import SURROUNDINGS, Clusters
 
 # vertices over which risks are averaged, on a regular mesh: the reciprocal of the sum of their squared weights
 VERTICES = 7.26 * SURROUNDINGS
-DOUBT = 2.0  # times its variance: up to that squared deviation from the mesh as a whole, a local risk is not believed
+DOUBT = 1.5  # times its variance: up to that squared deviation from the mesh as a whole, a local risk is not believed
 # times sigma^2, divided by the square root of the number of vertices: difference of risks at which the larger one's
 # share is exp(-1) times the other's. The overall difference of two risks is known about that well.
 TEMPERATURE = 0.3
