@@ -3,6 +3,7 @@ from time import sleep
 
 import numpy as np
 import pytest
+import scipy.linalg  # noqa: F401  (its BLAS counts among the libraries whose threads are limited)
 import threadpoolctl
 
 from bezier_filters import CancelledError
