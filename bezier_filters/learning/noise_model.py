@@ -71,8 +71,7 @@ class NoiseModel:
             result += correlations
         places = np.arange(points.shape[1])
         result[:, places, places] += self.white
-        result *= steepness[:, :, np.newaxis]
-        result *= steepness[:, np.newaxis]
+        result *= steepness[:, :, np.newaxis] * steepness[:, np.newaxis]
         return result
 
 
