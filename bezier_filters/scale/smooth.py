@@ -168,12 +168,7 @@ def _automatic(
     for step in range(iterations):
         measured, given = current, noise if step == 0 else None
         here = known if step == 0 else _noise_of(run, current)
-        for k in range(MOST_CLEANED):
-            if here is None or not here.outliers:
-                break
-            folder = results / f"clean-{step + 1}-{k + 1}"
-            current = _with_results(mesh, folder, run.tiles("clean", folder, partial(clean_tile, current)).tiles)
-            here = _noise_of(run, current, given)
+        current, here = _without_outliers(run, current, here, given, results / f"clean-{step + 1}")
         impulses: Impulses | None = None
         before = np.zeros((0, 3))
         for k in range(1 + MOST_ROUNDS):
@@ -238,6 +233,23 @@ def _noise_of(run: Run, store: Store, sigma: float | None = None) -> NoiseModel 
     with run.stages.stage("learn"):
         learned = learn_noise(store, threads=run.workers)
     return learned if sigma is None else known_noise(learned, sigma)
+
+
+def _without_outliers(
+    run: Run, store: Store, noise: NoiseModel | None, sigma: float | None, folder: Path
+) -> tuple[Store, NoiseModel | None]:
+    """A mesh without its outliers, which `denoised` takes off first, and the noise that it has then.
+
+    Each round has a folder of this name and its number.
+    """
+    for k in range(MOST_CLEANED):
+        if noise is None or not noise.outliers:
+            break
+        of_round = folder.with_name(f"{folder.name}-{k + 1}")
+        done = run.tiles("clean", of_round, partial(clean_tile, store))
+        store = _with_results(store, of_round, done.tiles)
+        noise = _noise_of(run, store, sigma)
+    return store, noise
 
 
 def _impulses_left(

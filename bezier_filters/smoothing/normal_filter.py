@@ -29,7 +29,8 @@ SMALLEST_VARIANCE = 1e-12  # of a normal, radians^2: below that everything agree
 SQUARINGS = 5
 POWER = 2**SQUARINGS  # weights are (1 - x / power)^power, nearly exp(-x) and soon computed
 UPDATE_ROUNDS = 20  # more would fit the normals better, but let the vertices drift away from where they were measured
-ONE, MOST_BITS = np.uint32(1), np.uint64(63)
+ONE = np.uint32(1)  # for places without a sign, see `rows.Place`
+MOST_BITS = np.uint64(63)  # faces at the corners of one that `FacesAt` has room for, beside the last bit
 TERMS = 10  # of the polynomial that does as much as all rounds
 
 

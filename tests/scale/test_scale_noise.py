@@ -34,6 +34,7 @@ def impulses():
 
 
 CASES = {"averaged": averaged, "heavy": heavy}
+SMOOTHED = CASES | {"impulses": impulses}
 
 
 def test_a_narrow_part_is_found_as_in_memory(tmp_path):
@@ -56,7 +57,7 @@ def test_values_are_those_in_memory_to_the_last_bit(name, tmp_path):
 
 @pytest.mark.parametrize("name", ["averaged", "impulses", pytest.param("heavy", marks=pytest.mark.slow)])
 def test_vertices_move_as_in_memory(name, tmp_path):
-    vertices, faces = (CASES | {"impulses": impulses})[name]()
+    vertices, faces = SMOOTHED[name]()
     report = smooth_file(save_arrays(tmp_path, vertices, faces), tmp_path / "out.ply", tile_vertices=400, **HOW)
     expected = smooth(vertices, faces)
     assert expected.max_displacement > expected.noise_before
