@@ -19,8 +19,9 @@ from bezier_filters.patches.harmonics import HIGHEST_DEGREE, harmonic_basis
 
 # over which noise may be correlated, in edges: 0.35 to 4, of which each second one is twice the other
 SQUARED_LENGTHS = tuple(4.0 * 0.5 ** (0.5 * k) for k in range(7, -1, -1))
-FLATTEST, MOST = 0.25, 0.6  # shares of the places that are looked at
-EVERYWHERE = 4.0  # times the correlated variance at the flattest places: most that is believed of what most places have
+FLATTEST, FLAT, MOST = 0.1, 0.25, 0.6  # shares of the places that are looked at
+FEWEST = 16  # of the flattest places
+EVERYWHERE = 2.0  # times the correlated variance at the flattest places: most that is believed of what most places have
 SHORT = 1.0  # square of a length, in edges, over which noise may be correlated without being partly white
 # share of noise of greater length that is white at least: what is as smooth as nothing that is measured is shape. Three
 # means over neighbours leave 6e-4, eight 2e-4, which are not told from the detail of models
@@ -69,8 +70,9 @@ class Contributions:
 def learn_noise(analyses: Sequence[RingAnalysis]) -> NoiseModel | None:
     """The covariance of the noise; None if it is white, or if noise and shape do not explain what there is.
 
-    The flattest places decide whether there is any, which hold a little less of the noise, too. Most places say how
-    strong it is, as far as that is not much more than at the flattest.
+    Flat places decide whether there is any, which hold a little less of the noise, too. Most places say how strong it
+    is, as far as that is not much more than at the flattest: noise is as strong there, but shape is not. Where noise
+    itself varies, so does its white part.
 
     >>> learn_noise([]) is None
     True
@@ -80,14 +82,19 @@ def learn_noise(analyses: Sequence[RingAnalysis]) -> NoiseModel | None:
         return None
     widest, edge = used[-1], used[0].radius / used[0].rings
     causes = [_contributions(one, edge) for one in used]
-    flattest = _explained(used, causes, _flattest(widest, _roughness(widest), FLATTEST), half=True)
+    rough, fewest = _roughness(widest), max(FLATTEST, min(FEWEST / len(widest.centers), FLAT))
+    flat = _explained(used, causes, _flattest(widest, rough, FLAT), half=True)
+    if flat is None:
+        return None
+    flattest = _explained(used, causes, _flattest(widest, rough, fewest), half=True)
+    if flattest is None and all(length <= SHORT**0.5 * edge for length in flat.lengths):
+        flattest = flat  # so few places may not show it, but so short it is no shape
     if flattest is None:
         return None
     left = widest.sums.residuals[:, -1] / np.maximum(widest.sums.freedom[:, -1], 1.0)
-    most = _explained(used, causes, _flattest(widest, left, MOST), half=False)
-    if most is None:
-        return flattest
-    ratio = sum(most.sills) / sum(flattest.sills)
+    most = _explained(used, causes, _flattest(widest, left, MOST), half=False) or flat
+    whiter = max(most.white / flattest.white, 1.0) if flattest.white > 0.0 else 1.0
+    ratio = sum(most.sills) / sum(flattest.sills) / whiter
     believed = (1.0 + (ratio / EVERYWHERE) ** 4) ** -0.25
     return replace(most, sills=tuple(float(believed * sill) for sill in most.sills))
 

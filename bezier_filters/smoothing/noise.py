@@ -22,7 +22,9 @@ PACE = 0.27
 AS_ROUGH = 0.98
 LOTS = 101  # which of the random numbers at vertices say what place that is
 SPREAD = 2.0  # ratio of high levels to low ones from which on the noise is taken to vary
-NO_CREASES = 0.12  # times the mean edge: creases of a mesh without noise look like less noise than this
+HIGHEST = 0.8  # quantile of the levels above which creases are looked for
+# mean |x| over the squared mean of sqrt(|x|) above which x is not normally distributed, for which it is 1.18
+CREASED = 1.2
 LEAST = 0.1  # of the highest levels, the lowest
 # times the mean edge: fine relief of clean scans, in which neighbours differ, too, and which is left alone
 DETAIL = 0.01
@@ -89,7 +91,8 @@ def learn_noise_levels(
     """What holds for a mesh as a whole, by the `core` of some parts, and the standard deviation of the noise, (n,).
 
     The noise has the same level everywhere, sigma, unless it clearly varies. Levels are means of what a weak filter
-    takes off, in a way that outliers, such as at edges, matter little to. None is below `LEAST_NOISE` before the
+    takes off, in a way that outliers, such as at edges, matter little to. Where they are high for many creases, what it
+    takes off is not normally distributed, as noise is. None is below `LEAST_NOISE` before the
     standard deviation of the relief, `DETAIL`, is taken off it; `unit` is the mean edge. If it varies, sigma is its
     root mean square if that was `given`, and no matter otherwise. The Laplacian is that of `free_laplacian`.
     """
@@ -97,10 +100,11 @@ def learn_noise_levels(
     noise = correlated_noise(part.ids, 1, correlation, laplacian, threads=threads).astype(np.float64)
     taken = noise - low_pass(laplacian, noise, WEAK, threads=threads)
     share = float(np.sqrt(np.square(taken[core]).mean()))
-    roots = _roots(part, clusters, laplacian, share, threads)
+    heights = np.abs(_heights(part, laplacian, STRONGER, threads)[1] / share)
+    roots = _roots(heights, clusters, threads)
     found = _levels(roots[core])
     low, high = np.quantile(found, (0.1, 0.9))
-    if high < NO_CREASES * unit or high < SPREAD * low:
+    if high < SPREAD * low or _is_creased(heights[core], found):
         levels = NoiseLevels(sigma, share, least, detail, correlation)
     else:
         factor = sigma / float(np.sqrt(np.square(found).mean())) if given else 1.0
@@ -112,7 +116,8 @@ def local_sigma(part: MeshPart, clusters: Clusters, levels: NoiseLevels, *, thre
     """Standard deviation of the noise around every vertex, (n,)."""
     if levels.sigma is not None:
         return levels.at(np.zeros(len(part.ids), dtype=np.float32))
-    return levels.at(_roots(part, clusters, free_laplacian(part, threads), levels.share, threads))
+    _, heights = _heights(part, free_laplacian(part, threads), STRONGER, threads)
+    return levels.at(_roots(np.abs(heights / levels.share), clusters, threads))
 
 
 def roughness(part: MeshPart, sigma: float, clusters: Clusters | None = None, *, threads: int = 1) -> FloatArray:
@@ -154,11 +159,16 @@ def free_laplacian(part: MeshPart, threads: int) -> Laplacian:
     return umbrella_laplacian(part.mesh, part.adjacency, "free", cut=part.cut, threads=threads)
 
 
-def _roots(part: MeshPart, clusters: Clusters, laplacian: Laplacian, share: float, threads: int) -> SingleArray:
+def _roots(heights: FloatArray, clusters: Clusters, threads: int) -> SingleArray:
     """Mean roots around every vertex of what a weak filter takes off, (n,)."""
-    _, weak = _heights(part, laplacian, STRONGER, threads)
-    roots = clusters.around([np.sqrt(np.abs(weak) / share)], threads=threads)[:, 0]
-    return np.maximum(roots, np.float32(0.0))
+    return np.maximum(clusters.around([np.sqrt(heights)], threads=threads)[:, 0], np.float32(0.0))
+
+
+def _is_creased(heights: FloatArray, levels: FloatArray) -> bool:
+    """Whether creases are what makes heights that a weak filter takes off large where their levels (n,) are highest."""
+    highest = (levels >= np.quantile(levels, HIGHEST)) & (levels > 0.0)
+    relative = heights[highest] / levels[highest]
+    return not relative.mean() < CREASED * np.sqrt(relative).mean() ** 2 if len(relative) else True
 
 
 def _heights(part: MeshPart, laplacian: Laplacian, strength: FloatArray, threads: int) -> tuple[FloatArray, FloatArray]:

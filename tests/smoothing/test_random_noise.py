@@ -8,11 +8,12 @@ from scanner_noise import along_normals, averaged_noise, in_all_directions, mean
 from bezier_filters import smooth
 from bezier_filters.learning.noise_model import NoiseModel, known_noise
 from bezier_filters.meshes.adjacency import vertex_adjacency
+from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.smoothing.mesh_parts import whole_mesh
 from bezier_filters.smoothing.noise import NoisyMesh, free_laplacian
 from bezier_filters.smoothing.random_noise import WHITE, Correlation, correlated_noise, correlated_signs, random_signs
-from bezier_filters.surfaces import bumpy_star, ellipsoid, torus, waves
+from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, ellipsoid, torus, waves
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
 
@@ -127,6 +128,29 @@ def test_averaged_noise_is_taken_off(surface, passes, most):
     result = smooth(noisy, surface.faces)
     assert height_error(surface, result.vertices) < most * height_error(surface, noisy)
     assert result.noise_before == pytest.approx(height_error(surface, noisy), rel=0.15)
+
+
+def test_little_noise_that_varies_is_taken_off():
+    """Creases are as strong as that in their surroundings, but what a weak filter takes off there is no noise."""
+    surface = torus(resolution=40, jitter=0.3)
+    place = surface.vertices[:, 0] / np.ptp(surface.vertices[:, 0])  # from -1/2 to 1/2
+    heights = np.einsum("ij,ij->i", along_normals(surface, 0.04, 0) - surface.vertices, surface.normals)
+    noisy = surface.vertices + (10.0**place * heights)[:, np.newaxis] * surface.normals
+    assert height_error(surface, smooth(noisy, surface.faces).vertices) < 0.3 * height_error(surface, noisy)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_creases_are_not_noise_that_varies(seed):
+    """Little of averaged noise is left to a weak filter, so that creases look like far more of it than there is."""
+    vertices, faces = block_with_sharp_edges(resolution=30)
+    mesh = triangle_mesh(vertices, faces)
+    heights, halves = np.random.default_rng(seed).standard_normal(len(vertices)), ring_means(faces, len(vertices))
+    for _ in range(3):  # means of six neighbours and the vertex itself
+        heights = (12.0 * (halves @ heights) - 5.0 * heights) / 7.0
+    heights *= 0.1 * mean_edge_of(vertices, faces) / heights.std()
+    noise = heights[:, np.newaxis] * tangent_planes(mesh, vertex_adjacency(mesh)).normals
+    off = smooth(vertices + noise, faces).vertices - vertices
+    assert np.square(off).sum() < 1.1 * np.square(noise).sum()
 
 
 def test_noise_that_turns_normals_is_taken_off():
