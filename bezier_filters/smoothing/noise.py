@@ -24,7 +24,7 @@ LOTS = 101  # which of the random numbers at vertices say what place that is
 SPREAD = 2.0  # ratio of high levels to low ones from which on the noise is taken to vary
 HIGHEST = 0.8  # quantile of the levels above which creases are looked for
 # mean |x| over the squared mean of sqrt(|x|) above which x is not normally distributed, for which it is 1.18
-CREASED = 1.2
+CREASED = 1.21
 LEAST = 0.1  # of the highest levels, the lowest
 # times the mean edge: fine relief of clean scans, in which neighbours differ, too, and which is left alone
 DETAIL = 0.01
