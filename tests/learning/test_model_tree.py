@@ -154,7 +154,7 @@ def test_the_parts_do_not_depend_on_what_is_selected():
 
 @pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
 @pytest.mark.parametrize(("deleted", "turned", "moved"), [(10, 1.0, 0.08), (30, 1.5, 0.13)])
-def test_a_scan_with_detail_as_long_as_its_noise_keeps_one_fit(deleted, turned, moved):
+def test_a_scan_with_detail_as_long_as_its_noise_keeps_its_fit(deleted, turned, moved):
     """Otherwise a few vertices less turn normals by degrees, and move H by a fifth."""
     ms = load_mesh(shipped_bunny())
     vertices, faces = ms.current_mesh().vertex_matrix(), ms.current_mesh().face_matrix()
@@ -164,7 +164,9 @@ def test_a_scan_with_detail_as_long_as_its_noise_keeps_one_fit(deleted, turned, 
     survivors[np.random.default_rng([1, deleted]).permutation(len(vertices))[: len(vertices) * deleted // 100]] = False
     kept, reduced = keep_survivors(vertices, faces, survivors)
     full, less = (estimate_vertex_geometry(*mesh) for mesh in ((vertices, faces), (vertices[kept], reduced)))
-    assert all((g.fit.rings, g.fit.degree, g.fit.parts) == (2, 3, ()) for g in (full, less))
+    assert all((g.fit.rings, g.fit.degree) == (2, 3) for g in (full, less))
+    others = [p for g in (full, less) for p in g.fit.parts if (p.rings, p.degree) != (2, 3)]
+    assert sum(p.vertices for p in others) < 0.1 * len(less.normals)
     cosines = np.einsum("nk,nk->n", full.normals[kept], less.normals)
     assert np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0))).mean() < turned
     difference = np.abs(full.mean_curvature[kept] - less.mean_curvature).sum()
