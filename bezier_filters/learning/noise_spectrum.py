@@ -82,13 +82,13 @@ def learn_noise(analyses: Sequence[RingAnalysis]) -> NoiseModel | None:
         return None
     widest, edge = used[-1], used[0].radius / used[0].rings
     causes = [_contributions(one, edge) for one in used]
-    rough, fewest = _roughness(widest), max(FLATTEST, min(FEWEST / len(widest.centers), FLAT))
+    rough = _roughness(widest)
     flat = _explained(used, causes, _flattest(widest, rough, FLAT), half=True)
     if flat is None:
         return None
-    flattest = _explained(used, causes, _flattest(widest, rough, fewest), half=True)
-    if flattest is None and all(length <= SHORT**0.5 * edge for length in flat.lengths):
-        flattest = flat  # so few places may not show it, but so short it is no shape
+    share = max(FLATTEST, min(FEWEST / len(widest.centers), FLAT))
+    is_short = max(flat.lengths) <= SHORT**0.5 * edge  # so few places may not show it, but it is no shape
+    flattest = _explained(used, causes, _flattest(widest, rough, share), half=True) or (flat if is_short else None)
     if flattest is None:
         return None
     left = widest.sums.residuals[:, -1] / np.maximum(widest.sums.freedom[:, -1], 1.0)

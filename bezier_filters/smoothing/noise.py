@@ -92,15 +92,15 @@ def learn_noise_levels(
 
     The noise has the same level everywhere, sigma, unless it clearly varies. Levels are means of what a weak filter
     takes off, in a way that outliers, such as at edges, matter little to. Where they are high for many creases, what it
-    takes off is not normally distributed, as noise is. None is below `LEAST_NOISE` before the
-    standard deviation of the relief, `DETAIL`, is taken off it; `unit` is the mean edge. If it varies, sigma is its
-    root mean square if that was `given`, and no matter otherwise. The Laplacian is that of `free_laplacian`.
+    takes off is not normally distributed, as noise is. None is below `LEAST_NOISE` before the standard deviation of the
+    relief, `DETAIL`, is taken off it; `unit` is the mean edge. If it varies, sigma is its root mean square if that was
+    `given`, and no matter otherwise. The Laplacian is that of `free_laplacian`.
     """
     least, detail = LEAST_NOISE * unit, DETAIL * unit
     noise = correlated_noise(part.ids, 1, correlation, laplacian, threads=threads).astype(np.float64)
     taken = noise - low_pass(laplacian, noise, WEAK, threads=threads)
     share = float(np.sqrt(np.square(taken[core]).mean()))
-    heights = np.abs(_heights(part, laplacian, STRONGER, threads)[1] / share)
+    heights = _weak_heights(part, laplacian, share, threads)
     roots = _roots(heights, clusters, threads)
     found = _levels(roots[core])
     low, high = np.quantile(found, (0.1, 0.9))
@@ -116,8 +116,8 @@ def local_sigma(part: MeshPart, clusters: Clusters, levels: NoiseLevels, *, thre
     """Standard deviation of the noise around every vertex, (n,)."""
     if levels.sigma is not None:
         return levels.at(np.zeros(len(part.ids), dtype=np.float32))
-    _, heights = _heights(part, free_laplacian(part, threads), STRONGER, threads)
-    return levels.at(_roots(np.abs(heights / levels.share), clusters, threads))
+    heights = _weak_heights(part, free_laplacian(part, threads), levels.share, threads)
+    return levels.at(_roots(heights, clusters, threads))
 
 
 def roughness(part: MeshPart, sigma: float, clusters: Clusters | None = None, *, threads: int = 1) -> FloatArray:
@@ -159,8 +159,13 @@ def free_laplacian(part: MeshPart, threads: int) -> Laplacian:
     return umbrella_laplacian(part.mesh, part.adjacency, "free", cut=part.cut, threads=threads)
 
 
+def _weak_heights(part: MeshPart, laplacian: Laplacian, share: float, threads: int) -> FloatArray:
+    """What a weak filter takes off every vertex, over its share of the noise, (n,), lengths."""
+    return np.abs(_heights(part, laplacian, STRONGER, threads)[1] / share)
+
+
 def _roots(heights: FloatArray, clusters: Clusters, threads: int) -> SingleArray:
-    """Mean roots around every vertex of what a weak filter takes off, (n,)."""
+    """Mean roots of these around every vertex, (n,)."""
     return np.maximum(clusters.around([np.sqrt(heights)], threads=threads)[:, 0], np.float32(0.0))
 
 
@@ -168,7 +173,7 @@ def _is_creased(heights: FloatArray, levels: FloatArray) -> bool:
     """Whether creases are what makes heights that a weak filter takes off large where their levels (n,) are highest."""
     highest = (levels >= np.quantile(levels, HIGHEST)) & (levels > 0.0)
     relative = heights[highest] / levels[highest]
-    return not relative.mean() < CREASED * np.sqrt(relative).mean() ** 2 if len(relative) else True
+    return not (len(relative) and relative.mean() < CREASED * np.sqrt(relative).mean() ** 2)
 
 
 def _heights(part: MeshPart, laplacian: Laplacian, strength: FloatArray, threads: int) -> tuple[FloatArray, FloatArray]:
