@@ -15,7 +15,14 @@ from bezier_filters.errors import InvalidMeshError, InvalidParameterError, is_re
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.noise_free import LEFT, hides_sharp_edges, is_noisy, learn_noise, noise_free_surface
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
-from bezier_filters.feature_lines.crest_lines import HEIGHT, CurvatureAlongLines, Sides, crest_segments, points_on_edges
+from bezier_filters.feature_lines.crest_lines import (
+    BESIDE,
+    HEIGHT,
+    CurvatureAlongLines,
+    Sides,
+    crest_segments,
+    points_on_edges,
+)
 from bezier_filters.fields import CREASES, column_names
 from bezier_filters.meshes.adjacency import Adjacency, mean_edge, vertex_adjacency
 from bezier_filters.meshes.half_edges import MeshEdges, mesh_edges
@@ -256,7 +263,7 @@ def find_creases(
     edges, sharp, certainty = _sharp_edges(mesh, adjacency, geometry, radians(angle), thread_count(threads))
     usable = geometry.status <= FitStatus.LOWER_DEGREE
     usable[edges.vertices[sharp]] = False
-    reach = HEIGHT * mean_edge(mesh, adjacency) * geometry.rings_used
+    reach = BESIDE * HEIGHT * mean_edge(mesh, adjacency) * geometry.rings_used
     sides = Sides(geometry.normals, geometry.mean_curvature_std, reach, cKDTree(mesh.vertices))
     lines: list[CreaseLine] = []
     for kind in get_args(CreaseKind):
