@@ -60,21 +60,27 @@ def keep_survivors(vertices: np.ndarray, faces: np.ndarray, survivors: np.ndarra
 
 
 @njit(cache=True)
+def _dot(p: np.ndarray, q: np.ndarray) -> float:
+    """Of three numbers, in this order on every machine: what is nearly as good makes another mesh."""
+    return p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
+
+
+@njit(cache=True)
 def _normal(vertices: np.ndarray, a: int, b: int, c: int) -> tuple[np.ndarray, float]:
     """Unit normal and quality of a triangle, 4 sqrt(3) area / sum of squared edges."""
     p, q = vertices[b] - vertices[a], vertices[c] - vertices[a]
     r = q - p
     normal = np.array([p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]])
-    length = np.sqrt(normal @ normal)
+    length = np.sqrt(_dot(normal, normal))
     if length == 0.0:
         return normal, 0.0
-    return normal / length, 2.0 * np.sqrt(3.0) * length / (p @ p + q @ q + r @ r)
+    return normal / length, 2.0 * np.sqrt(3.0) * length / (_dot(p, p) + _dot(q, q) + _dot(r, r))
 
 
 @njit(cache=True)
 def _faces_surface(normal: np.ndarray, normals: np.ndarray, a: int, b: int, c: int) -> bool:
     """Whether a face looks the way the full mesh does at its corners."""
-    return min(normal @ normals[a], normal @ normals[b], normal @ normals[c]) > LEAN
+    return min(_dot(normal, normals[a]), _dot(normal, normals[b]), _dot(normal, normals[c])) > LEAN
 
 
 @njit(cache=True)
@@ -121,7 +127,7 @@ def _quality_after(
         if a != w and b != w:
             before, _ = _normal(vertices, v, a, b)
             after, quality = _normal(vertices, w, a, b)
-            if before @ after < TURN or not _faces_surface(after, normals, w, a, b):
+            if _dot(before, after) < TURN or not _faces_surface(after, normals, w, a, b):
                 return 0.0
             worst = min(worst, quality)
     return worst
@@ -206,8 +212,8 @@ def _flip_pass(mesh: HalfEdges, vertices: np.ndarray, normals: np.ndarray) -> in
 @njit(cache=True)
 def _cotangent(vertices: np.ndarray, apex: int, a: int, b: int) -> float:
     p, q = vertices[a] - vertices[apex], vertices[b] - vertices[apex]
-    sine = np.sqrt(max((p @ p) * (q @ q) - (p @ q) ** 2, 0.0))
-    return (p @ q) / max(sine, 1e-12 * np.sqrt((p @ p) * (q @ q)))
+    sine = np.sqrt(max(_dot(p, p) * _dot(q, q) - _dot(p, q) ** 2, 0.0))
+    return _dot(p, q) / max(sine, 1e-12 * np.sqrt(_dot(p, p) * _dot(q, q)))
 
 
 @njit(cache=True)
@@ -225,7 +231,9 @@ def _flip_is_sound(
     before_d, _ = _normal(vertices, b, a, d)
     after_a, _ = _normal(vertices, a, d, c)
     after_b, _ = _normal(vertices, d, b, c)
-    turn = min(min(before_c @ after_a, before_c @ after_b), min(before_d @ after_a, before_d @ after_b))
+    turn = min(
+        min(_dot(before_c, after_a), _dot(before_c, after_b)), min(_dot(before_d, after_a), _dot(before_d, after_b))
+    )
     return turn > TURN and _faces_surface(after_a, normals, a, d, c) and _faces_surface(after_b, normals, d, b, c)
 
 
