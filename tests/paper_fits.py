@@ -144,12 +144,24 @@ class PaperFits:
                 outcome = FOLDED
                 continue
             found = solve(vertex, rings, normal)
-            if found is not ILL_POSED:
+            if found is not ILL_POSED and self.is_held(vertex, *found[1:]):
                 return Fit(status, *found)
             outcome = ILL_POSED
         mean = self.normals[self.members(vertex, max(k, 2))].sum(axis=0)
         found = self.quadratic(vertex, max(k, 2), mean / np.linalg.norm(mean))
-        return Fit("NORMAL_ONLY", own, 0.0, 0.0) if found is ILL_POSED else Fit("FOLDED", *found)
+        if found is ILL_POSED or not self.is_held(vertex, *found[1:]):
+            return Fit("NORMAL_ONLY", own, 0.0, 0.0)
+        return Fit("FOLDED", *found)
+
+    def is_held(self, vertex, mean, gaussian):
+        """Whether the faces at a vertex can hold its curvature: they turn by pi at most over the height of a face."""
+        a, b, c = self.vertices[self.faces[(self.faces == vertex).any(axis=1)]].transpose(1, 0, 2)
+        sides = np.linalg.norm([b - a, c - b, a - c], axis=2).max(axis=0)
+        height = (np.linalg.norm(np.cross(b - a, c - a), axis=1) / sides).min()
+        turn = (abs(mean) + np.sqrt(max(mean**2 - gaussian, 0.0))) * height
+        if abs(turn - np.pi) < ROUNDING * turn:
+            raise Doubt
+        return turn < np.pi
 
 
 def well_posed(system):
