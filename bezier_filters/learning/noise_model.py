@@ -14,7 +14,9 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.learning.ring_analysis import RingAnalysis
 from bezier_filters.patches.harmonics import harmonic_basis
 
-NEARLY_SINGULAR = 1e-10  # of the largest entry of normal equations, what is added to each
+# of each diagonal entry of normal equations, and of the largest one, what is added to it: high terms are small where
+# neighbourhoods are narrow, and more would take their noise for shape
+NEARLY_SINGULAR, SINGULAR = 1e-12, 1e-16
 STEEP = 1.02  # mean of 1 / cos^2 of the slopes, below which white noise along the normal counts as that of the heights
 FEWEST_RINGS_FOR_SLOPES = 3  # narrower ones have too few points to tell slopes from noise, and count as flat
 LOOKED_AT = 24  # neighbourhoods of a ring over which it is averaged what noise does
@@ -224,4 +226,5 @@ def _of_coefficients(analysis: RingAnalysis, inner: FloatArray, outer: FloatArra
 def _regularise(matrices: FloatArray) -> None:
     """Make singular normal equations solvable."""
     places = np.arange(matrices.shape[1])
-    matrices[:, places, places] += NEARLY_SINGULAR * matrices[:, places, places].max(axis=1, keepdims=True)
+    diagonals = matrices[:, places, places]
+    matrices[:, places, places] += NEARLY_SINGULAR * diagonals + SINGULAR * diagonals.max(axis=1, keepdims=True)

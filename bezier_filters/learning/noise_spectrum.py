@@ -20,8 +20,8 @@ from bezier_filters.patches.harmonics import HIGHEST_DEGREE, harmonic_basis
 # over which noise may be correlated, in edges: 0.35 to 4, of which each second one is twice the other
 SQUARED_LENGTHS = tuple(4.0 * 0.5 ** (0.5 * k) for k in range(7, -1, -1))
 FLATTEST, FLAT, MOST = 0.1, 0.25, 0.6  # shares of the places that are looked at
-FEWEST = 16  # of the flattest places
-EVERYWHERE = 2.0  # times the correlated variance at the flattest places: most that is believed of what most places have
+FEWEST = 16.0  # of the flattest places, as many as are independent
+EVERYWHERE = 1.8  # times the correlated variance at the flattest places: most that is believed of what most places have
 SHORT = 1.0  # square of a length, in edges, over which noise may be correlated without being partly white
 # share of noise of greater length that is white at least: what is as smooth as nothing that is measured is shape. Three
 # means over neighbours leave 6e-4, eight 2e-4, which are not told from the detail of models
@@ -86,7 +86,7 @@ def learn_noise(analyses: Sequence[RingAnalysis]) -> NoiseModel | None:
     flat = _explained(used, causes, _flattest(widest, rough, FLAT), half=True)
     if flat is None:
         return None
-    share = max(FLATTEST, min(FEWEST / len(widest.centers), FLAT))
+    share = max(FLATTEST, min(FEWEST / (widest.independent * len(widest.centers)), FLAT))
     is_short = max(flat.lengths) <= SHORT**0.5 * edge  # so few places may not show it, but it is no shape
     flattest = _explained(used, causes, _flattest(widest, rough, share), half=True) or (flat if is_short else None)
     if flattest is None:
@@ -95,7 +95,7 @@ def learn_noise(analyses: Sequence[RingAnalysis]) -> NoiseModel | None:
     most = _explained(used, causes, _flattest(widest, left, MOST), half=False) or flat
     whiter = max(most.white / flattest.white, 1.0) if flattest.white > 0.0 else 1.0
     ratio = sum(most.sills) / sum(flattest.sills) / whiter
-    believed = (1.0 + (ratio / EVERYWHERE) ** 4) ** -0.25
+    believed = (1.0 + (ratio / EVERYWHERE) ** 6) ** (-1.0 / 6.0)
     return replace(most, sills=tuple(float(believed * sill) for sill in most.sills))
 
 

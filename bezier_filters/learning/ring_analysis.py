@@ -30,6 +30,8 @@ CHUNK = 4 * LANES  # neighbourhoods per chunk
 UNSEEN = 3e-5
 # of the largest entry of normal equations, what is added to each: makes those of points on a line solvable
 SINGULAR = 1e-12
+# of the second moment of a neighbourhood along its axis, the least across it: points on a line have none
+NARROWEST = 1e-4
 POINTS = 16  # points whose terms are held at a time
 _ROW_STARTS = np.cumsum(np.arange(len(harmonic_basis().degrees) + 2)).astype(np.int32)
 
@@ -118,6 +120,8 @@ class RingAnalysis:
     def quadratics(self, numbers: IntArray) -> tuple[FloatArray, FloatArray]:
         """Points of k neighbourhoods on quadratic fits, (k, n, 3) in units of the radius, and how steep these are.
 
+        Narrow neighbourhoods are stretched until they are as wide in all directions: where a scanner sees a surface
+        from the side, the points that it blurs are as far apart along edges as elsewhere.
         The terms are 1, x, y, x^2 - y^2, 2 x y and x^2 + y^2, the first of `designs`, which has far more of them.
         The second result is 1 / cos of the slope, (k, n): heights hold so much of noise along the normal.
         """
@@ -132,7 +136,12 @@ class RingAnalysis:
         a = np.linalg.solve(inner, transposed @ heights)
         slope_x = a[:, 1] + 2.0 * ((a[:, 5] + a[:, 3]) * x + a[:, 4] * y)
         slope_y = a[:, 2] + 2.0 * ((a[:, 5] - a[:, 3]) * y + a[:, 4] * x)
-        return np.concatenate([parameters, design @ a], axis=2), np.sqrt(1.0 + slope_x**2 + slope_y**2)
+        moments = parameters.transpose(0, 2, 1) @ parameters
+        values, axes = np.linalg.eigh(moments)
+        values = np.maximum(values, NARROWEST * values[:, 1:])
+        stretches = np.sqrt(values.mean(axis=1, keepdims=True) / values)
+        stretched = parameters @ (axes * stretches[:, np.newaxis] @ axes.transpose(0, 2, 1))
+        return np.concatenate([stretched, design @ a], axis=2), np.sqrt(1.0 + slope_x**2 + slope_y**2)
 
     @cached_property
     def reaches(self) -> FloatArray:

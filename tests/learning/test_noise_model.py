@@ -16,6 +16,7 @@ from random_neighbourhoods import (
     variances_by_degree,
     with_correlated_noise,
 )
+from scipy.linalg import sqrtm
 
 from bezier_filters.learning.noise_model import LOOKED_AT, NoiseModel, ring_noise, squared_distances
 from bezier_filters.learning.plans import ring_plans
@@ -46,7 +47,10 @@ def bent(steep):
 
 
 def dense_covariance(noise, points):
-    """Entry by entry, for points (n, 3) whose slopes are those of the quadratic through them."""
+    """Entry by entry, for points (n, 3) whose slopes are those of the quadratic through them.
+
+    Distances are those after a stretch that makes the neighbourhood as wide in all directions.
+    """
     values = terms_at(points[:, :2])
     fit = np.linalg.lstsq(values[:, :6], points[:, 2], rcond=None)[0]
     step = 1e-5
@@ -57,8 +61,11 @@ def dense_covariance(noise, points):
     normals = np.column_stack([-slopes[0], -slopes[1], np.ones(len(points))])
     heights = np.linalg.norm(normals, axis=1)  # of a unit of length along the normal, over the plane
     result = np.empty((len(points), len(points)))
-    for i, p in enumerate(points):
-        for j, q in enumerate(points):
+    moments = points[:, :2].T @ points[:, :2]
+    stretch = np.sqrt(0.5 * np.trace(moments)) * np.linalg.inv(sqrtm(moments))
+    stretched = np.column_stack([points[:, :2] @ stretch, points[:, 2]])
+    for i, p in enumerate(stretched):
+        for j, q in enumerate(stretched):
             alike = [sill * np.exp(-((p - q) @ (p - q)) / (2.0 * length**2)) for sill, length in parts_of(noise)]
             result[i, j] = heights[i] * heights[j] * (sum(alike) + (noise.white if i == j else 0.0))
     return result
@@ -69,10 +76,13 @@ def parts_of(noise):
 
 
 @pytest.mark.parametrize("noise", [*NOISES.values(), NoiseModel(0.7)], ids=[*NOISES, "white"])
-@pytest.mark.parametrize(("steep", "size"), [(0.0, SIZE), (0.3, SIZE), (0.3, SIZE - 1)])
-def test_variances_of_fits_are_those_of_explicit_linear_estimators(noise, steep, size):
+@pytest.mark.parametrize(
+    ("steep", "size", "narrow"), [(0.0, SIZE, 1.0), (0.3, SIZE, 1.0), (0.3, SIZE - 1, 1.0), (0.0, SIZE, 0.5)]
+)
+def test_variances_of_fits_are_those_of_explicit_linear_estimators(noise, steep, size, narrow):
     """L Sigma L^T for the least squares estimator L of every degree, and what I - A L leaves."""
     points = bent(steep).points
+    points[..., 1] *= narrow
     points[:-1, size:] = 0.0
     sizes = np.append(np.full(len(points) - 1, size), SIZE).astype(np.int32)
     sample = as_sample(points)._replace(sizes=np.repeat(sizes[:, np.newaxis], 4, axis=1))

@@ -96,3 +96,13 @@ def test_sharp_edges_are_not_noise(level):
     vertices, faces = block_with_sharp_edges(resolution=24, jitter=0.2)
     for seed in SEEDS:
         assert learned(in_all_directions(vertices, faces, level, seed), faces) is None
+
+
+def test_noise_is_found_on_a_small_mesh():
+    """Its flattest places are too few to show by themselves what is everywhere."""
+    surface = cylinder(resolution=60, jitter=0.2)
+    edge = mean_edge_of(surface.vertices, surface.faces)
+    white = np.random.default_rng(0).normal(scale=0.1 * edge, size=(3, len(surface.vertices), 1)) * surface.normals
+    models = [learned(along_normals(surface, 0.17, 4, k) + white[k], surface.faces) for k in range(3)]
+    assert all(model.sills for model in models)
+    assert np.mean([model.sigma for model in models]) == pytest.approx(0.2 * edge, rel=0.15)
