@@ -88,7 +88,8 @@ def learn_noise(analyses: Sequence[RingAnalysis]) -> NoiseModel | None:
         return None
     share = max(FLATTEST, min(FEWEST / (widest.independent * len(widest.centers)), FLAT))
     is_short = max(flat.lengths) <= SHORT**0.5 * edge  # so few places may not show it, but it is no shape
-    flattest = _explained(used, causes, _flattest(widest, rough, share), half=True) or (flat if is_short else None)
+    of_flattest = _explained(used, causes, _flattest(widest, rough, share), half=True, known=True)
+    flattest = of_flattest or (flat if is_short else None)
     if flattest is None:
         return None
     left = widest.sums.residuals[:, -1] / np.maximum(widest.sums.freedom[:, -1], 1.0)
@@ -100,9 +101,17 @@ def learn_noise(analyses: Sequence[RingAnalysis]) -> NoiseModel | None:
 
 
 def _explained(
-    analyses: Sequence[RingAnalysis], causes: Sequence[Contributions], centers: IntArray, *, half: bool
+    analyses: Sequence[RingAnalysis],
+    causes: Sequence[Contributions],
+    centers: IntArray,
+    *,
+    half: bool,
+    known: bool = False,
 ) -> NoiseModel | None:
-    """The noise around some vertices, or None as above; by half of the terms, if the others have chosen these."""
+    """The noise around some vertices, or None as above; by half of the terms, if the others have chosen these.
+
+    If it is known to be no shape, few places do not have to show that it is none.
+    """
     places = [one.where(np.isin(one.centers, centers)) for one in analyses]
     entries = [_entries(one, of, half) for one, of in zip(places, causes, strict=True) if one is not None]
     if len(entries) < len(analyses):
@@ -125,7 +134,8 @@ def _explained(
     long = np.array([SQUARED_LENGTHS[k] > SHORT for k in chosen], dtype=np.bool_)
     is_certain = white >= MUCH_WHITE * sills[long].sum() and deviance <= (1.0 - EXPLAINED) * without
     worst = (WORST_WITH_WHITE if is_certain else WORST) * len(spectrum.observed)
-    if not sills.any() or white < LEAST_WHITE * sills[long].sum() or deviance > worst:
+    is_shape = white < LEAST_WHITE * sills[long].sum() or deviance > worst
+    if not sills.any() or (is_shape and not known):
         return None
     parts = [(float(sill), SQUARED_LENGTHS[k] ** 0.5 * edge) for k, sill in zip(chosen, sills, strict=True) if sill]
     return NoiseModel(white, tuple(sill for sill, _ in parts), tuple(length for _, length in parts))

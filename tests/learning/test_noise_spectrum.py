@@ -106,3 +106,11 @@ def test_noise_is_found_on_a_small_mesh():
     models = [learned(along_normals(surface, 0.17, 4, k) + white[k], surface.faces) for k in range(3)]
     assert all(model.sills for model in models)
     assert np.mean([model.sigma for model in models]) == pytest.approx(0.2 * edge, rel=0.15)
+
+
+def test_noise_with_hardly_a_white_part_need_not_show_it_at_a_few_places():
+    surface = torus(resolution=64)
+    edge = mean_edge_of(surface.vertices, surface.faces)
+    for seed in range(2):
+        model = learned(along_normals(surface, 0.2, 4, seed), surface.faces)
+        assert model.sigma == pytest.approx(0.2 * edge, rel=0.2)
