@@ -31,6 +31,9 @@ RINGS = (2, 3, 4, 5)  # narrower ones leave too few points; wider ones would tak
 MODEL_ERROR = 0.05  # relative standard error of what is expected, beside that of what is observed
 MOST_PARTS = 2  # correlated parts of the noise
 GAIN = 40.0  # of the deviance, by which a part of the noise must lower it: chance does so by about 1
+# share of what a part explains of the deviance that a longer one may leave, which leaves less to shape: the model is
+# not exact, and between lengths that explain about as much chance would decide
+SLACK = 0.015
 WORST = 4.0  # deviance per observation up to which the explanation counts as one,
 # and up to which it does if a tenth of the noise is white, as of no shape, and without correlation most is unexplained
 WORST_WITH_WHITE, MUCH_WHITE, EXPLAINED = 6.0, 0.1, 0.8
@@ -123,13 +126,13 @@ def _explained(
     variances, deviance = _explain(spectrum, chosen)
     without = deviance
     while len(chosen) < MOST_PARTS and deviance > GAIN:
-        others = [k for k in range(len(SQUARED_LENGTHS)) if k not in chosen]
-        tried = [(*_explain(spectrum, [*chosen, k]), k) for k in others]
-        best = min(tried, key=lambda one: one[1])
-        if deviance - best[1] < GAIN:
+        tried = {k: _explain(spectrum, [*chosen, k]) for k in range(len(SQUARED_LENGTHS)) if k not in chosen}
+        least = min(one[1] for one in tried.values())
+        if deviance - least < GAIN:
             break
-        variances, deviance = best[:2]
-        chosen.append(best[2])
+        best = max(k for k, one in tried.items() if one[1] - least <= SLACK * (deviance - least))
+        variances, deviance = tried[best]
+        chosen.append(best)
     white, sills = float(variances[0]) * edge**2, variances[1 : 1 + len(chosen)] * edge**2
     long = np.array([SQUARED_LENGTHS[k] > SHORT for k in chosen], dtype=np.bool_)
     is_certain = white >= MUCH_WHITE * sills[long].sum() and deviance <= (1.0 - EXPLAINED) * without
