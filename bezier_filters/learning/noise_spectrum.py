@@ -33,7 +33,7 @@ MOST_PARTS = 2  # correlated parts of the noise
 GAIN = 40.0  # of the deviance, by which a part of the noise must lower it: chance does so by about 1
 # share of what a part explains of the deviance that a longer one may leave, which leaves less to shape: the model is
 # not exact, and between lengths that explain about as much chance would decide
-SLACK = 0.015
+SLACK = 0.01
 WORST = 4.0  # deviance per observation up to which the explanation counts as one,
 # and up to which it does if a tenth of the noise is white, as of no shape, and without correlation most is unexplained
 WORST_WITH_WHITE, MUCH_WHITE, EXPLAINED = 6.0, 0.1, 0.8
