@@ -114,3 +114,11 @@ def test_noise_with_hardly_a_white_part_need_not_show_it_at_a_few_places():
     for seed in range(2):
         model = learned(along_normals(surface, 0.2, 4, seed), surface.faces)
         assert model.sigma == pytest.approx(0.2 * edge, rel=0.2)
+
+
+def test_chance_does_not_decide_between_lengths_that_explain_about_as_much():
+    """With the shorter one, a third of the noise counts as shape."""
+    surface = bumpy_star(resolution=40, jitter=0.3)
+    edge = mean_edge_of(surface.vertices, surface.faces)
+    for seed in (1, 5, 6, 7):
+        assert 0.8 < learned(along_normals(surface, 0.1, 8, seed), surface.faces).sigma / (0.1 * edge) < 1.1
