@@ -2,7 +2,7 @@
 
 Scanners blur what they measure, so the noise of neighbouring vertices is alike. It counts as a white part and parts
 whose correlation falls off with the distance d as exp(-d^2 / (2 l^2)), as white noise does that was averaged over
-surroundings of width l / sqrt(2).
+surroundings of width l / sqrt(2). Distances go by edges, whichever way these are longer: see `RingAnalysis.quadratics`.
 """
 
 from dataclasses import dataclass, replace

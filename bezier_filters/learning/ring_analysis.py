@@ -120,8 +120,7 @@ class RingAnalysis:
     def quadratics(self, numbers: IntArray) -> tuple[FloatArray, FloatArray]:
         """Points of k neighbourhoods on quadratic fits, (k, n, 3) in units of the radius, and how steep these are.
 
-        Narrow neighbourhoods are stretched until they are as wide in all directions: where a scanner sees a surface
-        from the side, the points that it blurs are as far apart along edges as elsewhere.
+        Narrow neighbourhoods are stretched, see `_stretched`.
         The terms are 1, x, y, x^2 - y^2, 2 x y and x^2 + y^2, the first of `designs`, which has far more of them.
         The second result is 1 / cos of the slope, (k, n): heights hold so much of noise along the normal.
         """
@@ -136,12 +135,8 @@ class RingAnalysis:
         a = np.linalg.solve(inner, transposed @ heights)
         slope_x = a[:, 1] + 2.0 * ((a[:, 5] + a[:, 3]) * x + a[:, 4] * y)
         slope_y = a[:, 2] + 2.0 * ((a[:, 5] - a[:, 3]) * y + a[:, 4] * x)
-        moments = parameters.transpose(0, 2, 1) @ parameters
-        values, axes = np.linalg.eigh(moments)
-        values = np.maximum(values, NARROWEST * values[:, 1:])
-        stretches = np.sqrt(values.mean(axis=1, keepdims=True) / values)
-        stretched = parameters @ (axes * stretches[:, np.newaxis] @ axes.transpose(0, 2, 1))
-        return np.concatenate([stretched, design @ a], axis=2), np.sqrt(1.0 + slope_x**2 + slope_y**2)
+        points = np.concatenate([_stretched(parameters), design @ a], axis=2)
+        return points, np.sqrt(1.0 + slope_x**2 + slope_y**2)
 
     @cached_property
     def reaches(self) -> FloatArray:
@@ -271,6 +266,18 @@ def _prepare(sample: NeighbourhoodSample, rings: int, most: int, vertex_count: i
             *(np.zeros(by_group) for _ in range(3)),
         ),
     )
+
+
+def _stretched(parameters: FloatArray) -> FloatArray:
+    """Parameters of k neighbourhoods, (k, n, 2), as wide in all directions, with the same mean square.
+
+    Where a scanner sees a surface from the side, points that it blurs are as far apart along edges as elsewhere.
+    """
+    values, axes = np.linalg.eigh(parameters.transpose(0, 2, 1) @ parameters)
+    values = np.maximum(values, NARROWEST * values[:, 1:])
+    stretches = np.sqrt(values.mean(axis=1, keepdims=True) / values)
+    result: FloatArray = parameters @ (axes * stretches[:, np.newaxis] @ axes.transpose(0, 2, 1))
+    return result
 
 
 def _determined_degree(points: float) -> int:
