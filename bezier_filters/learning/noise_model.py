@@ -10,16 +10,12 @@ from functools import cached_property
 
 import numpy as np
 
-from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.arrays import FloatArray
 from bezier_filters.learning.ring_analysis import RingAnalysis
 from bezier_filters.patches.harmonics import harmonic_basis
 
-# of each diagonal entry of normal equations, and of the largest one, what is added to it: high terms are small where
-# neighbourhoods are narrow, and more would take their noise for shape
-NEARLY_SINGULAR, SINGULAR = 1e-12, 1e-16
 STEEP = 1.02  # mean of 1 / cos^2 of the slopes, below which white noise along the normal counts as that of the heights
 FEWEST_RINGS_FOR_SLOPES = 3  # narrower ones have too few points to tell slopes from noise, and count as flat
-LOOKED_AT = 24  # neighbourhoods of a ring over which it is averaged what noise does
 
 
 @dataclass(frozen=True)
@@ -160,44 +156,29 @@ class RingNoise:
 def ring_noise(noise: NoiseModel, analysis: RingAnalysis) -> RingNoise:
     """Find out what noise does to the fits of one ring."""
     m, by_degree = analysis.sums.parts.shape[1], analysis.sums.term_squares.shape[1:]
-    numbers: IntArray = np.arange(min(LOOKED_AT, len(analysis.rows)), dtype=np.int32)
-    points, steepness = analysis.quadratics(numbers)
-    sizes = analysis.sizes[numbers]
-    steep = float(np.square(steepness[np.arange(steepness.shape[1]) < sizes[:, np.newaxis]]).mean())
+    fitted = analysis.looked_at
+    points = float(analysis.sizes[: len(fitted.points)].mean())
+    steep = float(np.square(fitted.steepness).sum(axis=1).mean()) / points
     is_flat = steep < STEEP or analysis.rings < FEWEST_RINGS_FOR_SLOPES
     if not noise.sills and is_flat:
         every = noise.white
         return RingNoise(
             noise, analysis, np.full(m, every), np.full(by_degree[0], every), np.full(by_degree, every), is_flat
         )
-    design = analysis.designs(numbers)[..., :m]
-    inner = design.transpose(0, 2, 1) @ design
-    _regularise(inner)
     if noise.sills:
-        outer = design.transpose(0, 2, 1) @ noise.covariances(analysis.radius * points, steepness) @ design
+        passed = noise.covariances(analysis.radius * fitted.points, fitted.steepness) @ fitted.orthonormal
     else:
-        outer = noise.white * design.transpose(0, 2, 1) @ (design * np.square(steepness)[..., np.newaxis])
-    parts = _of_parts(inner, outer)
+        passed = noise.white * np.square(fitted.steepness)[..., np.newaxis] * fitted.orthonormal
+    of_pairs = fitted.orthonormal.transpose(0, 2, 1) @ passed
+    parts = np.diagonal(of_pairs, axis1=1, axis2=2).mean(axis=0)
     return RingNoise(
         noise,
         analysis,
         parts,
-        _of_residuals(analysis.degree, float(sizes.mean()), noise.variance * steep, parts),
-        _of_coefficients(analysis, inner, outer),
+        _of_residuals(analysis.degree, points, noise.variance * steep, parts),
+        _of_coefficients(analysis, of_pairs, noise.white),
         is_flat,
     )
-
-
-def _of_parts(inner: FloatArray, outer: FloatArray) -> FloatArray:
-    """Diagonal of Q^T covariance Q for the orthonormal Q of designs, (m,).
-
-    Given are design^T design and design^T covariance design, (k, m, m).
-    """
-    factors = np.linalg.cholesky(inner)
-    half = np.linalg.solve(factors, outer)
-    whole = np.linalg.solve(factors, half.transpose(0, 2, 1))
-    result: FloatArray = np.diagonal(whole, axis1=1, axis2=2).mean(axis=0)
-    return result
 
 
 def _of_residuals(highest: int, points: float, variance: float, parts: FloatArray) -> FloatArray:
@@ -208,23 +189,20 @@ def _of_residuals(highest: int, points: float, variance: float, parts: FloatArra
     return result
 
 
-def _of_coefficients(analysis: RingAnalysis, inner: FloatArray, outer: FloatArray) -> FloatArray:
-    """See `RingNoise.coefficients`."""
+def _of_coefficients(analysis: RingAnalysis, of_pairs: FloatArray, white: float) -> FloatArray:
+    """See `RingNoise.coefficients`; as white noise, for terms that no points see.
+
+    `of_pairs` (k, m, m) are the covariances of the orthonormal terms.
+    """
     basis = harmonic_basis()
     result = np.zeros(analysis.sums.term_squares.shape[1:])
     for degree in range(analysis.degree + 1):
         count = basis.up_to(degree)
-        inverse = np.linalg.inv(inner[:, :count, :count])
-        passed = (inverse @ outer[:, :count, :count] * inverse).sum(axis=2)
-        ratios = (passed / np.diagonal(inverse, axis1=1, axis2=2)).mean(axis=0)
-        groups = basis.groups[:count]
-        sums = np.bincount(groups, weights=np.maximum(ratios, 0.0)) / np.bincount(groups)
-        result[degree, : len(sums)] = sums
+        to_terms = analysis.looked_at.to_terms[:, :count, :count]
+        passed = ((to_terms @ of_pairs[:, :count, :count]) * to_terms).sum(axis=2)
+        of_white = np.square(to_terms).sum(axis=2)
+        ratios = np.divide(passed, of_white, out=np.zeros_like(passed), where=of_white > 0.0).sum(axis=0)
+        seen = np.bincount(basis.groups[:count], weights=(of_white > 0.0).sum(axis=0))
+        sums = np.bincount(basis.groups[:count], weights=ratios)
+        result[degree, : len(sums)] = np.where(seen > 0.0, sums / np.maximum(seen, 1.0), white)
     return result
-
-
-def _regularise(matrices: FloatArray) -> None:
-    """Make singular normal equations solvable."""
-    places = np.arange(matrices.shape[1])
-    diagonals = matrices[:, places, places]
-    matrices[:, places, places] += NEARLY_SINGULAR * diagonals + SINGULAR * diagonals.max(axis=1, keepdims=True)

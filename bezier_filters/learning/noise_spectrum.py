@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.learning.noise_model import LOOKED_AT, NoiseModel, squared_distances
+from bezier_filters.learning.noise_model import NoiseModel, squared_distances
 from bezier_filters.learning.ring_analysis import FREE_DEGREE, RingAnalysis
 from bezier_filters.patches.harmonics import HIGHEST_DEGREE, harmonic_basis
 
@@ -178,22 +178,18 @@ def _contributions(analysis: RingAnalysis, edge: float) -> Contributions:
 
 def _of_correlated_noise(analysis: RingAnalysis, edge: float) -> tuple[FloatArray, FloatArray]:
     """Noise of variance 1 and each length."""
-    m = analysis.sums.parts.shape[1]
-    numbers: IntArray = np.arange(min(LOOKED_AT, len(analysis.rows)), dtype=np.int32)
-    sizes = analysis.sizes[numbers]
-    points, steepness = analysis.quadratics(numbers)
-    orthonormal = np.linalg.qr(analysis.designs(numbers)[..., :m])[0]
-    steepness *= np.arange(points.shape[1]) < sizes[:, np.newaxis]
-    steeper = steepness[..., np.newaxis] * orthonormal
-    total = np.square(steepness).sum(axis=1)
-    squares = squared_distances(points * (analysis.radius / edge))
+    fitted, m = analysis.looked_at, analysis.sums.parts.shape[1]
+    free = analysis.sizes[: len(fitted.points)] - m
+    steeper = fitted.steepness[..., np.newaxis] * fitted.orthonormal
+    total = np.square(fitted.steepness).sum(axis=1)
+    squares = squared_distances(fitted.points * (analysis.radius / edge))
     of_parts, of_rest = np.zeros((m, len(SQUARED_LENGTHS))), np.zeros(len(SQUARED_LENGTHS))
     for first in (-1, -2):
         correlation = np.exp(-0.5 / SQUARED_LENGTHS[first] * squares)
         for k in range(len(SQUARED_LENGTHS) + first, -1, -2):
             parts = ((correlation @ steeper) * steeper).sum(axis=1)
             of_parts[:, k] = parts.mean(axis=0)
-            of_rest[k] = ((total - parts.sum(axis=1)) / (sizes - m)).mean()
+            of_rest[k] = ((total - parts.sum(axis=1)) / free).mean()
             correlation *= correlation  # that of half the squared length
     return of_parts, of_rest
 

@@ -24,7 +24,8 @@ from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 FREE_DEGREE = 2  # height, slope and curvature are what we are after: no prior touches them
 FEWEST_SAMPLES = 12
 FEWEST_POINTS_PER_COEFFICIENT = 1.2
-FIRST = 8  # neighbourhoods by which plans are compared
+FIRST = 8  # neighbourhoods by which plans are compared,
+LOOKED_AT = 24  # and over which it is averaged what noise does
 CHUNK = 4 * LANES  # neighbourhoods per chunk
 # a term whose column keeps less than this of its length, once what earlier terms explain is gone, is not seen
 UNSEEN = 3e-5
@@ -47,6 +48,15 @@ class RingSums(NamedTuple):
     term_squares: FloatArray  # w a^2, a being the coefficient, a length, and 1 / w its variance under unit noise,
     term_weights: FloatArray  # w, and
     term_counts: FloatArray  # 1, for those that the points see
+
+
+class FittedPoints(NamedTuple):
+    """Points of k neighbourhoods on quadratic fits, and the terms over them."""
+
+    points: FloatArray  # (k, n, 3), in units of the radius; narrow neighbourhoods are stretched, see `_stretched`
+    steepness: FloatArray  # (k, n): 1 / cos of the slope, by which noise along the normal moves heights; 0 beyond sizes
+    orthonormal: FloatArray  # (k, n, m): combinations Q of the terms; 0 for those that the points do not see
+    to_terms: FloatArray  # (k, m, m): upper triangular; Q is the design matrix times this
 
 
 @dataclass(frozen=True)
@@ -137,6 +147,21 @@ class RingAnalysis:
         slope_y = a[:, 2] + 2.0 * ((a[:, 5] - a[:, 3]) * y + a[:, 4] * x)
         points = np.concatenate([_stretched(parameters), design @ a], axis=2)
         return points, np.sqrt(1.0 + slope_x**2 + slope_y**2)
+
+    @cached_property
+    def looked_at(self) -> FittedPoints:
+        """The first neighbourhoods, up to `LOOKED_AT`."""
+        numbers: IntArray = np.arange(min(LOOKED_AT, len(self.rows)), dtype=np.int32)
+        points, steepness = self.quadratics(numbers)
+        m = self.sums.parts.shape[1]
+        factors = self.factors[self.rows[numbers], :, :m]
+        diagonal = np.einsum("kii->ki", factors)
+        seen = diagonal > 0.0
+        diagonal[~seen] = 1.0
+        to_terms = np.linalg.inv(factors) * seen[:, np.newaxis]
+        return FittedPoints(
+            points, steepness * self._present(numbers), self.designs(numbers)[..., :m] @ to_terms, to_terms
+        )
 
     @cached_property
     def reaches(self) -> FloatArray:

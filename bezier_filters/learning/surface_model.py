@@ -58,26 +58,26 @@ def learn_model(
 
     The noise is `correlated`, or else that of the whole of which this is a part at another strength, or white. Where a
     ring says little of a variance, the next wider one, which sees more of the term, is listened to, and the whole
-    with the same rings and possibly wider ones. What noise does to the rings that were known before, with the same
-    noise, is not found out again.
+    with the same rings and possibly wider ones. What noise does to a ring is found out once: for the whole, and for
+    each strength that it is found to have there.
     """
     noise = _noise(analyses, whole) if correlated is None else correlated
     basis = harmonic_basis()
     free = basis.degrees <= FREE_DEGREE
     of_whole = {} if whole is None else {model.analysis.rings: model.variances for model in whole.by_rings}
-    known: dict[int, RingNoise] = {}
-    if whole is not None and noise.sills:
-        known = {model.analysis.rings: model.noise for model in whole.by_rings}
+    known: dict[int, RingModel] = {}
+    if whole is not None and whole.noise.variance > 0.0:
+        known = {model.analysis.rings: model for model in whole.by_rings}
     elif before is not None:
-        known = {model.analysis.rings: model.noise for model in before.by_rings if model.noise.model == noise}
+        known = {model.analysis.rings: model for model in before.by_rings if model.noise.model == noise}
     models: list[RingModel] = []
     wider_errors = np.zeros(len(free))
     for analysis in reversed(analyses):
-        of_ring = known.get(analysis.rings)
-        if of_ring is None:
+        alike = known.get(analysis.rings)
+        if alike is None:
             of_ring = ring_noise(noise, analysis)
-        elif whole is not None:
-            of_ring = of_ring.of_part(noise, analysis)
+        else:
+            of_ring = alike.noise if whole is None else alike.noise.of_part(noise, analysis)
         values, errors = _term_variances(analysis, of_ring)
         if models:
             scale = (analysis.radius / models[-1].analysis.radius) ** (2.0 * basis.degrees)
@@ -92,7 +92,7 @@ def learn_model(
         )
         modelled = float((analysis.sums.unexplained @ believed).sum() / analysis.sums.freedom[:, -1].sum())
         unmodelled = max(float(analysis.mean_squares[-1]) - of_ring.residuals[-1] - modelled, 0.0)
-        quartic = learn_quartic_mean(of_ring)
+        quartic = alike.quartic if alike is not None and whole is None else learn_quartic_mean(of_ring)
         models.append(RingModel(analysis, of_ring, believed, cautious, unmodelled, quartic))
         wider_errors = errors
     return SurfaceModel(noise, tuple(reversed(models)))

@@ -18,10 +18,10 @@ from random_neighbourhoods import (
 )
 from scipy.linalg import sqrtm
 
-from bezier_filters.learning.noise_model import LOOKED_AT, NoiseModel, ring_noise, squared_distances
+from bezier_filters.learning.noise_model import NoiseModel, ring_noise, squared_distances
 from bezier_filters.learning.plans import ring_plans
 from bezier_filters.learning.quartic_mean import no_mean
-from bezier_filters.learning.ring_analysis import FIRST
+from bezier_filters.learning.ring_analysis import FIRST, LOOKED_AT
 from bezier_filters.learning.surface_model import RingModel, SurfaceModel
 from bezier_filters.patches.harmonics import harmonic_basis
 
