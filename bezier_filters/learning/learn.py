@@ -12,6 +12,7 @@ from bezier_filters.learning.noise_spectrum import learn_noise
 from bezier_filters.learning.outliers import outlier_share
 from bezier_filters.learning.plans import Choices
 from bezier_filters.learning.ring_analysis import RingAnalysis, analyse_rings
+from bezier_filters.learning.surface_model import RingModel, white_noise
 from bezier_filters.meshes.adjacency import Adjacency
 
 CANDIDATE_RINGS = (1, 2, 3, 4, 5, 6, 8, 10)
@@ -58,7 +59,10 @@ def learn_from_samples(
     rings = sorted({*CANDIDATE_RINGS, *(() if choices.rings is None else (choices.rings,))})
     stages = [[k for k in rings if k <= NEAR_RINGS], *([k] for k in rings if k > NEAR_RINGS)]
     analyses: list[RingAnalysis] = []
-    whole, correlated, promising, heavy, outliers = None, None, True, False, 0.0
+    known: list[RingModel] = []
+    errors: list[float] = []
+    leaf, correlated, promising, heavy, outliers = None, None, True, False, 0.0
+    any_rings = replace(choices, rings=None)
     for stage in stages:
         if not promising and choices.rings not in stage:
             continue
@@ -74,16 +78,20 @@ def learn_from_samples(
             if promising or k == choices.rings or not (analyses or most):
                 most[k] = SAMPLES.get(k, SAMPLES[10])
         found = analyse_rings(sample, most, vertex_count=vertex_count, threads=threads)
-        if found:
-            analyses += found
-            if stage is stages[0]:
-                correlated, outliers = learn_noise(analyses), outlier_share(sample)
-            any_rings = replace(choices, rings=None)
-            whole = leaf_of(analyses, any_rings, correlated, heavy=heavy, outliers=outliers, before=whole)
-        if whole is not None:
-            errors = [plan.error for plan in whole.plans]
+        if not found:
+            continue
+        analyses += found
+        if stage is stages[0]:
+            correlated, outliers = learn_noise(analyses), outlier_share(sample)
+        # by itself first: what wider rings say of narrower ones does not matter for how far to go on
+        leaf = leaf_of(found, any_rings, correlated or white_noise(analyses), heavy=heavy, outliers=outliers)
+        if leaf is not None:
+            known += leaf.surface.by_rings
+            errors += [plan.error for plan in leaf.plans]
             promising = promising and errors[-1] <= HOPELESS * min(errors)
-    return analyses, None if whole is None else best_leaf(whole.surface, whole.plans, choices)
+    if leaf is None or len(leaf.surface.by_rings) < len(analyses):
+        leaf = leaf_of(analyses, any_rings, correlated, heavy=heavy, outliers=outliers, known=known)
+    return analyses, None if leaf is None else best_leaf(leaf.surface, leaf.plans, choices)
 
 
 def _turns_normals(sample: NeighbourhoodSample) -> bool:

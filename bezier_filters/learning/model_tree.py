@@ -25,7 +25,7 @@ from bezier_filters.learning.plans import (
     steady_plan,
 )
 from bezier_filters.learning.ring_analysis import FREE_DEGREE, RingAnalysis
-from bezier_filters.learning.surface_model import SurfaceModel, learn_model
+from bezier_filters.learning.surface_model import RingModel, SurfaceModel, learn_model
 from bezier_filters.patches.harmonics import harmonic_basis
 
 Kind = TypeVar("Kind")
@@ -73,18 +73,18 @@ def leaf_of(
     *,
     heavy: bool = False,
     outliers: float = 0.0,
-    before: Leaf | None = None,
+    known: Sequence[RingModel] = (),
 ) -> Leaf | None:
     """One model for all; None if the analyses allow no plan. The noise is white unless it is known to be otherwise.
 
-    `before` is what fewer of the analyses have said.
+    `known` is what some of the analyses have said by themselves.
     """
     if not any(analysis.degree > FREE_DEGREE for analysis in analyses):
         return None
     if choices.noise is not None:
         correlated = known_noise(correlated, choices.noise)
     with _overflows():
-        surface = learn_model(analyses, correlated, before=None if before is None else before.surface)
+        surface = learn_model(analyses, correlated, known=known)
         surface = replace(surface, noise=replace(surface.noise, heavy=heavy, outliers=outliers))
         return best_leaf(surface, all_plans(surface, choices.degrees), choices)
 

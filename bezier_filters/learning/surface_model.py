@@ -52,7 +52,7 @@ def learn_model(
     analyses: Sequence[RingAnalysis],
     correlated: NoiseModel | None = None,
     whole: SurfaceModel | None = None,
-    before: SurfaceModel | None = None,
+    known: Sequence[RingModel] = (),
 ) -> SurfaceModel:
     """Find the variances that noise leaves to the surface, from analyses in ascending order of rings.
 
@@ -65,15 +65,15 @@ def learn_model(
     basis = harmonic_basis()
     free = basis.degrees <= FREE_DEGREE
     of_whole = {} if whole is None else {model.analysis.rings: model.variances for model in whole.by_rings}
-    known: dict[int, RingModel] = {}
-    if whole is not None and whole.noise.variance > 0.0:
-        known = {model.analysis.rings: model for model in whole.by_rings}
-    elif before is not None:
-        known = {model.analysis.rings: model for model in before.by_rings if model.noise.model == noise}
+    if whole is not None:
+        known = whole.by_rings if whole.noise.variance > 0.0 else ()
+    else:
+        known = [model for model in known if model.noise.model == noise]
+    known_rings = {model.analysis.rings: model for model in known}
     models: list[RingModel] = []
     wider_errors = np.zeros(len(free))
     for analysis in reversed(analyses):
-        alike = known.get(analysis.rings)
+        alike = known_rings.get(analysis.rings)
         if alike is None:
             of_ring = ring_noise(noise, analysis)
         else:
@@ -99,15 +99,20 @@ def learn_model(
 
 
 def _noise(analyses: Sequence[RingAnalysis], whole: SurfaceModel | None) -> NoiseModel:
-    """White noise, or that of the whole times a factor: what explains the smallest residual of the highest degree.
+    """That of the whole times a factor, as `white_noise` is found, or else that."""
+    if whole is None or not whole.noise.sills:
+        return white_noise(analyses)
+    expected = {model.analysis.rings: float(model.noise.residuals[-1]) for model in whole.by_rings}
+    return whole.noise.times(min(one.typical_square / expected[one.rings] for one in _reliable(analyses)))
 
-    Where a neighbourhood is wide enough for degrees beyond, they show as a larger residual.
-    """
-    reliable = [analysis for analysis in analyses if analysis.rings >= FEWEST_RINGS_FOR_NOISE] or analyses
-    if whole is not None and whole.noise.sills:
-        expected = {model.analysis.rings: float(model.noise.residuals[-1]) for model in whole.by_rings}
-        return whole.noise.times(min(one.typical_square / expected[one.rings] for one in reliable))
-    return NoiseModel(min(analysis.typical_square for analysis in reliable))
+
+def white_noise(analyses: Sequence[RingAnalysis]) -> NoiseModel:
+    """What explains the smallest residual of the highest degree, which is larger where there is shape beyond that."""
+    return NoiseModel(min(analysis.typical_square for analysis in _reliable(analyses)))
+
+
+def _reliable(analyses: Sequence[RingAnalysis]) -> Sequence[RingAnalysis]:
+    return [analysis for analysis in analyses if analysis.rings >= FEWEST_RINGS_FOR_NOISE] or analyses
 
 
 def _falling_off(believed: FloatArray, values: FloatArray, errors: FloatArray) -> FloatArray:
