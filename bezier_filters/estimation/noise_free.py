@@ -37,7 +37,7 @@ def learn_noise(
     if sigma == 0.0:
         return NoiseModel(0.0)
     arrays, adjacency = fitted_mesh(mesh, adjacency=adjacency, creases=True, threads=threads)
-    _, leaf = learn_without_outliers(learner(arrays, adjacency, threads=threads), Choices())
+    _, leaf = learn_without_outliers(learner(arrays, adjacency, threads=threads), Choices(only_noise=True))
     learned = None if leaf is None else leaf.surface.noise
     if learned is not None and learned.sigma > MOST_NOISE * mean_edge(mesh, adjacency, threads=threads):
         learned = None

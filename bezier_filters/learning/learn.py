@@ -89,6 +89,10 @@ def learn_from_samples(
             known += leaf.surface.by_rings
             errors += [plan.error for plan in leaf.plans]
             promising = promising and errors[-1] <= HOPELESS * min(errors)
+        if choices.only_noise and correlated is not None:
+            break
+    if choices.only_noise:
+        return analyses, leaf
     if leaf is None or len(leaf.surface.by_rings) < len(analyses):
         leaf = leaf_of(analyses, any_rings, correlated, heavy=heavy, outliers=outliers, known=known)
     return analyses, None if leaf is None else best_leaf(leaf.surface, leaf.plans, choices)

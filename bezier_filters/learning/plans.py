@@ -156,6 +156,7 @@ class Choices:
     degrees: tuple[int, ...] = CANDIDATE_DEGREES
     noise: float | None = None  # its standard deviation, if that is known
     widest: float = np.inf  # radius of neighbourhoods, a length, but for the narrowest
+    only_noise: bool = False  # whether nothing but the noise is wanted: then no plan is for all rings
 
     def among(self, plans: Sequence[FitPlan]) -> list[FitPlan]:
         """Those of the plans that may be chosen."""

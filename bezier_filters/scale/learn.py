@@ -101,7 +101,7 @@ def learn_fit(store: Store, options: FitOptions, *, threads: int = 1) -> Surface
 
 def learn_noise(store: Store, *, threads: int = 1) -> NoiseModel | None:
     """The noise of a mesh along the normal; None if it is too small to learn it."""
-    _, leaf = learn_without_outliers(partial(_learn_surface, store, FitOptions(), threads), Choices())
+    _, leaf = learn_without_outliers(partial(_learn_surface, store, FitOptions(), threads), Choices(only_noise=True))
     return None if leaf is None else leaf.surface.noise
 
 
