@@ -12,13 +12,14 @@ side by side; a step reads every neighbour once and overwrites the polynomial be
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, RealArray, SingleArray
 from bezier_filters.runtime.jit import inner_jit, jit
-from bezier_filters.runtime.parallel import run_kernel
+from bezier_filters.runtime.parallel import LONGEST, run_kernel
 from bezier_filters.runtime.rows import Row, add_scaled, row_of, scaled, write_row, zero_row
 from bezier_filters.smoothing.laplacian import Laplacian
 
@@ -150,16 +151,17 @@ def _run(
     What the filters make of them is as large as the signals times the filters: it is passed over every other step.
     """
     before, current = np.zeros((2, *signals.shape), dtype=np.float32)
-    run_kernel(_differences, len(signals), laplacian, signals, current, threads=threads)
+    run = partial(run_kernel, threads=threads, chunk=LONGEST)  # to wake a thread takes as long as 4,000 vertices
+    run(_differences, len(signals), laplacian, signals, current)
     scale = np.float32(2.0 / laplacian.bound)
     rows = np.zeros((len(series) + len(series) % 2, series.shape[1]), dtype=np.float32)  # in pairs
     rows[: len(series)] = series
     for k in range(1, len(rows)):
         step = Step(scale, np.float32(min(k, 2)), before, current)
         if k % 2:
-            run_kernel(kernel, len(current), laplacian, step, rows[k - 1 : k + 1], *arrays, threads=threads)
+            run(kernel, len(current), laplacian, step, rows[k - 1 : k + 1], *arrays)
         else:
-            run_kernel(_advance, len(current), laplacian, step, threads=threads)
+            run(_advance, len(current), laplacian, step)
         before, current = current, before
 
 
