@@ -67,14 +67,16 @@ def learn_quartic_mean(noise: RingNoise) -> QuarticMean:
     analysis, basis = noise.analysis, harmonic_basis()
     if analysis.degree < QUARTIC or analysis.rings < FEWEST_RINGS:
         return no_mean()
-    below, up_to = basis.up_to(QUARTIC - 1), basis.up_to(QUARTIC)
-    factors, parts = analysis.factors[analysis.rows], analysis.sums.parts
-    lower, corner = factors[:, :below, :below].copy(), factors[:, below:up_to, below:up_to]
+    free, below, up_to = (basis.up_to(degree) for degree in (FREE_DEGREE - 1, QUARTIC - 1, QUARTIC))
+    factors, parts = analysis.factors[analysis.rows, free:up_to, free:up_to], analysis.sums.parts
+    inner = below - free
+    lower, corner = factors[:, :inner, :inner].copy(), factors[:, inner:, inner:]
     diagonal = np.einsum("kii->ki", lower)
     diagonal[diagonal == 0.0] = 1.0  # terms that the points do not see: their parts are 0
-    to_seconds = np.linalg.inv(lower).astype(np.float64, copy=False)[:, basis.degrees[:below] == FREE_DEGREE]
-    plain = _product(to_seconds, parts[:, :below])
-    leak = to_seconds @ factors[:, :below, below:up_to]  # what the fourth degree is taken for
+    inverse = np.linalg.inv(lower).astype(np.float64, copy=False)
+    to_seconds = inverse[:, basis.degrees[free:below] == FREE_DEGREE]
+    plain = _product(to_seconds, parts[:, free:below])
+    leak = to_seconds @ factors[:, :inner, inner:]  # what the fourth degree is taken for
     found, at_rim = parts[:, below:up_to], RIM * noise.model.variance / analysis.radius**2
     expected, doubts = np.array([1.0, -at_rim]), np.array([DOUBT, max(at_rim, np.finfo(np.float64).tiny)])
     factor, seconds = 0.0, plain
