@@ -6,7 +6,7 @@ same polynomial; the latter make A^T A a table of moments and derivatives a matt
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -46,12 +46,14 @@ class PolynomialSpace:
         return distinct.astype(np.int32), place.ravel().astype(np.int32)
 
 
+@cache
 def tensor_space(degree: int) -> PolynomialSpace:
     """Polynomials of bi-degree d, those of a Bezier patch: (d + 1)^2 monomials, b running fastest."""
     a, b = np.divmod(np.arange((degree + 1) ** 2), degree + 1)
     return PolynomialSpace(np.column_stack([a, b]).astype(np.int32))
 
 
+@cache
 def total_degree_space(degree: int) -> PolynomialSpace:
     """Polynomials of total degree d: (d + 1)(d + 2) / 2 monomials, ordered by total degree."""
     pairs = [(total - b, b) for total in range(degree + 1) for b in range(total + 1)]
@@ -75,6 +77,7 @@ def lexicographic_places(exponents: IntArray) -> IntArray:
     return (row_starts(exponents)[exponents[:, 0]] + exponents[:, 1]).astype(np.int32)
 
 
+@cache
 def monomials_from_bernstein(degree: int) -> FloatArray:
     """Matrix from the control heights of a patch to the coefficients of its `tensor_space`."""
     along_one = centred_monomials(degree)
