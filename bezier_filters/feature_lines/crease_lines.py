@@ -261,14 +261,10 @@ def find_creases(
         )
     adjacency = vertex_adjacency(mesh, threads=thread_count(threads))
     edges, sharp, certainty = _sharp_edges(mesh, adjacency, geometry, radians(angle), thread_count(threads))
-    usable = geometry.status <= FitStatus.LOWER_DEGREE
-    usable[edges.vertices[sharp]] = False
-    reach = BESIDE * HEIGHT * mean_edge(mesh, adjacency) * geometry.rings_used
-    sides = Sides(geometry.normals, geometry.mean_curvature_std, reach, cKDTree(mesh.vertices))
-    lines: list[CreaseLine] = []
-    for kind in get_args(CreaseKind):
-        lines += _sharp_lines(mesh, edges, sharp, certainty, adjacency.on_boundary, kind)
-        lines += _smooth_lines(mesh, edges, geometry, usable, sides, kind, min_strength)
+    lines = [
+        *_sharp_lines(mesh, adjacency, edges, sharp, certainty),
+        *_smooth_lines(mesh, adjacency, edges, sharp, geometry, min_strength),
+    ]
     lines.sort(key=lambda line: -line.strength)
     sharp_lines = [line for line in lines if line.is_sharp]
     along = [np.stack([line.edges[:-1, 0], line.edges[1:, 0]], axis=1) for line in sharp_lines]
@@ -300,48 +296,50 @@ def _sharp_edges(
 
 
 def _sharp_lines(
-    mesh: TriangleMesh,
-    edges: MeshEdges,
-    sharp: BoolArray,
-    certainty: FloatArray,
-    on_boundary: BoolArray,
-    kind: CreaseKind,
+    mesh: TriangleMesh, adjacency: Adjacency, edges: MeshEdges, sharp: BoolArray, certainty: FloatArray
 ) -> Iterator[CreaseLine]:
-    """Chains of sharp edges of one kind."""
-    ids = np.flatnonzero(sharp & (edges.is_convex == (kind == "ridge")))
-    pairs = edges.vertices[ids]
+    """Chains of sharp edges of either kind."""
     meeting = np.bincount(edges.vertices[sharp].ravel(), minlength=mesh.vertex_count)
-    is_attached = (meeting > 1) | on_boundary
-    lengths = np.linalg.norm(mesh.vertices[pairs[:, 1]] - mesh.vertices[pairs[:, 0]], axis=1)
-    weights = edges.angles[ids] * lengths / np.maximum(edges.widths[ids], 1e-300)
-    for nodes, segments in chains(pairs, np.flatnonzero(meeting > 2).astype(np.int32)):
-        if len(segments) >= FEWEST_EDGES or is_attached[nodes].all():
-            on = np.stack([nodes, nodes], axis=1).astype(np.int32)
-            strength = float(weights[segments].sum())
-            here = certainty[ids[segments]]
-            yield CreaseLine(kind, True, mesh.vertices[nodes], on, np.zeros(len(on)), strength, here)
+    is_attached = (meeting > 1) | adjacency.on_boundary
+    ends = np.flatnonzero(meeting > 2).astype(np.int32)
+    for kind in get_args(CreaseKind):
+        ids = np.flatnonzero(sharp & (edges.is_convex == (kind == "ridge")))
+        pairs = edges.vertices[ids]
+        lengths = np.linalg.norm(mesh.vertices[pairs[:, 1]] - mesh.vertices[pairs[:, 0]], axis=1)
+        weights = edges.angles[ids] * lengths / np.maximum(edges.widths[ids], 1e-300)
+        for nodes, segments in chains(pairs, ends):
+            if len(segments) >= FEWEST_EDGES or is_attached[nodes].all():
+                on = np.stack([nodes, nodes], axis=1).astype(np.int32)
+                strength = float(weights[segments].sum())
+                here = certainty[ids[segments]]
+                yield CreaseLine(kind, True, mesh.vertices[nodes], on, np.zeros(len(on)), strength, here)
 
 
 def _smooth_lines(
     mesh: TriangleMesh,
+    adjacency: Adjacency,
     edges: MeshEdges,
+    sharp: BoolArray,
     geometry: VertexGeometry,
-    usable: BoolArray,
-    sides: Sides,
-    kind: CreaseKind,
     min_strength: float,
 ) -> Iterator[CreaseLine]:
-    """Chains of crest segments of one kind; from inside, the smallest curvature is the largest, with the other sign."""
+    """Chains of crest segments; from inside, the smallest curvature is the largest, with the other sign."""
     g = geometry
-    if kind == "ridge":
-        field = CurvatureAlongLines(g.k_max, g.k_min, g.direction_max, g.extremality_max)
-    else:
-        field = CurvatureAlongLines(-g.k_min, -g.k_max, g.direction_min, -g.extremality_min)
+    usable = g.status <= FitStatus.LOWER_DEGREE
+    usable[edges.vertices[sharp]] = False
     faces = np.flatnonzero(usable[mesh.faces].all(axis=1) & (edges.of_faces >= 0).all(axis=1)).astype(np.int32)
-    pairs, shares, weights = crest_segments(mesh, edges, field, faces)
-    for nodes, segments in chains(pairs):
-        strength = float(weights[segments].sum())
-        if strength >= min_strength:
+    reach = BESIDE * HEIGHT * mean_edge(mesh, adjacency) * g.rings_used
+    sides = Sides(g.normals, g.mean_curvature_std, reach, cKDTree(mesh.vertices))
+    fields: dict[CreaseKind, CurvatureAlongLines] = {
+        "ridge": CurvatureAlongLines(g.k_max, g.k_min, g.direction_max, g.extremality_max),
+        "ravine": CurvatureAlongLines(-g.k_min, -g.k_max, g.direction_min, -g.extremality_min),
+    }
+    for kind, field in fields.items():
+        pairs, shares, weights = crest_segments(mesh, edges, field, faces)
+        for nodes, segments in chains(pairs):
+            strength = float(weights[segments].sum())
+            if strength < min_strength:
+                continue
             points = points_on_edges(mesh, edges, shares, nodes)
             certainty = sides.certainty(field, points)
             if certainty >= 0.5:
