@@ -7,7 +7,6 @@ from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial import cKDTree
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.display import html_table
@@ -15,16 +14,9 @@ from bezier_filters.errors import InvalidMeshError, InvalidParameterError, is_re
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.noise_free import LEFT, hides_sharp_edges, is_noisy, learn_noise, noise_free_surface
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
-from bezier_filters.feature_lines.crest_lines import (
-    BESIDE,
-    HEIGHT,
-    CurvatureAlongLines,
-    Sides,
-    crest_segments,
-    points_on_edges,
-)
+from bezier_filters.feature_lines.crest_lines import crest_segments, curvatures_along_lines, points_on_edges
 from bezier_filters.fields import CREASES, column_names
-from bezier_filters.meshes.adjacency import Adjacency, mean_edge, vertex_adjacency
+from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.half_edges import MeshEdges, mesh_edges
 from bezier_filters.meshes.mesh import TriangleMesh, takes_arrays, triangle_mesh
 from bezier_filters.meshes.sharp_edges import certainties, sharp_edges
@@ -323,25 +315,18 @@ def _smooth_lines(
     geometry: VertexGeometry,
     min_strength: float,
 ) -> Iterator[CreaseLine]:
-    """Chains of crest segments; from inside, the smallest curvature is the largest, with the other sign."""
-    g = geometry
-    usable = g.status <= FitStatus.LOWER_DEGREE
+    """Chains of crest segments of either kind, where fits are sound and no sharp edge is near."""
+    usable = geometry.status <= FitStatus.LOWER_DEGREE
     usable[edges.vertices[sharp]] = False
     faces = np.flatnonzero(usable[mesh.faces].all(axis=1) & (edges.of_faces >= 0).all(axis=1)).astype(np.int32)
-    reach = BESIDE * HEIGHT * mean_edge(mesh, adjacency) * g.rings_used
-    sides = Sides(g.normals, g.mean_curvature_std, reach, cKDTree(mesh.vertices))
-    fields: dict[CreaseKind, CurvatureAlongLines] = {
-        "ridge": CurvatureAlongLines(g.k_max, g.k_min, g.direction_max, g.extremality_max),
-        "ravine": CurvatureAlongLines(-g.k_min, -g.k_max, g.direction_min, -g.extremality_min),
-    }
-    for kind, field in fields.items():
+    for kind, field in zip(get_args(CreaseKind), curvatures_along_lines(mesh, adjacency, geometry), strict=True):
         pairs, shares, weights = crest_segments(mesh, edges, field, faces)
         for nodes, segments in chains(pairs):
             strength = float(weights[segments].sum())
             if strength < min_strength:
                 continue
             points = points_on_edges(mesh, edges, shares, nodes)
-            certainty = sides.certainty(field, points)
+            certainty = field.certainty(points)
             if certainty >= 0.5:
                 here = np.full(len(segments), certainty)
                 yield CreaseLine(kind, False, points, edges.vertices[nodes], shares[nodes], strength, here)

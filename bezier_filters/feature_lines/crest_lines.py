@@ -11,6 +11,8 @@ from scipy.spatial import cKDTree
 from scipy.special import ndtr
 
 from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.estimation.vertex_geometry import VertexGeometry
+from bezier_filters.meshes.adjacency import Adjacency, mean_edge
 from bezier_filters.meshes.half_edges import MeshEdges
 from bezier_filters.meshes.mesh import TriangleMesh
 
@@ -34,6 +36,52 @@ class CurvatureAlongLines:
     other: FloatArray  # (n,): the other one
     directions: FloatArray  # (n, 3): its unit directions, whose signs are arbitrary
     slopes: FloatArray  # (n,): its derivative along them, the extremality; 0 where it is not known
+    normals: FloatArray  # (n, 3): of the vertices
+    errors: FloatArray  # (n,): standard errors of curvatures, 1/length
+    # (n,): how far beside a line curvature is compared with that on it, a length: beyond a neighbourhood's distance
+    reach: FloatArray
+    tree: cKDTree  # of the vertices
+
+    def certainty(self, points: FloatArray) -> float:
+        """Probability that curvature falls off on both sides of a line (k, 3), on average, by more than noise makes it.
+
+        The mean of both sides has 3/2 of the variance of one value, as the line's own has an error, too; along the line
+        errors are independent of each other every two reaches.
+        """
+        lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        middle = 0.5 * (points[1:] + points[:-1])
+        at: IntArray = self.tree.query(middle)[1].astype(np.int32)
+        error = float(np.sqrt(1.5 * PRINCIPAL * np.square(self.errors[at]).mean()))
+        if error == 0.0:
+            return 1.0
+        across, reach = self.directions[at], self.reach[at][:, np.newaxis]
+        beside = [self._along(middle + side * reach * across, across) for side in (1.0, -1.0)]
+        fall = float(np.average(self.largest[at] - 0.5 * (beside[0] + beside[1]), weights=lengths + 1e-300))
+        independent = max(1.0, float(lengths.sum()) / (2.0 * float(reach.mean())))
+        return float(ndtr(fall / error * np.sqrt(independent) - BY_CHANCE))
+
+    def _along(self, points: FloatArray, directions: FloatArray) -> FloatArray:
+        """Curvature in directions (k, 3) at the vertices nearest to points (k, 3), (k,): by Euler's formula."""
+        at: IntArray = self.tree.query(points)[1].astype(np.int32)
+        normals = self.normals[at]
+        tangents = directions - np.einsum("ij,ij->i", directions, normals)[:, np.newaxis] * normals
+        squares = np.square(np.einsum("ij,ij->i", tangents, self.directions[at]))
+        share = np.divide(squares, np.square(tangents).sum(axis=1), out=np.zeros(len(at)), where=squares > 0.0)
+        result: FloatArray = share * self.largest[at] + (1.0 - share) * self.other[at]
+        return result
+
+
+def curvatures_along_lines(
+    mesh: TriangleMesh, adjacency: Adjacency, geometry: VertexGeometry
+) -> tuple[CurvatureAlongLines, CurvatureAlongLines]:
+    """Those of ridges and of ravines: from inside, the smallest curvature is the largest, with the other sign."""
+    g = geometry
+    reach = BESIDE * HEIGHT * mean_edge(mesh, adjacency) * g.rings_used
+    beside = g.normals, g.mean_curvature_std, reach, cKDTree(mesh.vertices)
+    return (
+        CurvatureAlongLines(g.k_max, g.k_min, g.direction_max, g.extremality_max, *beside),
+        CurvatureAlongLines(-g.k_min, -g.k_max, g.direction_min, -g.extremality_min, *beside),
+    )
 
 
 def crest_segments(
@@ -106,41 +154,3 @@ def _derivatives_along_directions(mesh: TriangleMesh, corners: IntArray, field: 
     along = np.einsum("ij,ij->i", gradient, mean)
     result: FloatArray = np.divide(along, squared, out=np.zeros_like(along), where=squared > 0.0)
     return result
-
-
-@dataclass(frozen=True)
-class Sides:
-    """Where curvature is compared with that on a line: beyond a neighbourhood's distance from it."""
-
-    normals: FloatArray  # (n, 3): of the vertices
-    errors: FloatArray  # (n,): standard errors of curvatures, 1/length
-    reach: FloatArray  # (n,): how far beside, a length: `BESIDE` times the radius of the neighbourhood of each vertex
-    tree: cKDTree  # of the vertices
-
-    def certainty(self, field: CurvatureAlongLines, points: FloatArray) -> float:
-        """Probability that curvature falls off on both sides of a line (k, 3), on average, by more than noise makes it.
-
-        The mean of both sides has 3/2 of the variance of one value, as the line's own has an error, too; along the line
-        errors are independent of each other every two reaches.
-        """
-        lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
-        middle = 0.5 * (points[1:] + points[:-1])
-        at: IntArray = self.tree.query(middle)[1].astype(np.int32)
-        error = float(np.sqrt(1.5 * PRINCIPAL * np.square(self.errors[at]).mean()))
-        if error == 0.0:
-            return 1.0
-        across, reach = field.directions[at], self.reach[at][:, np.newaxis]
-        beside = [self._along(field, middle + side * reach * across, across) for side in (1.0, -1.0)]
-        fall = float(np.average(field.largest[at] - 0.5 * (beside[0] + beside[1]), weights=lengths + 1e-300))
-        independent = max(1.0, float(lengths.sum()) / (2.0 * float(reach.mean())))
-        return float(ndtr(fall / error * np.sqrt(independent) - BY_CHANCE))
-
-    def _along(self, field: CurvatureAlongLines, points: FloatArray, directions: FloatArray) -> FloatArray:
-        """Curvature in directions (k, 3) at the vertices nearest to points (k, 3), (k,): by Euler's formula."""
-        at: IntArray = self.tree.query(points)[1].astype(np.int32)
-        normals = self.normals[at]
-        tangents = directions - np.einsum("ij,ij->i", directions, normals)[:, np.newaxis] * normals
-        squares = np.square(np.einsum("ij,ij->i", tangents, field.directions[at]))
-        share = np.divide(squares, np.square(tangents).sum(axis=1), out=np.zeros(len(at)), where=squares > 0.0)
-        result: FloatArray = share * field.largest[at] + (1.0 - share) * field.other[at]
-        return result

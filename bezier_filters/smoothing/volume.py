@@ -10,6 +10,7 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.adjacency import Adjacency, closed_components, longest_edges
 from bezier_filters.meshes.frames import face_normal
 from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.triangles import area_vectors
 from bezier_filters.runtime.jit import jit
 
 NEWTON_STEPS = 4  # of Newton's method; the volume is a polynomial that is nearly linear in a small offset
@@ -35,6 +36,10 @@ class ClosedComponents:
     def count(self) -> int:
         """How many there are."""
         return len(self.origins)
+
+    def sums(self, component: IntArray, values: FloatArray) -> FloatArray:
+        """Sums of values over each component, (c,), from the number of that of each value."""
+        return np.bincount(component + 1, values, self.count + 1)[1:].astype(np.float64)
 
 
 def component_volumes(components: ClosedComponents, mesh: TriangleMesh) -> FloatArray:
@@ -81,10 +86,8 @@ def unlike_before(components: ClosedComponents, mesh: TriangleMesh, smoothed: Tr
     is_unlike = np.abs(after - before) > LOST * np.abs(before)
     if not is_unlike.any():
         return np.zeros(mesh.vertex_count, dtype=np.bool_)
-    corners = mesh.vertices[mesh.faces]
-    areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    component = components.of_vertex[mesh.faces[:, 0]]
-    area = np.bincount(component[component >= 0], areas[component >= 0], components.count)
+    areas = 0.5 * np.linalg.norm(area_vectors(mesh.vertices, mesh.faces), axis=1)
+    area = components.sums(components.of_vertex[mesh.faces[:, 0]], areas)
     return np.append(is_unlike & (np.abs(before) > sigma * area), False)[components.of_vertex]
 
 
@@ -100,20 +103,16 @@ def offset_steps(wanted: FloatArray, gained: FloatArray) -> FloatArray:
 
 def component_gains(components: ClosedComponents, mesh: TriangleMesh, amounts: FloatArray) -> FloatArray:
     """What every component gains, per unit, by moving out in proportion to amounts at vertices, (c,)."""
-    _, lengths = _gradient(mesh)
-    inside = components.of_vertex >= 0
-    gains = np.bincount(components.of_vertex[inside], (lengths * amounts)[inside], components.count)
-    return gains.astype(np.float64)
+    return components.sums(components.of_vertex, _gradient(mesh)[1] * amounts)
 
 
 def offset_along_normals(
     components: ClosedComponents, mesh: TriangleMesh, steps: FloatArray, amounts: FloatArray
 ) -> FloatArray:
     """Vertices moved out by the step of their component (c,) times their amount (n,)."""
-    component = components.of_vertex
     gradient, lengths = _gradient(mesh)
-    distances = np.where(component >= 0, steps[component], 0.0) * amounts
-    factors = np.divide(distances, lengths, out=np.zeros(len(component)), where=lengths > 0.0)
+    distances = np.append(steps, 0.0)[components.of_vertex] * amounts
+    factors = np.divide(distances, lengths, out=np.zeros(len(lengths)), where=lengths > 0.0)
     result: FloatArray = mesh.vertices + factors[:, np.newaxis] * gradient
     return result
 
