@@ -349,28 +349,20 @@ def chains(segments: IntArray, ends: IntArray | None = None) -> list[tuple[IntAr
         at_node[b].append(segment)
     named = np.isin(nodes, [] if ends is None else ends).tolist()
     is_end = [named[node] or len(here) != 2 for node, here in enumerate(at_node)]
-    used = [False] * len(pairs)
-
-    def walk(node: int, segment: int) -> tuple[IntArray, IntArray]:
+    used, result = [False] * len(pairs), list[tuple[IntArray, IntArray]]()
+    starts = [(node, segment) for node, here in enumerate(at_node) if is_end[node] for segment in here]
+    # What is left then has no ends: it is closed.
+    for node, segment in [*starts, *((pair[0], segment) for segment, pair in enumerate(pairs))]:
         path, passed = [node], []
         while not used[segment]:
             used[segment] = True
             passed.append(segment)
             a, b = pairs[segment]
-            node = b if a == node else a
-            path.append(node)
-            here = at_node[node]
-            if is_end[node]:
+            path.append(b if a == path[-1] else a)
+            if is_end[path[-1]]:
                 break
-            segment = here[0] if here[1] == segment else here[1]
-        return nodes[path], np.array(passed, dtype=np.int32)
-
-    result = [
-        walk(node, segment)
-        for node, here in enumerate(at_node)
-        if is_end[node]
-        for segment in here
-        if not used[segment]
-    ]
-    result += [walk(pair[0], segment) for segment, pair in enumerate(pairs) if not used[segment]]
+            first, second = at_node[path[-1]]
+            segment = second if first == segment else first
+        if passed:
+            result.append((nodes[path], np.array(passed, dtype=np.int32)))
     return result
