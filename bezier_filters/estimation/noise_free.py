@@ -75,7 +75,7 @@ def denoised(
     for _ in range(0 if sigma is not None else MOST_ROUNDS):
         surface = TriangleMesh(found.points, mesh.faces)
         parts = sampled_parts(surface, adjacency, threads=threads)
-        ids = parts.part.ids
+        ids = parts.ids
         impulses = learn_impulses(measured[ids], parts)
         if impulses is None:
             break

@@ -41,7 +41,7 @@ from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.scale.halo import Part, in_source_order, part_around, part_around_samples, tile_part
 from bezier_filters.scale.store import Store
-from bezier_filters.smoothing.mesh_parts import PART, SampledParts, grow, mesh_part, next_unseen, sampled_vertices
+from bezier_filters.smoothing.mesh_parts import PART, MeshPart, grow, mesh_part, next_unseen, sampled_vertices
 
 CREASE_RINGS = 2  # around a vertex, within which faces decide about its plane and its creases
 
@@ -176,14 +176,13 @@ def _with_normals(store: Store) -> Population:
     return Population(len(numbers), lambda chosen: _ranks(store, numbers[chosen]))
 
 
-def sampled_parts_of(store: Store, around: Sequence[int] = (), *, threads: int = 1) -> SampledParts:
+def sampled_parts_of(store: Store, around: Sequence[int] = (), *, threads: int = 1) -> MeshPart:
     """The same parts as `smoothing.mesh_parts` finds in memory; vertices are those of the source."""
     n = store.layout.vertex_count
-    taken, core = sampled_vertices(n, around, partial(_grown, store))
-    ids, mesh = in_source_order(store, part_around(store, np.sort(_ranks(store, taken)), 1))
+    samples = sampled_vertices(n, around, partial(_grown, store))
+    ids, mesh = in_source_order(store, part_around(store, np.sort(_ranks(store, samples[0])), 1))
     numbers, adjacency = store.sources(ids), vertex_adjacency(mesh, threads=threads)
-    part = mesh_part(mesh, adjacency, np.isin(numbers, taken), numbers, n, threads=threads)
-    return SampledParts(part, np.isin(taken, core))
+    return mesh_part(mesh, adjacency, numbers, samples, n, threads)
 
 
 def _grown(store: Store, seed: int) -> IntArray:

@@ -260,10 +260,10 @@ def _impulses_left(
     Given are the impulses and the points of the round before.
     """
     parts = sampled_parts_of(smoothed, threads=threads)
-    points = parts.part.mesh.vertices
+    points = parts.mesh.vertices
     if impulses is not None and has_settled(before, points, impulses):
         return None, points
-    return learn_impulses(sampled_parts_of(measured, threads=threads).part.mesh.vertices, parts), points
+    return learn_impulses(sampled_parts_of(measured, threads=threads).mesh.vertices, parts), points
 
 
 def _component_sums(tiles: Sequence[Tile], names: Sequence[str], count: int) -> list[FloatArray]:
@@ -312,7 +312,9 @@ def correct_tile(measured: Store, smoothed: Store, impulses: Impulses, tile: int
 
 
 def _mesh_part(store: Store, part: TilePart, adjacency: Adjacency) -> MeshPart:
-    return MeshPart(part.mesh, adjacency, store.sources(part.ids), part.cut, store.layout.vertex_count)
+    core = np.zeros(len(part.ids), dtype=np.bool_)
+    core[part.own] = True
+    return MeshPart(part.mesh, adjacency, store.sources(part.ids), part.cut, core, store.layout.vertex_count)
 
 
 def smooth_tile(

@@ -30,7 +30,7 @@ from bezier_filters.smoothing.low_pass import (
     learn_low_pass,
     strongest,
 )
-from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, MeshPart, SampledParts, sampled_parts, whole_mesh
+from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, MeshPart, sampled_parts, whole_mesh
 from bezier_filters.smoothing.noise import (
     LEAST_NOISE,
     PACE,
@@ -126,7 +126,7 @@ def remove_noise(
         clusters = clusters_of(whole, PACE)
         around = (int(roughest(roughness(whole, noise.sigma, clusters, threads=threads), whole.ids)[0]),)
     parts = sampled_parts(mesh, adjacency, around, threads=threads)
-    is_whole = parts.part.mesh is mesh
+    is_whole = parts.mesh is mesh
     shown = progress if is_whole else None
     learned = learn_plan(parts, noise, borders, detail, relax, threads=threads, progress=shown)
     if learned is None:
@@ -139,7 +139,7 @@ def remove_noise(
 
 
 def learn_plan(
-    parts: SampledParts,
+    parts: MeshPart,
     noise: NoiseModel,
     borders: Borders,
     detail: float | None = None,
@@ -153,7 +153,7 @@ def learn_plan(
     One of the parts should be around the roughest place of the mesh, see `roughness`. The others are as for
     `remove_noise`.
     """
-    vertices, unit = parts.part.mesh.vertices, mean_edge(parts.part.mesh, parts.part.adjacency, threads=threads)
+    vertices, unit = parts.mesh.vertices, mean_edge(parts.mesh, parts.adjacency, threads=threads)
     sigma = noise.sigma
     if not (sigma > LEAST_NOISE * unit and unit > 0.0):
         return None
@@ -161,7 +161,7 @@ def learn_plan(
     if np.abs(center).max() <= np.ptp(vertices, axis=0).max():
         center = np.zeros(3)  # it is not so far from the origin that digits would be lost
     scale = float(2.0 ** -np.round(np.log2(unit)))  # single precision has few exponents
-    part, sigma, unit = _normalised(parts.part, center, scale), sigma * scale, unit * scale
+    part, sigma, unit = _normalised(parts, center, scale), sigma * scale, unit * scale
     clusters = clusters_of(part)
     laplacian = free_laplacian(part, threads)
     correlation = Correlation.of(noise, unit / scale, part.ids, laplacian, parts.core)
@@ -199,11 +199,11 @@ def learn_plan(
         overall = overall_risks(estimates, parts.core)
         risks = local_risks(clusters, estimates, overall, correlation.alike, threads=threads)
     kinds = tuple(candidate.kind for candidate in found)
-    mesh, adjacency = parts.part.mesh, parts.part.adjacency
+    mesh, adjacency = parts.mesh, parts.adjacency
     result = _mixture(mesh, noisy, found, risks, scale, threads)
     sliding = Sliding.ALL
     if not relax:
-        sliding = sliding_of(mesh, adjacency, result.points, at_vertices / scale, parts.core, threads=threads)
+        sliding = sliding_of(parts, result.points, at_vertices / scale, threads=threads)
     plan = SmoothingPlan(center, scale, clusters.pace, levels, low_pass, kinds, factor, overall, sliding)
     report(progress, STEPS, STEPS)
     return plan, replace(result, points=held_back(mesh, adjacency, result.points, sliding, threads=threads))

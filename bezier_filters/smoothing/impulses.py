@@ -17,7 +17,7 @@ from bezier_filters.arrays import FloatArray
 from bezier_filters.meshes.adjacency import Adjacency, mean_edge
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.smoothing.mesh_parts import SampledParts
+from bezier_filters.smoothing.mesh_parts import MeshPart
 from bezier_filters.smoothing.noise import DETAIL
 
 PEAKED = 3.5  # fourth moment over the squared second one, below which there is one normal distribution, which has 3
@@ -46,12 +46,12 @@ class Impulses:
         return result
 
 
-def learn_impulses(measured: FloatArray, smoothed: SampledParts) -> Impulses | None:
+def learn_impulses(measured: FloatArray, smoothed: MeshPart) -> Impulses | None:
     """The impulses among vertices (k, 3), which were measured where parts of a mesh, or all of it, are smooth now.
 
     None if there are none.
     """
-    mesh, adjacency = smoothed.part.mesh, smoothed.part.adjacency
+    mesh, adjacency = smoothed.mesh, smoothed.adjacency
     unit = mean_edge(mesh, adjacency)
     every = _heights(measured, mesh, adjacency)[0] / max(unit, np.finfo(np.float64).tiny)
     heights = every[smoothed.core]

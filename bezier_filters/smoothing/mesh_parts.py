@@ -25,26 +25,20 @@ class MeshPart:
     adjacency: Adjacency  # of that mesh
     ids: IntArray  # (k,): which vertices of the whole mesh they are
     cut: BoolArray  # (k,): vertices some of whose faces are missing
+    core: BoolArray  # (k,): vertices that stand for the mesh as a whole: not those near where the part was cut out
     vertex_count: int  # how many vertices the whole mesh has
 
 
 def whole_mesh(mesh: TriangleMesh, adjacency: Adjacency) -> MeshPart:
     """All of a mesh."""
     n = mesh.vertex_count
-    return MeshPart(mesh, adjacency, np.arange(n, dtype=np.int32), np.zeros(n, dtype=np.bool_), n)
-
-
-@dataclass(frozen=True)
-class SampledParts:
-    """Connected parts from all over a mesh."""
-
-    part: MeshPart  # all of them together
-    core: BoolArray  # (k,): vertices that stand for the mesh as a whole: not those near where a part was cut out
+    cut, core = np.zeros(n, dtype=np.bool_), np.ones(n, dtype=np.bool_)
+    return MeshPart(mesh, adjacency, np.arange(n, dtype=np.int32), cut, core, n)
 
 
 def sampled_parts(
     mesh: TriangleMesh, adjacency: Adjacency, around: Sequence[int] = (), *, threads: int = 1
-) -> SampledParts:
+) -> MeshPart:
     """Connected parts from all over a mesh, or all of it if it is not large.
 
     Each part grows ring by ring from a vertex until it has enough, and continues with another one where there
@@ -53,12 +47,9 @@ def sampled_parts(
     """
     n = mesh.vertex_count
     if n <= LARGEST_WHOLE:
-        return SampledParts(whole_mesh(mesh, adjacency), np.ones(n, dtype=np.bool_))
-    ids, core = sampled_vertices(n, around, partial(_grown, adjacency))
-    taken = np.zeros(n, dtype=np.bool_)
-    taken[ids] = True
-    part = mesh_part(mesh, adjacency, taken, np.arange(n, dtype=np.int32), n, threads=threads)
-    return SampledParts(part, np.isin(ids, core))
+        return whole_mesh(mesh, adjacency)
+    samples = sampled_vertices(n, around, partial(_grown, adjacency))
+    return mesh_part(mesh, adjacency, np.arange(n, dtype=np.int32), samples, n, threads)
 
 
 def sampled_vertices(n: int, around: Sequence[int], grown: Callable[[int], IntArray]) -> tuple[IntArray, IntArray]:
@@ -72,14 +63,15 @@ def sampled_vertices(n: int, around: Sequence[int], grown: Callable[[int], IntAr
 
 
 def mesh_part(
-    mesh: TriangleMesh, adjacency: Adjacency, taken: BoolArray, ids: IntArray, vertex_count: int, *, threads: int = 1
+    mesh: TriangleMesh, adjacency: Adjacency, ids: IntArray, samples: tuple[IntArray, IntArray], n: int, threads: int
 ) -> MeshPart:
-    """The vertices of a mesh that are taken, (n,), and the faces between them; the other arguments as in `MeshPart`."""
+    """The samples among the vertices of a mesh, which have ids in one of n vertices, and the faces between them."""
+    taken, core = (np.isin(ids, some) for some in samples)
     number = np.cumsum(taken, dtype=np.int32) - np.int32(1)
     part = TriangleMesh(mesh.vertices[taken], number[mesh.faces[taken[mesh.faces].all(axis=1)]])
     found = vertex_adjacency(part, threads=threads)
     cut = found.faces.lengths != adjacency.faces.lengths[taken]
-    return MeshPart(part, found, ids[taken], cut, vertex_count)
+    return MeshPart(part, found, ids[taken], cut, core[taken], n)
 
 
 def _grown(adjacency: Adjacency, seed: int) -> IntArray:

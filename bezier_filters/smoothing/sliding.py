@@ -20,6 +20,7 @@ from bezier_filters.meshes.triangles import edge_length, longest_squared
 from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import run_kernel
 from bezier_filters.smoothing.laplacian import MeshStars, mesh_stars
+from bezier_filters.smoothing.mesh_parts import MeshPart
 
 STEPS = 8  # each leaves of a move what is not along a normal: an edge at a right angle takes a half off in each
 # times the noise along the normal: unevenness of the triangles below which that is not in all directions
@@ -39,19 +40,12 @@ class Sliding(IntEnum):
     ALL = 2
 
 
-def sliding_of(
-    mesh: TriangleMesh,
-    adjacency: Adjacency,
-    points: FloatArray,
-    sigma: FloatArray,
-    core: BoolArray,
-    *,
-    threads: int = 1,
-) -> Sliding:
-    """Which vertices of a mesh have to slide on their way to points, as its `core` tells.
+def sliding_of(part: MeshPart, points: FloatArray, sigma: FloatArray, *, threads: int = 1) -> Sliding:
+    """Which vertices of a mesh have to slide on their way to points, as the core of a part tells.
 
     `sigma` (n,) is the standard deviation of the noise along the normal, lengths.
     """
+    mesh, adjacency, core = part.mesh, part.adjacency, part.core
     held = _along_normals(mesh, adjacency, points, threads)
     uneven = _unevenness(TriangleMesh(points, mesh.faces), adjacency, held, threads)[core]
     if not np.square(uneven).mean() > np.square(UNEVEN * sigma[core]).mean():

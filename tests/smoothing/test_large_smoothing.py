@@ -36,20 +36,20 @@ def test_parts_are_of_one_piece_with_a_margin(star):
     mesh = triangle_mesh(star.vertices, star.faces)
     adjacency = vertex_adjacency(mesh)
     parts = sampled_parts(mesh, adjacency)
-    assert mesh_parts.PART < parts.part.mesh.vertex_count < mesh.vertex_count
+    assert mesh_parts.PART < parts.mesh.vertex_count < mesh.vertex_count
     assert parts.core.sum() > mesh_parts.CORE
-    assert np.array_equal(parts.part.mesh.vertices, star.vertices[parts.part.ids])
+    assert np.array_equal(parts.mesh.vertices, star.vertices[parts.ids])
     # Nothing is missing around the vertices that count.
-    inside = parts.part.adjacency.vertices.lengths[parts.core]
-    assert np.array_equal(inside, adjacency.vertices.lengths[parts.part.ids[parts.core]])
-    assert not parts.part.cut[parts.core].any()
+    inside = parts.adjacency.vertices.lengths[parts.core]
+    assert np.array_equal(inside, adjacency.vertices.lengths[parts.ids[parts.core]])
+    assert not parts.cut[parts.core].any()
 
 
 def test_small_meshes_are_their_own_sample():
     ball = sphere(resolution=6)
     mesh = triangle_mesh(ball.vertices, ball.faces)
     parts = sampled_parts(mesh, vertex_adjacency(mesh))
-    assert parts.part.mesh is mesh
+    assert parts.mesh is mesh
     assert parts.core.all()
 
 

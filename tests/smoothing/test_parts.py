@@ -27,7 +27,8 @@ def part_around(mesh, adjacency, inner, rings):
     number[ids] = np.arange(len(ids), dtype=np.int32)
     part = TriangleMesh(mesh.vertices[ids], number[mesh.faces[taken[mesh.faces].all(axis=1)]])
     found = vertex_adjacency(part)
-    return MeshPart(part, found, ids, found.faces.lengths != adjacency.faces.lengths_of(ids), mesh.vertex_count)
+    cut = found.faces.lengths != adjacency.faces.lengths_of(ids)
+    return MeshPart(part, found, ids, cut, inner[ids], mesh.vertex_count)
 
 
 def noisy_star():
