@@ -14,7 +14,7 @@ from bezier_filters.errors import InvalidMeshError, InvalidParameterError, is_re
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.noise_free import LEFT, hides_sharp_edges, is_noisy, learn_noise, noise_free_surface
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
-from bezier_filters.feature_lines.crest_lines import crest_segments, curvatures_along_lines, points_on_edges
+from bezier_filters.feature_lines.crest_lines import crest_segments, curvatures_along_lines, on_edges
 from bezier_filters.fields import CREASES, column_names
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.half_edges import MeshEdges, mesh_edges
@@ -325,7 +325,7 @@ def _smooth_lines(
             strength = float(weights[segments].sum())
             if strength < min_strength:
                 continue
-            points = points_on_edges(mesh, edges, shares, nodes)
+            points = on_edges(mesh.vertices, edges, shares, nodes)
             certainty = field.certainty(points)
             if certainty >= 0.5:
                 here = np.full(len(segments), certainty)

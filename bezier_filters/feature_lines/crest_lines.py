@@ -119,24 +119,20 @@ def crest_segments(
     corners, own = corners[through], own[through]
     pairs = np.sort(own[crossed[own]].reshape(-1, 2), axis=1).astype(np.int32)
     second_derivatives = _derivatives_along_directions(mesh, corners, field)
-
-    def at_ends(values: FloatArray) -> FloatArray:
-        on_edges = (1.0 - shares[pairs]) * values[tail[pairs]] + shares[pairs] * values[head[pairs]]
-        return np.asarray(on_edges.mean(axis=1), dtype=np.float64)
-
-    largest, other = at_ends(field.largest), at_ends(field.other)
+    largest, other = (on_edges(values, edges, shares, pairs).mean(axis=1) for values in (field.largest, field.other))
     is_ridge = (second_derivatives < 0.0) & (largest > np.abs(other))
-    points = points_on_edges(mesh, edges, shares, pairs[is_ridge])
+    points = on_edges(mesh.vertices, edges, shares, pairs[is_ridge])
     lengths = np.linalg.norm(points[:, 1] - points[:, 0], axis=1)
     k = largest[is_ridge]
     weights = lengths * np.minimum(k, -second_derivatives[is_ridge] / k**2)
     return pairs[is_ridge], shares, weights
 
 
-def points_on_edges(mesh: TriangleMesh, edges: MeshEdges, shares: FloatArray, ids: IntArray) -> FloatArray:
-    """Points (..., 3) at the given shares (e,) of some edges."""
-    ends, share = mesh.vertices[edges.vertices[ids]], shares[ids][..., np.newaxis]
-    return np.asarray((1.0 - share) * ends[..., 0, :] + share * ends[..., 1, :], dtype=np.float64)
+def on_edges(values: FloatArray, edges: MeshEdges, shares: FloatArray, ids: IntArray) -> FloatArray:
+    """Values at vertices, (n,) or (n, k), at the given shares (e,) of some edges."""
+    share = shares[ids] if values.ndim == 1 else shares[ids][..., np.newaxis]
+    result: FloatArray = (1.0 - share) * values[edges.vertices[ids, 0]] + share * values[edges.vertices[ids, 1]]
+    return result
 
 
 def _derivatives_along_directions(mesh: TriangleMesh, corners: IntArray, field: CurvatureAlongLines) -> FloatArray:
