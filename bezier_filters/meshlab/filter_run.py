@@ -91,12 +91,10 @@ def run_filter(ms: MeshSet, name: str, work: Work, output: Output) -> Report:
         if limits is None:
             limits = color_range(quality, signed=field.signed, percentile=output.percentile, mask=computed.known)
             check_limits(*limits)
-    # The normals follow the coordinates, and so they are restored last, by the outer of the two.
-    moves = nullcontext() if computed.vertices is None else mesh_attributes.coordinates_restored_on_failure(ms)
     with preserved_filter_script(ms):
         columns = _merge(computed.columns, mesh_attributes.read_columns(ms, computed.columns), mask)
         mesh_attributes.check_finite(columns)
-        with mesh_attributes.restored_on_failure(ms, columns), moves:
+        with mesh_attributes.restored_on_failure(ms, columns):
             with _timed(seconds, "write"):
                 if computed.vertices is not None:
                     mesh_attributes.write_coordinates(ms, computed.vertices)
