@@ -122,25 +122,20 @@ def save_fields(path: str | os.PathLike[str], geometry: VertexGeometry) -> None:
 
 def _read_npz(path: Path, stream: BinaryIO) -> dict[str, FloatArray]:
     try:
-        _check_array_sizes(stream, path.stat().st_size)
+        with zipfile.ZipFile(stream) as archive:  # arrays are looked at before NumPy allocates them
+            for info in archive.infolist():
+                with archive.open(info) as member:
+                    np.lib.format.read_magic(member)
+                    shape, _, dtype = np.lib.format.read_array_header_1_0(member)
+                if dtype.kind not in "biuf":
+                    raise ValueError(f"{info.filename} holds {dtype}, not numbers")
+                if math.prod(shape) * dtype.itemsize > min(info.file_size, _DEFLATE_LIMIT * path.stat().st_size):
+                    raise ValueError(f"{info.filename} claims the shape {shape}")
         stream.seek(0)
-        with np.load(stream, allow_pickle=False) as archive:
-            return {name: archive[name].astype(np.float64) for name in archive.files}
+        with np.load(stream, allow_pickle=False) as arrays:
+            return {name: arrays[name].astype(np.float64) for name in arrays.files}
     except (ValueError, OSError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
         raise FieldFileError(f"{path} is not a sound NPZ file ({error}); write it again with save_fields") from error
-
-
-def _check_array_sizes(stream: BinaryIO, size: int) -> None:
-    """Refuse arrays of other things than numbers, or larger than the file can hold, before NumPy allocates them."""
-    with zipfile.ZipFile(stream) as archive:
-        for info in archive.infolist():
-            with archive.open(info) as member:
-                np.lib.format.read_magic(member)
-                shape, _, dtype = np.lib.format.read_array_header_1_0(member)
-            if dtype.kind not in "biuf":
-                raise ValueError(f"{info.filename} holds {dtype}, not numbers")
-            if math.prod(shape) * dtype.itemsize > min(info.file_size, _DEFLATE_LIMIT * size):
-                raise ValueError(f"{info.filename} claims the shape {shape}")
 
 
 _Columns: TypeAlias = Mapping[str, NDArray[Any]]
