@@ -149,6 +149,7 @@ def options(*parameters: Parameter) -> Callable[[_Command], _Command]:
         given = [
             inspect.Parameter(item.name, inspect.Parameter.KEYWORD_ONLY, default=item.default, annotation=_option(item))
             for item in parameters
+            if item.kind != "callable"  # progress, for which commands have a bar
         ]
         first = next((k for k, item in enumerate(own) if item.kind is item.KEYWORD_ONLY), len(own))
         found = signature.replace(parameters=[*own[:first], *given, *own[first:]])

@@ -25,6 +25,8 @@ from bezier_filters.meshlab.meshset import (
     read_current_mesh,
 )
 
+STATISTICS = ("min", "median", "max", "mean")  # of the quality, functions of NumPy
+
 Columns = dict[str, FloatArray]
 
 
@@ -84,13 +86,12 @@ def run_filter(ms: MeshSet, name: str, work: Work, output: Output) -> Report:
         except (InvalidMeshError, InvalidParameterError) as error:
             raise BezierFilterError(str(error)) from error
     check_unchanged(ms, mesh)
-    quality = None if field is None else computed.columns[field.column]
-    limits: tuple[float, float] | None = None  # values of the first and the last colour
-    if output.color and field is not None and quality is not None:
-        limits = output.color_range
-        if limits is None:
-            limits = color_range(quality, signed=field.signed, percentile=output.percentile, mask=computed.known)
-            check_limits(*limits)
+    quality = np.empty(0) if field is None else computed.columns[field.column][computed.known]
+    limits = output.color_range if output.color else None  # values of the first and the last colour
+    if output.color and limits is None:
+        signed = field is not None and field.signed
+        limits = color_range(quality, signed=signed, percentile=output.percentile)
+        check_limits(*limits)
     with preserved_filter_script(ms):
         columns = _merge(computed.columns, mesh_attributes.read_columns(ms, computed.columns), mask)
         mesh_attributes.check_finite(columns)
@@ -113,7 +114,7 @@ def run_filter(ms: MeshSet, name: str, work: Work, output: Output) -> Report:
         "attributes": list(columns),
         "quality": output.quality,
         "unit": None if field is None else field.unit,
-        "statistics": None if quality is None else _statistics(quality[computed.known]),
+        "statistics": {name: float(getattr(np, name)(quality)) for name in STATISTICS} if len(quality) else None,
         "seconds": seconds,
     }
     return report if limits is None else report | {"color_range": list(limits), "colormap": colormap}
@@ -167,9 +168,3 @@ def _vertices_selected(ms: MeshSet, mesh: CurrentMesh) -> Iterator[None]:
         yield
     finally:
         ms.set_selection_none(allfaces=False, allverts=True)
-
-
-def _statistics(values: FloatArray) -> dict[str, float] | None:
-    if not len(values):
-        return None
-    return {name: float(getattr(np, name)(values)) for name in ("min", "median", "max", "mean")}

@@ -211,8 +211,11 @@ def save_mesh(
                 remarks = _save(ms, staged, _save_options(ms, staged, support, binary, attributes))
             if not staged.is_file():
                 raise BezierFilterError(f"cannot write {path}: pymeshlab wrote no file")
-            _move_companions(staged, target.parent)
             os.replace(staged, temporary)
+            for companion in Path(folder).iterdir():
+                goal = target.parent / companion.name
+                if companion.name.startswith(target.name) or not goal.exists():
+                    os.replace(companion, goal)
         return remarks + _rounded(current_mesh(ms), support, target.suffix)
     except BezierFilterError:
         raise
@@ -284,10 +287,3 @@ def _save_options(ms: MeshSet, path: Path, support: FormatSupport, binary: bool,
         # pymeshlab's keys are in lower case, as the names of our columns are.
         options |= {key: True for key in known if key.startswith(SCALAR + PREFIX)}
     return options
-
-
-def _move_companions(staged: Path, folder: Path) -> None:
-    for companion in staged.parent.iterdir():
-        ours = companion.name.startswith(staged.name)
-        if companion != staged and (ours or not (folder / companion.name).exists()):
-            os.replace(companion, folder / companion.name)
