@@ -64,12 +64,12 @@ def filter_command(
             json: Json = False,
             **given: object,
         ) -> None:
-            from bezier_filters.meshlab.mesh_files import format_support
+            from bezier_filters.meshlab.mesh_files import WITH_FIELDS, format_of
 
             check_target(target, source, overwrite=overwrite)
             if save_script is not None:  # a step is added to one that is there
                 check_target(save_script, source, target, overwrite=overwrite)
-            support = format_support(target)
+            suffix = format_of(target)
             with console.stages(quiet=quiet or json) as stage:
                 stage(f"reading {source.name}")
                 ms = bf.load_mesh(source)
@@ -89,7 +89,7 @@ def filter_command(
                 console.err.print(f"note: {target.name} is {remark}", markup=False)
             for remark in report.get("remarks", []):
                 console.err.print(f"note: {in_the_shell(remark)}", markup=False)
-            if report.get("quality") and not support.quality:
+            if report.get("quality") and suffix != WITH_FIELDS:
                 console.err.print(
                     f"note: {target.suffix} files hold no quality and no bz_* columns; write a PLY file to keep them"
                 )
@@ -246,12 +246,12 @@ def run(
     a step is MeshLab's, pymeshlab's, or one of this package, such as compute_curvature_by_bezier_patch_per_vertex.
     Names are checked before the first step runs; the output is written after the last.
     """
-    from bezier_filters.meshlab.mesh_files import format_support
+    from bezier_filters.meshlab.mesh_files import format_of
     from bezier_filters.meshlab.scripts import check_steps
 
     steps = bf.read_filter_script(script)
     names = check_steps(steps)
-    format_support(target)
+    format_of(target)
     check_target(target, source, script, overwrite=overwrite)
     with console.stages(quiet=quiet or json) as stage:
         stage(f"reading {source.name}")

@@ -230,7 +230,7 @@ def _plain(value: Any) -> Any:
 
 
 _NOT_IN_SCRIPTS = ("ms", "progress")
-_TYPES = {bool: "RichBool", int: "RichInt", float: "RichFloat"}  # MeshLab's names; anything else is text
+_TYPES = {int: "RichInt", float: "RichFloat"}  # MeshLab's names; anything else is text
 
 
 def script_step(name: str, **parameters: Any) -> ScriptStep:
@@ -341,16 +341,11 @@ def value_like(default: Any, attributes: Mapping[str, str]) -> Any:
         return _array(default.shape, attributes)
     if type(default) is Color:
         return Color(*(int(_value(attributes, channel)) for channel in "rgba"))
-    text = _value(attributes)
-    if isinstance(default, bool):
-        return value_of_type(bool, attributes)
-    if isinstance(default, int):  # a number, a word of an enumeration, or its number
-        return int(text) if text.lstrip("-").isdecimal() else text
-    if isinstance(default, float):
-        if attributes.get("type") == "RichAbsPerc" and not text.endswith("%"):
-            return PureValue(value_of_type(float, attributes))
-        return value_of_type(PercentageValue | float, attributes)
-    return text
+    if type(default) is float and attributes.get("type") == "RichAbsPerc" and not _value(attributes).endswith("%"):
+        return PureValue(value_of_type(float, attributes))
+    # an integer may stand for a word of an enumeration, a float for a length
+    hints = {bool: bool, int: int | str, float: PercentageValue | float}
+    return value_of_type(hints.get(type(default), str), attributes)
 
 
 def _array(shape: tuple[int, ...], attributes: Mapping[str, str]) -> Any:
