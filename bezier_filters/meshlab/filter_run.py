@@ -6,7 +6,7 @@ Everything that can be refused is refused before the first write.
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -49,11 +49,8 @@ class Computed:
     columns: Columns  # each (n,), by name
     known: BoolArray  # (n,): vertices whose values count for colours and statistics
     report: Report  # what the user is told, besides what all filters tell
-    vertices: FloatArray | None = None  # (n, 3): new coordinates
-    # expressions for the vertex normals by parameter of pymeshlab's filter; none if they stay
-    normals: dict[str, str] = field(default_factory=dict)
     # writes what else the filter found, after the columns and with them: no interrupt comes between
-    write_more: Callable[[], None] | None = None
+    write_more: Callable[[], None] = lambda: None
 
 
 Work = Callable[[CurrentMesh, BoolArray], Computed]  # ``work(mesh, mask)`` does it for the vertices of a mask (n,)
@@ -97,19 +94,14 @@ def run_filter(ms: MeshSet, name: str, work: Work, output: Output) -> Report:
         mesh_attributes.check_finite(columns)
         with mesh_attributes.restored_on_failure(ms, columns):
             with _timed(seconds, "write"):
-                if computed.vertices is not None:
-                    mesh_attributes.write_coordinates(ms, computed.vertices)
                 mesh_attributes.write_columns(ms, columns)
                 with _vertices_selected(ms, mesh) if output.onselected else nullcontext():
                     if field is not None:
                         ms.compute_scalar_by_function_per_vertex(q=field.column, onselected=output.onselected)
-                    if computed.normals:
-                        ms.compute_normal_by_function_per_vertex(**computed.normals, onselected=output.onselected)
+                    computed.write_more()
             if limits is not None:
                 with _timed(seconds, "color"):
                     color_by_quality(ms, *limits, colormap)
-            if computed.write_more is not None:
-                computed.write_more()
     report: Report = computed.report | {
         "attributes": list(columns),
         "quality": output.quality,
