@@ -2,6 +2,7 @@
 
 import difflib
 import inspect
+import json
 import keyword
 import re
 import time
@@ -136,7 +137,8 @@ def run_filter_script(
             else:
                 report = _run_meshlab(ms, name, step)
         whose = "bezier_filters" if name in OURS else "MeshLab"
-        reports.append(StepReport(name, whose, time.perf_counter() - start, _plain(report)))
+        plain = json.loads(json.dumps(report, default=_plain))
+        reports.append(StepReport(name, whose, time.perf_counter() - start, plain))
     return reports
 
 
@@ -219,14 +221,8 @@ def _run_meshlab(ms: MeshSet, name: str, step: ScriptStep) -> Report:
 
 
 def _plain(value: Any) -> Any:
-    """A report as values that can be written as JSON."""
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
-    return value if isinstance(value, str | int | float | bool | None) else str(value)
+    """A value that can be written as JSON in the place of one that cannot."""
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)
 
 
 _NOT_IN_SCRIPTS = ("ms", "progress")
