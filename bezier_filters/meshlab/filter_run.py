@@ -69,8 +69,7 @@ def run_filter(ms: MeshSet, name: str, work: Work, output: Output) -> Report:
     After an error or a cancellation the MeshSet is as it was; after Ctrl-C, too, or it has all of the results, if that
     came while they were written.
     """
-    field = _chosen_field(output.quality, qualities(name))
-    colormap = _checked_colormap(output, field)
+    field, colormap = _quality_and_colormap(output, qualities(name))
     seconds: dict[str, float] = {}
     with _timed(seconds, "read"):
         mesh = read_current_mesh(ms)
@@ -112,20 +111,16 @@ def run_filter(ms: MeshSet, name: str, work: Work, output: Output) -> Report:
     return report if limits is None else report | {"color_range": list(limits), "colormap": colormap}
 
 
-def _chosen_field(name: str | None, fields: dict[str, Field]) -> Field | None:
-    """Field of a name that a user gave as `quality`; None stands for no field."""
-    if name is None:
-        return None
-    if not isinstance(name, str) or name not in fields:
-        raise BezierFilterError(f"quality: got {name!r}, expected {', '.join(map(repr, fields))} or None")
-    return fields[name]
-
-
-def _checked_colormap(output: Output, field: Field | None) -> str:
-    """Name of the colour map, after a look at all that is said of colours if there shall be some."""
+def _quality_and_colormap(output: Output, fields: dict[str, Field]) -> tuple[Field | None, str]:
+    """The field that becomes the quality, if any, and the colour map, after a look at all that is said of both."""
+    field, name = None, output.quality
+    if name is not None:
+        if not isinstance(name, str) or name not in fields:
+            raise BezierFilterError(f"quality: got {name!r}, expected {', '.join(map(repr, fields))} or None")
+        field = fields[name]
     if not output.color:
-        return output.colormap
-    name = find_color_map(output.colormap, signed=field is not None and field.signed)
+        return field, output.colormap
+    colormap = find_color_map(output.colormap, signed=field is not None and field.signed)
     if field is None:
         raise BezierFilterError("color: there is no quality to colour by; choose one")
     if output.color_range is not None:
@@ -134,7 +129,7 @@ def _checked_colormap(output: Output, field: Field | None) -> str:
         color_range(np.empty(0), signed=False, percentile=output.percentile)
     except InvalidParameterError as error:
         raise BezierFilterError(str(error)) from error
-    return name
+    return field, colormap
 
 
 def _merge(new: Columns, old: Columns, mask: BoolArray) -> Columns:
