@@ -222,6 +222,8 @@ def _run_meshlab(ms: MeshSet, name: str, step: ScriptStep) -> Report:
 
 def _plain(value: Any) -> Any:
     """A value that can be written as JSON in the place of one that cannot."""
+    if type(value).__name__ == "BoundingBox":
+        return {"min": value.min(), "max": value.max()}
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)
 
 
