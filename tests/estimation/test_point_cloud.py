@@ -148,6 +148,17 @@ def test_points_alone_are_estimated_about_as_well_as_their_mesh(surface, edges, 
     assert (errors(None) < 2.2 * errors(surface.faces)).all()
 
 
+@pytest.mark.parametrize("resolution", [30, 40, 60])
+def test_no_point_at_a_border_is_flung_off(resolution):
+    """Nor does its standard error say less than a sixth: parts are learned from neighbourhoods without a border."""
+    surface = waves(resolution=resolution)
+    geometry = estimate_vertex_geometry(surface.vertices, None)
+    angles = np.arccos(np.clip(np.abs(dots(geometry.normals, surface.normals)), 0.0, 1.0))
+    assert np.degrees(angles).max() < 0.5
+    at_border = np.abs(surface.vertices[:, :2]).max(axis=1) == 1.0
+    assert (angles < 6.0 * geometry.normal_std + 1e-6)[at_border].mean() > 0.99
+
+
 @pytest.mark.parametrize("spacing", [1, 3, 6])
 def test_scan_lines(spacing):
     """Points so many times denser along the lines than the lines are apart."""
