@@ -91,9 +91,11 @@ class Store:
         """Where the faces of every block begin and end, (blocks + 1,)."""
         return load_array(self.folder / FACE_PTR)
 
-    def faces(self, start: int, stop: int) -> IntArray:
-        """Number in the source and corners of the faces in some rows, (k, 4)."""
-        return ArrayFile(self.folder / FACES, np.dtype(np.int32), 4, stop).read(start, stop)
+    def faces_of(self, blocks: IntArray, ptr: NDArray[np.int64]) -> list[IntArray]:
+        """Number in the source and corners of the faces of some blocks, ascending, (k, 4) for each run of them."""
+        rows = ArrayFile(self.folder / FACES, np.dtype(np.int32), 4, int(ptr[-1]))
+        runs = np.split(blocks, np.flatnonzero(np.diff(blocks) > 1) + 1)
+        return [rows.read(int(ptr[run[0]]), int(ptr[run[-1] + 1])) for run in runs if len(run)]
 
     def coordinates(self, start: int, stop: int) -> FloatArray:
         """Coordinates of vertices start .. stop-1, (k, 3)."""
