@@ -15,7 +15,6 @@ import numpy as np
 from bezier_filters._version import __version__
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import FieldFileError
-from bezier_filters.fields import QUALITY
 from bezier_filters.files.mesh_headers import TRIPLE
 from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.runtime.parallel import Progress, report
@@ -46,7 +45,6 @@ class TileReport:
     read: int
     sums: dict[str, list[float]]
     seconds: float = 0.0
-    cpu_seconds: float = 0.0
     peak_bytes: int = 0
     process: int = 0
 
@@ -113,13 +111,9 @@ def _checksum(content: Mapping[str, object], rows: Values) -> int:
     return result
 
 
-def table_of(
-    vertices: FloatArray, columns: Mapping[str, FloatArray], quality: str, names: Sequence[str], coordinates: str
-) -> Values:
-    """Rows of a PLY file: coordinates of some type, one of the columns as quality, if any, and some columns."""
-    every = dict(zip("xyz", vertices.T, strict=True))
-    every |= {QUALITY: columns[quality]} if quality else {}
-    every |= {name: columns[name] for name in names}
+def table_of(vertices: FloatArray, columns: Mapping[str, FloatArray], coordinates: str = "<f8") -> Values:
+    """Rows of a PLY file: coordinates of some type, and columns."""
+    every = dict(zip("xyz", vertices.T, strict=True)) | dict(columns)
     rows = np.empty(len(vertices), dtype=[(name, "<f8" if k > 2 else coordinates) for k, name in enumerate(every)])
     for start in range(0, len(rows), CACHED):  # column after column, as long as the rows are at hand
         stop = start + CACHED
