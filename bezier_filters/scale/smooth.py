@@ -271,7 +271,7 @@ def _moved(run: Run, stage: str, folder: Path, move: TileTask) -> tuple[Store, R
             rows = tile.rows()
             np.column_stack([rows[axis] for axis in "xyz"]).tofile(stream)
     n = run.store.layout.vertex_count
-    return replace(run.store, vertices=ArrayFile(path, np.dtype(np.float64), 3, n)), done
+    return replace(run.store, vertices=ArrayFile(path, np.dtype(("f8", 3)), n)), done
 
 
 def _component_sums(tiles: Sequence[Tile], names: Sequence[str], count: int) -> list[FloatArray]:

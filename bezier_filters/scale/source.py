@@ -55,7 +55,7 @@ class MeshSource:
     def dtype(self) -> DType:
         """Of the coordinates: float32 or float64."""
         rows = self.vertex_rows.dtype
-        return np.result_type(*(rows[axis] for axis in "xyz")) if rows.names else rows.newbyteorder("=")
+        return np.result_type(*(rows[axis] for axis in "xyz")) if rows.names else rows.base.newbyteorder("=")
 
     def vertices(self, start: int, stop: int) -> Values:
         """Coordinates of vertices start .. stop-1, (k, 3)."""
@@ -128,7 +128,7 @@ def _open_ply(path: Path) -> MeshSource:
     offset, places = header.size, dict[str, ArrayFile]()
     for element in header.elements:
         places[element.name] = rows = _rows_of(path, header, element, offset)
-        offset += rows.rows * rows.row_size
+        offset += rows.rows * rows.dtype.itemsize
         if "vertex" in places and "face" in places:
             break
     if path.stat().st_size < offset:
@@ -149,7 +149,7 @@ def _rows_of(path: Path, header: PlyHeader, element: PlyElement, offset: int) ->
         )
     order = BYTE_ORDER[header.format]
     dtype = np.dtype([(name, order + code) for name, code in element.columns])
-    return ArrayFile(path, dtype, 1, element.count, offset)
+    return ArrayFile(path, dtype, element.count, offset)
 
 
 def _open_npy(path: Path, kinds: str) -> ArrayFile:
@@ -166,7 +166,7 @@ def _open_npy(path: Path, kinds: str) -> ArrayFile:
             f"{path}: got {dtype} of shape {shape}{' in Fortran order' * fortran}, expected {wanted} of shape (n, 3), "
             "row after row (numpy.ascontiguousarray)"
         )
-    return ArrayFile(path, dtype, 3, shape[0], path.stat().st_size - table.nbytes)
+    return ArrayFile(path, np.dtype((dtype, 3)), shape[0], path.stat().st_size - table.nbytes)
 
 
 def _fingerprint(path: Path) -> list[str | int]:

@@ -22,7 +22,7 @@ from bezier_filters.meshes.spatial_order import Grid, grid_around, widen_bounds
 from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import Progress, report
-from bezier_filters.scale.array_file import ArrayFile, load_array, new_array_file
+from bezier_filters.scale.array_file import ArrayFile, load_array
 from bezier_filters.scale.source import Fingerprint, MeshSource
 
 ROWS = 1 << 20  # vertices or faces that are held at a time
@@ -81,12 +81,12 @@ class Store:
     @property
     def order(self) -> ArrayFile:
         """Which vertex of the source each one is, (n,) int32."""
-        return ArrayFile(self.folder / ORDER, np.dtype(np.int32), 1, self.layout.vertex_count)
+        return ArrayFile(self.folder / ORDER, np.dtype(np.int32), self.layout.vertex_count)
 
     @property
     def rank(self) -> ArrayFile:
         """Where each vertex of the source is, (n,) int32."""
-        return ArrayFile(self.folder / RANK, np.dtype(np.int32), 1, self.layout.vertex_count)
+        return ArrayFile(self.folder / RANK, np.dtype(np.int32), self.layout.vertex_count)
 
     def face_ptr(self) -> NDArray[np.int64]:
         """Where the faces of every block begin and end, (blocks + 1,)."""
@@ -94,7 +94,7 @@ class Store:
 
     def faces_of(self, blocks: IntArray, ptr: NDArray[np.int64]) -> list[IntArray]:
         """Number in the source and corners of the faces of some blocks, ascending, (k, 4) for each run of them."""
-        rows = ArrayFile(self.folder / FACES, np.dtype(np.int32), 4, int(ptr[-1]))
+        rows = ArrayFile(self.folder / FACES, np.dtype(("i4", 4)), int(ptr[-1]))
         runs = np.split(blocks, np.flatnonzero(np.diff(blocks) > 1) + 1)
         return [rows.read(int(ptr[run[0]]), int(ptr[run[-1] + 1])) for run in runs if len(run)]
 
@@ -130,7 +130,7 @@ def open_store(folder: Path, fingerprint: Fingerprint) -> Store:
     for name, size in sizes.items():
         if not (folder / name).is_file() or (folder / name).stat().st_size != size:
             raise FieldFileError(f"{folder / name} is damaged or missing; remove the folder")
-    return Store(folder, layout, ArrayFile(folder / VERTICES, np.dtype(layout.dtype), 3, layout.vertex_count))
+    return Store(folder, layout, ArrayFile(folder / VERTICES, np.dtype((layout.dtype, 3)), layout.vertex_count))
 
 
 def build_store(
@@ -143,7 +143,7 @@ def build_store(
     grid = _grid(source, passes)
     layout = Layout(n, m, source.dtype.str, bits, 0, grid.low.tolist(), grid.scale, grid.bits)
     layout = replace(layout, tile_vertices=layout.in_whole_blocks(tile_vertices))
-    store = Store(folder, layout, new_array_file(folder / VERTICES, source.dtype, 3, n))
+    store = Store(folder, layout, ArrayFile(folder / VERTICES, np.dtype((source.dtype, 3)), n).allocated())
     _sort_vertices(source, store, threads, passes)
     _sort_faces(source, store, passes)
     sizes = {name: (folder / name).stat().st_size for name in FILES}
@@ -193,7 +193,7 @@ def _sort_vertices(source: MeshSource, store: Store, threads: int, passes: _Pass
         cells = grid.cells(source.vertices(start, stop).astype(np.float64), threads=threads)
         np.add.at(ends[1:], cells, np.int32(1))  # far faster than with a number of another type
     np.cumsum(ends, out=ends)
-    order = new_array_file(store.order.path, np.int32, 1, n)
+    order = store.order.allocated()
     with open(store.rank.path, "wb") as stream:
         for start, stop in passes.chunks(n):
             vertices, places = source.vertices(start, stop), np.empty(stop - start, dtype=np.int32)
@@ -215,7 +215,7 @@ def _sort_faces(source: MeshSource, store: Store, passes: _Passes) -> None:
         _append_faces(ranked(start, stop), start, bits, ptr[1:], np.empty((0, 4), dtype=np.int32))
     np.cumsum(ptr, out=ptr)
     np.save(store.folder / FACE_PTR, ptr)
-    rows = new_array_file(store.folder / FACES, np.int32, 4, int(ptr[-1]))
+    rows = ArrayFile(store.folder / FACES, np.dtype(("i4", 4)), int(ptr[-1])).allocated()
     for start, stop in passes.chunks(m):
         _append_faces(ranked(start, stop), start, bits, ptr, rows.mapped("r+"))
 
