@@ -99,7 +99,7 @@ def open_source(source: SourcePath) -> MeshSource:
         paths = [Path(path) for path in source]
         if len(paths) != 2:
             raise FieldFileError(f"source: got {len(paths)} files, expected a PLY file, or NPY files of both arrays")
-        result = MeshSource(tuple(paths), _open_npy(paths[0], "fc"), _open_npy(paths[1], "iu"))
+        result = MeshSource(tuple(paths), _open_npy(paths[0], "f"), _open_npy(paths[1], "iu"))
     if not result.face_count:
         raise InvalidMeshError(
             f"{result.paths[0]} has no faces; point clouds are estimated in memory only: bezier-filters curvature"
@@ -159,9 +159,9 @@ def _open_npy(path: Path, kinds: str) -> ArrayFile:
     except (ValueError, EOFError) as error:
         raise FieldFileError(f"{path} is no NPY file, or cut short: {error}") from error
     dtype, shape, fortran = table.dtype, table.shape, not table.flags.c_contiguous
-    expected = dtype.kind in kinds and dtype.kind != "c" and dtype.itemsize in (4, 8)
+    expected = dtype.kind in kinds and dtype.itemsize in (4, 8)
     if len(shape) != 2 or shape[1] != 3 or fortran or not expected:
-        wanted = "float32 or float64" if "f" in kinds else "integers of 4 or 8 bytes"
+        wanted = "float32 or float64" if kinds == "f" else "integers of 4 or 8 bytes"
         raise FieldFileError(
             f"{path}: got {dtype} of shape {shape}{' in Fortran order' * fortran}, expected {wanted} of shape (n, 3), "
             "row after row (numpy.ascontiguousarray)"
