@@ -101,11 +101,8 @@ def _nearest_layers(faces: IntArray, bits: int, slots: IntArray, layer_of: IntAr
 
 def part_around_samples(store: Store, samples: IntArray, rings: int, *, threads: int = 1) -> Part:
     """The same for vertices from all over the mesh, which are read some at a time."""
-    if not len(samples):
-        nothing = TriangleMesh(np.empty((0, 3)), np.empty((0, 3), dtype=np.int32))
-        return Part(np.empty(0, dtype=np.int32), nothing, np.empty(0, dtype=np.int64), np.empty(0, dtype=np.bool_))
     samples = np.unique(samples)
-    groups = [samples[k : k + GROUP] for k in range(0, len(samples), GROUP)]
+    groups = [samples[k : k + GROUP] for k in range(0, max(len(samples), 1), GROUP)]
     with ThreadPoolExecutor(threads) as pool:
         return _together(list(pool.map(lambda group: part_around(store, group, rings), groups)))
 
