@@ -60,6 +60,18 @@ class TestNeighbours:
         pairs = {(i, int(j)) for i in range(len(rows)) for j in rows.row(i)}
         assert all((j, i) in pairs and i != j for i, j in pairs)
 
+    @pytest.mark.parametrize("jitter", [0.0, 0.3])
+    def test_a_point_at_a_straight_border_has_the_nearest_ones_there_only(self, jitter):
+        """Not those behind them, which touch the same straight line."""
+        sheet = waves(resolution=30, jitter=jitter)
+        cloud = cloud_of(sheet.vertices).adjacency
+        expected = vertex_adjacency(triangle_mesh(sheet.vertices, sheet.faces))
+        for i in np.flatnonzero(expected.on_boundary):
+            edges = sheet.vertices[cloud.vertices.row(i)] - sheet.vertices[i]
+            directions = edges / np.linalg.norm(edges, axis=1, keepdims=True)
+            assert ((directions @ directions.T) > np.cos(np.radians(10.0))).sum() == len(edges), i
+            assert 2 <= len(edges) <= len(expected.vertices.row(i)) + 3
+
     def test_closed_bodies_have_no_boundary(self):
         for surface in CLOSED.values():
             assert not cloud_of(surface.vertices).adjacency.on_boundary.any()
