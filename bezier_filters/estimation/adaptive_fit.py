@@ -208,9 +208,11 @@ def _without_what_is_off(tree: Tree[Leaf], root: Leaf, choices: Choices, places:
     vertex_count, noise = root.surface.by_rings[0].analysis.vertex_count, root.surface.noise
     analyses, leaf = learn_from_samples(sample, vertex_count, choices, threads=threads)
     worthwhile = WORTHWHILE_THERE
-    # Long waves of noise are found stronger where residuals are largest, by the choice of the places.
-    if noise.sills and leaf is not None and leaf.surface.sigma > noise.sigma:
-        leaf, worthwhile = leaf_of(analyses, choices, noise, heavy=noise.heavy), WORTHWHILE_IF_CORRELATED
+    # Long waves of noise are found stronger where residuals are largest, by the choice of the places; and if there are
+    # none elsewhere, they are shape.
+    if leaf is not None and leaf.surface.sigma > noise.sigma and (noise.sills or leaf.surface.noise.sills):
+        leaf = leaf_of(analyses, choices, noise, heavy=noise.heavy)
+        worthwhile = WORTHWHILE_IF_CORRELATED if noise.sills else WORTHWHILE_THERE
     # without rings as wide as those of the first fit, there are none that do not fold
     if leaf is None or -np.inf < saved(root.chosen, leaf) <= worthwhile:
         return tree
