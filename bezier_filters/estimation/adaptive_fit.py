@@ -216,7 +216,7 @@ def _without_what_is_off(tree: Tree[Leaf], root: Leaf, choices: Choices, places:
     # without rings as wide as those of the first fit, there are none that do not fold
     if leaf is None or -np.inf < saved(root.chosen, leaf) <= worthwhile:
         return tree
-    return Split(RESIDUAL, threshold, tree, leaf)
+    return Split(RESIDUAL, threshold, tree, grow(leaf, analyses, places.features, choices, 2))
 
 
 def _part_fit(root: Leaf, leaf: Leaf) -> PartFit:
