@@ -6,6 +6,7 @@ these strengths suit a vertex depends on what is around it.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -62,6 +63,8 @@ class LowPass:
     order: int  # of the filters
     strengths: FloatArray  # (s,): of the filters
     shares: SingleArray  # (n, s): of the filters at each vertex
+    normals: SingleArray  # (n, 3): of the smooth surface that cotangents are those of
+    residuals: SingleArray  # (n,): of the mixture that was chosen, see `Estimates`
 
     def apply(self, signals: Signals, *, threads: int = 1) -> Signals:
         """Filter signals (n, c)."""
@@ -77,28 +80,22 @@ class LowPass:
     def weak(self, umbrella: Laplacian) -> "LowPass":
         """Filters that take off just enough noise for another filter to know signals by."""
         strengths = self.strengths * (STRENGTHS[1] / STRENGTHS[1 + WEAKER])
-        return LowPass(self.borders, umbrella, ORDER, strengths, self.shares)
+        return replace(self, laplacian=umbrella, order=ORDER, strengths=strengths)
 
 
-@dataclass(frozen=True)
-class FittedLowPass:
-    """The filters that suit a mesh, and what they make of it."""
+class _Kind(NamedTuple):
+    """Filters of one Laplacian and order, and of all strengths."""
 
-    filters: LowPass
-    normals: FloatArray  # (n, 3): of the smooth surface that cotangents are those of
-    # residuals, leverages: (n,): of the mixture, see `Estimates`; the leverages by the probes that chose it
-    residuals: SingleArray
-    leverages: SingleArray
-
-
-class _Tried(NamedTuple):
-    """Filters of one kind and of all strengths."""
-
+    power: float | None  # of the Laplacian, see `LowPassPlan`
     laplacian: Laplacian
     order: int
     estimates: Estimates
-    best: int  # number of the best strength,
-    risk: float  # and its risk
+    risks: FloatArray  # (s,)
+
+    @property
+    def least_risk(self) -> float:
+        """That of the best strength."""
+        return float(self.risks.min())
 
 
 def strongest(detail: float) -> float:
@@ -122,36 +119,31 @@ def learn_low_pass(
     detail: float | None = None,
     *,
     threads: int = 1,
-) -> tuple[LowPassPlan, FittedLowPass]:
+) -> tuple[LowPassPlan, LowPass]:
     """Find the Laplacian, the order and the strengths with the least risk on the `core` of some parts of a mesh.
 
     `unit` is the mean edge, `detail` the length of the shortest waves that keep half of their height. Returns what
     holds for the mesh as a whole, and what `fit_low_pass` makes of it there.
     """
     mesh, adjacency, cut = noisy.part.mesh, noisy.part.adjacency, noisy.part.cut
-
-    def tried(laplacian: Laplacian, order: int, normals: FloatArray, strengths: FloatArray) -> _Tried:
-        estimates = _estimates(noisy, laplacian, order, strengths, normals, threads)
-        risks = estimates.mean_risks(core)
-        return _Tried(laplacian, order, estimates, int(risks.argmin()), float(risks.min()))
-
     umbrella = umbrella_laplacian(mesh, adjacency, borders, cut=cut, threads=threads)
     rough = tangent_planes(mesh, adjacency, threads=threads).normals
     allowed = STRENGTHS if detail is None else STRENGTHS[strongest(detail / unit) >= STRENGTHS]
-    first = tried(umbrella, ORDER, rough, allowed).best
+    first = int(_estimates(noisy, umbrella, ORDER, allowed, rough, threads).mean_risks(core).argmin())
     smooth, normals = _smooth_shape(mesh, adjacency, umbrella, first, threads)
     strengths = allowed[: first + STRONGER + 1]
-    chosen, power = tried(umbrella, ORDER, normals, strengths), None
-    for other in POWERS:
-        laplacian = cotangent_laplacian(smooth, adjacency, borders, other, unit, cut=cut, threads=threads)
-        found = tried(laplacian, ORDER, normals, strengths)
-        if found.risk < chosen.risk:
-            chosen, power = found, other
-    for order in ORDERS:
-        if order != chosen.order:
-            found = tried(chosen.laplacian, order, normals, strengths)
-            chosen = min(chosen, found, key=lambda one: one.risk)
-    laplacian, best = chosen.laplacian, chosen.best
+
+    def tried(power: float | None, laplacian: Laplacian, order: int) -> _Kind:
+        estimates = _estimates(noisy, laplacian, order, strengths, normals, threads)
+        return _Kind(power, laplacian, order, estimates, estimates.mean_risks(core))
+
+    chosen = tried(None, umbrella, ORDER)
+    for power in POWERS:
+        laplacian = cotangent_laplacian(smooth, adjacency, borders, power, unit, cut=cut, threads=threads)
+        chosen = min(chosen, tried(power, laplacian, ORDER), key=attrgetter("least_risk"))
+    for order in ORDERS[1:]:
+        chosen = min(chosen, tried(chosen.power, chosen.laplacian, order), key=attrgetter("least_risk"))
+    laplacian, best = chosen.laplacian, int(chosen.risks.argmin())
     near = list(range(max(best - AROUND, 0), min(best + AROUND + 1, len(strengths))))
     estimates, overall, shares = _among(noisy, core, chosen.estimates, near, threads)
     while near[0] > 0 and (shares[:, 0] > 0.5).mean() > SELDOM:  # there, even weaker filters may be better
@@ -161,12 +153,12 @@ def learn_low_pass(
     clusters = noisy.clusters
     haste = max(float(clusters.diffuse(clusters.means([laplacian.rates]), threads=threads).max()), 1.0)
     plan = LowPassPlan(
-        borders, unit, first, power, 0.5 * laplacian.bound, haste, chosen.order, strengths[near], used, overall
+        borders, unit, first, chosen.power, 0.5 * laplacian.bound, haste, chosen.order, strengths[near], used, overall
     )
     return plan, _mixture(plan, laplacian, normals, estimates, shares)
 
 
-def fit_low_pass(noisy: NoisyMesh, plan: LowPassPlan, *, threads: int = 1) -> FittedLowPass:
+def fit_low_pass(noisy: NoisyMesh, plan: LowPassPlan, *, threads: int = 1) -> LowPass:
     """Find the strengths around every vertex of a mesh, or of a tile of one."""
     mesh, adjacency, cut = noisy.part.mesh, noisy.part.adjacency, noisy.part.cut
     laplacian = umbrella_laplacian(mesh, adjacency, plan.borders, cut=cut, threads=threads)
@@ -196,16 +188,14 @@ def _shares(noisy: NoisyMesh, estimates: Estimates, overall: FloatArray, threads
 
 def _mixture(
     plan: LowPassPlan, laplacian: Laplacian, normals: FloatArray, estimates: Estimates, shares: SingleArray
-) -> FittedLowPass:
+) -> LowPass:
     """The filters that are used at all; what stronger ones would have goes to the strongest of them."""
     stronger = shares[:, plan.used :].sum(axis=1)
     shares = shares[:, : plan.used].copy()
     shares[:, -1] += stronger
-    residuals, leverages = (
-        np.einsum("ns,ns->n", shares, values[:, : plan.used]) for values in (estimates.residuals, estimates.leverages)
-    )
-    filters = LowPass(plan.borders, laplacian, plan.order, plan.strengths[: plan.used], shares)
-    return FittedLowPass(filters, normals, residuals, leverages)
+    residuals = np.einsum("ns,ns->n", shares, estimates.residuals[:, : plan.used])
+    strengths, single = plan.strengths[: plan.used], normals.astype(np.float32)
+    return LowPass(plan.borders, laplacian, plan.order, strengths, shares, single, residuals)
 
 
 def _estimates(

@@ -133,12 +133,12 @@ def local_shares(
     return clusters.at_vertices(shares, threads=threads)
 
 
-def noise_factor(squares: FloatArray, leverages: FloatArray) -> float:
+def noise_factor(estimates: Estimates, rows: BoolArray | slice) -> float:
     """How much less noise there is if the estimate that predicts best leaves smaller residuals than the noise would.
 
-    Where a surface has edges, noise is easily overestimated until something keeps them. Given are the mean squared
-    residuals and the mean leverages of some estimates, each (s,).
+    Where a surface has edges, noise is easily overestimated until something keeps them. Some of the vertices tell.
     """
+    squares, leverages = estimates.means(rows)
     free = 1.0 - leverages
     best = np.argmin(squares / np.maximum(free, 1e-3) ** 2)
     return max(min(float(np.sqrt(squares[best] / max(free[best], 1e-3))), 1.0), 1e-3)
