@@ -15,9 +15,8 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency
-from bezier_filters.meshes.frames import face_normal
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.triangles import has_corner
+from bezier_filters.meshes.triangles import has_corner, unit_normal
 from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks, run_kernel
 from bezier_filters.runtime.rows import NUMBERS, Place, add_scaled, row_of, scaled, write_row, zero_row
@@ -150,17 +149,11 @@ def _write_normals(
     for f in range(start, stop):
         own = stride * f
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        x, y, z = face_normal(moved, faces, f)
-        length = np.sqrt(x * x + y * y + z * z)
-        if length > 0.0:
-            rows[own + 1, 0], rows[own + 1, 1], rows[own + 1, 2] = x / length, y / length, z / length
-        x, y, z = face_normal(vertices, faces, f)
-        length = np.sqrt(x * x + y * y + z * z)
-        rows[own, 3] = length
+        rows[own + 1, 0], rows[own + 1, 1], rows[own + 1, 2], _ = unit_normal(moved, a, b, c)
+        x, y, z, length = unit_normal(vertices, a, b, c)
+        rows[own, 0], rows[own, 1], rows[own, 2], rows[own, 3] = x, y, z, length
         if length == 0.0:
             continue
-        x, y, z = x / length, y / length, z / length
-        rows[own, 0], rows[own, 1], rows[own, 2] = x, y, z
         ux, uy, uz = vertices[b, 0] - vertices[a, 0], vertices[b, 1] - vertices[a, 1], vertices[b, 2] - vertices[a, 2]
         vx, vy, vz = vertices[c, 0] - vertices[a, 0], vertices[c, 1] - vertices[a, 1], vertices[c, 2] - vertices[a, 2]
         for k in range(noise.shape[1]):
