@@ -227,6 +227,7 @@ def smooth(
     """
     given = triangle_mesh(vertices, faces)
     check_smoothing(method, iterations, noise, borders, detail, relax, rings, alpha)
+    rings, alpha = 2 if rings is None else rings, 0.8 if alpha is None else alpha
     threads = thread_count(threads)
     ordered = with_near_neighbours(given, threads=threads)
     mesh = ordered.mesh
@@ -243,7 +244,10 @@ def smooth(
                 found = denoised(current, adjacency, here, *options, threads=threads, progress=part)
                 points, sharpness = found.points, np.maximum(sharpness, found.sharpness)
             else:
-                points = _onto_patches(current, adjacency, rings, alpha, threads, part)
+                geometry = estimate_vertex_geometry(
+                    points, mesh.faces, rings=rings, alpha=alpha, smoothness="paper", threads=threads, progress=part
+                )
+                points = points + sound_displacements(current, adjacency, geometry.displacements)
             points = np.where(movable[:, np.newaxis], points, mesh.vertices)
             if np.array_equal(points, current.vertices) and (k or noise is None):
                 break  # and all that would follow does the same
@@ -281,22 +285,6 @@ def smooth(
             degenerate_after=int(bad_after.degenerate.sum()),
             new_bad_faces=int(bad_after.new_since(bad_before).sum()),
         )
-
-
-def _onto_patches(
-    mesh: TriangleMesh,
-    adjacency: Adjacency,
-    rings: int | None,
-    alpha: float | None,
-    threads: int,
-    progress: Progress | None,
-) -> FloatArray:
-    """The vertices on their patches, as the paper has it, but for those that would go beyond their neighbours."""
-    rings, alpha = 2 if rings is None else rings, 0.8 if alpha is None else alpha
-    geometry = estimate_vertex_geometry(
-        mesh.vertices, mesh.faces, rings=rings, alpha=alpha, smoothness="paper", threads=threads, progress=progress
-    )
-    return mesh.vertices + sound_displacements(mesh, adjacency, geometry.displacements)
 
 
 def sound_displacements(mesh: TriangleMesh, adjacency: Adjacency, displacements: FloatArray) -> FloatArray:
