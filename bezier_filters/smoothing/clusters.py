@@ -85,11 +85,8 @@ def clusters_of(part: MeshPart, pace: float | None = None) -> Clusters:
     of_vertex, count = number[center], int(number[-1]) + 1 if len(number) else 0
     sizes = np.bincount(of_vertex, minlength=count).astype(np.int32)
     # All edges between two clusters become one entry of a sparse matrix, with their number.
-    start = np.repeat(of_vertex, rows.lengths)
-    ones = np.ones(len(start), np.float32)
+    ones, start = np.ones(len(rows.indices), np.float32), np.repeat(of_vertex, rows.lengths)
     edges = csr_array((ones, (start, of_vertex[rows.indices])), shape=(count, count))
-    edges.sum_duplicates()
-    degrees = np.maximum(np.bincount(start, minlength=count), 1).astype(np.float64)
     del start, ones
     of_entry = np.repeat(np.arange(count, dtype=np.int32), np.diff(edges.indptr))
     outer = np.where(edges.indices == of_entry, 0.0, edges.data)
@@ -98,7 +95,7 @@ def clusters_of(part: MeshPart, pace: float | None = None) -> Clusters:
         edges.indptr.astype(np.int32),
         edges.indices.astype(np.int32),
         (outer / np.maximum(leaving, 1.0)[of_entry]).astype(np.float32),
-        (leaving / degrees).astype(np.float32),
+        (leaving / np.maximum(edges.sum(axis=1), 1.0)).astype(np.float32),
     )
     if pace is None:
         pace = _pace(mesh, rows, of_vertex, sizes, edges)

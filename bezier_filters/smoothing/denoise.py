@@ -27,6 +27,7 @@ from bezier_filters.smoothing.low_pass import (
     LowPassPlan,
     fit_low_pass,
     learn_low_pass,
+    shares_of,
     strongest,
 )
 from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, MeshPart, SampledParts, sampled_parts, whole_mesh
@@ -47,7 +48,6 @@ from bezier_filters.smoothing.risk import (
     Estimates,
     gain_of,
     local_risks,
-    local_shares,
     noise_factor,
     overall_risks,
     worthwhile,
@@ -263,9 +263,7 @@ def _mixture(
     """Estimates mixed by their risks around every vertex."""
     shares = np.ones((mesh.vertex_count, 1), dtype=np.float32)
     if len(found) > 1:
-        clusters, estimates, alike = noisy.clusters, _side_by_side(found, factor), noisy.correlation.alike
-        risks = local_risks(clusters, estimates, overall, alike, threads=threads)
-        shares = local_shares(clusters, risks, noisy.part.vertex_count, alike, threads=threads)
+        shares = shares_of(noisy, _side_by_side(found, factor), overall, threads)
     points = mesh.vertices.copy()
     for k, candidate in enumerate(found):
         points += shares[:, [k]] * (candidate.moves / np.float64(scale))  # which may be beyond single precision

@@ -4,9 +4,7 @@ Which Laplacian and order, and which strengths there are, is learned from parts 
 these strengths suit a vertex depends on what is around it.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -92,11 +90,6 @@ class _Kind(NamedTuple):
     estimates: Estimates
     risks: FloatArray  # (s,)
 
-    @property
-    def least_risk(self) -> float:
-        """That of the best strength."""
-        return float(self.risks.min())
-
 
 def strongest(detail: float) -> float:
     """Strength of the filter that leaves half of a wave of a given length, in mean edges, whatever its order.
@@ -137,18 +130,24 @@ def learn_low_pass(
         estimates = _estimates(noisy, laplacian, order, strengths, normals, threads)
         return _Kind(power, laplacian, order, estimates, estimates.mean_risks(core))
 
+    def least_risk(kind: _Kind) -> float:
+        return float(kind.risks.min())
+
     chosen = tried(None, umbrella, ORDER)
     for power in POWERS:
         laplacian = cotangent_laplacian(smooth, adjacency, borders, power, unit, cut=cut, threads=threads)
-        chosen = min(chosen, tried(power, laplacian, ORDER), key=attrgetter("least_risk"))
+        chosen = min(chosen, tried(power, laplacian, ORDER), key=least_risk)
     for order in ORDERS[1:]:
-        chosen = min(chosen, tried(chosen.power, chosen.laplacian, order), key=attrgetter("least_risk"))
+        chosen = min(chosen, tried(chosen.power, chosen.laplacian, order), key=least_risk)
     laplacian, best = chosen.laplacian, int(chosen.risks.argmin())
     near = list(range(max(best - AROUND, 0), min(best + AROUND + 1, len(strengths))))
-    estimates, overall, shares = _among(noisy, core, chosen.estimates, near, threads)
-    while near[0] > 0 and (shares[:, 0] > 0.5).mean() > SELDOM:  # there, even weaker filters may be better
+    while True:
+        estimates = chosen.estimates.among(near)
+        overall = overall_risks(estimates, core)
+        shares = shares_of(noisy, estimates, overall, threads)
+        if near[0] == 0 or (shares[:, 0] > 0.5).mean() <= SELDOM:
+            break  # else even weaker filters may be better there
         near = [*range(max(near[0] - 2 * AROUND, 0), max(near[0] - 1, 1), SPARSE), *near]
-        estimates, overall, shares = _among(noisy, core, chosen.estimates, near, threads)
     used = int(np.flatnonzero(shares.mean(axis=0, dtype=np.float64) > RARE)[-1]) + 1
     clusters = noisy.clusters
     haste = max(float(clusters.diffuse(clusters.means([laplacian.rates]), threads=threads).max()), 1.0)
@@ -167,20 +166,11 @@ def fit_low_pass(noisy: NoisyMesh, plan: LowPassPlan, *, threads: int = 1) -> Lo
         options = plan.borders, plan.power, plan.unit
         laplacian = cotangent_laplacian(smooth, adjacency, *options, fastest=plan.fastest, cut=cut, threads=threads)
     estimates = _estimates(noisy, laplacian, plan.order, plan.strengths, normals, threads)
-    return _mixture(plan, laplacian, normals, estimates, _shares(noisy, estimates, plan.overall, threads))
+    return _mixture(plan, laplacian, normals, estimates, shares_of(noisy, estimates, plan.overall, threads))
 
 
-def _among(
-    noisy: NoisyMesh, core: BoolArray, estimates: Estimates, near: Sequence[int], threads: int
-) -> tuple[Estimates, FloatArray, SingleArray]:
-    """Some of the estimates, their risks for the mesh as a whole, and their shares."""
-    some = estimates.among(near)
-    overall = overall_risks(some, core)
-    return some, overall, _shares(noisy, some, overall, threads)
-
-
-def _shares(noisy: NoisyMesh, estimates: Estimates, overall: FloatArray, threads: int) -> SingleArray:
-    """Of the filters at every vertex, (n, s)."""
+def shares_of(noisy: NoisyMesh, estimates: Estimates, overall: FloatArray, threads: int) -> SingleArray:
+    """Share of each estimate at every vertex, (n, s), by their risks there and overall."""
     alike = noisy.correlation.alike
     risks = local_risks(noisy.clusters, estimates, overall, alike, threads=threads)
     return local_shares(noisy.clusters, risks, noisy.part.vertex_count, alike, threads=threads)
