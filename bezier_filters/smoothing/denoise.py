@@ -36,7 +36,6 @@ from bezier_filters.smoothing.noise import (
     PACE,
     NoiseLevels,
     NoisyMesh,
-    free_laplacian,
     learn_noise_levels,
     local_sigma,
     roughest,
@@ -161,7 +160,7 @@ def learn_plan(
         center = np.zeros(3)  # it is not so far from the origin that digits would be lost
     scale = float(2.0 ** -np.round(np.log2(unit)))  # single precision has few exponents
     part, sigma, unit = _normalised(parts.part, center, scale), sigma * scale, unit * scale
-    laplacian = free_laplacian(part, threads)
+    laplacian = umbrella_laplacian(part, "free", threads=threads)
     correlation = Correlation.of(noise, unit / scale, part.ids, laplacian, parts.core)
     noisy = NoisyMesh(part, clusters_of(part), np.full(len(part.ids), sigma), correlation, laplacian)
     levels, at_vertices = learn_noise_levels(
@@ -217,7 +216,7 @@ def denoise(
     scaled = _normalised(part, plan.center, plan.scale)
     clusters = replace(clusters or clusters_of(scaled, plan.cluster_pace), pace=plan.cluster_pace)
     correlation, at_vertices = plan.noise.correlation, local_sigma(scaled, clusters, plan.noise, threads=threads)
-    laplacian = free_laplacian(scaled, threads) if correlation.times else None
+    laplacian = umbrella_laplacian(scaled, "free", threads=threads) if correlation.times else None
     noisy = NoisyMesh(scaled, clusters, at_vertices, correlation, laplacian)
     report(progress, 1, STEPS)
     estimates = candidates(
@@ -289,7 +288,7 @@ def candidates(
     if GENTLE in kinds:
         yield from _sharp(noisy, filters.weaker(), signs, squares, {GENTLE: 1}, GENTLE_TOLERANCE, threads, progress)
     if sharp:
-        umbrella = umbrella_laplacian(part.mesh, part.adjacency, filters.borders, cut=part.cut, threads=threads)
+        umbrella = umbrella_laplacian(part, filters.borders, threads=threads)
         filters = filters.weak(umbrella)
         yield from _sharp(noisy, filters, signs, squares, sharp, SHARP_TOLERANCE, threads, progress)
 

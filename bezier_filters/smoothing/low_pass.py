@@ -11,11 +11,11 @@ import numpy as np
 from scipy.special import j0
 
 from bezier_filters.arrays import BoolArray, FloatArray, SingleArray
-from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.smoothing.chebyshev import ORDER, SIDE_BY_SIDE, Signals, add_heights, low_pass, low_pass_series
 from bezier_filters.smoothing.laplacian import Borders, Laplacian, cotangent_laplacian, umbrella_laplacian
+from bezier_filters.smoothing.mesh_parts import MeshPart
 from bezier_filters.smoothing.noise import NoisyMesh
 from bezier_filters.smoothing.risk import Estimates, local_risks, local_shares, overall_risks
 
@@ -118,12 +118,12 @@ def learn_low_pass(
     `unit` is the mean edge, `detail` the length of the shortest waves that keep half of their height. Returns what
     holds for the mesh as a whole, and what `fit_low_pass` makes of it there.
     """
-    mesh, adjacency, cut = noisy.part.mesh, noisy.part.adjacency, noisy.part.cut
-    umbrella = umbrella_laplacian(mesh, adjacency, borders, cut=cut, threads=threads)
-    rough = tangent_planes(mesh, adjacency, threads=threads).normals
+    part = noisy.part
+    umbrella = umbrella_laplacian(part, borders, threads=threads)
+    rough = tangent_planes(part.mesh, part.adjacency, threads=threads).normals
     allowed = STRENGTHS if detail is None else STRENGTHS[strongest(detail / unit) >= STRENGTHS]
     first = int(_estimates(noisy, umbrella, ORDER, allowed, rough, threads).mean_risks(core).argmin())
-    smooth, normals = _smooth_shape(mesh, adjacency, umbrella, first, threads)
+    smooth, normals = _smooth_shape(part, umbrella, first, threads)
     strengths = allowed[: first + STRONGER + 1]
 
     def tried(power: float | None, laplacian: Laplacian, order: int) -> _Kind:
@@ -135,7 +135,7 @@ def learn_low_pass(
 
     chosen = tried(None, umbrella, ORDER)
     for power in POWERS:
-        laplacian = cotangent_laplacian(smooth, adjacency, borders, power, unit, cut=cut, threads=threads)
+        laplacian = cotangent_laplacian(smooth, borders, power, unit, threads=threads)
         chosen = min(chosen, tried(power, laplacian, ORDER), key=least_risk)
     for order in ORDERS[1:]:
         chosen = min(chosen, tried(chosen.power, chosen.laplacian, order), key=least_risk)
@@ -159,12 +159,11 @@ def learn_low_pass(
 
 def fit_low_pass(noisy: NoisyMesh, plan: LowPassPlan, *, threads: int = 1) -> LowPass:
     """Find the strengths around every vertex of a mesh, or of a tile of one."""
-    mesh, adjacency, cut = noisy.part.mesh, noisy.part.adjacency, noisy.part.cut
-    laplacian = umbrella_laplacian(mesh, adjacency, plan.borders, cut=cut, threads=threads)
-    smooth, normals = _smooth_shape(mesh, adjacency, laplacian, plan.first, threads)
+    laplacian = umbrella_laplacian(noisy.part, plan.borders, threads=threads)
+    smooth, normals = _smooth_shape(noisy.part, laplacian, plan.first, threads)
     if plan.power is not None:
         options = plan.borders, plan.power, plan.unit
-        laplacian = cotangent_laplacian(smooth, adjacency, *options, fastest=plan.fastest, cut=cut, threads=threads)
+        laplacian = cotangent_laplacian(smooth, *options, fastest=plan.fastest, threads=threads)
     estimates = _estimates(noisy, laplacian, plan.order, plan.strengths, normals, threads)
     return _mixture(plan, laplacian, normals, estimates, shares_of(noisy, estimates, plan.overall, threads))
 
@@ -206,15 +205,14 @@ def _estimates(
     return Estimates(residuals, np.float32(1.0) - taken / squares[:, np.newaxis])
 
 
-def _smooth_shape(
-    mesh: TriangleMesh, adjacency: Adjacency, umbrella: Laplacian, best: int, threads: int
-) -> tuple[TriangleMesh, FloatArray]:
+def _smooth_shape(part: MeshPart, umbrella: Laplacian, best: int, threads: int) -> tuple[MeshPart, FloatArray]:
     """The mesh after the steps of a weak filter along the normals of the vertices, and these normals.
 
     Without the steps along the surface, which would give the triangles other angles.
     """
+    vertices, faces = part.mesh.vertices, part.mesh.faces
     strength = np.array([min(float(STRENGTHS[max(best - WEAKER, 0)]), ENOUGH)])
-    smooth = low_pass(umbrella, mesh.vertices, strength, threads=threads)
-    normals = tangent_planes(TriangleMesh(smooth, mesh.faces), adjacency, threads=threads).normals
-    heights = np.einsum("ij,ij->i", smooth - mesh.vertices, normals)
-    return TriangleMesh(mesh.vertices + heights[:, np.newaxis] * normals, mesh.faces), normals
+    smooth = low_pass(umbrella, vertices, strength, threads=threads)
+    normals = tangent_planes(TriangleMesh(smooth, faces), part.adjacency, threads=threads).normals
+    heights = np.einsum("ij,ij->i", smooth - vertices, normals)
+    return replace(part, mesh=TriangleMesh(vertices + heights[:, np.newaxis] * normals, faces)), normals

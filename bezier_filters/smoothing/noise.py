@@ -65,7 +65,7 @@ class NoisyMesh:
     clusters: Clusters  # of the same mesh
     sigma: FloatArray  # (n,): standard deviation of the noise around every vertex, positive lengths
     correlation: Correlation = WHITE  # how alike the noise of neighbouring vertices is
-    laplacian: Laplacian | None = None  # see `free_laplacian`: what noise that is alike is made with
+    laplacian: Laplacian | None = None  # of umbrellas, with free borders: what noise that is alike is made with
 
     def probes(self, columns: int, *, first: int = 0, threads: int = 1) -> SingleArray:
         """Noise of variance 1, (n, columns): random signs if it is white."""
@@ -107,7 +107,8 @@ def learn_noise_levels(
     means of what a weak filter takes off, in a way that outliers, such as at edges, matter little to. Where they are
     high for many creases, what it takes off is not normally distributed, as noise is. None is below `LEAST_NOISE`
     before the standard deviation of the relief, `DETAIL`, is taken off it; `unit` is the mean edge. If it varies, sigma
-    is its root mean square if that was `given`, and no matter otherwise. The Laplacian is that of `free_laplacian`.
+    is its root mean square if that was `given`, and no matter otherwise. The Laplacian is
+    that of umbrellas, with free borders.
     """
     least, detail = LEAST_NOISE * unit, DETAIL * unit
     noise = noisy.samples(1, threads=threads).astype(np.float64)
@@ -129,7 +130,8 @@ def local_sigma(part: MeshPart, clusters: Clusters, levels: NoiseLevels, *, thre
     """Standard deviation of the noise around every vertex, (n,)."""
     if levels.sigma is not None:
         return levels.at(np.zeros(len(part.ids), dtype=np.float32))
-    return levels.at(_taken_off(part, clusters, free_laplacian(part, threads), levels.share, threads)[1])
+    laplacian = umbrella_laplacian(part, "free", threads=threads)
+    return levels.at(_taken_off(part, clusters, laplacian, levels.share, threads)[1])
 
 
 def roughness(part: MeshPart, sigma: float, clusters: Clusters | None = None, *, threads: int = 1) -> FloatArray:
@@ -139,7 +141,7 @@ def roughness(part: MeshPart, sigma: float, clusters: Clusters | None = None, *,
     It goes by ratios, as the noise itself may vary. A tile has `ROUGHNESS_RINGS` around what counts; sigma is the
     standard deviation of the noise of the mesh as a whole. The clusters, if they are known, have the pace `PACE`.
     """
-    clusters, laplacian = clusters or clusters_of(part, PACE), free_laplacian(part, threads)
+    clusters, laplacian = clusters or clusters_of(part, PACE), umbrella_laplacian(part, "free", threads=threads)
     strong, weak = _heights(part, laplacian, STRONG, threads)
     around = clusters.around([np.square(strong), np.sqrt(np.abs(weak))], threads=threads).astype(np.float64)
     return around[:, 0] / np.maximum(around[:, 1] ** 4, (LEAST * sigma) ** 2)
@@ -164,11 +166,6 @@ def roughest(values: FloatArray, ids: IntArray) -> IntArray:
     near = near[np.argsort(random_bits(ids[near], LOTS))]
     before = np.maximum.accumulate(np.append(-1.0, values[near]))[:-1]
     return near[values[near] > before].astype(np.int32)
-
-
-def free_laplacian(part: MeshPart, threads: int) -> Laplacian:
-    """Differences from the mean of all neighbours."""
-    return umbrella_laplacian(part.mesh, part.adjacency, "free", cut=part.cut, threads=threads)
 
 
 def _taken_off(

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.display import html_table, noise_in_words, noise_level
 from bezier_filters.errors import InvalidParameterError, is_integer
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
@@ -232,8 +232,11 @@ def smooth(
     ordered = with_near_neighbours(given, threads=threads)
     mesh = ordered.mesh
     adjacency = vertex_adjacency(mesh, threads=threads)
-    movable = _movable(selected, ordered.order, adjacency, borders)
-    points, sharpness = mesh.vertices, np.zeros(mesh.vertex_count)
+    n = mesh.vertex_count
+    movable = np.ones(n, dtype=np.bool_) if selected is None else checked_selection(selected, n)[ordered.order]
+    if borders == "fixed":
+        movable = movable & ~adjacency.on_boundary
+    points, sharpness = mesh.vertices, np.zeros(n)
     with first_call():
         known, done = learn_noise(mesh, adjacency, noise, threads=threads), 0
         for k in range(iterations):
@@ -298,13 +301,6 @@ def part_of(progress: Progress | None, k: int, total: int) -> Progress | None:
     if progress is None:
         return None
     return lambda done, of: progress(k * of + done, total * of)
-
-
-def _movable(selected: BoolArray | None, order: IntArray, adjacency: Adjacency, borders: SmoothedBorders) -> BoolArray:
-    """Vertices that may move, in an order."""
-    n = len(order)
-    mask = np.ones(n, dtype=np.bool_) if selected is None else checked_selection(selected, n)[order]
-    return mask & ~adjacency.on_boundary if borders == "fixed" else mask
 
 
 def check_smoothing(

@@ -10,8 +10,9 @@ from bezier_filters.learning.noise_model import NoiseModel, known_noise
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.smoothing.laplacian import umbrella_laplacian
 from bezier_filters.smoothing.mesh_parts import whole_mesh
-from bezier_filters.smoothing.noise import NoisyMesh, free_laplacian
+from bezier_filters.smoothing.noise import NoisyMesh
 from bezier_filters.smoothing.random_noise import WHITE, Correlation, random_signs
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, ellipsoid, torus, waves
 
@@ -40,7 +41,7 @@ def made_of(surface, noise):
     """The part, its Laplacian and how the noise is made there."""
     mesh = triangle_mesh(surface.vertices, surface.faces)
     part = whole_mesh(mesh, vertex_adjacency(mesh))
-    laplacian, unit = free_laplacian(part, 1), mean_edge_of(surface.vertices, surface.faces)
+    laplacian, unit = umbrella_laplacian(part, "free"), mean_edge_of(surface.vertices, surface.faces)
     every = np.ones(len(surface.vertices), dtype=np.bool_)
     return part, laplacian, Correlation.of(in_units(noise, unit), unit, part.ids, laplacian, every)
 
