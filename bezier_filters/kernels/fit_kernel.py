@@ -203,10 +203,24 @@ def _project(square: bool, stride: int, count: int, work: FitWorkspace) -> None:
 
 @inner_jit()
 def _solve(fit: KernelFit, stride: int, count: int, work: FitWorkspace, weights: FloatArray | None) -> None:
-    """Set up and solve the normal equations; `weights` are lanes for the points beyond their weights by distance."""
+    """Set up the normal equations, with the moments of the heights as the last row, and solve them.
+
+    `weights` are lanes for the points beyond their weights by distance.
+    """
     _sum_moments(fit, stride, count, work, weights)
+    for k in range(fit.moment_place.shape[0]):
+        store(work.matrix, k, load(work.moments, fit.moment_place[k]) + spread(fit.penalty[k]))
+    degree, scale = 0, spread(1.0)
+    for k in range(fit.prior.shape[0]):
+        while degree < fit.prior_degree[k]:  # from units of length to those of this neighbourhood
+            degree += 1
+            scale = scale * load(work.box, 1) * load(work.box, 1)
+        place = fit.prior_place[k]
+        store(work.matrix, place, multiply_add(spread(fit.prior[k]), scale, load(work.matrix, place)))
     order = fit.exponents.shape[0]
-    _set_up(fit, order, work)
+    last = order * (order + 1) // 2
+    for k in range(order):
+        store(work.matrix, last + k, load(work.heights, fit.lexicographic[k]))
     factorise(work.matrix, order + 1, order, fit.smallest_pivot, work.sound)
     _finish(fit, order, work)
 
@@ -374,20 +388,3 @@ def _weight(fit: KernelFit, a: Lanes, b: Lanes, scale: Lanes) -> Lanes:
     for _ in range(fit.weight_power - 1):
         power = power * ratio
     return spread(1.0) / (spread(1.0) + power)
-
-
-@inner_jit()
-def _set_up(fit: KernelFit, order: int, work: FitWorkspace) -> None:
-    """Set up the normal equations, with the moments of the heights as the last row."""
-    for k in range(fit.moment_place.shape[0]):
-        store(work.matrix, k, load(work.moments, fit.moment_place[k]) + spread(fit.penalty[k]))
-    degree, scale = 0, spread(1.0)
-    for k in range(fit.prior.shape[0]):
-        while degree < fit.prior_degree[k]:  # from units of length to those of this neighbourhood
-            degree += 1
-            scale = scale * load(work.box, 1) * load(work.box, 1)
-        place = fit.prior_place[k]
-        store(work.matrix, place, multiply_add(spread(fit.prior[k]), scale, load(work.matrix, place)))
-    last = order * (order + 1) // 2
-    for k in range(order):
-        store(work.matrix, last + k, load(work.heights, fit.lexicographic[k]))

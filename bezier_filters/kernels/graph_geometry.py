@@ -43,10 +43,10 @@ def write_block(
     A surface turns by pi at most from one face to the next: faces of height h hold no curvature beyond pi / h, and a
     standard error beyond that says that the points determine none.
     """
+    outputs, has_errors = work.outputs, fit.normal_noise > 0.0
     has_third = fit.highest_power >= 2 * 3  # a lower degree says nothing of third derivatives
-    graph_geometry(work.jets, work.frame, has_third, work.outputs)
-    store(work.outputs, RESIDUAL, square_root(load(work.total, 0) / load(work.counts, 0)))
-    has_errors = fit.normal_noise > 0.0
+    graph_geometry(work.jets, work.frame, has_third, outputs)
+    store(outputs, RESIDUAL, square_root(load(work.total, 0) / load(work.counts, 0)))
     if has_errors:
         standard_errors(fit, work)
     if conditions is not None:
@@ -58,21 +58,30 @@ def write_block(
         if not (work.sound[lane] > 0.0 and per_half_width < 2.0 / SMALLEST_WIDTH):
             outcomes[lane] = ILL_POSED
             continue
-        bend = max(-work.outputs[LANES * K_MIN + lane], work.outputs[LANES * K_MAX + lane])
+        bend = max(-outputs[LANES * K_MIN + lane], outputs[LANES * K_MAX + lane])
         if has_errors:
-            bend = max(bend, work.outputs[LANES * (STANDARD_ERRORS + 1) + lane])
+            bend = max(bend, outputs[LANES * (STANDARD_ERRORS + 1) + lane])
         farthest = np.sqrt(work.box[4 * LANES + lane])  # of the points: no height is larger
         if bend * farthest > np.pi and bend * _smallest_height(mesh, block[lane]) > np.pi:
             outcomes[lane] = ILL_POSED
             continue
         i = mesh.origin[block[lane]]
-        _write(work.outputs, lane, has_third, i, results)
+        for k in range(3):
+            results.normals[i, k] = outputs[LANES * (NORMAL + k) + lane]
+            results.displacements[i, k] = outputs[LANES * (DISPLACEMENT + k) + lane]
+            results.direction_min[i, k] = outputs[LANES * (ALONG_MIN + k) + lane]
+            results.direction_max[i, k] = outputs[LANES * (ALONG_MAX + k) + lane]
+        results.k_min[i] = outputs[LANES * K_MIN + lane]
+        results.k_max[i] = outputs[LANES * K_MAX + lane]
+        results.residual[i] = outputs[LANES * RESIDUAL + lane]
         results.rings_used[i] = work.rings[lane]
+        if has_third:
+            results.extremality_min[i] = outputs[LANES * EXTREMALITY_MIN + lane]
+            results.extremality_max[i] = outputs[LANES * EXTREMALITY_MAX + lane]
         if has_errors:
-            place = LANES * STANDARD_ERRORS + lane
-            results.normal_std[i] = work.outputs[place]
-            results.mean_curvature_std[i] = work.outputs[place + LANES]
-            results.gaussian_curvature_std[i] = work.outputs[place + 2 * LANES]
+            results.normal_std[i] = outputs[LANES * STANDARD_ERRORS + lane]
+            results.mean_curvature_std[i] = outputs[LANES * (STANDARD_ERRORS + 1) + lane]
+            results.gaussian_curvature_std[i] = outputs[LANES * (STANDARD_ERRORS + 2) + lane]
         if conditions is not None:
             conditions[i] = work.total[lane]
 
@@ -163,22 +172,6 @@ def _extremality(jets: FloatArray, x: Lanes, y: Lanes, per_w: Lanes) -> Lanes:
     third = third + y * y * (three * load(jets, 6) * x + load(jets, 3) * y)
     turning = (load(jets, 4) * slope_x + load(jets, 1) * slope_y) * per_w * per_w
     return (three * second * turning - third) * per_w
-
-
-@inner_jit()
-def _write(outputs: FloatArray, lane: int, has_third: bool, i: int, results: VertexResults) -> None:
-    """Write the outputs of one lane that every fit has to vertex i."""
-    for k in range(3):
-        results.normals[i, k] = outputs[LANES * (NORMAL + k) + lane]
-        results.displacements[i, k] = outputs[LANES * (DISPLACEMENT + k) + lane]
-        results.direction_min[i, k] = outputs[LANES * (ALONG_MIN + k) + lane]
-        results.direction_max[i, k] = outputs[LANES * (ALONG_MAX + k) + lane]
-    results.k_min[i] = outputs[LANES * K_MIN + lane]
-    results.k_max[i] = outputs[LANES * K_MAX + lane]
-    results.residual[i] = outputs[LANES * RESIDUAL + lane]
-    if has_third:
-        results.extremality_min[i] = outputs[LANES * EXTREMALITY_MIN + lane]
-        results.extremality_max[i] = outputs[LANES * EXTREMALITY_MAX + lane]
 
 
 @inner_jit()
