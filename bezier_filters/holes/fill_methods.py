@@ -10,7 +10,7 @@ from math import degrees
 from typing import Literal
 
 import numpy as np
-from scipy.sparse import coo_matrix
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
@@ -24,7 +24,7 @@ from bezier_filters.meshes.adjacency import Rows
 from bezier_filters.meshes.frames import unit_face_normals
 from bezier_filters.meshes.half_edges import dihedral_angles, faces_at_edges
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.self_intersections import cut_faces, meeting_box
+from bezier_filters.meshes.self_intersections import cut_faces, faces_in_boxes, meeting_box
 
 FillingMethod = Literal["auto", "paper"]
 
@@ -121,20 +121,13 @@ def groups_of_boxes(boxes: FloatArray) -> list[IntArray]:
 
     Fills of holes whose boxes do not meet do not depend on each other.
 
-    >>> [group.tolist() for group in groups_of_boxes(np.array([[[0.0], [1.0]], [[5.0], [6.0]], [[1.0], [2.0]]]))]
+    >>> boxes = np.array([[0.0, 1.0], [5.0, 6.0], [1.0, 2.0]])[:, :, np.newaxis] * np.ones(3)
+    >>> [group.tolist() for group in groups_of_boxes(boxes)]
     [[0, 2], [1]]
     """
-    low, high = boxes[:, 0], boxes[:, 1]
-    # Sweep along x: a box can only meet those that begin before it ends.
-    order = np.argsort(low[:, 0], kind="stable")
-    stops = np.searchsorted(low[order, 0], high[order, 0], side="right")
-    pairs = [np.empty((2, 0), dtype=np.int64)]
-    for k, stop in enumerate(stops.tolist()):
-        others = order[k + 1 : stop]
-        met = others[((low[others] <= high[order[k]]) & (high[others] >= low[order[k]])).all(axis=1)]
-        pairs.append(np.stack([np.full(len(met), order[k]), met]))
-    first, second = np.hstack(pairs)
-    graph = coo_matrix((np.ones(len(first)), (first, second)), shape=(len(boxes), len(boxes)))
+    faces = np.arange(2 * len(boxes), dtype=np.int32).reshape(-1, 2)[:, [0, 1, 1]]  # from corner to corner of each
+    met = faces_in_boxes(boxes.reshape(-1, 3), faces, boxes[:, 0], boxes[:, 1])
+    graph = csr_array((np.ones(len(met.indices)), met.indices, met.indptr), shape=(len(boxes), len(boxes)))
     count, group = connected_components(graph, directed=False)
     by_group = np.argsort(group, kind="stable")
     return np.split(by_group, np.searchsorted(group[by_group], np.arange(1, count)))
