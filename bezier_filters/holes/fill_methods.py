@@ -18,7 +18,7 @@ from bezier_filters.holes.crease_fill import crease_attempts
 from bezier_filters.holes.hole_detection import Hole
 from bezier_filters.holes.influence_region import InfluenceRegion, KnownSurface, vertex_pairs
 from bezier_filters.holes.planar_fill import Correction, paper_fill
-from bezier_filters.holes.polyharmonic_fairing import polyharmonic_fairing
+from bezier_filters.holes.polyharmonic_fairing import polyharmonic_continuation
 from bezier_filters.holes.smooth_fill import Attempt, smooth_attempts
 from bezier_filters.meshes.adjacency import Rows
 from bezier_filters.meshes.frames import unit_face_normals
@@ -264,7 +264,7 @@ def _with_fewer_cuts(placed: FaceSet, rim_count: int, others: Sequence[FaceSet])
         order = np.concatenate([np.setdiff1d(np.arange(len(placed.points)), moving), moving])
         points = placed.points.copy()
         faces = np.argsort(order)[placed.faces].astype(np.int32)
-        points[order] = polyharmonic_fairing(points[order], faces, len(order) - len(moving), 1)
+        points[order] = polyharmonic_continuation(points[order], faces, points[order[: len(order) - len(moving)]])
         freed = replace(placed, points=points)
         if not _cuts(freed, others).any():
             return freed, 0
