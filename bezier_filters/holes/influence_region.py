@@ -83,7 +83,7 @@ class InfluenceRegion:
         if self.wanted_sizes is not None:
             return self.wanted_sizes
         faces, points, n = self.faces[self._faces_at_rim], self.vertices, self.rim_count
-        here, after, before = (np.roll(faces, -k, axis=1).ravel() for k in range(3))
+        here, after, before = (faces[:, k].ravel() for k in ([0, 1, 2], [1, 2, 0], [2, 0, 1]))
         # Each edge is met once: as that to the corner after this one, and before it if it has no other face.
         is_lone = faces_at_edges(faces, here, before) < 0
         lengths = np.linalg.norm(points[[after, before]] - points[here], axis=2) * [np.ones(len(here)), is_lone]

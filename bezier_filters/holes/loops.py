@@ -55,7 +55,7 @@ def corner_angles(tips: FloatArray, lefts: FloatArray, rights: FloatArray) -> Fl
 
 def angle_sums(points: FloatArray, faces: IntArray, count: int) -> FloatArray:
     """Sum of the angles of faces (m, 3) at each of the first points, in radians, (count,)."""
-    here, after, before = (np.roll(faces, -k, axis=1).ravel() for k in range(3))
+    here, after, before = (faces[:, k].ravel() for k in ([0, 1, 2], [1, 2, 0], [2, 0, 1]))
     angles = corner_angles(points[here], points[after], points[before])
     return np.bincount(here, weights=angles, minlength=count)[:count].astype(np.float64)
 
