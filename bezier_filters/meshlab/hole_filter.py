@@ -9,8 +9,8 @@ from scipy.spatial import cKDTree
 
 from bezier_filters.arrays import Report
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
-from bezier_filters.holes.fill_methods import FillingMethod
-from bezier_filters.holes.hole_filling import HoleFillingResult, HoleReport, fill_holes
+from bezier_filters.holes.fill_methods import FillingMethod, HoleReport
+from bezier_filters.holes.hole_filling import HoleFillingResult, fill_holes
 from bezier_filters.holes.planar_fill import Correction
 from bezier_filters.meshes.half_edges import ends_of_half_edges, faces_at_edges
 from bezier_filters.meshlab.mesh_growth import MeshGrowth, grow_mesh
