@@ -27,8 +27,8 @@ from pathlib import Path
 import numpy as np
 
 from bezier_filters import estimate_vertex_geometry, smooth
+from bezier_filters.fields import QUALITY, qualities
 from bezier_filters.fields import columns as columns_of
-from bezier_filters.fields import qualities
 from bezier_filters.scale import estimate_file, smooth_file
 from bezier_filters.scale.run import peak_bytes
 from bezier_filters.scale.smooth import DISPLACEMENT, SHARPNESS
@@ -127,13 +127,13 @@ def in_memory(source: Path, target: Path, *, smoothing: bool = False) -> dict[st
     read = time.perf_counter()
     if smoothing:
         result = smooth(vertices, faces, threads=WORKERS)
-        vertices, quality = result.vertices, DISPLACEMENT
-        columns = {DISPLACEMENT: result.displacement, SHARPNESS: result.sharpness}
+        vertices, moved = result.vertices, result.displacement
+        columns = {QUALITY: moved, DISPLACEMENT: moved, SHARPNESS: result.sharpness}
     else:
         columns = columns_of("curvature", estimate_vertex_geometry(vertices, faces, threads=WORKERS))
-        quality = qualities("curvature")["mean"].column
+        columns = {QUALITY: columns[qualities("curvature")["mean"].column]} | columns
     fitted = time.perf_counter()
-    table = table_of(vertices, columns, quality, list(columns), "<f8")
+    table = table_of(vertices, columns)
     rows = np.empty(len(faces), dtype=FACE)
     rows["corners"], rows["vertex_indices"] = 3, faces
     with target.open("wb") as stream:

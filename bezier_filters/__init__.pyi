@@ -17,8 +17,8 @@ from .files.field_files import save_fields as save_fields
 from .files.filter_scripts import ScriptStep as ScriptStep
 from .files.filter_scripts import read_filter_script as read_filter_script
 from .files.filter_scripts import save_filter_script as save_filter_script
+from .holes.fill_methods import HoleReport as HoleReport
 from .holes.hole_filling import HoleFillingResult as HoleFillingResult
-from .holes.hole_filling import HoleReport as HoleReport
 from .holes.hole_filling import fill_holes as fill_holes
 from .meshes.adjacency import Adjacency as Adjacency
 from .meshes.adjacency import Rows as Rows

@@ -70,9 +70,7 @@ def _from_pipe(context: typer.Context, source: Path | None) -> Path | None:
     data = sys.stdin.buffer.read()
     is_stl = len(data) == 84 + 50 * int.from_bytes(data[80:84], "little") or data.startswith(b"solid")
     suffix = ".ply" if data.startswith(b"ply") else ".off" if b"OFF" in data[:8] else ".stl" if is_stl else ".obj"
-    folder = TemporaryDirectory(prefix="bezier_filters_")
-    context.call_on_close(folder.cleanup)
-    path = Path(folder.name) / f"stdin{suffix}"
+    path = Path(context.with_resource(TemporaryDirectory(prefix="bezier_filters_"))) / f"stdin{suffix}"
     path.write_bytes(data)
     return path
 
@@ -81,8 +79,7 @@ def _to_pipe(context: typer.Context, target: Path) -> Path:
     """A file that goes to the standard output when the command is done, if that is meant."""
     if target != PIPE:
         return target
-    folder = TemporaryDirectory(prefix="bezier_filters_")
-    path = Path(folder.name) / "stdout.ply"
+    path = Path(context.with_resource(TemporaryDirectory(prefix="bezier_filters_"))) / "stdout.ply"
     console.out.stderr = True
 
     def send() -> None:
@@ -90,7 +87,6 @@ def _to_pipe(context: typer.Context, target: Path) -> Path:
         if path.exists():
             with path.open("rb") as stream:
                 shutil.copyfileobj(stream, sys.stdout.buffer)
-        folder.cleanup()
 
     context.call_on_close(send)
     return path
@@ -149,6 +145,7 @@ def options(*parameters: Parameter) -> Callable[[_Command], _Command]:
         given = [
             inspect.Parameter(item.name, inspect.Parameter.KEYWORD_ONLY, default=item.default, annotation=_option(item))
             for item in parameters
+            if item.kind != "callable"  # progress, for which commands have a bar
         ]
         first = next((k for k, item in enumerate(own) if item.kind is item.KEYWORD_ONLY), len(own))
         found = signature.replace(parameters=[*own[:first], *given, *own[first:]])
@@ -166,25 +163,25 @@ def in_the_shell(message: str) -> str:
     """
     said = re.sub(r",? or None( to learn it)?", "", message).replace("the current mesh", "the mesh")
     name, colon, text = said.partition(": ")
-    return f"{_option_of(name) or name}{colon}{text}"
+    known = {item.name.replace("_", ""): item.name for table in PARAMETERS.values() for item in table}
+    parameter = known.get(name.replace("_", ""))  # array functions have underscores that filters have not
+    return f"{_option_of(parameter) if parameter else name}{colon}{text}"
 
 
 def _option_of(name: str) -> str:
-    """The option that sets a parameter of a filter, or of the array function that it calls; empty if none does."""
-    known = {item.name.replace("_", ""): item.name for table in PARAMETERS.values() for item in table}
-    name = known.get(name.replace("_", ""), "") or {"maxedges": "maxholesize"}.get(name.replace("_", ""), "")
-    return f"--{_NAMES.get(name, name.replace('_', '-'))}" if name else ""
+    """The option that sets a parameter of a filter."""
+    return f"--{_NAMES.get(name, name.replace('_', '-'))}"
 
 
 def _option(parameter: Parameter) -> object:
     """A parameter as typer wants it."""
-    name = _NAMES.get(parameter.name, parameter.name.replace("_", "-"))
+    name = _option_of(parameter.name)
     words = re.findall(r'"(\w+)"', parameter.kind) if parameter.kind.startswith("{") else []
     kind, parser, metavar = (str, None, None) if words else _KINDS[parameter.kind]
     return Annotated[
         kind | None if parameter.default is None and parser is None else kind,
         typer.Option(
-            f"--{name}/--no-{name}" if parameter.kind == "bool" else f"--{name}",
+            f"{name}/--no-{name[2:]}" if parameter.kind == "bool" else name,
             help=parameter.help,
             min=_LEAST.get(parameter.name) if parser is None else None,
             parser=parser,

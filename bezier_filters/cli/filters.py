@@ -2,14 +2,14 @@
 
 import inspect
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-import bezier_filters
+import bezier_filters as bf  # which loads what it has when it is used
 from bezier_filters.cli import console
 from bezier_filters.cli.app import (
     NEEDS_A_LOOK,
@@ -26,34 +26,34 @@ from bezier_filters.cli.app import (
     options,
 )
 from bezier_filters.fields import qualities
-from bezier_filters.parameters import COLORS, PARAMETERS, RUN, Parameter
+from bezier_filters.parameters import COLORS, PARAMETERS, Parameter
 
 if TYPE_CHECKING:
     from bezier_filters.arrays import Report
 
-_COLOR, _PROGRESS = COLORS[0], RUN[1]
-_COLORED = {_COLOR: replace(_COLOR, default=True)}
+_COLOR = COLORS[0]
+_COLORED = replace(_COLOR, default=True)  # as commands do whose filters have a quality anyway
 
 
 def filter_command(
     name: str,
     filter_name: str,
-    changed: Mapping[Parameter, Parameter] = _COLORED,
     *,
+    color: Parameter = _COLORED,
     verb: str = "fitting",
     show: "Callable[[Report, str], None]" = console.print_status,
 ) -> Callable[[Callable[[], None]], Callable[[], None]]:
     """Add a command, which loads, runs a filter of the package, saves and reports.
 
-    The docstring of the function below is its help; the filter's parameters, some of them changed, are its options. The
-    progress bar says the verb, `show` prints the report.
+    The docstring of the function below is its help; the filter's parameters are its options, with another one for
+    colours. The progress bar says the verb, `show` prints the report.
     """
 
     def add(described: Callable[[], None]) -> Callable[[], None]:
         text, *lines = (inspect.getdoc(described) or "").split("\nExample: bezier-filters ")
 
         @app.command(name, help=text, epilog=examples(*lines))
-        @options(*_taken(name, changed))
+        @options(*(color if item == _COLOR else item for item in PARAMETERS[name]))
         def command(
             source: Source,
             target: Target,
@@ -64,18 +64,18 @@ def filter_command(
             json: Json = False,
             **given: object,
         ) -> None:
-            from bezier_filters.meshlab.mesh_files import format_support, load_mesh, save_mesh
+            from bezier_filters.meshlab.mesh_files import WITH_FIELDS, format_of
 
             check_target(target, source, overwrite=overwrite)
             if save_script is not None:  # a step is added to one that is there
                 check_target(save_script, source, target, overwrite=overwrite)
-            support, run = format_support(target), getattr(bezier_filters, filter_name)  # loaded only here
+            suffix = format_of(target)
             with console.stages(quiet=quiet or json) as stage:
                 stage(f"reading {source.name}")
-                ms = load_mesh(source)
-                report = run(ms, progress=stage(f"{verb} {source.name}"), **given)
+                ms = bf.load_mesh(source)
+                report = getattr(bf, filter_name)(ms, progress=stage(f"{verb} {source.name}"), **given)
                 stage(f"writing {target.name}")
-                remarks = save_mesh(ms, target)
+                remarks = bf.save_mesh(ms, target)
             if save_script is not None:
                 _add_step(save_script, filter_name, given)
             if json:
@@ -89,7 +89,7 @@ def filter_command(
                 console.err.print(f"note: {target.name} is {remark}", markup=False)
             for remark in report.get("remarks", []):
                 console.err.print(f"note: {in_the_shell(remark)}", markup=False)
-            if report.get("quality") and not support.quality:
+            if report.get("quality") and suffix != WITH_FIELDS:
                 console.err.print(
                     f"note: {target.suffix} files hold no quality and no bz_* columns; write a PLY file to keep them"
                 )
@@ -103,18 +103,10 @@ def filter_command(
     return add
 
 
-def _taken(name: str, changed: Mapping[Parameter, Parameter] = _COLORED) -> list[Parameter]:
-    """Parameters of a filter that its command takes: a command has a progress bar, and colours what has a quality."""
-    return [changed.get(parameter, parameter) for parameter in PARAMETERS[name] if parameter != _PROGRESS]
-
-
 def _add_step(script: Path, name: str, given: dict[str, object]) -> None:
     """Write a filter script with one step more; threads are a matter of the machine, not of the script."""
-    from bezier_filters.files.filter_scripts import read_filter_script, save_filter_script
-    from bezier_filters.meshlab.scripts import script_step
-
-    before = read_filter_script(script) if script.exists() else []
-    save_filter_script(script, [*before, script_step(name, **(given | {"threads": None}))])
+    before = bf.read_filter_script(script) if script.exists() else []
+    bf.save_filter_script(script, [*before, bf.script_step(name, **(given | {"threads": None}))])
 
 
 @filter_command("normals", "compute_normal_by_bezier_patch_per_vertex")
@@ -158,7 +150,7 @@ def torsion() -> None:
 @filter_command(
     "smooth",
     "apply_coord_bezier_patch_smoothing",
-    {_COLOR: replace(_COLOR, help="Colour all vertices by the quality; needs one.")},
+    color=replace(_COLOR, help="Colour all vertices by the quality; needs one."),
     verb="smoothing",
     show=console.print_smoothing,
 )
@@ -186,7 +178,7 @@ def fill_holes() -> None:
 
 
 @app.command(epilog="Example: bezier-filters creases scan.ply lines.ply --picture creases.png")
-@options(*_taken("creases"))
+@options(*PARAMETERS["creases"])
 def creases(
     source: Source,
     target: Annotated[Path, typer.Argument(help="Lines to write, a PLY or OBJ file.", metavar="LINES.ply")],
@@ -204,10 +196,9 @@ def creases(
 ) -> None:
     """Find sharp edges, ridges and ravines, and write them as lines."""
     from bezier_filters.files.ply_text import check_line_file, save_lines
-    from bezier_filters.meshlab.mesh_files import load_mesh
     from bezier_filters.meshlab.meshset import read_current_mesh
     from bezier_filters.meshlab.vertex_filters import FitArguments, creases_of, lines_as_mesh, report_of
-    from bezier_filters.pictures.render import check_picture, render_panels
+    from bezier_filters.pictures.render import check_picture
 
     check_line_file(target)
     check_target(target, source, overwrite=overwrite)
@@ -217,7 +208,7 @@ def creases(
     angle, strength = given.pop("angle"), given.pop("minstrength")
     with console.stages(quiet=quiet or json) as stage:
         stage(f"reading {source.name}")
-        mesh = read_current_mesh(load_mesh(source))
+        mesh = read_current_mesh(bf.load_mesh(source))
         begin = time.perf_counter()
         found = creases_of(mesh, FitArguments(**given, progress=stage(f"fitting {source.name}")), angle, strength)
         seconds = time.perf_counter() - begin
@@ -228,7 +219,7 @@ def creases(
 
             stage(f"drawing {picture.name}")
             panel = crease_panel(mesh.vertices, mesh.faces, found, title=source.name)
-            render_panels(picture, [panel], views=view or ["front", "back"])
+            bf.render_panels(picture, [panel], views=view or ["front", "back"])
     report = report_of(found) | {"seconds": {"fit": seconds}}
     if json:
         shown = None if picture is None else str(picture)
@@ -255,20 +246,19 @@ def run(
     a step is MeshLab's, pymeshlab's, or one of this package, such as compute_curvature_by_bezier_patch_per_vertex.
     Names are checked before the first step runs; the output is written after the last.
     """
-    from bezier_filters.files.filter_scripts import read_filter_script
-    from bezier_filters.meshlab.mesh_files import format_support, load_mesh, save_mesh
-    from bezier_filters.meshlab.scripts import check_steps, run_filter_script
+    from bezier_filters.meshlab.mesh_files import format_of
+    from bezier_filters.meshlab.scripts import check_steps
 
-    steps = read_filter_script(script)
+    steps = bf.read_filter_script(script)
     names = check_steps(steps)
-    format_support(target)
+    format_of(target)
     check_target(target, source, script, overwrite=overwrite)
     with console.stages(quiet=quiet or json) as stage:
         stage(f"reading {source.name}")
-        ms = load_mesh(source)
-        done = run_filter_script(ms, steps, progress=stage(script.name))
+        ms = bf.load_mesh(source)
+        done = bf.run_filter_script(ms, steps, progress=stage(script.name))
         stage(f"writing {target.name}")
-        remarks = save_mesh(ms, target)
+        remarks = bf.save_mesh(ms, target)
     for remark in remarks:
         console.err.print(f"note: {target.name} is {remark}", markup=False)
     if json:

@@ -20,7 +20,7 @@ from bezier_filters.estimation.fallbacks import (
     overall_progress,
     planned_chain,
 )
-from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, empty_geometry
+from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, arrays_of, empty_geometry
 from bezier_filters.kernels.graph_geometry import bound_errors
 from bezier_filters.kernels.kernel_input import KernelMesh, with_steady_normals
 from bezier_filters.learning.learn import CANDIDATE_RINGS, MOST_TURNED, learn_from_samples, learn_surface
@@ -45,6 +45,7 @@ from bezier_filters.learning.ring_analysis import FEWEST_SAMPLES, RingAnalysis
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.runtime.parallel import Progress, run_kernel
+from bezier_filters.status import FitStatus
 
 RADIUS_SAMPLES = 150  # neighbourhoods whose radius is measured
 OUTLIER_RINGS = 3  # of the robust fit that tells what is far off: narrow, and without a model to be misled
@@ -56,6 +57,8 @@ OUTLIER_REACH = OUTLIER_RINGS + MORE_RINGS + SPREADS  # how many edges around a 
 OFF, LOOKED_AT = 1.4, 2000
 FEWEST_OFF, MOST_OFF = 40, 0.3  # vertices, and share of those looked at: more of them are in the sample, too
 WORTHWHILE_THERE = 0.2  # logarithm of the predicted error that this must save, unless the noise is correlated
+WORSE = 2.0  # times the standard error of a sound fit that one of the part may have instead
+AT_ONCE = 1 << 18  # vertices of a part of which both fits are kept
 RESIDUAL = 1  # place among the `first_features`
 GEOMETRIC_MEAN = np.exp(-0.5 * (np.euler_gamma + np.log(2.0)))  # of the absolute value of a standard normal variable
 
@@ -82,8 +85,9 @@ class PartFit:
     degree: int
     noise_sigma: float  # as in `FitPart`
     attempts: tuple[FitAttempt, ...]  # tried in order; none where the first fit is good enough
-    # what the standard errors of normal and curvatures are multiplied by, where the first fit stays
-    error_ratios: tuple[float, float] = (1.0, 1.0)
+    # what the standard errors of normal and curvatures are multiplied by where the first fit stays; infinite if that is
+    # not known
+    error_ratios: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -204,23 +208,27 @@ def _without_what_is_off(tree: Tree[Leaf], root: Leaf, choices: Choices, places:
     vertex_count, noise = root.surface.by_rings[0].analysis.vertex_count, root.surface.noise
     analyses, leaf = learn_from_samples(sample, vertex_count, choices, threads=threads)
     worthwhile = WORTHWHILE_THERE
-    # Long waves of noise are found stronger where residuals are largest, by the choice of the places.
-    if noise.sills and leaf is not None and leaf.surface.sigma > noise.sigma:
-        leaf, worthwhile = leaf_of(analyses, choices, noise, heavy=noise.heavy), WORTHWHILE_IF_CORRELATED
+    # Long waves of noise are found stronger where residuals are largest, by the choice of the places; and if there are
+    # none elsewhere, they are shape.
+    if leaf is not None and leaf.surface.sigma > noise.sigma and (noise.sills or leaf.surface.noise.sills):
+        leaf = leaf_of(analyses, choices, noise, heavy=noise.heavy)
+        worthwhile = WORTHWHILE_IF_CORRELATED if noise.sills else WORTHWHILE_THERE
     # without rings as wide as those of the first fit, there are none that do not fold
     if leaf is None or -np.inf < saved(root.chosen, leaf) <= worthwhile:
         return tree
-    return Split(RESIDUAL, threshold, tree, leaf)
+    return Split(RESIDUAL, threshold, tree, grow(leaf, analyses, places.features, choices, 2))
 
 
 def _part_fit(root: Leaf, leaf: Leaf) -> PartFit:
     """A plan for a part: its own, or that of the whole if another fit is not worth its time."""
     before, plan, there = root.chosen, leaf.chosen, plan_for(root.chosen, leaf.surface)
     sigma = leaf.surface.sigma
-    if there is not None and there.error <= plan.error * (1.0 + (plan.cost - plan.overhead) / there.cost) ** THRIFT:
+    ratios = np.inf, np.inf
+    if there is not None:
         ratios = there.normal_noise / before.normal_noise, there.curvature_noise / before.curvature_noise
-        return PartFit(there.rings, there.degree, sigma, (), ratios)
-    return PartFit(plan.rings, plan.degree, sigma, tuple(planned_chain(leaf.plans, plan)))
+        if there.error <= plan.error * (1.0 + (plan.cost - plan.overhead) / there.cost) ** THRIFT:
+            return PartFit(there.rings, there.degree, sigma, (), ratios)
+    return PartFit(plan.rings, plan.degree, sigma, tuple(planned_chain(leaf.plans, plan)), ratios)
 
 
 def first_features(geometry: VertexGeometry, rows: IntArray) -> FloatArray:
@@ -249,13 +257,41 @@ def fit_parts(
     for number, part in enumerate(leaves(fit.parts)):
         of_part = ids[numbers == number]
         if part.attempts:
-            fit_with_fallbacks(
-                mesh, of_part, part.attempts, geometry, robust=fit.robust, threads=threads, progress=at_the_end
-            )
+            for first in range(0, len(of_part), AT_ONCE):
+                some = of_part[first : first + AT_ONCE]
+                _fit_again(mesh, some, part, geometry, fit.robust, threads, at_the_end)
         else:
             _rescale_errors(mesh, of_part, geometry, *part.error_ratios)
         parts.append(FitPart(len(of_part), part.rings, part.degree, part.noise_sigma))
     return replace(fit.choice, parts=tuple(parts))
+
+
+def _fit_again(
+    mesh: KernelMesh,
+    ids: IntArray,
+    part: PartFit,
+    geometry: VertexGeometry,
+    robust: bool,
+    threads: int,
+    progress: Progress | None,
+) -> None:
+    """Fit vertices of a part by a plan of its own, but where a sound fit was better, as its model has it.
+
+    The plan is for neighbourhoods without a border: the fewer sides a vertex has neighbours on, the more depends on
+    priors, and on wider rings than it is for, on what it leaves out.
+    """
+    status = geometry.status[mesh.origin[ids]]
+    sound = ids[status <= FitStatus.WIDER_RING]
+    rows = mesh.origin[sound]
+    before = {name: values[rows] for name, values in arrays_of(geometry).items()}
+    instead = [one for one in part.attempts if one.status in (FitStatus.OK, FitStatus.NARROWER_RING)]
+    for some, attempts in ((status == FitStatus.OK, instead), (status != FitStatus.OK, part.attempts)):
+        fit_with_fallbacks(mesh, ids[some], attempts, geometry, robust=robust, threads=threads, progress=progress)
+    errors = geometry.normal_std[rows] * geometry.mean_curvature_std[rows]
+    is_worse = errors > WORSE**2 * np.prod(part.error_ratios) * before["normal_std"] * before["mean_curvature_std"]
+    for name, values in arrays_of(geometry).items():
+        values[rows[is_worse]] = before[name][is_worse]
+    _rescale_errors(mesh, sound[is_worse], geometry, *part.error_ratios)
 
 
 def _part_numbers(parts: Tree[PartFit], geometry: VertexGeometry, origin: IntArray, ids: IntArray) -> ByteArray:

@@ -1,6 +1,6 @@
 """Differential geometry at every vertex of a mesh: the function that users call."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -27,7 +27,7 @@ from bezier_filters.estimation.fit_options import Automatic, check_detail, check
 from bezier_filters.estimation.noise_free import hides_sharp_edges, noise_free_surface
 from bezier_filters.estimation.point_cloud import point_cloud
 from bezier_filters.estimation.remembered import LARGEST, LearnedFit, key_of, recall, remember
-from bezier_filters.estimation.vertex_geometry import FitChoice, VertexGeometry, empty_geometry
+from bezier_filters.estimation.vertex_geometry import FitChoice, VertexGeometry, arrays_of, empty_geometry
 from bezier_filters.kernels.kernel_input import (
     SMALLEST_WIDTH,
     KernelMesh,
@@ -338,7 +338,5 @@ def _vectors(given: ArrayLike, mesh: TriangleMesh, name: str, *, one_for_all: bo
 def _clear(geometry: VertexGeometry, rows: BoolArray) -> None:
     """Forget what is known of some vertices."""
     places = np.flatnonzero(rows)
-    for part in fields(geometry):
-        values = getattr(geometry, part.name)
-        if isinstance(values, np.ndarray):
-            values[places] = FitStatus.SKIPPED if part.name == "status" else 0
+    for name, values in arrays_of(geometry).items():
+        values[places] = FitStatus.SKIPPED if name == "status" else 0

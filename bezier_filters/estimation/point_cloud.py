@@ -21,6 +21,7 @@ from bezier_filters.runtime.parallel import run_kernel
 CANDIDATES = 20  # nearest points among which the neighbours are sought: some three layers around a point
 # a point whose nearest points leave a wider angle free is on the boundary of an open cloud
 LARGEST_GAP = np.radians(120.0)
+BEHIND = np.cos(np.radians(15.0))  # of the angle at most between the directions to two points, one behind the other
 THINNEST = 1e-12  # points whose second principal variance is a smaller share of the first lie on a line
 STRAY = 3.0  # a point this many times farther away than a point's own nearest ones is no neighbour of that point
 COCIRCULAR = 1e-6  # relative tolerance for points on one circle, all of which become neighbours
@@ -151,6 +152,8 @@ def _choose_neighbours(
             count += 1
         _mark_hull(inverted, candidate, count, chosen[i])
         on_boundary[i] = _largest_gap(angles[: count - 1]) > LARGEST_GAP
+        if on_boundary[i]:
+            _leave_out_what_is_behind(inverted, candidate, count, chosen[i])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -175,7 +178,7 @@ def _mark_hull(points: FloatArray, candidate: IntArray, count: int, marks: BoolA
             start, farthest = k, square
     if start == 0:
         return
-    corner = start
+    corner, cx, cy = start, 0.0, 0.0
     for _ in range(count):
         if candidate[corner] >= 0:
             marks[candidate[corner]] = True
@@ -183,14 +186,32 @@ def _mark_hull(points: FloatArray, candidate: IntArray, count: int, marks: BoolA
         for k in range(count):
             dx, dy = points[k, 0] - points[corner, 0], points[k, 1] - points[corner, 1]
             square = dx * dx + dy * dy
-            if k == corner or square == 0.0:
+            # on a straight line that was come along, what is behind has all others on its other side
+            turn, is_behind = cx * dy - cy * dx, cx * dx + cy * dy < 0.0
+            is_behind = is_behind and abs(turn) <= COCIRCULAR * np.sqrt(square * (cx * cx + cy * cy))
+            if k == corner or square == 0.0 or is_behind:
                 continue
             side = (fx * dy - fy * dx) / np.sqrt(reach * square) if following >= 0 else -1.0
             if side < -COCIRCULAR or (side <= COCIRCULAR and square < reach and fx * dx + fy * dy > 0.0):
                 following, fx, fy, reach = k, dx, dy, square
-        corner = following
+        corner, cx, cy = following, fx, fy
         if corner == start or corner < 0:
             return
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _leave_out_what_is_behind(points: FloatArray, candidate: IntArray, count: int, marks: BoolArray) -> None:
+    """Take marks off candidates that lie behind nearer ones, seen from a point on a boundary.
+
+    There the triangles are slivers along the boundary, and all points of a straight one would be neighbours.
+    """
+    for k in range(1, count):
+        square = points[k, 0] ** 2 + points[k, 1] ** 2
+        for m in range(1, count):
+            other = points[m, 0] ** 2 + points[m, 1] ** 2  # larger for nearer ones
+            along = points[k, 0] * points[m, 0] + points[k, 1] * points[m, 1]
+            if marks[candidate[m]] and other > square and along > BEHIND * np.sqrt(square * other):
+                marks[candidate[k]] = False
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -228,6 +228,11 @@ class VertexGeometry(DerivedCurvatures):
         ) + html_table("Fits", ["outcome", "status", "vertices"], counts)
 
 
+def arrays_of(geometry: VertexGeometry) -> dict[str, FloatArray | IntArray]:
+    """The arrays with a value or a vector for every vertex, by name."""
+    return {name: values for name, values in vars(geometry).items() if isinstance(values, np.ndarray)}
+
+
 def empty_geometry(n: int) -> VertexGeometry:
     """Geometry of n vertices that nothing is known of: zeros and `FitStatus.SKIPPED`.
 

@@ -9,10 +9,9 @@ import os
 import warnings
 import zipfile
 import zlib
-from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, BinaryIO, TypeAlias
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +24,6 @@ from bezier_filters.files.mesh_headers import (
     BYTE_ORDER,
     HEADER_LIMIT,
     TRIPLE,
-    PlyElement,
     PlyHeader,
     check_lines,
     check_size,
@@ -122,28 +120,20 @@ def save_fields(path: str | os.PathLike[str], geometry: VertexGeometry) -> None:
 
 def _read_npz(path: Path, stream: BinaryIO) -> dict[str, FloatArray]:
     try:
-        _check_array_sizes(stream, path.stat().st_size)
+        with zipfile.ZipFile(stream) as archive:  # arrays are looked at before NumPy allocates them
+            for info in archive.infolist():
+                with archive.open(info) as member:
+                    np.lib.format.read_magic(member)
+                    shape, _, dtype = np.lib.format.read_array_header_1_0(member)
+                if dtype.kind not in "biuf":
+                    raise ValueError(f"{info.filename} holds {dtype}, not numbers")
+                if math.prod(shape) * dtype.itemsize > min(info.file_size, _DEFLATE_LIMIT * path.stat().st_size):
+                    raise ValueError(f"{info.filename} claims the shape {shape}")
         stream.seek(0)
-        with np.load(stream, allow_pickle=False) as archive:
-            return {name: archive[name].astype(np.float64) for name in archive.files}
+        with np.load(stream, allow_pickle=False) as arrays:
+            return {name: arrays[name].astype(np.float64) for name in arrays.files}
     except (ValueError, OSError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
         raise FieldFileError(f"{path} is not a sound NPZ file ({error}); write it again with save_fields") from error
-
-
-def _check_array_sizes(stream: BinaryIO, size: int) -> None:
-    """Refuse arrays of other things than numbers, or larger than the file can hold, before NumPy allocates them."""
-    with zipfile.ZipFile(stream) as archive:
-        for info in archive.infolist():
-            with archive.open(info) as member:
-                np.lib.format.read_magic(member)
-                shape, _, dtype = np.lib.format.read_array_header_1_0(member)
-            if dtype.kind not in "biuf":
-                raise ValueError(f"{info.filename} holds {dtype}, not numbers")
-            if math.prod(shape) * dtype.itemsize > min(info.file_size, _DEFLATE_LIMIT * size):
-                raise ValueError(f"{info.filename} claims the shape {shape}")
-
-
-_Columns: TypeAlias = Mapping[str, NDArray[Any]]
 
 
 def _read_ply(path: Path, stream: BinaryIO, head: bytes) -> dict[str, FloatArray]:
@@ -153,7 +143,9 @@ def _read_ply(path: Path, stream: BinaryIO, head: bytes) -> dict[str, FloatArray
     check_size(path, header)
     if header.is_ascii:
         check_lines(path, stream, header)
-    rows = _read_regular(stream, header) or _read_irregular(path)
+    rows = _read_regular(stream, header)
+    if rows is None:
+        rows = _read_irregular(path)
     return {name: rows[name].astype(np.float64) for name in names}
 
 
@@ -176,8 +168,8 @@ def _field_names(path: Path, header: PlyHeader) -> list[str]:
     return names
 
 
-def _read_regular(stream: BinaryIO, header: PlyHeader) -> _Columns | None:
-    """Vertex columns of a file laid out as meshes are; None if lists make its rows irregular.
+def _read_regular(stream: BinaryIO, header: PlyHeader) -> NDArray[Any] | None:
+    """Vertices, by the names of their columns, of a file laid out as meshes are; None if lists make rows irregular.
 
     Reads no further than the vertices: faces, of any size, cost nothing.
     """
@@ -186,41 +178,32 @@ def _read_regular(stream: BinaryIO, header: PlyHeader) -> _Columns | None:
         return None
     stream.seek(header.size)
     if header.is_ascii:
-        for _ in range(sum(element.count for element in before)):
-            stream.readline()
-        columns = _ascii_columns(stream, vertex)
+        numbers = np.dtype([(name, "f8") for name, _ in vertex.columns])
+        skipped = sum(element.count for element in before)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")  # NumPy only warns of empty lines
+                rows = np.loadtxt(stream, numbers, comments=None, skiprows=skipped, max_rows=vertex.count, ndmin=1)
+        except (ValueError, UserWarning):
+            return None
     else:
         stream.seek(sum(element.count * element.least_row_size(is_ascii=False) for element in before), os.SEEK_CUR)
         dtype = np.dtype([(name, BYTE_ORDER[header.format] + code) for name, code in vertex.columns])
         rows = np.fromfile(stream, dtype, vertex.count)
-        columns = {name: rows[name] for name, _ in vertex.columns} if len(rows) == vertex.count else None
     lists = [item.name for item in vertex.properties if item.length_type]
-    if columns is None or any((columns[f"{name} length"] != TRIPLE).any() for name in lists):
+    if len(rows) < vertex.count or any((rows[f"{name} length"] != TRIPLE).any() for name in lists):
         return None
-    return columns
+    return rows
 
 
-def _ascii_columns(stream: BinaryIO, vertex: PlyElement) -> _Columns | None:
-    names = [name for name, _ in vertex.columns]
-    if vertex.count == 0:
-        return dict.fromkeys(names, np.zeros(0))
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")  # NumPy only warns of empty lines
-            table = np.loadtxt(stream, comments=None, max_rows=vertex.count, ndmin=2)
-    except (ValueError, UserWarning):
-        return None
-    return dict(zip(names, table.T, strict=True)) if table.shape == (vertex.count, len(names)) else None
-
-
-def _read_irregular(path: Path) -> _Columns:
-    """Vertex columns by way of plyfile: slow, but right for every layout, and it names what is wrong."""
+def _read_irregular(path: Path) -> NDArray[Any]:
+    """Vertices by way of plyfile: slow, but right for every layout, and it names what is wrong."""
     import plyfile
 
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # plyfile warns of empty lists
-            vertex = plyfile.PlyData.read(str(path), mmap=False)["vertex"]
+            rows: NDArray[Any] = plyfile.PlyData.read(str(path), mmap=False)["vertex"].data
     except (plyfile.PlyParseError, ValueError, OverflowError) as error:
         raise FieldFileError(f"{path} is damaged or cut short: {error}") from error
-    return {item.name: vertex[item.name] for item in vertex.properties}
+    return rows

@@ -3,7 +3,6 @@
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.parsers import expat
@@ -48,47 +47,46 @@ def read_filter_script(path: str | os.PathLike[str]) -> list[ScriptStep]:
         If it cannot be read.
     """
     data = Path(path).read_bytes()
-    if len(data) > _LARGEST:
-        raise InvalidScriptError(f"{path}: is no filter script: it has {len(data):,} bytes")
-    parser = expat.ParserCreate()
-    parser.EntityDeclHandler = partial(_refuse_entity, path)
     try:
-        parser.Parse(data, True)
-    except expat.ExpatError as error:
-        raise _refusal(path, str(error)) from error
-    root = ElementTree.fromstring(data)
+        return _steps(data)
+    except (InvalidScriptError, expat.ExpatError) as error:
+        raise InvalidScriptError(f"{path}: is no filter script: {error}") from error
+
+
+def _steps(data: bytes) -> list[ScriptStep]:
+    if len(data) > _LARGEST:
+        raise InvalidScriptError(f"it has {len(data):,} bytes")
+    tree, parser = ElementTree.TreeBuilder(), expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = tree.start, tree.end
+    parser.EntityDeclHandler = _refuse_entity
+    parser.Parse(data, True)
+    root = tree.close()
     if root.tag != "FilterScript":
-        raise _refusal(path, f"the outermost element is <{root.tag}>, expected <FilterScript>")
-    return [_step(path, element) for element in root]
+        raise InvalidScriptError(f"the outermost element is <{root.tag}>, expected <FilterScript>")
+    steps = []
+    for element in root:
+        name, parameters = _checked_name("FilterScript", element, "filter", "xmlfilter"), dict[str, dict[str, str]]()
+        for child in element:
+            parameter = _checked_name(element.tag, child, "Param", "xmlparam")
+            for below in child:
+                _checked_name(child.tag, below)
+            if parameter in parameters:
+                raise InvalidScriptError(f"the filter {name!r} has two parameters {parameter!r}")
+            parameters[parameter] = {key: value for key, value in child.attrib.items() if key != "name"}
+        steps.append(ScriptStep(name, parameters))
+    return steps
 
 
-def _step(path: str | os.PathLike[str], element: ElementTree.Element) -> ScriptStep:
-    name = _checked_name(path, "FilterScript", element, ("filter", "xmlfilter"))
-    parameters: dict[str, Mapping[str, str]] = {}
-    for child in element:
-        parameter = _checked_name(path, element.tag, child, ("Param", "xmlparam"))
-        for below in child:
-            _checked_name(path, child.tag, below, ())
-        if parameter in parameters:
-            raise _refusal(path, f"the filter {name!r} has two parameters {parameter!r}")
-        parameters[parameter] = {key: value for key, value in child.attrib.items() if key != "name"}
-    return ScriptStep(name, parameters)
-
-
-def _checked_name(path: str | os.PathLike[str], parent: str, element: ElementTree.Element, tags: Sequence[str]) -> str:
+def _checked_name(parent: str, element: ElementTree.Element, *tags: str) -> str:
     if element.tag not in tags:
-        raise _refusal(path, f"an element <{element.tag}> within <{parent}>, expected <filter> and <Param>")
+        raise InvalidScriptError(f"an element <{element.tag}> within <{parent}>, expected <filter> and <Param>")
     if not element.get("name"):
-        raise _refusal(path, f"a <{element.tag}> without a name")
+        raise InvalidScriptError(f"a <{element.tag}> without a name")
     return element.attrib["name"]
 
 
-def _refuse_entity(path: str | os.PathLike[str], name: str, *_: object) -> None:
-    raise _refusal(path, f"it declares an entity {name!r}, which scripts do not need")
-
-
-def _refusal(path: str | os.PathLike[str], reason: str) -> InvalidScriptError:
-    return InvalidScriptError(f"{path}: is no filter script: {reason}")
+def _refuse_entity(name: str, *_: object) -> None:
+    raise InvalidScriptError(f"it declares an entity {name!r}, which scripts do not need")
 
 
 def save_filter_script(path: str | os.PathLike[str], steps: Sequence[ScriptStep]) -> None:

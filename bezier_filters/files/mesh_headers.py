@@ -160,12 +160,10 @@ def check_header(path: str | os.PathLike[str]) -> None:
     What is not understood passes: its own reader has to judge.
     """
     path = Path(path)
-    if path.suffix.lower() in (".gltf", ".glb"):
-        _check_gltf(path)
-        return
     with path.open("rb") as stream:
         head = stream.read(HEADER_LIMIT)
-    check = {".ply": _check_ply, ".stl": _check_stl, ".off": _check_off}.get(path.suffix.lower())
+    checks = {".ply": _check_ply, ".stl": _check_stl, ".off": _check_off, ".gltf": _check_gltf, ".glb": _check_gltf}
+    check = checks.get(path.suffix.lower())
     if check is not None:
         check(path, head)
 
@@ -195,6 +193,7 @@ def _check_stl(path: Path, head: bytes) -> None:
 
 
 def _check_off(path: Path, head: bytes) -> None:
+    """Refuse faces that go on over several lines, too: pymeshlab's reader runs out of the line."""
     text = re.sub(rb"#[^\n]*", b"", head[:4096])
     counts = re.match(rb"\s*[A-Z0-9]*OFF\s+(\d{1,18})\s+(\d{1,18})\s", text)
     if counts is None:
@@ -205,11 +204,6 @@ def _check_off(path: Path, head: bytes) -> None:
         raise FieldFileError(
             f"{path} is cut short or damaged: it announces {vertices} vertices and {faces} faces in {size} bytes"
         )
-    _check_faces_of_off(path, faces)
-
-
-def _check_faces_of_off(path: Path, faces: int) -> None:
-    """Refuse an ASCII OFF file whose faces go on over several lines: pymeshlab's reader runs out of the line."""
 
     def rows() -> Iterator[tuple[int, list[bytes]]]:
         with path.open("rb") as stream:
@@ -226,37 +220,25 @@ def _check_faces_of_off(path: Path, faces: int) -> None:
             )
 
 
-def _check_gltf(path: Path) -> None:
-    """Refuse a glTF file, as text or binary, whose primitives are not whole triangles of its vertices.
-
-    What is not understood passes: its own reader has to judge.
-    """
+def _check_gltf(path: Path, head: bytes) -> None:
+    """Refuse a glTF file, as text or binary, whose primitives are not whole triangles of its vertices."""
+    content, chunk = path.read_bytes(), b""
     try:
-        scene, chunk = _parts(path.read_bytes())
-        _check_nodes(path, scene.get("nodes", []))
+        if head.startswith(_GLB):
+            start = _GLB_HEADER + _CHUNK_HEADER
+            (size,) = struct.unpack_from("<I", content, _GLB_HEADER)
+            content, chunk = content[start : start + size], content[start + size + _CHUNK_HEADER :]
+        scene = json.loads(content)
+        TopologicalSorter({k: node.get("children", []) for k, node in enumerate(scene.get("nodes", []))}).prepare()
         for mesh in scene.get("meshes", []):
             for primitive in mesh["primitives"]:
                 _check_primitive(path, scene, chunk, primitive)
     except FieldFileError:
         raise
-    except (ValueError, KeyError, IndexError, TypeError, AttributeError, struct.error, OSError):
-        pass
-
-
-def _parts(content: bytes) -> tuple[dict[str, Any], bytes]:
-    """The scene, and the bytes that follow it in a binary file."""
-    if content[:4] != _GLB:
-        return json.loads(content), b""
-    start = _GLB_HEADER + _CHUNK_HEADER
-    (size,) = struct.unpack_from("<I", content, _GLB_HEADER)
-    return json.loads(content[start : start + size]), content[start + size + _CHUNK_HEADER :]
-
-
-def _check_nodes(path: Path, nodes: list[dict[str, Any]]) -> None:
-    try:
-        TopologicalSorter({k: node.get("children", []) for k, node in enumerate(nodes)}).prepare()
     except CycleError as error:
         raise FieldFileError(f"{path} has nodes that are inside themselves") from error
+    except (ValueError, KeyError, IndexError, TypeError, AttributeError, struct.error, OSError):
+        pass
 
 
 def _check_primitive(path: Path, scene: dict[str, Any], chunk: bytes, primitive: dict[str, Any]) -> None:

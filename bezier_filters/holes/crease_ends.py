@@ -5,11 +5,11 @@ from math import cos, radians
 
 import numpy as np
 
-from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.holes.influence_region import InfluenceRegion
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.frames import unit_face_normals
-from bezier_filters.meshes.half_edges import ends_of_half_edges, half_edge_twins, mesh_edges
+from bezier_filters.meshes.half_edges import cycles, ends_of_half_edges, half_edge_twins, mesh_edges
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.sharp_edges import sharp_edges
 
@@ -43,12 +43,11 @@ def may_have_creases(region: InfluenceRegion) -> bool:
 
 @dataclass(frozen=True)
 class Creases:
-    """Half-edges around a hole, each (3 m,): which are sharp, clear and convex, and the opposite ones or -1."""
+    """Sharp edges around a hole."""
 
-    is_sharp: BoolArray
-    is_clear: BoolArray
-    is_convex: BoolArray
-    twins: IntArray
+    leaving: dict[int, list[int]]  # the vertices at their other ends, by those where they begin
+    angles: dict[tuple[int, int], float]  # how far they bend, both ways, in radians: negative in valleys
+    twins: IntArray  # (3 m,): the half-edge opposite to each, or -1
 
 
 def creases_around(region: InfluenceRegion, angle: float = ROUNDED) -> Creases:
@@ -56,31 +55,15 @@ def creases_around(region: InfluenceRegion, angle: float = ROUNDED) -> Creases:
     mesh = TriangleMesh(region.shape, region.faces)
     edges = mesh_edges(mesh)
     is_sharp = sharp_edges(mesh, edges, vertex_adjacency(mesh), angle)
+    signed = np.where(edges.is_convex, edges.angles, -edges.angles)
     of_half_edges = edges.of_faces.ravel()  # no face of a region names a vertex twice, so all have an edge
-    is_clear = is_sharp & (edges.angles > CLEAR)
-    is_sharp, is_clear, is_convex = (values[of_half_edges] for values in (is_sharp, is_clear, edges.is_convex))
-    return Creases(is_sharp, is_clear, is_convex, half_edge_twins(region.faces, len(region.ids)))
-
-
-@dataclass(frozen=True)
-class _Lines:
-    """Creases from vertex to vertex."""
-
-    leaving: dict[int, list[int]]  # the vertices at the other ends of creases, by those where they begin
-    convex: dict[tuple[int, int], bool]  # both ways
-    clear: set[tuple[int, int]]
-
-
-def _lines(region: InfluenceRegion, creases: Creases) -> _Lines:
-    lines = _Lines({}, {}, set())
+    creases = Creases({}, {}, half_edge_twins(region.faces, len(region.ids)))
     start, end = ends_of_half_edges(region.faces)
-    for half_edge in np.flatnonzero(creases.is_sharp).tolist():
+    for half_edge in np.flatnonzero(is_sharp[of_half_edges]).tolist():
         a, b = int(start[half_edge]), int(end[half_edge])
-        lines.leaving.setdefault(a, []).append(b)
-        lines.convex[a, b] = bool(creases.is_convex[half_edge])
-        if creases.is_clear[half_edge]:
-            lines.clear.add((a, b))
-    return lines
+        creases.leaving.setdefault(a, []).append(b)
+        creases.angles[a, b] = float(signed[of_half_edges[half_edge]])
+    return creases
 
 
 def crease_ends(region: InfluenceRegion, creases: Creases) -> tuple[list[CreaseEnd], frozenset[int]]:
@@ -89,13 +72,12 @@ def crease_ends(region: InfluenceRegion, creases: Creases) -> tuple[list[CreaseE
     These are given by the places of their first vertices. A crease that touches the rim, or runs along it from one
     vertex to another, does not go through the hole.
     """
-    lines = _lines(region, creases)
     after = region.normals_beyond(region.loops[0])
     before = np.roll(after, 1, axis=0)
     found = [
         end
         for position in range(len(after))
-        if (end := _end_at(region, lines, position, before[position], after[position]))
+        if (end := _end_at(region, creases, position, before[position], after[position]))
     ]
     along_rim = [edges for _, edges in found]
     ends = {end.position: end for end, edges in found if along_rim.count(edges) < 2 or not edges}
@@ -103,28 +85,28 @@ def crease_ends(region: InfluenceRegion, creases: Creases) -> tuple[list[CreaseE
 
 
 def _end_at(
-    region: InfluenceRegion, lines: _Lines, position: int, before: FloatArray, after: FloatArray
+    region: InfluenceRegion, creases: Creases, position: int, before: FloatArray, after: FloatArray
 ) -> tuple[CreaseEnd, frozenset[int]] | None:
     """The end of the crease that reaches the rim at a place, and edges of the rim along which it runs on; maybe none.
 
     `before` and `after` are the normals of the faces at the edges of the rim that meet there.
     """
     vertex = int(region.loops[0][position])
-    others = lines.leaving.get(vertex, [])
+    others = creases.leaving.get(vertex, [])
     if len(others) > 1 and before @ after > cos(ROUNDED):
         return None
-    chains = [_chain(region.shape, lines.leaving, [vertex, other]) for other in others]
+    chains = [_chain(region.shape, creases.leaving, [vertex, other]) for other in others]
     chain = max(chains, key=len, default=[])  # of equally long ones the one that leaves by the first half-edge
     # round a corner, or to one where creases meet
-    goes_on = len(chain) > 1 and (chain[0], chain[1]) in lines.clear and len(lines.leaving.get(chain[1], [])) > 1
-    if not (len(chain) > SHORTEST or goes_on):
+    goes_on = len(chain) > 1 and len(creases.leaving.get(chain[1], [])) > 1
+    if not (len(chain) > SHORTEST or (goes_on and abs(creases.angles[chain[0], chain[1]]) > CLEAR)):
         return None
     followed = [(_followed(region, position, chain), chain) for chain in chains]
     (place, tangent, edges), chain = max(followed, key=lambda end: (len(end[0][2]), len(end[1])))
     # Faces without an area, or folded onto each other, do not tell where their planes meet.
     if len(others) > 1 and not edges and np.linalg.norm(np.cross(before, after)) > FOLDED:
         return _end_at_corner(region, position, before, after), edges
-    return CreaseEnd(place, tangent, lines.convex[chain[0], chain[1]]), edges
+    return CreaseEnd(place, tangent, creases.angles[chain[0], chain[1]] > 0.0), edges
 
 
 def _end_at_corner(region: InfluenceRegion, position: int, before: FloatArray, after: FloatArray) -> CreaseEnd:
@@ -210,7 +192,8 @@ def sectors(region: InfluenceRegion, creases: Creases, ends: list[CreaseEnd], al
     for face in reached:  # which grows meanwhile
         for half_edge in range(3 * face, 3 * face + 3):
             other = int(creases.twins[half_edge]) // 3
-            if creases.twins[half_edge] >= 0 and not creases.is_sharp[half_edge] and result[other] < 0:
+            is_sharp = (int(start[half_edge]), int(end[half_edge])) in creases.angles
+            if creases.twins[half_edge] >= 0 and not is_sharp and result[other] < 0:
                 result[other] = result[face]
                 reached.append(other)
     return result
@@ -223,13 +206,9 @@ class CutHole:
     region: InfluenceRegion  # of the whole hole, which has one loop
     ends: list[CreaseEnd]  # in the order of the rim; sector k of the rim begins at end k
     groups: list[tuple[int, ...]]  # ends that belong together
-    part_of_sector: list[int]  # the part of the hole that each sector of the rim borders on
+    sectors: list[IntArray]  # those that each part of the hole borders on, in the order of its border
+    part_of_sector: IntArray  # (k,)
     part_of_face: IntArray  # (m,): the part whose side each face around the hole is on, -1 for none
-
-    @property
-    def part_count(self) -> int:
-        """Number of parts."""
-        return max(self.part_of_sector) + 1
 
 
 def cut_hole(
@@ -239,58 +218,38 @@ def cut_hole(
     along_rim: frozenset[int],
     groups: list[tuple[int, ...]],
 ) -> CutHole:
-    """Find the parts of a hole, and the faces on their sides."""
-    sector_of_face = sectors(region, creases, ends, along_rim)
-    part_of_sector = _parts(groups, len(ends))
-    part_of_face = np.append(np.array(part_of_sector, dtype=np.int32), np.int32(-1))[sector_of_face]
-    return CutHole(region, ends, groups, part_of_sector, part_of_face)
+    """Find the parts of a hole, and the faces on their sides.
 
-
-def _parts(groups: list[tuple[int, ...]], count: int) -> list[int]:
-    """Number of the sub-hole that each sector of the rim belongs to.
-
-    Sector k begins at end k. Where it reaches the next end, the border of its sub-hole goes back, along the
-    creases of that end's group, to the end of the group before, where another sector begins.
+    Where a sector reaches the next end, the border of its part goes back, along the creases of that end's group, to the
+    end of the group before, where another sector begins.
     """
-    before = _ends_before(groups)
-    result = [-1] * count
-    parts = 0
-    for first in range(count):
-        sector = first
-        while result[sector] < 0:
-            result[sector] = parts
-            sector = before[(sector + 1) % count]
-        parts = max(result) + 1
-    return result
-
-
-def _ends_before(groups: list[tuple[int, ...]]) -> dict[int, int]:
-    """The end before each end in its group, the last one before the first."""
-    return {group[k]: group[k - 1] for group in groups for k in range(len(group))}
+    following = np.zeros(len(ends), dtype=np.int32)
+    for group in groups:
+        following[[end - 1 for end in group]] = np.roll(group, 1)
+    parts = cycles(following, np.arange(len(ends), dtype=np.int32))
+    part_of_sector = np.zeros(len(ends), dtype=np.int32)
+    for part, own in enumerate(parts):
+        part_of_sector[own] = part
+    part_of_face = np.append(part_of_sector, np.int32(-1))[sectors(region, creases, ends, along_rim)]
+    return CutHole(region, ends, groups, parts, part_of_sector, part_of_face)
 
 
 def border(cut: CutHole, paths: list[IntArray], part: int) -> IntArray:
     """Border of a part: sectors of the rim, and paths back from the end of each to the beginning of the next."""
-    rim, ends, groups = cut.region.loops[0], cut.ends, cut.groups
-    before = _ends_before(groups)
+    rim, positions = cut.region.loops[0], [end.position for end in cut.ends]
     path_from = {int(path[0]): path for path in paths}
     path_to = {int(path[-1]): path for path in paths}
-    first = cut.part_of_sector.index(part)
+    own = cut.sectors[part]
     pieces: list[IntArray] = []
-    sector = first
-    while True:
-        arriving = (sector + 1) % len(ends)
-        start, stop = ends[sector].position, ends[arriving].position
-        stop = stop if stop > start else stop + len(rim)
-        pieces.append(rim[np.arange(start, stop) % len(rim)])
-        here, sector = int(rim[ends[arriving].position]), before[arriving]
-        there = int(rim[ends[sector].position])
+    for sector, following in zip(own.tolist(), np.roll(own, -1).tolist(), strict=True):
+        start, stop = positions[sector], positions[(sector + 1) % len(positions)]
+        pieces.append(rim[np.arange(start, stop if stop > start else stop + len(rim)) % len(rim)])
+        here, there = int(rim[stop]), int(rim[positions[following]])
         path = path_from[here] if here in path_from else path_to[here][::-1]
         if path[-1] != there:  # by way of a corner
             path = np.concatenate([path, path_from[there][::-1][1:]])
         pieces.append(path[:-1])
-        if sector == first:
-            return np.concatenate(pieces).astype(np.int32)
+    return np.concatenate(pieces).astype(np.int32)
 
 
 def sub_hole(

@@ -97,7 +97,7 @@ def crease_attempts(
         corners, curves = _first_curves(cut, [])
         leaves = _leave(region, curves)
         yield _attempt(
-            LEAVING if leaves else _with_parts(cut, corners, curves, [fill_part or _spanned] * cut.part_count)
+            LEAVING if leaves else _with_parts(cut, corners, curves, [fill_part or _spanned] * len(cut.sectors))
         )
 
 
@@ -135,7 +135,7 @@ def _leave(region: InfluenceRegion, curves: Sequence[_Curve]) -> bool:
 def _fill(cut: CutHole, *, noisy: bool) -> Attempt | str:
     """Fill a hole whose creases are joined in groups of ends, or say why that is not possible."""
     region = cut.region
-    normals = [_side(region, cut.part_of_face == part) for part in range(cut.part_count)]
+    normals = [_side(region, cut.part_of_face == part) for part in range(len(cut.sectors))]
     surfaces = _surfaces(region, normals, [], noisy=noisy)
     corners, curves = _first_curves(cut, surfaces)
     if _leave(region, curves):
@@ -201,7 +201,7 @@ def _with_parts(
         taken |= vertex_pairs(faces[-1], shared)
     creases = np.vstack([np.stack([path[:-1], path[1:]], axis=1) for path in paths])
     fill = Fill(points, sizes, np.vstack(faces), region.rim_count)
-    return Attempt("creases", fill, parts=cut.part_count, creases=creases)
+    return Attempt("creases", fill, parts=len(cut.sectors), creases=creases)
 
 
 def _side(region: InfluenceRegion, faces: BoolArray) -> FloatArray:
@@ -242,7 +242,7 @@ def _first_curves(cut: CutHole, surfaces: Sequence[ImplicitSurface | None]) -> t
         if len(group) == 2 and ends[group[0]].is_convex == ends[group[1]].is_convex:
             targets = [(group[0], names[group[1]], places[1], -ends[group[1]].tangent)]
         else:
-            parts = sorted({part_of_sector[k] for k in group}) if surfaces else []
+            parts = sorted({int(part_of_sector[k]) for k in group}) if surfaces else []
             own = [surface for part in parts if (surface := surfaces[part]) is not None]
             corner = nearest_corner(np.array(places), np.array([ends[k].tangent for k in group]), own, 0.01 * edge)
             name = region.rim_count + len(corners)
@@ -252,7 +252,7 @@ def _first_curves(cut: CutHole, surfaces: Sequence[ImplicitSurface | None]) -> t
             start = region.vertices[names[k]], ends[k].tangent
             inner = hermite_curve(*start, target, tangent, edge)
             straight = bending_energy(*start, target, tangent) < STRAIGHT
-            sides = part_of_sector[k - 1], part_of_sector[k]
+            sides = int(part_of_sector[k - 1]), int(part_of_sector[k])
             curves.append(_Curve((names[k], name), start[0], target, inner, sides, straight))
     return np.array(corners).reshape(-1, 3), curves
 

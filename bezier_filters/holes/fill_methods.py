@@ -4,13 +4,13 @@ A further method to fill holes is a function of a task, and a line in the table.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from math import degrees
 from typing import Literal
 
 import numpy as np
-from scipy.sparse import coo_matrix
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
@@ -18,13 +18,13 @@ from bezier_filters.holes.crease_fill import crease_attempts
 from bezier_filters.holes.hole_detection import Hole
 from bezier_filters.holes.influence_region import InfluenceRegion, KnownSurface, vertex_pairs
 from bezier_filters.holes.planar_fill import Correction, paper_fill
-from bezier_filters.holes.polyharmonic_fairing import polyharmonic_fairing
+from bezier_filters.holes.polyharmonic_fairing import polyharmonic_continuation
 from bezier_filters.holes.smooth_fill import Attempt, smooth_attempts
 from bezier_filters.meshes.adjacency import Rows
 from bezier_filters.meshes.frames import unit_face_normals
 from bezier_filters.meshes.half_edges import dihedral_angles, faces_at_edges
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.self_intersections import cut_faces, meeting_box
+from bezier_filters.meshes.self_intersections import cut_faces, faces_in_boxes, meeting_box
 
 FillingMethod = Literal["auto", "paper"]
 
@@ -35,11 +35,72 @@ MOST_FREED, LARGEST_SHARE, RINGS_FREED = 16, 0.04, 4
 
 
 @dataclass(frozen=True)
+class HoleReport:
+    """A hole and its fill.
+
+    Attributes
+    ----------
+    rim : (k,) int32
+        Vertices of the rim, in the direction of the faces that fill the hole; ascending where that is unclear.
+    islands : int
+        Separate sheets within the hole, which the fill is joined to.
+    edge_count : int
+        Edges of the rim, and of those of the islands.
+    perimeter : float
+        Their length.
+    diameter : float
+        Largest distance between two vertices of the rim, a length.
+    is_outer_rim : bool
+        Whether this is where an open sheet ends, rather than a hole in it.
+    filled : bool
+        Whether the hole was filled; otherwise `reason` says why not, and nothing of it was changed.
+    method : str
+        ``"surface"``: triangles on the surface that continues the points and normals around the hole.
+        ``"creases"``: sharp edges were continued through the hole, and its parts filled like that.
+        ``"variational"``: no such surface; a fill without tension. ``"flat"``: triangles between the
+        vertices of the rim, and some more in between, of little area. ``"paper"``: the paper's patch, or one for each
+        part. Empty if open.
+    reason : str
+        Why the hole was left open, or why better methods were not used; empty if there is nothing to say.
+    parts : int
+        Sub-holes that creases cut the hole into, 1 without creases, 0 if it was left open.
+    creases : (e, 2) int32
+        Edges of the new mesh, within the hole, that are creases.
+    new_vertices, new_faces : range
+        Rows of the result that belong to the fill. Outer rims are filled last: theirs are the last rows.
+    rim_error : float
+        Largest distance between a rim vertex before and after: 0.
+    rim_dihedral : float
+        Mean angle between the faces on both sides of the rim, in degrees.
+    self_intersections : int
+        New faces that cut another face; if all fills have such and the hole was left open, those of the best.
+    """
+
+    rim: IntArray
+    islands: int
+    edge_count: int
+    perimeter: float
+    diameter: float
+    is_outer_rim: bool
+    filled: bool = False
+    method: str = ""
+    reason: str = ""
+    parts: int = 0
+    creases: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int32))
+    new_vertices: range = range(0)
+    new_faces: range = range(0)
+    rim_error: float = 0.0
+    rim_dihedral: float = 0.0
+    self_intersections: int = 0
+
+
+@dataclass(frozen=True)
 class OpenMesh:
     """A mesh with the holes that are to be filled, and what is known for that."""
 
     mesh: TriangleMesh
     known: KnownSurface  # with the region of each hole, in the order in which fills give way to earlier ones
+    reports: list[HoleReport]  # of these holes, still open
     boxes: FloatArray  # (h, 2, 3): lowest and highest corner of the box that each fill must not leave
     near: Rows  # faces of the mesh in each box
     method: FillingMethod
@@ -92,24 +153,6 @@ class FaceSet:
     faces: IntArray  # (m, 3): places in `ids`
 
 
-@dataclass(frozen=True)
-class FilledHole:
-    """The attempt that was taken, as a part of the mesh; no attempt and no faces if none was.
-
-    New vertices are numbered on from those of the mesh and of earlier holes of the group, the first of them as
-    `first_vertex`. `cuts` new faces cut others, or would in the best fill; `reason` says why better attempts were not
-    taken.
-    """
-
-    attempt: Attempt | None = None
-    placed: FaceSet | None = None
-    first_vertex: int = 0
-    cuts: int = 0
-    reason: str = ""
-    rim_error: float = 0.0
-    rim_dihedral: float = 0.0
-
-
 def hole_box(mesh: TriangleMesh, hole: Hole) -> tuple[FloatArray, FloatArray]:
     """Lowest and highest corner of the box that a fill must not leave, each (3,)."""
     rim = mesh.vertices[np.concatenate(hole.loops)]
@@ -121,27 +164,24 @@ def groups_of_boxes(boxes: FloatArray) -> list[IntArray]:
 
     Fills of holes whose boxes do not meet do not depend on each other.
 
-    >>> [group.tolist() for group in groups_of_boxes(np.array([[[0.0], [1.0]], [[5.0], [6.0]], [[1.0], [2.0]]]))]
+    >>> boxes = np.array([[0.0, 1.0], [5.0, 6.0], [1.0, 2.0]])[:, :, np.newaxis] * np.ones(3)
+    >>> [group.tolist() for group in groups_of_boxes(boxes)]
     [[0, 2], [1]]
     """
-    low, high = boxes[:, 0], boxes[:, 1]
-    # Sweep along x: a box can only meet those that begin before it ends.
-    order = np.argsort(low[:, 0], kind="stable")
-    stops = np.searchsorted(low[order, 0], high[order, 0], side="right")
-    pairs = [np.empty((2, 0), dtype=np.int64)]
-    for k, stop in enumerate(stops.tolist()):
-        others = order[k + 1 : stop]
-        met = others[((low[others] <= high[order[k]]) & (high[others] >= low[order[k]])).all(axis=1)]
-        pairs.append(np.stack([np.full(len(met), order[k]), met]))
-    first, second = np.hstack(pairs)
-    graph = coo_matrix((np.ones(len(first)), (first, second)), shape=(len(boxes), len(boxes)))
+    faces = np.arange(2 * len(boxes), dtype=np.int32).reshape(-1, 2)[:, [0, 1, 1]]  # from corner to corner of each
+    met = faces_in_boxes(boxes.reshape(-1, 3), faces, boxes[:, 0], boxes[:, 1])
+    graph = csr_array((np.ones(len(met.indices)), met.indices, met.indptr), shape=(len(boxes), len(boxes)))
     count, group = connected_components(graph, directed=False)
     by_group = np.argsort(group, kind="stable")
     return np.split(by_group, np.searchsorted(group[by_group], np.arange(1, count)))
 
 
-def fill_group(task: OpenMesh, group: Iterable[int], *, threads: int = 1) -> list[FilledHole]:
-    """Fill some holes of a mesh, given by ascending numbers, each given that the earlier ones are filled."""
+def fill_group(task: OpenMesh, group: Iterable[int], *, threads: int = 1) -> list[tuple[HoleReport, FaceSet | None]]:
+    """Fill some holes of a mesh, given by ascending numbers, each given that the earlier ones are filled.
+
+    New vertices are numbered on from those of the mesh and of earlier holes. Of the rows of the result, reports know
+    the creases only, by their places in the fill.
+    """
     placed: dict[int, FaceSet] = {}
     joined: dict[int, set[int]] = {}
     result = []
@@ -149,27 +189,29 @@ def fill_group(task: OpenMesh, group: Iterable[int], *, threads: int = 1) -> lis
     for number in group:
         region = task.known.regions[number].with_joined(joined)
         hole = FillTask(task, region, task.known.normals[region.ids], region.is_noisy(task.known.noise), threads)
-        filled = _first_without_cuts(hole, number, placed, next_vertex)
-        result.append(filled)
-        if filled.placed is not None:
-            placed[number] = filled.placed
-            next_vertex += len(filled.placed.ids) - region.rim_count
-            for a, b in vertex_pairs(filled.placed.ids[filled.placed.faces], task.mesh.vertex_count):
+        report, fill = _first_without_cuts(hole, number, placed, next_vertex)
+        result.append((report, fill))
+        if fill is not None:
+            placed[number] = fill
+            next_vertex += len(fill.ids) - region.rim_count
+            for a, b in vertex_pairs(fill.ids[fill.faces], task.mesh.vertex_count):
                 joined.setdefault(a, set()).add(b)
                 joined.setdefault(b, set()).add(a)
     return result
 
 
-def _first_without_cuts(hole: FillTask, number: int, earlier: dict[int, FaceSet], next_vertex: int) -> FilledHole:
+def _first_without_cuts(
+    hole: FillTask, number: int, earlier: dict[int, FaceSet], next_vertex: int
+) -> tuple[HoleReport, FaceSet | None]:
     """The first attempt that cuts nothing, or else none; if fills may cut others, the first of those that cut least."""
-    task, region = hole.mesh, hole.region
+    task, region, report = hole.mesh, hole.region, hole.mesh.reports[number]
     low, high = task.boxes[number]
     meeting = [
         faces for k, faces in earlier.items() if (task.boxes[k, 0] <= high).all() and (task.boxes[k, 1] >= low).all()
     ]
     ids = task.mesh.faces[task.near.row(number)].ravel()
     of_mesh = FaceSet(ids, task.mesh.vertices[ids], np.arange(len(ids), dtype=np.int32).reshape(-1, 3))
-    best = FilledHole()
+    least, taken, placed = 0, None, None  # faces that cut others, in the best attempt so far and its place in the mesh
     reasons: list[tuple[Attempt, str]] = []
     for attempt in FILL_METHODS[task.method](hole):
         fill, problem = attempt.fill, attempt.reason
@@ -179,22 +221,32 @@ def _first_without_cuts(hole: FillTask, number: int, earlier: dict[int, FaceSet]
             problem = "bulges too far from the rim"
         elif fill is not None:
             new = np.arange(next_vertex, next_vertex + len(fill.points) - fill.rim_count)
-            placed = FaceSet(np.concatenate([region.ids[: fill.rim_count], new]), fill.points, fill.faces)
-            placed, cuts = _with_fewer_cuts(placed, region.rim_count, [of_mesh, *meeting])
-            if best.attempt is None or cuts < best.cuts:  # of equals the earlier: methods come best first
-                error = float(np.abs(placed.points[: region.rim_count] - region.rim_vertices).max())
-                best = FilledHole(attempt, placed, next_vertex, cuts, rim_error=error)
+            faces = FaceSet(np.concatenate([region.ids[: fill.rim_count], new]), fill.points, fill.faces)
+            faces, cuts = _with_fewer_cuts(faces, region.rim_count, [of_mesh, *meeting])
+            if taken is None or cuts < least:  # of equals the earlier: methods come best first
+                least, taken, placed = cuts, attempt, faces
             if cuts == 0:
                 break
             problem = f"{cuts} of its faces would cut others"
         reasons.append((attempt, f"{attempt.method}: {problem}"))
-    if best.cuts and not task.intersecting:
-        return FilledHole(cuts=best.cuts, reason="; ".join(dict.fromkeys([CUTTING, *(text for _, text in reasons)])))
-    angle = _rim_dihedral(best.placed, region) if best.placed else 0.0
-    told = [text for attempt, text in reasons if attempt is not best.attempt]
-    if best.attempt and best.cuts:
-        told.append(f"{best.attempt.method}: taken, though {best.cuts} of its faces cut others, the fewest")
-    return replace(best, reason="; ".join(dict.fromkeys(told)), rim_dihedral=angle)
+    if taken is None or placed is None or (least and not task.intersecting):
+        told = [CUTTING] if least else []
+        told += [text for _, text in reasons]
+        return replace(report, reason="; ".join(dict.fromkeys(told)), self_intersections=least), None
+    told = [text for attempt, text in reasons if attempt is not taken]
+    if least:
+        told.append(f"{taken.method}: taken, though {least} of its faces cut others, the fewest")
+    return replace(
+        report,
+        filled=True,
+        method=taken.method,
+        reason="; ".join(dict.fromkeys(told)),
+        parts=taken.parts,
+        creases=report.creases if taken.creases is None else taken.creases,
+        rim_error=float(np.abs(placed.points[: region.rim_count] - region.rim_vertices).max()),
+        rim_dihedral=_rim_dihedral(placed, region),
+        self_intersections=least,
+    ), placed
 
 
 def _with_fewer_cuts(placed: FaceSet, rim_count: int, others: Sequence[FaceSet]) -> tuple[FaceSet, int]:
@@ -212,7 +264,7 @@ def _with_fewer_cuts(placed: FaceSet, rim_count: int, others: Sequence[FaceSet])
         order = np.concatenate([np.setdiff1d(np.arange(len(placed.points)), moving), moving])
         points = placed.points.copy()
         faces = np.argsort(order)[placed.faces].astype(np.int32)
-        points[order] = polyharmonic_fairing(points[order], faces, len(order) - len(moving), 1)
+        points[order] = polyharmonic_continuation(points[order], faces, points[order[: len(order) - len(moving)]])
         freed = replace(placed, points=points)
         if not _cuts(freed, others).any():
             return freed, 0

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError, is_integer, is_real
-from bezier_filters.holes.loops import corner_angles, diameter, enclosed, plane_axes, vector_area
+from bezier_filters.holes.loops import angle_sums, diameter, enclosed, plane_axes, vector_area
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.half_edges import BorderEdges, border_edges, cycles, doubled_edges
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection
@@ -128,7 +128,8 @@ def _loops_around_gaps(
     unclear[np.concatenate([*parts, np.empty(0, dtype=np.int64)])] = True
     rest = [(start[part], end[part]) for part in parts]
     successor = np.where(unclear, np.arange(len(start)), first).astype(np.int32)
-    gaps = 2.0 * pi - angle_sums(mesh, adjacency, end)  # at the end of each half-edge
+    around = mesh.faces[np.unique(adjacency.faces.of(end))]
+    gaps = 2.0 * pi - angle_sums(mesh.vertices, around, mesh.vertex_count)[end]  # at the end of each half-edge
     for vertex in np.unique(end[(last - first > 1) & ~unclear]):
         arriving, leaving = np.flatnonzero(end == vertex), np.flatnonzero(start == vertex)
         following, angles = _across_gaps(mesh, adjacency, vertex, start[arriving], end[leaving])
@@ -164,15 +165,6 @@ def _across_gaps(
     angles = (bearings(after) - bearings(before)[:, np.newaxis]) % (2.0 * pi)
     row, column = linear_sum_assignment(angles)
     return column.astype(np.int32), angles[row, column]
-
-
-def angle_sums(mesh: TriangleMesh, adjacency: Adjacency, ids: IntArray) -> FloatArray:
-    """Sum of the angles of all faces at some vertices, in radians."""
-    faces = mesh.faces[adjacency.faces.of(ids)]
-    owner = np.repeat(np.arange(len(ids)), adjacency.faces.lengths_of(ids))
-    corner = np.argmax(faces == ids[owner, np.newaxis], axis=1)
-    angles = corner_angles(*(mesh.vertices[faces[np.arange(len(faces)), (corner + k) % 3]] for k in range(3)))
-    return np.bincount(owner, weights=angles, minlength=len(ids)).astype(np.float64)
 
 
 def _with_islands(mesh: TriangleMesh, holes: list[Hole]) -> list[Hole]:

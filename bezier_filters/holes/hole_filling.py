@@ -1,7 +1,7 @@
 """Hole filling: the function that users call, and what it gives."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, get_args
 
 import numpy as np
@@ -14,8 +14,8 @@ from bezier_filters.estimation.fit_options import check_noise
 from bezier_filters.holes.fill_methods import (
     FILL_METHODS,
     FaceSet,
-    FilledHole,
     FillingMethod,
+    HoleReport,
     OpenMesh,
     fill_group,
     groups_of_boxes,
@@ -32,66 +32,6 @@ from bezier_filters.runtime.parallel import Progress, one_thread_for_matrices, r
 
 if TYPE_CHECKING:
     from bezier_filters import Page
-
-
-@dataclass(frozen=True)
-class HoleReport:
-    """A hole and its fill.
-
-    Attributes
-    ----------
-    rim : (k,) int32
-        Vertices of the rim, in the direction of the faces that fill the hole; ascending where that is unclear.
-    islands : int
-        Separate sheets within the hole, which the fill is joined to.
-    edge_count : int
-        Edges of the rim, and of those of the islands.
-    perimeter : float
-        Their length.
-    diameter : float
-        Largest distance between two vertices of the rim, a length.
-    is_outer_rim : bool
-        Whether this is where an open sheet ends, rather than a hole in it.
-    filled : bool
-        Whether the hole was filled; otherwise `reason` says why not, and nothing of it was changed.
-    method : str
-        ``"surface"``: triangles on the surface that continues the points and normals around the hole.
-        ``"creases"``: sharp edges were continued through the hole, and its parts filled like that.
-        ``"variational"``: no such surface; a fill without tension. ``"flat"``: triangles between the
-        vertices of the rim, and some more in between, of little area. ``"paper"``: the paper's patch, or one for each
-        part. Empty if open.
-    reason : str
-        Why the hole was left open, or why better methods were not used; empty if there is nothing to say.
-    parts : int
-        Sub-holes that creases cut the hole into, 1 without creases, 0 if it was left open.
-    creases : (e, 2) int32
-        Edges of the new mesh, within the hole, that are creases.
-    new_vertices, new_faces : range
-        Rows of the result that belong to the fill. Outer rims are filled last: theirs are the last rows.
-    rim_error : float
-        Largest distance between a rim vertex before and after: 0.
-    rim_dihedral : float
-        Mean angle between the faces on both sides of the rim, in degrees.
-    self_intersections : int
-        New faces that cut another face; if all fills have such and the hole was left open, those of the best.
-    """
-
-    rim: IntArray
-    islands: int
-    edge_count: int
-    perimeter: float
-    diameter: float
-    is_outer_rim: bool
-    filled: bool = False
-    method: str = ""
-    reason: str = ""
-    parts: int = 0
-    creases: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int32))
-    new_vertices: range = range(0)
-    new_faces: range = range(0)
-    rim_error: float = 0.0
-    rim_dihedral: float = 0.0
-    self_intersections: int = 0
 
 
 @dataclass(frozen=True, repr=False)
@@ -281,69 +221,42 @@ def fill_holes(
     known = known_surface(mesh, regions, noise, threads=threads)
     boxes = np.array([hole_box(mesh, hole) for hole in chosen]).reshape(-1, 2, 3)
     near = faces_in_boxes(mesh.vertices, mesh.faces, boxes[:, 0], boxes[:, 1])
-    task = OpenMesh(mesh, known, boxes, near, method, creases, intersecting, float(alpha), correction)
     reports = [
         HoleReport(h.rim, len(h.loops) - 1, h.edge_count, h.perimeter, h.diameter, h.is_outer_rim, reason=refusal)
         for h, refusal in zip(found, refusals, strict=True)
     ]
-    fills: list[FaceSet] = []
+    open_ = [reports[k] for k in numbers]
+    task = OpenMesh(mesh, known, open_, boxes, near, method, creases, intersecting, float(alpha), correction)
+    points, triangles = [mesh.vertices], [mesh.faces]
     vertex_count, face_count = mesh.vertex_count, mesh.face_count
-    for number, filled in zip(numbers, _filled(task, threads, progress), strict=True):
-        if filled.placed is None:
-            reports[number] = replace(reports[number], reason=filled.reason, self_intersections=filled.cuts)
+    for number, (described, fill) in zip(numbers, _filled(task, threads, progress), strict=True):
+        reports[number] = described
+        if fill is None:
             continue
-        ids = filled.placed.ids
-        ids = np.where(ids >= filled.first_vertex, ids + (vertex_count - filled.first_vertex), ids)
-        fill = replace(filled.placed, ids=ids)
-        reports[number] = _report_of_fill(reports[number], filled, fill, vertex_count, face_count)
-        fills.append(fill)
-        vertex_count += len(reports[number].new_vertices)
-        face_count += len(reports[number].new_faces)
-    return HoleFillingResult(
-        np.vstack([mesh.vertices, *(fill.points[fill.ids >= mesh.vertex_count] for fill in fills)]),
-        np.vstack([mesh.faces, *(fill.ids[fill.faces].astype(np.int32) for fill in fills)]),
-        tuple(reports),
-        known.noise,
-    )
+        ids, is_new = fill.ids.copy(), fill.ids >= mesh.vertex_count
+        new_vertices = range(vertex_count, vertex_count + np.count_nonzero(is_new))
+        new_faces = range(face_count, face_count + len(fill.faces))
+        ids[is_new] = new_vertices  # which were numbered within their group
+        edges = ids[described.creases].astype(np.int32)
+        reports[number] = replace(described, creases=edges, new_vertices=new_vertices, new_faces=new_faces)
+        points.append(fill.points[is_new])
+        triangles.append(ids[fill.faces].astype(np.int32))
+        vertex_count, face_count = new_vertices.stop, new_faces.stop
+    return HoleFillingResult(np.vstack(points), np.vstack(triangles), tuple(reports), known.noise)
 
 
-def _filled(task: OpenMesh, threads: int, progress: Progress | None) -> list[FilledHole]:
+def _filled(task: OpenMesh, threads: int, progress: Progress | None) -> list[tuple[HoleReport, FaceSet | None]]:
     """Fill all holes, on several threads if there are several groups of them."""
     groups = groups_of_boxes(task.boxes)
-    results = [FilledHole()] * len(task.known.regions)
-    report(progress, 0, len(task.known.regions))
-    done: list[int] = []
+    results: dict[int, tuple[HoleReport, FaceSet | None]] = {}
+    total = len(task.reports)
+    report(progress, 0, total)
 
     def fill_groups(start: int, stop: int) -> None:
         for group in (part.tolist() for part in groups[start:stop]):
             fills = fill_group(task, group, threads=1 if len(groups) > 1 else threads)
-            for number, filled in zip(group, fills, strict=True):
-                results[number] = filled
-            done.extend(group)
+            results.update(zip(group, fills, strict=True))
 
-    of_holes = None if progress is None else lambda _, __: progress(len(done), len(task.known.regions))
+    of_holes = None if progress is None else lambda _, __: progress(len(results), total)
     run_kernel(fill_groups, len(groups), threads=threads, progress=of_holes, chunk=1)
-    return results
-
-
-def _report_of_fill(
-    left_open: HoleReport, filled: FilledHole, fill: FaceSet, vertex_count: int, face_count: int
-) -> HoleReport:
-    """The report of a hole now filled, `fill` having final numbers."""
-    attempt = filled.attempt
-    assert attempt is not None
-    added = int(np.count_nonzero(fill.ids >= vertex_count))
-    creases = left_open.creases if attempt.creases is None else fill.ids[attempt.creases].astype(np.int32)
-    return replace(
-        left_open,
-        filled=True,
-        method=attempt.method,
-        reason=filled.reason,
-        parts=attempt.parts,
-        creases=creases,
-        new_vertices=range(vertex_count, vertex_count + added),
-        new_faces=range(face_count, face_count + len(fill.faces)),
-        rim_error=filled.rim_error,
-        rim_dihedral=filled.rim_dihedral,
-        self_intersections=filled.cuts,
-    )
+    return [results[k] for k in range(total)]

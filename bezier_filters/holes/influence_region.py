@@ -9,7 +9,7 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
-from bezier_filters.holes.loops import corner_angles
+from bezier_filters.holes.loops import angle_sums
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.frames import unit_face_normals
 from bezier_filters.meshes.half_edges import faces_at_edges
@@ -73,27 +73,23 @@ class InfluenceRegion:
         return np.flatnonzero(self.faces.min(axis=1, initial=self.rim_count) < self.rim_count).astype(np.int32)
 
     @cached_property
-    def _rim_measures(self) -> tuple[FloatArray, FloatArray]:
-        """Sum of the angles of the faces at each rim vertex, and the mean length of its edges, each (r,)."""
+    def gaps(self) -> FloatArray:
+        """Angle that is left for the hole at each rim vertex: 2 pi less those of the faces, in radians."""
+        return 2.0 * pi - angle_sums(self.vertices, self.faces[self._faces_at_rim], self.rim_count)
+
+    @cached_property
+    def sizes(self) -> FloatArray:
+        """Edge length that is wanted at each rim vertex: the mean of its edges."""
+        if self.wanted_sizes is not None:
+            return self.wanted_sizes
         faces, points, n = self.faces[self._faces_at_rim], self.vertices, self.rim_count
-        here, after, before = (np.roll(faces, -k, axis=1).ravel() for k in range(3))
-        angles = corner_angles(points[here], points[after], points[before])
+        here, after, before = (faces[:, k].ravel() for k in ([0, 1, 2], [1, 2, 0], [2, 0, 1]))
         # Each edge is met once: as that to the corner after this one, and before it if it has no other face.
         is_lone = faces_at_edges(faces, here, before) < 0
         lengths = np.linalg.norm(points[[after, before]] - points[here], axis=2) * [np.ones(len(here)), is_lone]
         total = np.bincount(np.repeat(here, 2), weights=lengths.T.ravel(), minlength=n)[:n]
         count = np.bincount(here, weights=1.0 + is_lone, minlength=n)[:n]
-        return np.bincount(here, weights=angles, minlength=n)[:n].astype(np.float64), total / np.maximum(count, 1.0)
-
-    @property
-    def gaps(self) -> FloatArray:
-        """Angle that is left for the hole at each rim vertex: 2 pi less those of the faces, in radians."""
-        return 2.0 * pi - self._rim_measures[0]
-
-    @property
-    def sizes(self) -> FloatArray:
-        """Edge length that is wanted at each rim vertex: the mean of its edges."""
-        return self._rim_measures[1] if self.wanted_sizes is None else self.wanted_sizes
+        return np.asarray(total / np.maximum(count, 1.0), dtype=np.float64)
 
     @cached_property
     def face_normals(self) -> FloatArray:

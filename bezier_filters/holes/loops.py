@@ -53,6 +53,13 @@ def corner_angles(tips: FloatArray, lefts: FloatArray, rights: FloatArray) -> Fl
     return np.asarray(angles, dtype=np.float64)
 
 
+def angle_sums(points: FloatArray, faces: IntArray, count: int) -> FloatArray:
+    """Sum of the angles of faces (m, 3) at each of the first points, in radians, (count,)."""
+    here, after, before = (faces[:, k].ravel() for k in ([0, 1, 2], [1, 2, 0], [2, 0, 1]))
+    angles = corner_angles(points[here], points[after], points[before])
+    return np.bincount(here, weights=angles, minlength=count)[:count].astype(np.float64)
+
+
 def enclosed(points: FloatArray, polygon: FloatArray) -> BoolArray:
     """Whether points (n, 2) lie inside a closed polygon (k, 2), by the parity of crossings.
 

@@ -16,7 +16,7 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.holes.influence_region import InfluenceRegion
 from bezier_filters.holes.loops import is_simple, plane_axes, triangulate_loop, vector_area
-from bezier_filters.holes.polyharmonic_fairing import harmonic_continuation
+from bezier_filters.holes.polyharmonic_fairing import polyharmonic_continuation
 from bezier_filters.holes.refinement import Fill, flip_edges, refine
 from bezier_filters.meshes.triangles import area_vectors
 from bezier_filters.patches.fitting import PatchFit, fit_patch
@@ -86,7 +86,7 @@ def _through_rim(fill: Fill, points: FloatArray, region: InfluenceRegion, correc
     rim = region.rim_vertices
     shift = rim - points[: len(rim)]
     if correction == "harmonic":
-        points = points + harmonic_continuation(fill.points, fill.faces, shift)
+        points = points + polyharmonic_continuation(fill.points, fill.faces, shift)
     else:
         most = len(rim) if correction == "lagrange" else MOST_IN_PIECE
         points = points + lagrange_displacement(fill.points[:, :2], shift, most)

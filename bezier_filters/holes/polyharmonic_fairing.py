@@ -24,31 +24,23 @@ FULL = 0.1
 LEAST_COTANGENT, LARGEST_COTANGENT = 0.02, 5.0
 
 
-def polyharmonic_fairing(points: FloatArray, faces: IntArray, first: int, order: int) -> FloatArray:
-    """Move the last vertices to where the Laplacian to a power vanishes, the others fixed.
+def polyharmonic_continuation(points: FloatArray, faces: IntArray, values: FloatArray, order: int = 1) -> FloatArray:
+    """Continue values (r, c) at the first r points of a mesh to all n of them, (n, c).
 
-    Vertices (n, 3) of the fill and `order` rings around it, and the faces (m, 3) of both: all from `first` on move.
-    The power, 1, 2 or 3, is the order; with 1 the fill has the least area, as a soap film does.
+    At the other points the Laplacian to a power, 1, 2 or 3, the order, vanishes. With 1 the result is nowhere larger
+    than the values, and what differs from one to the next dies away within an edge or two. Points themselves, continued
+    from the fixed ones, are a fill: with 1 it has the least area, as a soap film does; with more it goes on smoothly
+    from `order` rings around it.
     """
+    first = len(values)
     if first == len(points):
-        return points.copy()
+        return values.copy()
     stiffness, areas = cotangent_matrix(points, faces)
     areas = areas / areas.mean()  # any scale will do; the powers of this one are numbers
     rows = stiffness[first:]
     for _ in range(order - 1):
         rows = (rows @ diags(1.0 / areas) if issparse(rows) else rows / areas) @ stiffness
-    return _solve(rows, points[:first])
-
-
-def harmonic_continuation(points: FloatArray, faces: IntArray, values: FloatArray) -> FloatArray:
-    """Harmonic continuation of values (r, c) at the first r points to all n of them, (n, c).
-
-    It is nowhere larger than at these points, and what differs from one to the next dies away within an edge or two.
-    """
-    if len(points) == len(values):
-        return values.copy()
-    stiffness, _ = cotangent_matrix(points, faces)
-    return _solve(stiffness[len(values) :], values)
+    return _solve(rows, values)
 
 
 def _solve(rows: Matrix, known: FloatArray) -> FloatArray:

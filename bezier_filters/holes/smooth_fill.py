@@ -9,7 +9,7 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.holes.implicit_surface import ImplicitSurface, fit_implicit_surface
 from bezier_filters.holes.influence_region import InfluenceRegion, fitted_points
 from bezier_filters.holes.loops import triangulate_loop
-from bezier_filters.holes.polyharmonic_fairing import harmonic_continuation, polyharmonic_fairing
+from bezier_filters.holes.polyharmonic_fairing import polyharmonic_continuation
 from bezier_filters.holes.refinement import Fill, flip_edges, refine, relax_tangentially
 from bezier_filters.meshes.half_edges import ends_of_half_edges
 
@@ -131,7 +131,7 @@ def _faired(fill: Fill, region: InfluenceRegion, order: int) -> Fill:
     faces = np.where(fill.faces < fill.rim_count, fill.faces, fill.faces + (count - fill.rim_count))
     around = region.faces[(region.faces < count).all(axis=1)]
     points = np.vstack([region.vertices[:count], fill.points[fill.rim_count :]])
-    moved = polyharmonic_fairing(points, np.vstack([around, faces]), count, order)
+    moved = polyharmonic_continuation(points, np.vstack([around, faces]), points[:count], order)
     return replace(fill, points=np.vstack([fill.points[: fill.rim_count], moved[count:]]))
 
 
@@ -171,6 +171,6 @@ def meet_rim(fill: Fill, region: InfluenceRegion, surface: ImplicitSurface) -> F
     shift = np.where(found[:, np.newaxis], rim - on_it, 0.0)
     if np.abs(shift).max(initial=0.0) < SMALLEST_GAP * region.sizes.mean():
         return fill
-    points = fill.points + harmonic_continuation(fill.points, fill.faces, shift)
+    points = fill.points + polyharmonic_continuation(fill.points, fill.faces, shift)
     points[: fill.rim_count] = rim
     return replace(fill, points=points)

@@ -95,7 +95,6 @@ def fit_in_lanes(
             return first, needed
         if most == 0:
             continue
-        _mark_presence(work.counts, most, capacity, work.points)
         complete_axes(work.frame)
         _project(fit.square, capacity, most, work)
         if robust is None:
@@ -124,9 +123,9 @@ def _collect(
 ) -> tuple[int, int]:
     """Collect the neighbourhoods of a block and choose their planes; return their most points and the capacity needed.
 
-    A lane whose vertex has no frame, or that has no vertex, is left without points.
+    Every lane gets edges from its vertex, and its frame; one without a vertex, or whose vertex has no frame, no points.
     """
-    most, rings, visited, members = 0, work.rings, work.visited, work.members
+    most, row, rings, visited, members = 0, LANES * capacity, work.rings, work.visited, work.members
     store(work.counts, 0, spread(0.0))
     for lane in range(block.shape[0]):
         i = block[lane]
@@ -143,47 +142,36 @@ def _collect(
         if outcome == FITTED:
             outcome = write_edge(mesh, fit.any_axis, members, count, neighbours, work.one_frame)
         outcomes[lane] = outcome
-        if outcome == FITTED:
-            _gather(mesh.vertices, members, count, lane, capacity, work)
-            work.counts[lane] = count
-            most = max(most, count)
+        if outcome != FITTED:
+            continue
+        x, y, z = mesh.vertices[i, 0], mesh.vertices[i, 1], mesh.vertices[i, 2]
+        for p in range(count):
+            j, place = np.uint32(members[p]), LANES * p + lane
+            work.points[place] = mesh.vertices[j, 0] - x
+            work.points[place + row] = mesh.vertices[j, 1] - y
+            work.points[place + 2 * row] = mesh.vertices[j, 2] - z
+        for k in range(9):
+            work.frame[LANES * k + lane] = work.one_frame[k]
+        work.counts[lane] = count
+        most = max(most, count)
     return most, capacity
-
-
-@inner_jit(inline="always")
-def _gather(vertices: FloatArray, members: IntArray, count: int, lane: int, stride: int, work: FitWorkspace) -> None:
-    """Write the edges from members[0] and the frame of one neighbourhood to its lane."""
-    points, i = work.points, members[0]
-    x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
-    row = LANES * stride
-    for p in range(count):
-        j, place = np.uint32(members[p]), LANES * p + lane
-        points[place] = vertices[j, 0] - x
-        points[place + row] = vertices[j, 1] - y
-        points[place + 2 * row] = vertices[j, 2] - z
-    for k in range(9):
-        work.frame[LANES * k + lane] = work.one_frame[k]
-
-
-@inner_jit()
-def _mark_presence(counts: FloatArray, most: int, stride: int, points: FloatArray) -> None:
-    """Tell points from what weighs nothing and lies on the vertex itself, up to a full group of points."""
-    zero, one = spread(0.0), spread(1.0)
-    for p in range(most + GROUP):
-        presence = where_greater(load(counts, 0), spread(np.float64(p)), one, zero)
-        store(points, 3 * stride + p, presence)
-        for row in range(3):
-            store(points, row * stride + p, where_greater(presence, zero, load(points, row * stride + p), zero))
 
 
 @inner_jit()
 def _project(square: bool, stride: int, count: int, work: FitWorkspace) -> None:
-    """Turn edges into parameters and heights; the parameters of a rectangle without area are not finite."""
+    """Turn edges into parameters and heights; the parameters of a rectangle without area are not finite.
+
+    What is no point, up to a full group of points, weighs nothing and lies on the vertex itself.
+    """
     points, frame, box = work.points, work.frame, work.box
-    low_x, high_x, low_y, high_y = spread(0.0), spread(0.0), spread(0.0), spread(0.0)
-    radius, reach = spread(0.0), spread(0.0)
-    for p in range(count):
-        dx, dy, dz = load(points, p), load(points, stride + p), load(points, 2 * stride + p)
+    zero, one = spread(0.0), spread(1.0)
+    low_x, high_x, low_y, high_y, radius, reach = zero, zero, zero, zero, zero, zero
+    for p in range(count + GROUP):
+        presence = where_greater(load(work.counts, 0), spread(np.float64(p)), one, zero)
+        store(points, 3 * stride + p, presence)
+        dx = where_greater(presence, zero, load(points, p), zero)
+        dy = where_greater(presence, zero, load(points, stride + p), zero)
+        dz = where_greater(presence, zero, load(points, 2 * stride + p), zero)
         x = multiply_add(dx, load(frame, 0), multiply_add(dy, load(frame, 1), dz * load(frame, 2)))
         y = multiply_add(dx, load(frame, 3), multiply_add(dy, load(frame, 4), dz * load(frame, 5)))
         z = multiply_add(dx, load(frame, 6), multiply_add(dy, load(frame, 7), dz * load(frame, 8)))
@@ -198,7 +186,7 @@ def _project(square: bool, stride: int, count: int, work: FitWorkspace) -> None:
         reach = where_greater(distance, reach, distance, reach)
     if square:
         high_x = square_root(radius)
-        low_x = spread(0.0) - high_x
+        low_x = zero - high_x
         low_y, high_y = low_x, high_x
     half, two = spread(0.5), spread(2.0)
     middle_x, scale_x = half * (low_x + high_x), two / (high_x - low_x)
@@ -215,10 +203,24 @@ def _project(square: bool, stride: int, count: int, work: FitWorkspace) -> None:
 
 @inner_jit()
 def _solve(fit: KernelFit, stride: int, count: int, work: FitWorkspace, weights: FloatArray | None) -> None:
-    """Set up and solve the normal equations; `weights` are lanes for the points beyond their weights by distance."""
+    """Set up the normal equations, with the moments of the heights as the last row, and solve them.
+
+    `weights` are lanes for the points beyond their weights by distance.
+    """
     _sum_moments(fit, stride, count, work, weights)
+    for k in range(fit.moment_place.shape[0]):
+        store(work.matrix, k, load(work.moments, fit.moment_place[k]) + spread(fit.penalty[k]))
+    degree, scale = 0, spread(1.0)
+    for k in range(fit.prior.shape[0]):
+        while degree < fit.prior_degree[k]:  # from units of length to those of this neighbourhood
+            degree += 1
+            scale = scale * load(work.box, 1) * load(work.box, 1)
+        place = fit.prior_place[k]
+        store(work.matrix, place, multiply_add(spread(fit.prior[k]), scale, load(work.matrix, place)))
     order = fit.exponents.shape[0]
-    _set_up(fit, order, work)
+    last = order * (order + 1) // 2
+    for k in range(order):
+        store(work.matrix, last + k, load(work.heights, fit.lexicographic[k]))
     factorise(work.matrix, order + 1, order, fit.smallest_pivot, work.sound)
     _finish(fit, order, work)
 
@@ -323,7 +325,7 @@ def _expect_quartic(fit: KernelFit, work: FitWorkspace) -> None:
             total = multiply_add(spread(fit.quartic[k, n]), quartic[n], total)
         place = last + fit.quartic_order[k]
         store(work.matrix, place, multiply_add(total, power, load(work.matrix, place)))
-    substitute_forward(work.matrix, order, order)
+    substitute_forward(work.matrix, order, order, 0)
     _finish(fit, order, work)
 
 
@@ -386,20 +388,3 @@ def _weight(fit: KernelFit, a: Lanes, b: Lanes, scale: Lanes) -> Lanes:
     for _ in range(fit.weight_power - 1):
         power = power * ratio
     return spread(1.0) / (spread(1.0) + power)
-
-
-@inner_jit()
-def _set_up(fit: KernelFit, order: int, work: FitWorkspace) -> None:
-    """Set up the normal equations, with the moments of the heights as the last row."""
-    for k in range(fit.moment_place.shape[0]):
-        store(work.matrix, k, load(work.moments, fit.moment_place[k]) + spread(fit.penalty[k]))
-    degree, scale = 0, spread(1.0)
-    for k in range(fit.prior.shape[0]):
-        while degree < fit.prior_degree[k]:  # from units of length to those of this neighbourhood
-            degree += 1
-            scale = scale * load(work.box, 1) * load(work.box, 1)
-        place = fit.prior_place[k]
-        store(work.matrix, place, multiply_add(spread(fit.prior[k]), scale, load(work.matrix, place)))
-    last = order * (order + 1) // 2
-    for k in range(order):
-        store(work.matrix, last + k, load(work.heights, fit.lexicographic[k]))

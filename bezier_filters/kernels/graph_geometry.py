@@ -14,7 +14,7 @@ from bezier_filters.kernels.kernel_input import (
     KernelMesh,
     VertexResults,
 )
-from bezier_filters.kernels.lane_algebra import condition_numbers
+from bezier_filters.kernels.lane_algebra import condition_numbers, substitute_forward
 from bezier_filters.meshes.triangles import area_vector, longest_squared
 from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.lanes import LANES, Lanes, load, multiply_add, spread, square_root, store, where_greater
@@ -43,10 +43,10 @@ def write_block(
     A surface turns by pi at most from one face to the next: faces of height h hold no curvature beyond pi / h, and a
     standard error beyond that says that the points determine none.
     """
+    outputs, has_errors = work.outputs, fit.normal_noise > 0.0
     has_third = fit.highest_power >= 2 * 3  # a lower degree says nothing of third derivatives
-    graph_geometry(work.jets, work.frame, has_third, work.outputs)
-    store(work.outputs, RESIDUAL, square_root(load(work.total, 0) / load(work.counts, 0)))
-    has_errors = fit.normal_noise > 0.0
+    graph_geometry(work.jets, work.frame, has_third, outputs)
+    store(outputs, RESIDUAL, square_root(load(work.total, 0) / load(work.counts, 0)))
     if has_errors:
         standard_errors(fit, work)
     if conditions is not None:
@@ -58,22 +58,30 @@ def write_block(
         if not (work.sound[lane] > 0.0 and per_half_width < 2.0 / SMALLEST_WIDTH):
             outcomes[lane] = ILL_POSED
             continue
-        bend = max(-work.outputs[LANES * K_MIN + lane], work.outputs[LANES * K_MAX + lane])
+        bend = max(-outputs[LANES * K_MIN + lane], outputs[LANES * K_MAX + lane])
         if has_errors:
-            bend = max(bend, work.outputs[LANES * (STANDARD_ERRORS + 1) + lane])
+            bend = max(bend, outputs[LANES * (STANDARD_ERRORS + 1) + lane])
         farthest = np.sqrt(work.box[4 * LANES + lane])  # of the points: no height is larger
         if bend * farthest > np.pi and bend * _smallest_height(mesh, block[lane]) > np.pi:
             outcomes[lane] = ILL_POSED
             continue
         i = mesh.origin[block[lane]]
-        _write(work.outputs, lane, has_third, i, results)
-        results.residual[i] = work.outputs[LANES * RESIDUAL + lane]
+        for k in range(3):
+            results.normals[i, k] = outputs[LANES * (NORMAL + k) + lane]
+            results.displacements[i, k] = outputs[LANES * (DISPLACEMENT + k) + lane]
+            results.direction_min[i, k] = outputs[LANES * (ALONG_MIN + k) + lane]
+            results.direction_max[i, k] = outputs[LANES * (ALONG_MAX + k) + lane]
+        results.k_min[i] = outputs[LANES * K_MIN + lane]
+        results.k_max[i] = outputs[LANES * K_MAX + lane]
+        results.residual[i] = outputs[LANES * RESIDUAL + lane]
         results.rings_used[i] = work.rings[lane]
+        if has_third:
+            results.extremality_min[i] = outputs[LANES * EXTREMALITY_MIN + lane]
+            results.extremality_max[i] = outputs[LANES * EXTREMALITY_MAX + lane]
         if has_errors:
-            place = LANES * STANDARD_ERRORS + lane
-            results.normal_std[i] = work.outputs[place]
-            results.mean_curvature_std[i] = work.outputs[place + LANES]
-            results.gaussian_curvature_std[i] = work.outputs[place + 2 * LANES]
+            results.normal_std[i] = outputs[LANES * STANDARD_ERRORS + lane]
+            results.mean_curvature_std[i] = outputs[LANES * (STANDARD_ERRORS + 1) + lane]
+            results.gaussian_curvature_std[i] = outputs[LANES * (STANDARD_ERRORS + 2) + lane]
         if conditions is not None:
             conditions[i] = work.total[lane]
 
@@ -167,21 +175,6 @@ def _extremality(jets: FloatArray, x: Lanes, y: Lanes, per_w: Lanes) -> Lanes:
 
 
 @inner_jit()
-def _write(outputs: FloatArray, lane: int, has_third: bool, i: int, results: VertexResults) -> None:
-    """Write the outputs of one lane, but for the residual, to vertex i."""
-    for k in range(3):
-        results.normals[i, k] = outputs[LANES * (NORMAL + k) + lane]
-        results.displacements[i, k] = outputs[LANES * (DISPLACEMENT + k) + lane]
-        results.direction_min[i, k] = outputs[LANES * (ALONG_MIN + k) + lane]
-        results.direction_max[i, k] = outputs[LANES * (ALONG_MAX + k) + lane]
-    results.k_min[i] = outputs[LANES * K_MIN + lane]
-    results.k_max[i] = outputs[LANES * K_MAX + lane]
-    if has_third:
-        results.extremality_min[i] = outputs[LANES * EXTREMALITY_MIN + lane]
-        results.extremality_max[i] = outputs[LANES * EXTREMALITY_MAX + lane]
-
-
-@inner_jit()
 def standard_errors(fit: KernelFit, work: FitWorkspace) -> None:
     """Write standard errors of normal, mean and Gaussian curvature, from the factor that gave the fit.
 
@@ -232,22 +225,13 @@ def standard_errors(fit: KernelFit, work: FitWorkspace) -> None:
 
 @inner_jit()
 def _whitened(matrix: FloatArray, order: int, gradient: Gradient) -> Gradient:
-    """Lanes of L^-1 g, L being the last corner of the factor, by forward substitution."""
-    g0, g1, g2, g3, g4 = gradient
-    first = order - SEEN
-    d0 = first * (first + 1) // 2 + first
-    d1 = d0 + first + 1
-    d2 = d1 + first + 2
-    d3 = d2 + first + 3
-    d4 = d3 + first + 4
-    g0 = g0 * load(matrix, d0)
-    g1 = (g1 - g0 * load(matrix, d1)) * load(matrix, d1 + 1)
-    g2 = (g2 - g0 * load(matrix, d2) - g1 * load(matrix, d2 + 1)) * load(matrix, d2 + 2)
-    g3 = g3 - g0 * load(matrix, d3) - g1 * load(matrix, d3 + 1) - g2 * load(matrix, d3 + 2)
-    g3 = g3 * load(matrix, d3 + 3)
-    g4 = g4 - g0 * load(matrix, d4) - g1 * load(matrix, d4 + 1) - g2 * load(matrix, d4 + 2) - g3 * load(matrix, d4 + 3)
-    g4 = g4 * load(matrix, d4 + 4)
-    return g0, g1, g2, g3, g4
+    """Lanes of L^-1 g, L being the last corner of the factor, below which there is room for a row."""
+    first, last = order - SEEN, order * (order + 1) // 2
+    for k, entry in enumerate(gradient):
+        store(matrix, last + first + k, entry)
+    substitute_forward(matrix, order, order, first)
+    g = last + first
+    return load(matrix, g), load(matrix, g + 1), load(matrix, g + 2), load(matrix, g + 3), load(matrix, g + 4)
 
 
 @inner_jit()

@@ -165,12 +165,15 @@ def substitute_back(factors: FloatArray, order: int, last: int, solution: FloatA
 
 
 @inner_jit()
-def substitute_forward(factors: FloatArray, order: int, last: int) -> None:
-    """Solve L y = b for factors from `factorise`, b being their row number `last`, which y replaces."""
+def substitute_forward(factors: FloatArray, order: int, last: int, first: int) -> None:
+    """Solve L y = b for factors from `factorise`, b being their row number `last`, which y replaces.
+
+    The entries of b before the `first` are 0, and not looked at.
+    """
     b = last * (last + 1) // 2
-    for i in range(order):
+    for i in range(first, order):
         row, total = i * (i + 1) // 2, load(factors, b + i)
-        for k in range(i):
+        for k in range(first, i):
             total = total - load(factors, row + k) * load(factors, b + k)
         store(factors, b + i, total * load(factors, row + i))
 

@@ -9,130 +9,70 @@ from bezier_filters.meshes.adjacency import Rows
 from bezier_filters.meshes.triangles import area_vector, cosine_between, has_corner
 from bezier_filters.runtime.jit import inner_jit, jit
 
-FEWEST_CELLS, MOST_CELLS = 4, 128  # per axis, in which boxes are looked up
 FOLDED = -0.9999  # cosine of the angle between two faces on one edge from which down they lie on each other
 
 
 def faces_in_boxes(vertices: FloatArray, faces: IntArray, low: FloatArray, high: FloatArray) -> Rows:
     """Faces whose bounding box meets each of some boxes between corners (b, 3): rows of ascending indices."""
-    count, found = len(low), np.empty(0, dtype=np.int32)
+    count, nothing = len(low), np.empty(0, dtype=np.int32)
     if count == 0 or len(faces) == 0:
-        return Rows(np.zeros(count + 1, dtype=np.int32), found)
-    grid = _grid_of(low, high)
+        return Rows(np.zeros(count + 1, dtype=np.int32), nothing)
+    axes = np.ptp(low, axis=0).argsort()[::-1].astype(np.int32)  # the longest first
+    order = low[:, axes[0]].argsort().astype(np.int32)
+    low, high = low[order][:, axes], high[order][:, axes]
+    boxes = _Boxes(low, high, np.maximum.accumulate(high[:, 0]), order, axes)
     # Twice: first the faces of each box are counted, then those that were met, few of many, are written.
     counts, is_met = np.zeros(count, dtype=np.int32), np.zeros(len(faces), dtype=np.bool_)
-    _collect(vertices, faces, grid, np.full(count, -1, dtype=np.int32), is_met, counts, found, found)
+    _collect(vertices, faces, boxes, is_met, counts, nothing)
     indptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
-    indices = np.empty(indptr[-1], dtype=np.int32)
-    found = np.flatnonzero(is_met).astype(np.int32)
-    counts[:] = 0
-    _collect(vertices, faces[found], grid, np.full(count, -1, dtype=np.int32), is_met, counts, indptr, indices)
+    found, indices = np.flatnonzero(is_met).astype(np.int32), np.empty(indptr[-1], dtype=np.int32)
+    _collect(vertices, faces[found], boxes, is_met, indptr[:-1].copy(), indices)
     return Rows(indptr, found[indices])
 
 
-class _Grid(NamedTuple):
-    """Cells along each axis between the boxes' outermost corners, and the boxes that reach each cell as rows."""
+class _Boxes(NamedTuple):
+    """Boxes in the order in which they begin along the first of the axes."""
 
     low: FloatArray
     high: FloatArray
-    origin: FloatArray
-    extent: FloatArray
-    cells: int
-    starts: IntArray
-    boxes: IntArray
-
-
-def _grid_of(low: FloatArray, high: FloatArray) -> _Grid:
-    origin, extent = low.min(axis=0), np.maximum(np.ptp(np.vstack([low, high]), axis=0), 1e-300)
-    cells = int(np.clip(round(len(low) ** 0.5), FEWEST_CELLS, MOST_CELLS))
-    starts = np.zeros(cells**3 + 1, dtype=np.int32)
-    grid = _Grid(low, high, origin, extent, cells, starts, np.empty(0, dtype=np.int32))
-    _list_boxes(grid, starts[1:])
-    np.cumsum(starts, out=starts)
-    grid = grid._replace(boxes=np.empty(starts[-1], dtype=np.int32))
-    _list_boxes(grid, starts[:-1].copy())
-    return grid
-
-
-@jit()
-def _list_boxes(grid: _Grid, fill: IntArray) -> None:
-    """List the boxes that reach each cell, from where `fill` says; without room for them, count them only."""
-    for box in range(grid.low.shape[0]):
-        x, end_x = _cells(grid, 0, grid.low[box, 0], grid.high[box, 0])
-        y, end_y = _cells(grid, 1, grid.low[box, 1], grid.high[box, 1])
-        z, end_z = _cells(grid, 2, grid.low[box, 2], grid.high[box, 2])
-        for i in range(x, end_x):
-            for j in range(y, end_y):
-                for k in range(z, end_z):
-                    cell = (i * grid.cells + j) * grid.cells + k
-                    if grid.boxes.shape[0] > 0:
-                        grid.boxes[fill[cell]] = box
-                    fill[cell] += 1
+    reach: FloatArray  # how far along that axis each, or one before it, reaches
+    row: IntArray  # the number of each before they were sorted
+    axes: IntArray
 
 
 @jit()
 def _collect(
-    vertices: FloatArray,
-    faces: IntArray,
-    grid: _Grid,
-    met: IntArray,
-    is_met: BoolArray,
-    counts: IntArray,
-    indptr: IntArray,
-    indices: IntArray,
+    vertices: FloatArray, faces: IntArray, boxes: _Boxes, is_met: BoolArray, places: IntArray, indices: IntArray
 ) -> None:
-    """Count the faces in every box, mark them, and list them if there is room; `met` is -1 at first."""
+    """Mark the faces in any box, and list those in each from `places` on; without room for them, count them only."""
     for f in range(faces.shape[0]):
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        x, end_x = _cells_of_face(grid, 0, vertices, a, b, c)
-        y, end_y = _cells_of_face(grid, 1, vertices, a, b, c)
-        z, end_z = _cells_of_face(grid, 2, vertices, a, b, c)
-        for i in range(x, end_x):
-            for j in range(y, end_y):
-                for k in range(z, end_z):
-                    cell = (i * grid.cells + j) * grid.cells + k
-                    for q in range(grid.starts[cell], grid.starts[cell + 1]):
-                        box = grid.boxes[q]
-                        if met[box] == f or not _in_box(vertices, a, b, c, grid.low[box], grid.high[box]):
-                            continue
-                        met[box] = f
-                        is_met[f] = True
-                        if indices.shape[0] > 0:
-                            indices[indptr[box] + counts[box]] = f
-                        counts[box] += 1
+        x, end_x = _bounds(vertices, faces, f, boxes.axes[0])
+        y, end_y = _bounds(vertices, faces, f, boxes.axes[1])
+        z, end_z = _bounds(vertices, faces, f, boxes.axes[2])
+        # Those before the first end before the face begins.
+        for box in range(np.searchsorted(boxes.reach, x), boxes.low.shape[0]):
+            low, high = boxes.low[box], boxes.high[box]
+            if low[0] > end_x:
+                break
+            if x <= high[0] and low[1] <= end_y and y <= high[1] and low[2] <= end_z and z <= high[2]:
+                row = boxes.row[box]
+                is_met[f] = True
+                if indices.shape[0] > 0:
+                    indices[places[row]] = f
+                places[row] += 1
 
 
 @inner_jit()
-def _cells_of_face(grid: _Grid, axis: int, vertices: FloatArray, a: int, b: int, c: int) -> tuple[int, int]:
-    """Range of cells along an axis that a triangle reaches."""
-    x, y, z = vertices[a, axis], vertices[b, axis], vertices[c, axis]
-    return _cells(grid, axis, min(x, y, z), max(x, y, z))
-
-
-@inner_jit()
-def _cells(grid: _Grid, axis: int, least: float, most: float) -> tuple[int, int]:
-    """Range of cells along an axis that an interval reaches, empty if it is outside."""
-    origin, extent = grid.origin[axis], grid.extent[axis]
-    if most < origin or least > origin + extent:
-        return 0, 0
-    first = (least - origin) / extent * grid.cells
-    last = (most - origin) / extent * grid.cells
-    return int(min(max(first, 0.0), grid.cells - 1.0)), int(min(max(last, 0.0), grid.cells - 1.0)) + 1
+def _bounds(vertices: FloatArray, faces: IntArray, f: int, axis: int) -> tuple[float, float]:
+    """Least and largest coordinate of a face along an axis."""
+    x, y, z = vertices[faces[f, 0], axis], vertices[faces[f, 1], axis], vertices[faces[f, 2], axis]
+    return min(x, y, z), max(x, y, z)
 
 
 def meeting_box(vertices: FloatArray, faces: IntArray, low: FloatArray, high: FloatArray) -> BoolArray:
     """Whether the bounding boxes of faces meet the box between two corners, each (3,), (m,)."""
     corners = vertices[faces]
     return np.asarray(((corners.min(axis=1) <= high) & (corners.max(axis=1) >= low)).all(axis=1), dtype=np.bool_)
-
-
-@inner_jit()
-def _in_box(vertices: FloatArray, a: int, b: int, c: int, low: FloatArray, high: FloatArray) -> bool:
-    for axis in range(3):
-        x, y, z = vertices[a, axis], vertices[b, axis], vertices[c, axis]
-        if min(x, y, z) > high[axis] or max(x, y, z) < low[axis]:
-            return False
-    return True
 
 
 def cut_faces(vertices: FloatArray, faces: IntArray, new: int) -> BoolArray:

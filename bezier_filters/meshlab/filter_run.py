@@ -6,7 +6,7 @@ Everything that can be refused is refused before the first write.
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,6 +24,8 @@ from bezier_filters.meshlab.meshset import (
     preserved_filter_script,
     read_current_mesh,
 )
+
+STATISTICS = ("min", "median", "max", "mean")  # of the quality, functions of NumPy
 
 Columns = dict[str, FloatArray]
 
@@ -47,11 +49,8 @@ class Computed:
     columns: Columns  # each (n,), by name
     known: BoolArray  # (n,): vertices whose values count for colours and statistics
     report: Report  # what the user is told, besides what all filters tell
-    vertices: FloatArray | None = None  # (n, 3): new coordinates
-    # expressions for the vertex normals by parameter of pymeshlab's filter; none if they stay
-    normals: dict[str, str] = field(default_factory=dict)
     # writes what else the filter found, after the columns and with them: no interrupt comes between
-    write_more: Callable[[], None] | None = None
+    write_more: Callable[[], None] = lambda: None
 
 
 Work = Callable[[CurrentMesh, BoolArray], Computed]  # ``work(mesh, mask)`` does it for the vertices of a mask (n,)
@@ -70,8 +69,7 @@ def run_filter(ms: MeshSet, name: str, work: Work, output: Output) -> Report:
     After an error or a cancellation the MeshSet is as it was; after Ctrl-C, too, or it has all of the results, if that
     came while they were written.
     """
-    field = _chosen_field(output.quality, qualities(name))
-    colormap = _checked_colormap(output, field)
+    field, colormap = _quality_and_colormap(output, qualities(name))
     seconds: dict[str, float] = {}
     with _timed(seconds, "read"):
         mesh = read_current_mesh(ms)
@@ -84,57 +82,45 @@ def run_filter(ms: MeshSet, name: str, work: Work, output: Output) -> Report:
         except (InvalidMeshError, InvalidParameterError) as error:
             raise BezierFilterError(str(error)) from error
     check_unchanged(ms, mesh)
-    quality = None if field is None else computed.columns[field.column]
-    limits: tuple[float, float] | None = None  # values of the first and the last colour
-    if output.color and field is not None and quality is not None:
-        limits = output.color_range
-        if limits is None:
-            limits = color_range(quality, signed=field.signed, percentile=output.percentile, mask=computed.known)
-            check_limits(*limits)
-    # The normals follow the coordinates, and so they are restored last, by the outer of the two.
-    moves = nullcontext() if computed.vertices is None else mesh_attributes.coordinates_restored_on_failure(ms)
+    quality = np.empty(0) if field is None else computed.columns[field.column][computed.known]
+    limits = output.color_range if output.color else None  # values of the first and the last colour
+    if output.color and limits is None:
+        signed = field is not None and field.signed
+        limits = color_range(quality, signed=signed, percentile=output.percentile)
+        check_limits(*limits)
     with preserved_filter_script(ms):
         columns = _merge(computed.columns, mesh_attributes.read_columns(ms, computed.columns), mask)
         mesh_attributes.check_finite(columns)
-        with mesh_attributes.restored_on_failure(ms, columns), moves:
+        with mesh_attributes.restored_on_failure(ms, columns):
             with _timed(seconds, "write"):
-                if computed.vertices is not None:
-                    mesh_attributes.write_coordinates(ms, computed.vertices)
                 mesh_attributes.write_columns(ms, columns)
                 with _vertices_selected(ms, mesh) if output.onselected else nullcontext():
                     if field is not None:
                         ms.compute_scalar_by_function_per_vertex(q=field.column, onselected=output.onselected)
-                    if computed.normals:
-                        ms.compute_normal_by_function_per_vertex(**computed.normals, onselected=output.onselected)
+                    computed.write_more()
             if limits is not None:
                 with _timed(seconds, "color"):
                     color_by_quality(ms, *limits, colormap)
-            if computed.write_more is not None:
-                computed.write_more()
     report: Report = computed.report | {
         "attributes": list(columns),
         "quality": output.quality,
         "unit": None if field is None else field.unit,
-        "statistics": None if quality is None else _statistics(quality[computed.known]),
+        "statistics": {name: float(getattr(np, name)(quality)) for name in STATISTICS} if len(quality) else None,
         "seconds": seconds,
     }
     return report if limits is None else report | {"color_range": list(limits), "colormap": colormap}
 
 
-def _chosen_field(name: str | None, fields: dict[str, Field]) -> Field | None:
-    """Field of a name that a user gave as `quality`; None stands for no field."""
-    if name is None:
-        return None
-    if not isinstance(name, str) or name not in fields:
-        raise BezierFilterError(f"quality: got {name!r}, expected {', '.join(map(repr, fields))} or None")
-    return fields[name]
-
-
-def _checked_colormap(output: Output, field: Field | None) -> str:
-    """Name of the colour map, after a look at all that is said of colours if there shall be some."""
+def _quality_and_colormap(output: Output, fields: dict[str, Field]) -> tuple[Field | None, str]:
+    """The field that becomes the quality, if any, and the colour map, after a look at all that is said of both."""
+    field, name = None, output.quality
+    if name is not None:
+        if not isinstance(name, str) or name not in fields:
+            raise BezierFilterError(f"quality: got {name!r}, expected {', '.join(map(repr, fields))} or None")
+        field = fields[name]
     if not output.color:
-        return output.colormap
-    name = find_color_map(output.colormap, signed=field is not None and field.signed)
+        return field, output.colormap
+    colormap = find_color_map(output.colormap, signed=field is not None and field.signed)
     if field is None:
         raise BezierFilterError("color: there is no quality to colour by; choose one")
     if output.color_range is not None:
@@ -143,7 +129,7 @@ def _checked_colormap(output: Output, field: Field | None) -> str:
         color_range(np.empty(0), signed=False, percentile=output.percentile)
     except InvalidParameterError as error:
         raise BezierFilterError(str(error)) from error
-    return name
+    return field, colormap
 
 
 def _merge(new: Columns, old: Columns, mask: BoolArray) -> Columns:
@@ -169,9 +155,3 @@ def _vertices_selected(ms: MeshSet, mesh: CurrentMesh) -> Iterator[None]:
         yield
     finally:
         ms.set_selection_none(allfaces=False, allverts=True)
-
-
-def _statistics(values: FloatArray) -> dict[str, float] | None:
-    if not len(values):
-        return None
-    return {name: float(getattr(np, name)(values)) for name in ("min", "median", "max", "mean")}

@@ -9,8 +9,8 @@ from scipy.spatial import cKDTree
 
 from bezier_filters.arrays import Report
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
-from bezier_filters.holes.fill_methods import FillingMethod
-from bezier_filters.holes.hole_filling import HoleFillingResult, HoleReport, fill_holes
+from bezier_filters.holes.fill_methods import FillingMethod, HoleReport
+from bezier_filters.holes.hole_filling import HoleFillingResult, fill_holes
 from bezier_filters.holes.planar_fill import Correction
 from bezier_filters.meshes.half_edges import ends_of_half_edges, faces_at_edges
 from bezier_filters.meshlab.mesh_growth import MeshGrowth, grow_mesh
@@ -151,6 +151,10 @@ def meshing_close_holes_by_bezier_patch(
         with preserved_filter_script(ms):
             lost_attributes, textured = grow_mesh(ms, _growth(mesh, result), select=newfaceselected)
     written = time.perf_counter()
+    remarks = list[str]()
+    if diameter is not None and diameter > diagonal:  # a length in other units than those of the mesh, perhaps
+        where = f"where all of the mesh is {diagonal:.3g} across"
+        remarks.append(f"maxdiameter: no hole can have a diameter of {diameter:g} {where}")
     after = topology_of(result.vertices, result.faces) if result.filled else topology
     return {
         "closed_holes": result.filled,
@@ -165,7 +169,7 @@ def meshing_close_holes_by_bezier_patch(
         "topology_before": topology.counts,
         "topology_after": after.counts,
         "warnings": fill_warnings(result, diagonal),
-        "remarks": _remarks(diameter, diagonal),
+        "remarks": remarks,
         "holes": [_described(hole) for hole in result.holes],
         "seconds": {"read": start - begin, "fit": fitted - start, "write": written - fitted},
     }
@@ -186,13 +190,6 @@ def fill_warnings(result: HoleFillingResult, diagonal: float) -> list[str]:
     return [text for text, holes in zip(texts, (wide, cutting, open_), strict=True) if holes]
 
 
-def _remarks(diameter: float | None, diagonal: float) -> list[str]:
-    """What a user may not have meant: a length in other units than those of the mesh."""
-    if diameter is None or diameter <= diagonal:
-        return []
-    return [f"maxdiameter: no hole can have a diameter of {diameter:g} where all of the mesh is {diagonal:.3g} across"]
-
-
 def _growth(mesh: CurrentMesh, result: HoleFillingResult) -> MeshGrowth:
     """What was added, and which old vertices and faces it resembles: those nearest on the rims."""
     vertices, faces = result.vertices[len(mesh.vertices) :], result.faces[len(mesh.faces) :]
@@ -210,9 +207,6 @@ def _growth(mesh: CurrentMesh, result: HoleFillingResult) -> MeshGrowth:
 def _described(hole: HoleReport) -> Report:
     """A report as a dict of plain values, with numbers in the place of lists."""
     description = asdict(hole)
-    del description["rim"], description["creases"]
-    return description | {
-        "crease_edges": len(hole.creases),
-        "new_vertices": len(hole.new_vertices),
-        "new_faces": len(hole.new_faces),
-    }
+    del description["rim"]
+    description["crease_edges"] = len(description.pop("creases"))
+    return description | {"new_vertices": len(hole.new_vertices), "new_faces": len(hole.new_faces)}

@@ -15,7 +15,7 @@ longer than one; they are computed once more.
 """
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 import numpy as np
@@ -72,10 +72,6 @@ def check_writable(ms: MeshSet, names: Iterable[str]) -> None:
             raise BezierFilterError(
                 f"the mesh has a point attribute {name!r} where a scalar one is needed; {_DROP_ATTRIBUTES}"
             )
-    _check_names(ms, mesh)
-
-
-def _check_names(ms: MeshSet, mesh: Mesh) -> None:
     hidden = [name for name in _VARIABLES if _has_attribute(mesh, name)]
     try:
         # Attributes are declared before the expression is parsed, and nothing is changed if that fails.
@@ -124,86 +120,61 @@ def write_columns(ms: MeshSet, columns: Mapping[str, FloatArray]) -> None:
     for name, values in columns.items():
         if values.shape != (mesh.vertex_number(),):
             raise BezierFilterError(f"{name}: got shape {values.shape}, expected ({mesh.vertex_number()},)")
-    old = {name: values for name, values in columns.items() if custom_attribute(mesh, name) is not None}
-    for name in columns.keys() - old.keys():
+    there = read_columns(ms, columns)
+    for name in columns.keys() - there.keys():
         mesh.add_vertex_custom_scalar_attribute(np.ascontiguousarray(columns[name]), name)
-    _overwrite_columns(ms, _changed(mesh, old))
-
-
-def _changed(mesh: Mesh, columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """Those columns whose bits differ from the attribute of their name, which exists."""
-    return {
-        name: values
-        for name, values in columns.items()
-        if not np.array_equal(
-            np.ascontiguousarray(values).view(np.int64),
-            np.ascontiguousarray(mesh.vertex_custom_scalar_attribute_array(name)).view(np.int64),
-        )
-    }
+    _overwrite_columns(ms, {name: columns[name] for name in there})
 
 
 def _overwrite_columns(ms: MeshSet, columns: Mapping[str, FloatArray]) -> None:
-    names = list(columns)
-    if not names:
-        return
-    with _carriers_free(ms):
-        for k in range(0, len(names), len(CARRIERS)):
-            batch = names[k : k + len(CARRIERS)]
-            with _carried(ms, *(columns[name] for name in batch)) as carriers:
-                for name, carrier in zip(batch, carriers, strict=True):
-                    ms.compute_new_custom_scalar_attribute_per_vertex(name=name, expr=carrier)
+    """Write columns that exist, but for those that hold these very bits already."""
+    held = read_columns(ms, columns)
+    names = [name for name, values in columns.items() if values.tobytes() != held[name].tobytes()]
+    for k in range(0, len(names), len(CARRIERS)):
+        batch = names[k : k + len(CARRIERS)]
+        with _carried(ms, *(columns[name] for name in batch)) as carriers:
+            for name, carrier in zip(batch, carriers, strict=True):
+                ms.compute_new_custom_scalar_attribute_per_vertex(name=name, expr=carrier)
 
 
 @contextmanager
 def restored_on_failure(ms: MeshSet, names: Iterable[str]) -> Iterator[None]:
-    """Put quality, vertex normals and the named columns back if the block fails or is interrupted.
+    """Put coordinates, quality, vertex normals and the named columns back if the block fails or is interrupted.
 
     Columns and a quality that the mesh did not have cannot be removed any more: such columns stay as
-    they are, such a quality becomes 0.
+    they are, such a quality becomes 0. Face normals, which pymeshlab lets nobody set, follow the coordinates.
     """
     mesh = current_mesh(ms)
     columns = read_columns(ms, names)
+    vertices = np.array(mesh.vertex_matrix(), dtype=np.float64, order="C")
     normals = np.array(mesh.vertex_normal_matrix(), dtype=np.float64)
     quality = np.array(mesh.vertex_scalar_array()) if mesh.has_vertex_scalar() else np.zeros(len(normals))
     try:
         yield
     except BaseException:
-        _overwrite_columns(ms, _changed(mesh, columns))
-        _restore_normals(ms, normals)
+        if not np.array_equal(current_mesh(ms).vertex_matrix(), vertices, equal_nan=True):
+            write_coordinates(ms, vertices)  # and normals, which is why those are restored afterwards
+        _overwrite_columns(ms, columns)
+        mesh = current_mesh(ms)
+        if not np.array_equal(mesh.vertex_normal_matrix(), normals, equal_nan=True):
+            with _carried(ms, normals[:, 0], normals[:, 1]) as (x, y):
+                ms.compute_normal_by_function_per_vertex(x=x, y=y, z="nz")
+            with _carried(ms, normals[:, 2]) as (z,):
+                ms.compute_normal_by_function_per_vertex(x="nx", y="ny", z=z)
         if mesh.has_vertex_scalar() and not np.array_equal(mesh.vertex_scalar_array(), quality, equal_nan=True):
-            with _carriers_free(ms), _carried(ms, quality) as (carrier,):
+            with _carried(ms, quality) as (carrier,):
                 ms.compute_scalar_by_function_per_vertex(q=carrier)
         raise
 
 
-def _restore_normals(ms: MeshSet, normals: FloatArray) -> None:
-    if np.array_equal(current_mesh(ms).vertex_normal_matrix(), normals, equal_nan=True):
-        return
-    with _carriers_free(ms):
-        with _carried(ms, normals[:, 0], normals[:, 1]) as (x, y):
-            ms.compute_normal_by_function_per_vertex(x=x, y=y, z="nz")
-        with _carried(ms, normals[:, 2]) as (z,):
-            ms.compute_normal_by_function_per_vertex(x="nx", y="ny", z=z)
-
-
 @contextmanager
-def _carried(ms: MeshSet, *values: FloatArray) -> Iterator[list[str]]:
-    """One or two arrays as scalar attributes, whose names are yielded; they are gone after the block."""
-    mesh = current_mesh(ms)
-    carriers = list(CARRIERS[: len(values)])
-    try:
-        for name, array in zip(carriers, values, strict=True):
-            mesh.add_vertex_custom_scalar_attribute(np.ascontiguousarray(array), name)
-        yield carriers
-    finally:
-        _drop_carriers(ms)
+def _carried(ms: MeshSet, *values: FloatArray) -> Iterator[Sequence[str]]:
+    """One or two arrays as scalar attributes, whose names are yielded; they are gone after the block.
 
-
-@contextmanager
-def _carriers_free(ms: MeshSet) -> Iterator[None]:
-    """Set aside the user's own attributes that have the names of the carriers, or of the leftover."""
+    The user's own attributes of these names, or of that of the leftover, are set aside meanwhile.
+    """
     mesh = current_mesh(ms)
-    aside = read_columns(ms, CARRIERS)
+    carriers, aside = CARRIERS[: len(values)], read_columns(ms, CARRIERS)
     leftover = custom_attribute(mesh, LEFTOVER)
     keep = leftover is not None and leftover.any()  # ours is all 0
     if keep:
@@ -211,11 +182,13 @@ def _carriers_free(ms: MeshSet) -> Iterator[None]:
     try:
         if aside:
             _drop_carriers(ms)
-        yield
+        for name, array in zip(carriers, values, strict=True):
+            mesh.add_vertex_custom_scalar_attribute(np.ascontiguousarray(array), name)
+        yield carriers
     finally:
-        for name, values in aside.items():
-            if custom_attribute(mesh, name) is None:
-                mesh.add_vertex_custom_scalar_attribute(values, name)
+        _drop_carriers(ms)
+        for name, array in aside.items():
+            mesh.add_vertex_custom_scalar_attribute(array, name)
         if keep:
             ms.compute_new_custom_scalar_attribute_per_vertex(name=LEFTOVER, expr=KEPT_LEFTOVER)
 
@@ -251,18 +224,3 @@ def write_coordinates(ms: MeshSet, vertices: FloatArray) -> None:
     if not np.array_equal(current_mesh(ms).vertex_matrix(), vertices):
         raise BezierFilterError("pymeshlab did not take the new coordinates over bit for bit; they are too far apart")
     ms.compute_normal_per_vertex()
-
-
-@contextmanager
-def coordinates_restored_on_failure(ms: MeshSet) -> Iterator[None]:
-    """Put the coordinates back if the block fails or is interrupted.
-
-    Face normals, which pymeshlab lets nobody set, are computed from them once more.
-    """
-    vertices = np.array(current_mesh(ms).vertex_matrix(), dtype=np.float64, order="C")
-    try:
-        yield
-    except BaseException:
-        if not np.array_equal(current_mesh(ms).vertex_matrix(), vertices):
-            write_coordinates(ms, vertices)
-        raise

@@ -5,7 +5,6 @@ import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -35,38 +34,26 @@ _OURS = re.compile(f"{PREFIX}[a-z0-9_]+")  # names of attributes that every filt
 _UNIT = 1e-3  # by which the lengths of normals differ from 1 in files that round them
 
 
-@dataclass(frozen=True)
-class FormatSupport:
-    """What pymeshlab writes per vertex, besides positions, into files of a format."""
-
-    normals: bool = False  # OFF files get them only if there are no colours
-    color: bool = False
-    quality: bool = False
-    attributes: bool = False  # the ``bz_*`` columns: pymeshlab does not read them back, `load_mesh` does
-    rounding: float = 0.0  # largest error of a coordinate, as a part of the largest coordinate,
-    decimals: float = 0.0  # or as a length
-
-
+WITH_FIELDS = ".ply"  # the format that holds quality, and ``bz_*`` columns, which pymeshlab does not read back
 _SIX_DIGITS, _SINGLE = 5e-6, 2.0**-24
-_FORMATS = {
-    ".ply": FormatSupport(normals=True, color=True, quality=True, attributes=True),
-    **dict.fromkeys((".obj", ".off"), FormatSupport(normals=True, color=True)),
-    **dict.fromkeys((".dae", ".x3d"), FormatSupport(normals=True, color=True, rounding=_SIX_DIGITS)),
-    ".wrl": FormatSupport(color=True, rounding=_SIX_DIGITS),
-    **dict.fromkeys((".stl", ".3ds", ".ctm", ".dxf"), FormatSupport(rounding=_SINGLE)),
-    ".3mf": FormatSupport(rounding=_SINGLE, decimals=5e-7),
+# largest error of a coordinate in each format that can be saved, as a part of the largest coordinate and as a length
+_ROUNDING = {
+    **dict.fromkeys((WITH_FIELDS, ".obj", ".off"), (0.0, 0.0)),
+    **dict.fromkeys((".dae", ".x3d", ".wrl"), (_SIX_DIGITS, 0.0)),
+    **dict.fromkeys((".stl", ".3ds", ".ctm", ".dxf"), (_SINGLE, 0.0)),
+    ".3mf": (_SINGLE, 5e-7),
 }
-SAVE_SUFFIXES = tuple(_FORMATS)
+SAVE_SUFFIXES = tuple(_ROUNDING)
 
 
-def format_support(path: str | os.PathLike[str]) -> FormatSupport:
-    """What a file of this name can hold; the suffix decides, in any case. Formats that cannot be saved are refused."""
-    suffix = Path(path).suffix.lower()
-    if suffix not in _FORMATS:
+def format_of(path: str | os.PathLike[str]) -> str:
+    """Suffix, in lower case, of a file to be saved, which decides on its format; other formats are refused."""
+    suffix = Path(os.path.realpath(path)).suffix.lower()
+    if suffix not in _ROUNDING:
         raise BezierFilterError(
             f"cannot write {path}: unknown format {suffix or 'without a suffix'}; use one of {' '.join(SAVE_SUFFIXES)}"
         )
-    return _FORMATS[suffix]
+    return suffix
 
 
 def load_mesh(path: str | os.PathLike[str], *, attributes: bool = True) -> MeshSet:
@@ -158,7 +145,7 @@ def contents_of(ms: MeshSet) -> list[str]:
 def save_mesh(
     ms: MeshSet, path: str | os.PathLike[str], *, binary: bool = True, attributes: bool = True
 ) -> tuple[str, ...]:
-    """Save the current mesh with everything that the format can hold (see `format_support`).
+    """Save the current mesh with everything that the format can hold.
 
     The file appears whole or not at all. Files that go with it, such as the MTL of an OBJ, are
     replaced; images of textures are written only where no file of that name exists, because
@@ -200,20 +187,30 @@ def save_mesh(
     ...     remarks, "bz_geodesic_torsion" in read_fields(f"{folder}/ball.ply")
     ((), True)
     """
-    support = format_support(path)
-    current_mesh(ms)
+    suffix, mesh = format_of(path), current_mesh(ms)
+    options: dict[str, Any] = {"binary": binary} if suffix in (".ply", ".stl") else {}
+    if suffix == ".off" and mesh.has_vertex_color():
+        options["save_vertex_normal"] = False  # with both, readers take the colours for normals
+    if suffix == WITH_FIELDS:
+        options["save_vertex_normal"] = True
+        if attributes:  # pymeshlab's keys are in lower case, as the names of our columns are
+            keys = ms.filter_parameter_values("ply")
+            options |= {key: True for key in keys if key.startswith(SCALAR + PREFIX)}
     target = Path(os.path.realpath(path))
     try:
         with atomic_write(target) as temporary, TemporaryDirectory(prefix=TEMPORARY, dir=target.parent) as folder:
             # The name inside the folder is the final one: an OBJ file names its MTL file after itself.
             staged = Path(folder) / target.name
             with doing(f"writing {path}"), _process_as_it_was():
-                remarks = _save(ms, staged, _save_options(ms, staged, support, binary, attributes))
+                remarks = _save(ms, staged, options)
             if not staged.is_file():
                 raise BezierFilterError(f"cannot write {path}: pymeshlab wrote no file")
-            _move_companions(staged, target.parent)
             os.replace(staged, temporary)
-        return remarks + _rounded(current_mesh(ms), support, target.suffix)
+            for companion in Path(folder).iterdir():
+                goal = target.parent / companion.name
+                if companion.name.startswith(target.name) or not goal.exists():
+                    os.replace(companion, goal)
+        return remarks + _rounded(mesh, suffix)
     except BezierFilterError:
         raise
     except OSError as error:
@@ -221,7 +218,7 @@ def save_mesh(
         raise BezierFilterError(reason if error.strerror else str(error)) from error
     except (ValueError, IndexError) as error:  # from within the writer, such as COLLADA's without a texture
         raise BezierFilterError(
-            f"cannot write {path}: pymeshlab cannot write this mesh as {target.suffix} ({error}); write a PLY file"
+            f"cannot write {path}: pymeshlab cannot write this mesh as {suffix} ({error}); write a PLY file"
         ) from error
     except (PyMeshLabException, RuntimeError) as error:
         raise BezierFilterError(f"cannot write {path}: {reason_of(error)}; see whether the disk is full") from error
@@ -242,12 +239,13 @@ def _save(ms: MeshSet, path: Path, options: dict[str, Any]) -> tuple[str, ...]:
     )
 
 
-def _rounded(mesh: Mesh, support: FormatSupport, suffix: str) -> tuple[str, ...]:
+def _rounded(mesh: Mesh, suffix: str) -> tuple[str, ...]:
     """What the format makes of the coordinates, if that is more than a thousandth of the edges."""
     if not mesh.is_compact():
         return ()
     vertices, faces = mesh.vertex_matrix(), mesh.face_matrix()
-    error = max(support.rounding * float(np.abs(vertices).max(initial=0.0)), support.decimals)
+    relative, absolute = _ROUNDING[suffix]
+    error = max(relative * float(np.abs(vertices).max(initial=0.0)), absolute)
     edges = np.linalg.norm(vertices[faces[:, 1:]] - vertices[faces[:, :1]], axis=2)
     if not edges.size or error <= 1e-3 * edges.mean():
         return ()
@@ -269,25 +267,3 @@ def _process_as_it_was() -> Iterator[None]:
         finally:
             os.chdir(directory)
             locale.setlocale(locale.LC_ALL, names)
-
-
-def _save_options(ms: MeshSet, path: Path, support: FormatSupport, binary: bool, attributes: bool) -> dict[str, Any]:
-    known = ms.filter_parameter_values(path.suffix[1:].lower())
-    options: dict[str, Any] = {}
-    if support.normals:
-        # An OFF file with both has them in the wrong order: readers take the colours for normals.
-        both_fail = path.suffix.lower() == ".off" and current_mesh(ms).has_vertex_color()
-        options["save_vertex_normal"] = not both_fail
-    if "binary" in known:
-        options["binary"] = binary
-    if support.attributes and attributes:
-        # pymeshlab's keys are in lower case, as the names of our columns are.
-        options |= {key: True for key in known if key.startswith(SCALAR + PREFIX)}
-    return options
-
-
-def _move_companions(staged: Path, folder: Path) -> None:
-    for companion in staged.parent.iterdir():
-        ours = companion.name.startswith(staged.name)
-        if companion != staged and (ours or not (folder / companion.name).exists()):
-            os.replace(companion, folder / companion.name)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.fields import PREFIX
 from bezier_filters.files.ply_text import color_columns, coordinate_columns, ply_text
-from bezier_filters.holes.polyharmonic_fairing import harmonic_continuation
+from bezier_filters.holes.polyharmonic_fairing import polyharmonic_continuation
 from bezier_filters.meshlab.mesh_attributes import (
     ATTRIBUTES,
     KEPT_LEFTOVER,
@@ -164,7 +164,7 @@ def _patch(old: Mesh, growth: MeshGrowth, vertices: FloatArray, numbers: FloatAr
     scalars = old.vertex_scalar_array()[:, np.newaxis] if old.has_vertex_scalar() else colors[:, :0]
     if colors.size or scalars.size:
         known = np.hstack([scalars, colors])[rim].astype(np.float64)
-        continued = harmonic_continuation(vertices[used], faces, known)
+        continued = polyharmonic_continuation(vertices[used], faces, known)
         if scalars.size:
             options["v_scalar_array"] = continued[:, 0]
         if colors.size:

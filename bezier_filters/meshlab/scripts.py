@@ -2,11 +2,13 @@
 
 import difflib
 import inspect
+import json
 import keyword
 import re
 import time
 import types
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
@@ -128,18 +130,15 @@ def run_filter_script(
     reports = []
     for number, (name, step) in enumerate(zip(names, steps, strict=True), start=1):
         start = time.perf_counter()
-        try:
+        with _errors_of(f"step {number}, {step.name!r}"):
             if name in OURS:
                 function = getattr(MeshSet, name, OURS[name])  # the method, if there is one, is recorded
                 report = function(ms, **_our_values(name, step), progress=progress)
             else:
                 report = _run_meshlab(ms, name, step)
-        except InvalidScriptError as error:
-            raise InvalidScriptError(f"step {number}, {step.name!r}: {error}") from error
-        except PyMeshLabException as error:
-            raise BezierFilterError(f"step {number}, {step.name!r}: {error}") from error
         whose = "bezier_filters" if name in OURS else "MeshLab"
-        reports.append(StepReport(name, whose, time.perf_counter() - start, _plain(report)))
+        plain = json.loads(json.dumps(report, default=_plain))
+        reports.append(StepReport(name, whose, time.perf_counter() - start, plain))
     return reports
 
 
@@ -150,16 +149,29 @@ def check_steps(steps: Sequence[ScriptStep]) -> list[str]:
     known = former | {name: name for name in (*theirs, *OURS)}
     names = []
     for number, step in enumerate(steps, start=1):
-        try:
-            name = known.get(step.name) or known.get(snake_case(step.name))
+        with _errors_of(f"step {number}, {step.name!r}"):
+            sought = snake_case(step.name)
+            name = known.get(step.name) or known.get(sought)
             if name is None:
-                raise InvalidScriptError(f"unknown filter; {_nearest(snake_case(step.name), known)}")
+                close = dict.fromkeys(known[match] for match in difflib.get_close_matches(sought, known, cutoff=0.5))
+                lists = "pymeshlab.print_filter_list() lists MeshLab's"
+                hint = f"did you mean {' or '.join(close)}?" if close else lists
+                raise InvalidScriptError(f"unknown filter; {hint}")
             if name in OURS:
                 _our_values(name, step)
-        except InvalidScriptError as error:
-            raise InvalidScriptError(f"step {number}, {step.name!r}: {error}") from error
         names.append(name)
     return names
+
+
+@contextmanager
+def _errors_of(part: str) -> Iterator[None]:
+    """Say in errors which part of a script they are about."""
+    try:
+        yield
+    except InvalidScriptError as error:
+        raise InvalidScriptError(f"{part}: {error}") from error
+    except PyMeshLabException as error:
+        raise BezierFilterError(f"{part}: {error}") from error
 
 
 def snake_case(name: str) -> str:
@@ -169,11 +181,6 @@ def snake_case(name: str) -> str:
     'remeshing_isotropic_explicit_remeshing'
     """
     return re.sub("[^0-9a-z]+", "_", name.lower()).strip("_")
-
-
-def _nearest(name: str, known: Mapping[str, str]) -> str:
-    close = dict.fromkeys(known[match] for match in difflib.get_close_matches(name, known, n=3, cutoff=0.5))
-    return f"did you mean {' or '.join(close)}?" if close else "pymeshlab.print_filter_list() lists MeshLab's"
 
 
 def _our_values(name: str, step: ScriptStep) -> dict[str, Any]:
@@ -192,10 +199,8 @@ def _converted(
             close = difflib.get_close_matches(key, known, n=1)
             hint = f"did you mean {close[0]}?" if close else f"it has {', '.join(known) or 'none'}"
             raise InvalidScriptError(f"unknown parameter {given!r}; {hint}")
-        try:
+        with _errors_of(f"parameter {given!r}"):
             values[key] = convert(key, attributes)
-        except InvalidScriptError as error:
-            raise InvalidScriptError(f"parameter {given!r}: {error}") from error
     return values
 
 
@@ -216,18 +221,14 @@ def _run_meshlab(ms: MeshSet, name: str, step: ScriptStep) -> Report:
 
 
 def _plain(value: Any) -> Any:
-    """A report as values that can be written as JSON."""
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
-    return value if isinstance(value, str | int | float | bool | None) else str(value)
+    """A value that can be written as JSON in the place of one that cannot."""
+    if type(value).__name__ == "BoundingBox":
+        return {"min": value.min(), "max": value.max()}
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)
 
 
 _NOT_IN_SCRIPTS = ("ms", "progress")
-_TYPES = {bool: "RichBool", int: "RichInt", float: "RichFloat"}  # MeshLab's names; anything else is text
+_TYPES = {int: "RichInt", float: "RichFloat"}  # MeshLab's names; anything else is text
 
 
 def script_step(name: str, **parameters: Any) -> ScriptStep:
@@ -277,7 +278,7 @@ def value_of_type(hint: Any, attributes: Mapping[str, str]) -> Any:
     for option in sorted(_options(hint), key=lambda option: option is not type(None)):  # "none" may be any text
         try:
             return _read(option, text)
-        except ValueError:
+        except (ValueError, KeyError):
             continue
     raise InvalidScriptError(f"got {text!r}, expected {described_type(hint)}")
 
@@ -297,32 +298,22 @@ def _options(hint: Any) -> list[Any]:
     return list(get_args(hint)) if get_origin(hint) is Literal else [hint]
 
 
-def _flag(text: str) -> bool:
-    if text.lower() not in ("true", "false", "1", "0"):
-        raise ValueError
-    return text.lower() in ("true", "1")
-
-
-def _nothing(text: str) -> None:
-    if text.lower() not in ("", "none"):
-        raise ValueError
-
-
 def _percentage(text: str) -> PercentageValue:
     if not text.endswith("%"):
         raise ValueError
     return PercentageValue(float(text.removesuffix("%")))
 
 
-# how a text becomes a value of a type, with a ValueError if it does not, and what is said of the type then
+_FLAGS, _NOTHING = {"true": True, "1": True, "false": False, "0": False}, {"": None, "none": None}
+# how a text becomes a value of a type, with a ValueError or KeyError if it does not, and what is said of the type then
 _READERS: dict[object, tuple[Callable[[str], object], str]] = {
-    bool: (_flag, "true or false"),
+    bool: (lambda text: _FLAGS[text.lower()], "true or false"),
     int: (int, "an integer"),
     float: (float, "a number"),
     str: (str, "text"),
     PureValue: (float, "a number"),  # which our filters take, too; a PureValue has single precision
     PercentageValue: (_percentage, "a percentage such as 2%"),
-    type(None): (_nothing, "nothing"),
+    type(None): (lambda text: _NOTHING[text.lower()], "nothing"),
 }
 
 
@@ -348,16 +339,11 @@ def value_like(default: Any, attributes: Mapping[str, str]) -> Any:
         return _array(default.shape, attributes)
     if type(default) is Color:
         return Color(*(int(_value(attributes, channel)) for channel in "rgba"))
-    text = _value(attributes)
-    if isinstance(default, bool):
-        return value_of_type(bool, attributes)
-    if isinstance(default, int):  # a number, a word of an enumeration, or its number
-        return int(text) if text.lstrip("-").isdecimal() else text
-    if isinstance(default, float):
-        if attributes.get("type") == "RichAbsPerc" and not text.endswith("%"):
-            return PureValue(value_of_type(float, attributes))
-        return value_of_type(PercentageValue | float, attributes)
-    return text
+    if type(default) is float and attributes.get("type") == "RichAbsPerc" and not _value(attributes).endswith("%"):
+        return PureValue(value_of_type(float, attributes))
+    # an integer may stand for a word of an enumeration, a float for a length
+    hints = {bool: bool, int: int | str, float: PercentageValue | float}
+    return value_of_type(hints.get(type(default), str), attributes)
 
 
 def _array(shape: tuple[int, ...], attributes: Mapping[str, str]) -> Any:

@@ -63,14 +63,11 @@ def topology_of(vertices: FloatArray, faces: IntArray) -> Topology:
         on_border[proper[beyond[:, k] < 0][:, [k, (k + 1) % 3]]] = True
     counts: Report = {name: measures[key] for name, key in _MEASURES.items()} | {"boundary_loops_by": "pymeshlab"}
     if counts["boundary_loops"] < 0:
-        counts |= {"genus": None, "boundary_loops": _loops(vertices, proper), "boundary_loops_by": "bezier_filters"}
+        mesh = triangle_mesh(vertices, proper)
+        holes = find_holes(mesh, vertex_adjacency(mesh))
+        loops = None if any(hole.unclear_edges for hole in holes) else sum(len(hole.loops) for hole in holes)
+        counts |= {"genus": None, "boundary_loops": loops, "boundary_loops_by": "bezier_filters"}
     return Topology(counts, on_border)
-
-
-def _loops(vertices: FloatArray, faces: IntArray) -> int | None:
-    mesh = triangle_mesh(vertices, faces)
-    holes = find_holes(mesh, vertex_adjacency(mesh))
-    return sum(len(hole.loops) for hole in holes) if not any(hole.unclear_edges for hole in holes) else None
 
 
 def repaired_copy(ms: MeshSet) -> tuple[CurrentMesh, Report]:

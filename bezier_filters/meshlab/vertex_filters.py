@@ -18,6 +18,7 @@ from bezier_filters.feature_lines.crease_lines import COLORS, Creases, crease_co
 from bezier_filters.fields import CREASES, CURVATURE, NORMALS, PREFIX, SMOOTH, TORSION, column_names, columns
 from bezier_filters.meshes.half_edges import distinct_edges
 from bezier_filters.meshlab.filter_run import Computed, Output, run_filter
+from bezier_filters.meshlab.mesh_attributes import write_coordinates
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
     CurrentMesh,
@@ -184,19 +185,22 @@ def _run(ms: MeshSet, name: str, fit: FitArguments, output: Output) -> Report:
 
     def work(mesh: CurrentMesh, mask: BoolArray) -> Computed:
         geometry = fit_mesh(mesh, mask, fit)
-        found, normals = columns(name, geometry), dict[str, str]()
+        found = columns(name, geometry)
         if name == NORMALS:
             found[f"{PREFIX}normal_angle"] = _angles_in_degrees(geometry.normals, mesh.vertex_normals)
-            # The new normals where there is an estimate, the old ones elsewhere.
-            estimated = f"{PREFIX}fit_status <= {int(worst)}"
-            normals = {axis: f"({estimated}) ? {PREFIX}normal_{axis} : n{axis}" for axis in "xyz"}
         parts = [asdict(part) for part in geometry.fit.parts]
         report = {
             "status": geometry.status_counts(),
             "fit": asdict(geometry.fit) | {"parts": parts},
             "mean_edge": _mean_edge(mesh),
         }
-        return Computed(found, geometry.status <= worst, report, normals=normals)
+        return Computed(found, geometry.status <= worst, report, set_normals if name == NORMALS else lambda: None)
+
+    def set_normals() -> None:
+        """To the new ones where there is an estimate; the old ones stay elsewhere."""
+        estimated = f"{PREFIX}fit_status <= {int(worst)}"
+        new = {axis: f"({estimated}) ? {PREFIX}normal_{axis} : n{axis}" for axis in "xyz"}
+        ms.compute_normal_by_function_per_vertex(**new, onselected=output.onselected)
 
     return run_filter(ms, name, work, output)
 
@@ -322,7 +326,7 @@ def apply_coord_bezier_patch_smoothing(
             "topology": topology_of(mesh.vertices, mesh.faces).counts,
             "remarks": [remark] if 0 < result.iterations < iterations else [],
         }
-        return Computed(columns(SMOOTH, result), mask, report, vertices=result.vertices)
+        return Computed(columns(SMOOTH, result), mask, report, lambda: write_coordinates(ms, result.vertices))
 
     return run_filter(ms, SMOOTH, work, Output(quality, onselected, color, colormap, percentile, colorrange))
 
@@ -410,7 +414,7 @@ def compute_selection_by_bezier_crease_per_edge(
             if polylines and creases.lines:
                 layers.append(_add_polylines(ms, creases))
 
-        return Computed(crease_columns(creases), mask, report_of(creases), write_more=select_and_add_lines)
+        return Computed(crease_columns(creases), mask, report_of(creases), select_and_add_lines)
 
     report = run_filter(ms, CREASES, work, Output())
     return report | {

@@ -104,6 +104,8 @@ def render_panels(
     """
     check_picture(path)
     scene.require_libraries()
+    from matplotlib.image import imsave
+
     background = _checked(panels, views, columns, size, background, up)
     style = _Style(max(10.0, _FONT * max(size)), background)
     ups = [scene.up_axis(panel) if up == "auto" else up for panel in panels]
@@ -116,7 +118,7 @@ def render_panels(
         images = [
             scene.draw(panel, own, scale=scale, background=background) for panel, own in zip(panels, seen, strict=True)
         ]
-        _save(temporary, _sheet(panels, images, views, columns, title or "", style), style, dpi)
+        imsave(temporary, _sheet(panels, images, views, columns, title or "", style), dpi=dpi)
 
 
 def _checked(
@@ -218,19 +220,19 @@ def _sheet(
     content = _grid(cells, style)
     if not with_bars:
         bar = _color_bar(panels[0], _COMMON_BAR_SHARE * content.shape[1], style)
-    return _grid([[_text(title, style, _TITLE_SIZE)], [content], [bar]], style)
+    return _grid([[_text(title, style, _TITLE_SIZE)], [content], [bar]], style, margin=round(style.font))
 
 
-def _grid(rows: Sequence[Sequence[Image]], style: _Style) -> Image:
+def _grid(rows: Sequence[Sequence[Image]], style: _Style, margin: int = 0) -> Image:
     """Images in the middle of the cells of a table; rows and columns of empty ones take no room."""
     heights = [max(len(cell) for cell in row) for row in rows]
     widths = [max(cell.shape[1] for cell in column) for column in zip_longest(*rows, fillvalue=_EMPTY)]
     tops, height = _places(heights, round(_ROW_GAP * style.font))
     lefts, width = _places(widths, round(_COLUMN_GAP * style.font))
-    result = np.tile(style.color(), (height, width, 1))
+    result = np.tile(style.color(), (height + 2 * margin, width + 2 * margin, 1))
     for row, top, tall in zip(rows, tops, heights, strict=True):
         for cell, left, wide in zip(row, lefts, widths, strict=False):
-            y, x = top + (tall - len(cell)) // 2, left + (wide - cell.shape[1]) // 2
+            y, x = margin + top + (tall - len(cell)) // 2, margin + left + (wide - cell.shape[1]) // 2
             result[y : y + len(cell), x : x + cell.shape[1]] = cell
     return result
 
@@ -239,17 +241,6 @@ def _places(sizes: Sequence[int], gap: int) -> tuple[list[int], int]:
     """Where things of these sizes begin, with gaps in between, and where the last one ends."""
     ends = list(accumulate(size + gap if size else 0 for size in sizes))
     return [end - size - gap if size else end for size, end in zip(sizes, ends, strict=True)], max(ends[-1] - gap, 0)
-
-
-def _save(path: Path, sheet: Image, style: _Style, dpi: float) -> None:
-    """Write a sheet with a margin."""
-    from matplotlib.image import imsave
-
-    margin = round(style.font)
-    height, width = sheet.shape[:2]
-    page = np.tile(style.color(), (height + 2 * margin, width + 2 * margin, 1))
-    page[margin : margin + height, margin : margin + width] = sheet
-    imsave(path, page, dpi=dpi)
 
 
 def _text(text: str, style: _Style, size: float = 1.0, *, rotation: float = 0.0) -> Image:

@@ -9,7 +9,6 @@ Arrays of lanes are flat float64 arrays in which the eight numbers lie next to e
 
 import operator
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import TypeAlias
 
 import numpy as np
@@ -64,28 +63,24 @@ def aligned(count: int) -> FloatArray:
     return memory[skip : skip + LANES * count]
 
 
-class LanesType(types.Type):
-    """Type of eight float64."""
+class VectorType(types.Type):
+    """Type of some numbers side by side."""
 
-    def __init__(self) -> None:
-        super().__init__(name="Lanes")
+    def __init__(self, name: str, number: ir.Type, count: int) -> None:
+        super().__init__(name=name)
+        self.vector = ir.VectorType(number, count)
 
 
-_LANES, _ARRAY = LanesType(), types.Array(types.float64, 1, "C")
-_DOUBLE, _INT32 = ir.DoubleType(), ir.IntType(32)
-_VECTOR = ir.VectorType(_DOUBLE, LANES)
+@register_model(VectorType)
+class _VectorModel(models.PrimitiveModel):
+    """In a vector register, or in several."""
 
-Arguments = Sequence[ir.Value]
+    def __init__(self, manager: DataModelManager, numba_type: VectorType) -> None:
+        super().__init__(manager, numba_type, numba_type.vector)
+
+
 # writes what compiled code does with some arguments, and returns the result
-Instructions = Callable[[BaseContext, ir.IRBuilder, Signature, Arguments], ir.Value]
-
-
-@register_model(LanesType)
-class _LanesModel(models.PrimitiveModel):
-    """In a vector register."""
-
-    def __init__(self, manager: DataModelManager, numba_type: LanesType) -> None:
-        super().__init__(manager, numba_type, _VECTOR)
+Instructions = Callable[[BaseContext, ir.IRBuilder, Signature, Sequence[ir.Value]], ir.Value]
 
 
 def compile_as(function: Callable[..., object], signature: Signature, instructions: Instructions) -> None:
@@ -98,61 +93,78 @@ def compile_as(function: Callable[..., object], signature: Signature, instructio
     lower_builtin(function, *signature.args)(instructions)
 
 
-def _library_function(name: str) -> Instructions:
-    """One of LLVM's vector functions."""
-
-    def call(context: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: Arguments) -> ir.Value:
-        kind = ir.FunctionType(_VECTOR, [_VECTOR] * len(arguments))
-        function = cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{LANES}f64")
-        return builder.call(function, arguments)
-
-    return call
+def load_vector(
+    context: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: Sequence[ir.Value]
+) -> ir.Value:
+    """Read a vector from an array of them, at a place."""
+    array = signature.args[0]
+    address = _address(context, builder, array, signature.return_type.vector, *arguments)
+    return builder.load(address, align=array.dtype.bitwidth // 8)
 
 
-def vector_address(
-    vector: ir.VectorType,
+def store_vector(
+    context: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: Sequence[ir.Value]
+) -> ir.Value:
+    """Write a vector to an array of them, at a place."""
+    array, _, value = signature.args
+    address = _address(context, builder, array, value.vector, *arguments[:2])
+    builder.store(arguments[2], address, align=array.dtype.bitwidth // 8)
+    return context.get_dummy_value()
+
+
+def _address(
     context: BaseContext,
     builder: ir.IRBuilder,
-    signature: Signature,
+    numba_type: types.Array,
+    vector: ir.VectorType,
     array: ir.Value,
     place: ir.Value,
 ) -> ir.Value:
     """Where a vector is in an array of them."""
-    data = context.make_array(signature.args[0])(context, builder, array).data
+    data = context.make_array(numba_type)(context, builder, array).data
     element = builder.gep(data, [builder.mul(place, ir.Constant(place.type, vector.count))])
     return builder.bitcast(element, vector.as_pointer())
 
 
-_address = partial(vector_address, _VECTOR)
+def library_function(name: str) -> Instructions:
+    """One of LLVM's functions of vectors; a number stands for a vector of it."""
 
+    def call(
+        context: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: Sequence[ir.Value]
+    ) -> ir.Value:
+        vector = signature.return_type.vector
+        kind = ir.FunctionType(vector, [vector] * len(arguments))
+        full_name = f"llvm.{name}.v{vector.count}{vector.element.intrinsic_name}"
+        function = cgutils.get_or_insert_function(builder.module, kind, full_name)
+        return builder.call(function, [spread_over(builder, argument, vector) for argument in arguments])
 
-def _store(context: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: Arguments) -> ir.Value:
-    array, place, value = arguments
-    builder.store(value, _address(context, builder, signature, array, place), align=8)
-    return context.get_dummy_value()
+    return call
 
 
 def spread_over(builder: ir.IRBuilder, number: ir.Value, vector: ir.VectorType) -> ir.Value:
-    """The same number in all places of a vector."""
-    undefined = ir.Constant(vector, ir.Undefined)
-    one = builder.insert_element(undefined, number, ir.Constant(_INT32, 0))
-    return builder.shuffle_vector(one, undefined, ir.Constant(ir.VectorType(_INT32, vector.count), [0] * vector.count))
+    """The same number in all places of a vector; what is one already stays."""
+    if number.type == vector:
+        return number
+    int32, undefined = ir.IntType(32), ir.Constant(vector, ir.Undefined)
+    one = builder.insert_element(undefined, number, ir.Constant(int32, 0))
+    return builder.shuffle_vector(one, undefined, ir.Constant(ir.VectorType(int32, vector.count), [0] * vector.count))
 
 
+_LANES, _ARRAY = VectorType("Lanes", ir.DoubleType(), LANES), types.Array(types.float64, 1, "C")
 _TWO = _LANES(_LANES, _LANES)
 compile_as(operator.add, _TWO, lambda context, builder, signature, args: builder.fadd(*args))
 compile_as(operator.sub, _TWO, lambda context, builder, signature, args: builder.fsub(*args))
 compile_as(operator.mul, _TWO, lambda context, builder, signature, args: builder.fmul(*args))
 compile_as(operator.truediv, _TWO, lambda context, builder, signature, args: builder.fdiv(*args))
+compile_as(load, _LANES(_ARRAY, types.intp), load_vector)
+compile_as(store, types.void(_ARRAY, types.intp, _LANES), store_vector)
 compile_as(
-    load, _LANES(_ARRAY, types.intp), lambda c, builder, s, args: builder.load(_address(c, builder, s, *args), align=8)
+    spread,
+    _LANES(types.float64),
+    lambda context, builder, signature, args: spread_over(builder, args[0], _LANES.vector),
 )
-compile_as(store, types.void(_ARRAY, types.intp, _LANES), _store)
-compile_as(
-    spread, _LANES(types.float64), lambda context, builder, signature, args: spread_over(builder, args[0], _VECTOR)
-)
-compile_as(multiply_add, _LANES(_LANES, _LANES, _LANES), _library_function("fmuladd"))
-compile_as(square_root, _LANES(_LANES), _library_function("sqrt"))
+compile_as(multiply_add, _LANES(_LANES, _LANES, _LANES), library_function("fmuladd"))
+compile_as(square_root, _LANES(_LANES), library_function("sqrt"))
 compile_as(
     where_greater,
     _LANES(_LANES, _LANES, _LANES, _LANES),

@@ -11,7 +11,7 @@ from threading import Lock
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
 from bezier_filters.errors import FieldFileError
 
@@ -25,28 +25,27 @@ class ArrayFile:
     """A table in a file."""
 
     path: Path
-    dtype: DType  # of an entry, or of a whole row
-    columns: int  # entries per row
+    dtype: DType  # of a row; with a shape, if it is several numbers of one type
     rows: int
     offset: int = 0  # bytes before the first row
 
-    @property
-    def row_size(self) -> int:
-        """Bytes of a row."""
-        return self.dtype.itemsize * self.columns
-
     def read(self, start: int, stop: int) -> Values:
         """Rows start .. stop-1; FieldFileError if the file ends before."""
-        count = (stop - start) * self.columns
-        found = np.fromfile(self.path, self.dtype, count, offset=self.offset + start * self.row_size)
-        if len(found) < count:
+        offset = self.offset + start * self.dtype.itemsize
+        found: Values = np.fromfile(self.path, self.dtype, stop - start, offset=offset)
+        if len(found) < stop - start:
             raise FieldFileError(f"{self.path} is cut short: row {stop - 1} is not there")
-        return found if self.columns == 1 else found.reshape(-1, self.columns)
+        return found
 
     def mapped(self, mode: Literal["r", "r+"] = "r") -> Values:
         """The whole table as a memory map, to be dropped soon."""
-        shape = (self.rows,) if self.columns == 1 else (self.rows, self.columns)
-        return np.memmap(self.path, self.dtype, mode, self.offset, shape)
+        return np.memmap(self.path, self.dtype, mode, self.offset, (self.rows,))
+
+    def allocated(self) -> "ArrayFile":
+        """The same, after its file was filled with zeros that take no room on the disk yet."""
+        with open(self.path, "wb") as stream:
+            os.truncate(stream.fileno(), self.rows * self.dtype.itemsize)
+        return self
 
 
 def load_array(path: Path, mode: Literal["r"] | None = None) -> Values:
@@ -62,12 +61,4 @@ def load_array(path: Path, mode: Literal["r"] | None = None) -> Values:
 def saved_array(path: Path, values: Values) -> ArrayFile:
     """Write a table (k, columns) or (k,) to a file."""
     values.tofile(path)
-    return ArrayFile(path, values.dtype, 1 if values.ndim == 1 else values.shape[1], len(values))
-
-
-def new_array_file(path: Path, dtype: DTypeLike, columns: int, rows: int) -> ArrayFile:
-    """A file for a table, filled with zeros that take no room on the disk yet."""
-    table = ArrayFile(path, np.dtype(dtype), columns, rows)
-    with open(path, "wb") as stream:
-        os.truncate(stream.fileno(), rows * table.row_size)
-    return table
+    return ArrayFile(path, np.dtype((values.dtype, values.shape[1:])), len(values))

@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 
 from bezier_filters.arrays import IntArray
 from bezier_filters.meshes.adjacency import Adjacency
-from bezier_filters.scale.array_file import ArrayFile, Values, new_array_file, saved_array
+from bezier_filters.scale.array_file import ArrayFile, Values, saved_array
 from bezier_filters.scale.halo import TilePart
 from bezier_filters.scale.store import Store
 from bezier_filters.scale.tiles import Tile
@@ -53,7 +53,7 @@ def labelled_vertices(part: TilePart, adjacency: Adjacency) -> Values:
 def unite_components(store: Store, tiles: Sequence[Tile]) -> StoredComponents | None:
     """The closed components of a mesh, from the `labelled_vertices` of all tiles in order; None if there are none."""
     n = store.layout.vertex_count
-    result = new_array_file(store.folder / "components.bin", np.int32, 1, n)
+    result = ArrayFile(store.folder / "components.bin", np.dtype(np.int32), n).allocated()
     nodes, ranges = result.mapped("r+"), [store.layout.tile(tile) for tile in range(len(tiles))]
     open_nodes, links, count = [], [], 0
     for (start, stop), tile in zip(ranges, tiles, strict=True):

@@ -12,17 +12,18 @@ from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.adaptive_fit import SurfaceFit, fit_parts
 from bezier_filters.estimation.fallbacks import fit_with_fallbacks
 from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, empty_geometry
-from bezier_filters.fields import CURVATURE, ESTIMATES, PREFIX, TORSION, Field, fields_of, values_of
+from bezier_filters.fields import CURVATURE, ESTIMATES, PREFIX, QUALITY, TORSION, Field, fields_of, values_of
 from bezier_filters.kernels.kernel_input import fitted_mesh, with_steady_normals
 from bezier_filters.learning.model_tree import leaves
 from bezier_filters.runtime.parallel import one_thread_for_matrices
+from bezier_filters.scale.array_file import Values
 from bezier_filters.scale.halo import TilePart, tile_part
 from bezier_filters.scale.learn import FitOptions, learn_fit, rings_needed
-from bezier_filters.scale.run import Round, RunOptions, StageProgress, TileOutput, file_run
+from bezier_filters.scale.run import Round, RunOptions, StageProgress, file_run
 from bezier_filters.scale.scheduling import Scheduler, dashboard
 from bezier_filters.scale.source import SourcePath, open_source
 from bezier_filters.scale.store import Store
-from bezier_filters.scale.tiles import table_of
+from bezier_filters.scale.tiles import TileReport, table_of
 from bezier_filters.status import FitStatus
 
 ALL = "all"  # every estimate
@@ -172,7 +173,7 @@ def chosen_columns(quantity: str, quality: str | None, columns: Sequence[str] | 
 
 def estimate_tile(
     store: Store, fit: SurfaceFit, creases: bool, quality: str, columns: Sequence[str], tile: int
-) -> TileOutput:
+) -> tuple[Values, TileReport]:
     """The estimate of the vertices of a tile, as rows of the file that is written: the column that is the quality, too.
 
     There is no quality if that is empty.
@@ -180,13 +181,14 @@ def estimate_tile(
     geometry, part = fit_tile(store, fit, creases, tile)
     every = estimated()
     values = values_of([every[name] for name in {*columns, quality} - {""}], geometry)
-    rows = table_of(part.mesh.vertices[part.own], values, quality, columns, store.layout.dtype)
+    written = ({QUALITY: values[quality]} if quality else {}) | {name: values[name] for name in columns}
+    rows = table_of(part.mesh.vertices[part.own], written, store.layout.dtype)
     counts = geometry.status_counts()
     sums = {
         "status": [float(counts.get(status.name, 0)) for status in FitStatus],
         "parts": [float(part.vertices) for part in geometry.fit.parts],
     }
-    return TileOutput(rows, len(part.ids), sums)
+    return rows, TileReport(tile, len(part.ids), sums)
 
 
 def fit_tile(store: Store, fit: SurfaceFit, creases: bool, tile: int) -> tuple[VertexGeometry, TilePart]:

@@ -12,7 +12,7 @@ from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.jit import jit
 from bezier_filters.scale.store import Store
 
-FAR = 2**31 - 1  # ring of what was not reached: no number of rings comes near it
+FAR = 2**31 - 1  # layer of what was not reached: no number of rings comes near it
 GROUP = 16  # vertices whose surroundings are read together, so that few blocks are held
 
 
@@ -51,25 +51,58 @@ def tile_part(store: Store, tile: int, rings: int) -> TilePart:
 
 
 def part_around(store: Store, seeds: IntArray, rings: int) -> Part:
-    """Some vertices (k,) and what lies within some rings, with all faces at the vertices within one ring less."""
-    loaded = _Loaded(store)
-    loaded.load(np.unique(seeds >> loaded.bits), with_faces=True)
-    loaded.layers[loaded.places(seeds)] = 0
-    for k in range(rings):
-        missing = loaded.grow(k)
-        if len(missing):
-            loaded.load(missing, with_faces=k + 1 < rings)
-            loaded.grow(k)
-    return loaded.part(rings)
+    """Some vertices, ascending, and what lies within some rings, with all faces at the vertices within one ring less.
+
+    Layer after layer: the blocks that the vertices of one lie in have all faces at it, which lead to the next one.
+    """
+    bits, ptr = store.layout.block_bits, store.face_ptr()
+    # vertices by their blocks, as far as these were reached: which layer they are in. The first slot is for all others.
+    slots, layer_of = np.zeros(store.layout.block_count, np.int32), np.full(1 << bits, FAR, np.int32)
+
+    def places(ids: IntArray) -> IntArray:
+        return np.asarray((slots[ids >> bits] << bits) + (ids & (1 << bits) - 1))
+
+    layers, found = [seeds], list[IntArray]()
+    ahead: IntArray = np.empty((0, 4), dtype=np.int32)  # faces beyond the layer
+    for k in range(rings + 1):
+        blocks = layers[k] >> bits
+        blocks = blocks[(np.diff(blocks, prepend=-1) > 0) & (slots[blocks] == 0)]
+        slots[blocks] = (len(layer_of) >> bits) + np.arange(len(blocks), dtype=np.int32)
+        layer_of = np.append(layer_of, np.full(len(blocks) << bits, FAR, np.int32))
+        layer_of[places(layers[k])] = k
+        if k < rings:
+            ahead = np.concatenate([ahead, *store.faces_of(blocks, ptr)])
+            nearest = np.empty(len(ahead), dtype=np.int32)
+            _nearest_layers(ahead, bits, slots, layer_of, nearest)
+            found.append(ahead.take(np.flatnonzero(nearest == k), axis=0))
+            ahead = ahead.take(np.flatnonzero(nearest == FAR), axis=0)  # others were found before, in another block
+            corners = found[k][:, 1:]
+            layers.append(np.unique(corners[layer_of[places(corners)] == FAR]))
+    ids = np.sort(np.concatenate(layers))
+    numbers = np.zeros_like(layer_of)
+    numbers[places(ids)] = np.arange(len(ids), dtype=np.int32)
+    faces = np.concatenate(found)
+    corners, vertices = numbers[places(faces[:, 1:])], store.coordinates_of(ids)
+    cells = store.layout.grid.cells(vertices)[corners[:, 0]]
+    # faces of several blocks come several times
+    keys, first = np.unique(cells.astype(np.int64) << 32 | faces[:, 0], return_index=True)
+    return Part(ids, TriangleMesh(vertices, corners[first]), keys, layer_of[places(ids)] == rings)
+
+
+@jit()
+def _nearest_layers(faces: IntArray, bits: int, slots: IntArray, layer_of: IntArray, nearest: IntArray) -> None:
+    """Write the layer of each face's nearest corner, see `part_around`."""
+    for f in range(len(faces)):
+        nearest[f] = FAR
+        for c in range(1, 4):
+            i = faces[f, c]
+            nearest[f] = min(nearest[f], layer_of[(slots[i >> bits] << bits) + (i & (1 << bits) - 1)])
 
 
 def part_around_samples(store: Store, samples: IntArray, rings: int, *, threads: int = 1) -> Part:
     """The same for vertices from all over the mesh, which are read some at a time."""
-    if not len(samples):
-        nothing = TriangleMesh(np.empty((0, 3)), np.empty((0, 3), dtype=np.int32))
-        return Part(np.empty(0, dtype=np.int32), nothing, np.empty(0, dtype=np.int64), np.empty(0, dtype=np.bool_))
-    samples = np.sort(samples)
-    groups = [samples[k : k + GROUP] for k in range(0, len(samples), GROUP)]
+    samples = np.unique(samples)
+    groups = [samples[k : k + GROUP] for k in range(0, max(len(samples), 1), GROUP)]
     with ThreadPoolExecutor(threads) as pool:
         return _together(list(pool.map(lambda group: part_around(store, group, rings), groups)))
 
@@ -93,102 +126,3 @@ def _together(parts: Sequence[Part]) -> Part:
     for part in parts:
         cut[np.searchsorted(ids, part.ids[~part.cut])] = False
     return Part(ids, TriangleMesh(vertices, np.searchsorted(ids, faces).astype(np.int32)), keys, cut)
-
-
-class _Loaded:
-    """Blocks that were read, and how far their vertices are from where it began."""
-
-    def __init__(self, store: Store) -> None:
-        self.store, self.bits, self.ptr = store, store.layout.block_bits, store.face_ptr()
-        self.slots = np.full(store.layout.block_count, -1, dtype=np.int32)
-        self.layers: IntArray = np.empty(0, dtype=np.int32)
-        self.faces = list[IntArray]()
-        self.active: IntArray = np.empty((0, 4), dtype=np.int32)  # faces that may still lead on
-
-    def places(self, ids: IntArray) -> IntArray:
-        """Where vertices are in the arrays."""
-        return np.asarray((self.slots[ids >> self.bits] << self.bits) + (ids & (1 << self.bits) - 1))
-
-    def load(self, blocks: IntArray, *, with_faces: bool) -> None:
-        """Read blocks that are not there yet."""
-        self.slots[blocks] = (len(self.layers) >> self.bits) + np.arange(len(blocks), dtype=np.int32)
-        self.layers = np.append(self.layers, np.full(len(blocks) << self.bits, FAR, dtype=np.int32))
-        if with_faces:
-            runs = np.split(blocks, np.flatnonzero(np.diff(blocks) > 1) + 1)
-            found = [self.store.faces(int(self.ptr[run[0]]), int(self.ptr[run[-1] + 1])) for run in runs]
-            self.faces += found
-            self.active = np.concatenate([self.active, *found])
-
-    def grow(self, k: int) -> IntArray:
-        """Reach what shares a face with layer k; return the blocks that are missing for that."""
-        needed = np.zeros(len(self.slots), dtype=np.bool_)
-        count = _reach(self.active, self.bits, self.slots, self.layers, k, needed)
-        self.active = self.active[:count].copy()
-        return np.flatnonzero(needed).astype(np.int32)
-
-    def part(self, rings: int) -> Part:
-        """All that was reached."""
-        every = ((np.flatnonzero(self.slots >= 0) << self.bits)[:, np.newaxis] + np.arange(1 << self.bits)).ravel()
-        ids = every[self.layers[self.places(every)] != FAR].astype(np.int32)
-        places = self.places(ids)
-        numbers = np.full(len(self.layers), -1, dtype=np.int32)
-        numbers[places] = np.arange(len(ids), dtype=np.int32)
-        faces = np.concatenate([self.faces_within(rings, faces) for faces in self.faces])
-        corners = numbers[self.places(faces[:, 1:])]
-        vertices = self.store.coordinates_of(ids)
-        cells = self.store.layout.grid.cells(vertices)[corners[:, 0]]
-        # faces of several blocks come several times
-        keys, first = np.unique(cells.astype(np.int64) << 32 | faces[:, 0], return_index=True)
-        return Part(ids, TriangleMesh(vertices, corners[first]), keys, self.layers[places] == rings)
-
-    def faces_within(self, rings: int, faces: IntArray) -> IntArray:
-        """Those of some faces that have a corner within rings - 1 layers."""
-        within = np.zeros(len(faces), dtype=np.bool_)
-        _mark_within(faces, self.bits, self.slots, self.layers, rings, within)
-        return faces[within]
-
-
-@jit()
-def _layer(bits: int, slots: IntArray, layers: IntArray, i: int) -> int:
-    """Layer of a vertex, `FAR` if it is unknown."""
-    slot = slots[i >> bits]
-    return int(layers[(slot << bits) + (i & (1 << bits) - 1)]) if slot >= 0 else FAR
-
-
-@jit()
-def _reach(active: IntArray, bits: int, slots: IntArray, layers: IntArray, k: int, needed: BoolArray) -> int:
-    """Put the unknown corners of active faces with one in layer k into layer k + 1.
-
-    Blocks that are missing are marked. Faces within layer k, which lead nowhere, are left out of the active ones;
-    returns how many stay.
-    """
-    count = 0
-    for f in range(len(active)):
-        nearest, farthest = FAR, 0
-        for c in range(1, 4):
-            layer = _layer(bits, slots, layers, active[f, c])
-            nearest, farthest = min(nearest, layer), max(farthest, layer)
-        if farthest <= k:
-            continue
-        for c in range(4):
-            active[count, c] = active[f, c]
-        if nearest == k:
-            for c in range(1, 4):
-                i = active[f, c]
-                slot = slots[i >> bits]
-                if slot < 0:
-                    needed[i >> bits] = True
-                else:
-                    place = (slot << bits) + (i & (1 << bits) - 1)
-                    if layers[place] == FAR:
-                        layers[place] = k + 1
-        count += 1
-    return count
-
-
-@jit()
-def _mark_within(faces: IntArray, bits: int, slots: IntArray, layers: IntArray, rings: int, within: BoolArray) -> None:
-    """Mark the faces with a corner within rings - 1 layers."""
-    for f in range(len(faces)):
-        for c in range(1, 4):
-            within[f] = within[f] or _layer(bits, slots, layers, faces[f, c]) < rings

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TypeAlias
@@ -39,6 +39,9 @@ SMALLEST_TILE = 1 << 8
 # what a tile takes at most with what surrounds it, and a worker before it has one
 BYTES_PER_VERTEX, BYTES_PER_WORKER = 1200, 500_000_000
 MARK = "bezier_filters_store"
+
+# rows of a tile by its number, and what there is to say of it
+TileTask: TypeAlias = Callable[[int], tuple[Values, TileReport]]
 
 # ``progress(stage, done, total)``; returning False cancels
 StageProgress: TypeAlias = Callable[[str, int, int], bool | None]
@@ -75,22 +78,12 @@ class Stages:
         self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
 
 
-@dataclass(frozen=True)
-class TileOutput:
-    """What a task finds out about a tile: rows, and what belongs into the `TileReport`."""
-
-    rows: Values
-    read: int
-    sums: dict[str, list[float]]
-
-
-def run_tile(folder: Path, compute: Callable[[int], TileOutput], tile: int) -> int:
+def run_tile(folder: Path, compute: TileTask, tile: int) -> int:
     """What workers do: compute the results of a tile and write them to a folder; its number."""
-    start, cpu_start = time.perf_counter(), time.process_time()
-    found = compute(tile)
-    seconds, cpu_seconds = time.perf_counter() - start, time.process_time() - cpu_start
-    report = TileReport(tile, found.read, found.sums, seconds, cpu_seconds, peak_bytes(), os.getpid())
-    write_tile(folder, report, found.rows)
+    start = time.perf_counter()
+    rows, report = compute(tile)
+    seconds = time.perf_counter() - start
+    write_tile(folder, replace(report, seconds=seconds, peak_bytes=peak_bytes(), process=os.getpid()), rows)
     return tile
 
 
@@ -127,7 +120,7 @@ class Run:
         (folder / "parameters.json").write_text(text, encoding="utf-8")
         return folder
 
-    def tiles(self, stage: str, folder: Path, compute: Callable[[int], TileOutput], remark: str = "") -> Round:
+    def tiles(self, stage: str, folder: Path, compute: TileTask, remark: str = "") -> Round:
         """Compute the tiles that are not there yet, and look at all; `LostTaskError` if one ends several workers."""
         count = self.store.layout.tile_count
         todo, damaged = [], []

@@ -173,15 +173,12 @@ def run_command_line(job: tuple[int, Sequence[str]]) -> tuple[int, Outcome]:
         env={THREADS_VARIABLE: "1", **os.environ},
         check=False,
     )
-    error, result = "", None
-    if done.returncode:
-        said = done.stderr.strip().splitlines()
-        error = (
-            said[-1].removeprefix("bezier-filters: ") if said and done.returncode > 0 else last_words(done.returncode)
-        )
-    else:
-        result = json.loads(done.stdout)
-    return index, Outcome(result, error, time.perf_counter() - start)
+    seconds, said = time.perf_counter() - start, done.stderr.strip().splitlines()
+    if not done.returncode:
+        return index, Outcome(json.loads(done.stdout), "", seconds)
+    has_said_why = said and done.returncode > 0
+    error = said[-1].removeprefix("bezier-filters: ") if has_said_why else last_words(done.returncode)
+    return index, Outcome(None, error, seconds)
 
 
 def _import_distributed() -> Any:

@@ -12,23 +12,23 @@ from bezier_filters.arrays import BoolArray, FloatArray, Report
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.adaptive_fit import OUTLIER_REACH, SurfaceFit, without_outliers
 from bezier_filters.estimation.noise_free import MOST_CLEANED
-from bezier_filters.fields import PREFIX
+from bezier_filters.fields import PREFIX, QUALITY
 from bezier_filters.kernels.kernel_input import fitted_mesh
 from bezier_filters.learning.noise_model import NoiseModel, known_noise
 from bezier_filters.meshes.adjacency import Adjacency, incoherent_vertices, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.runtime.parallel import one_thread_for_matrices
-from bezier_filters.scale.array_file import ArrayFile, saved_array
+from bezier_filters.scale.array_file import ArrayFile, Values, saved_array
 from bezier_filters.scale.components import StoredComponents, labelled_vertices, unite_components
 from bezier_filters.scale.estimate import fit_tile
 from bezier_filters.scale.halo import TilePart, tile_part
 from bezier_filters.scale.learn import CREASE_RINGS, FitOptions, learn_fit, learn_noise, rings_needed, sampled_parts_of
-from bezier_filters.scale.run import Run, RunOptions, StageProgress, TileOutput, file_run
+from bezier_filters.scale.run import Round, Run, RunOptions, StageProgress, TileTask, file_run
 from bezier_filters.scale.scheduling import Scheduler
 from bezier_filters.scale.source import SourcePath, open_source
 from bezier_filters.scale.store import Store
-from bezier_filters.scale.tiles import Tile, open_tile, table_of
+from bezier_filters.scale.tiles import Tile, TileReport, open_tile, table_of
 from bezier_filters.smoothing.denoise import SmoothingPlan, denoise, learn_plan, rings_around
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.impulses import (
@@ -187,16 +187,14 @@ def _automatic(
             is_last = step + 1 == iterations
             job = partial(smooth_tile, mesh, current, plan, borders == "fixed", components if is_last else None)
             folder = results / f"smooth-{name}"
-            done = run.tiles("smooth", folder, job)
-            current = _with_results(mesh, folder, done.tiles)
+            current, done = _moved(run, "smooth", folder, job)
             if given is None:
                 with run.stages.stage("learn"):
                     impulses, before = _impulses_left(measured, current, impulses, before, run.workers)
             if impulses is None or k == MOST_ROUNDS:
                 break
             corrected = partial(correct_tile, measured, current, impulses)
-            of_heights = results / f"correct-{name}"
-            current = _with_results(mesh, of_heights, run.tiles("correct", of_heights, corrected).tiles)
+            current, _ = _moved(run, "correct", results / f"correct-{name}", corrected)
             here = _noise_of(run, current)
         folders.append(folder)
     steps, volume_before = None, None
@@ -207,8 +205,8 @@ def _automatic(
             steps = offset_steps(before - now, gains)
     of_steps = None if steps is None else saved_array(results / "steps.bin", steps)
     finish = partial(finish_tile, mesh, current, folders, borders == "fixed", components, of_steps)
-    done = run.tiles("finish", results / "finish", finish)
-    left = _noise_of(run, _with_results(mesh, results / "finish", done.tiles))
+    current, done = _moved(run, "finish", results / "finish", finish)
+    left = _noise_of(run, current)
     run.write(done.tiles)
     return run.report() | {
         "iterations": iterations,
@@ -246,8 +244,7 @@ def _without_outliers(
         if noise is None or not noise.outliers:
             break
         of_round = folder.with_name(f"{folder.name}-{k + 1}")
-        done = run.tiles("clean", of_round, partial(clean_tile, store))
-        store = _with_results(store, of_round, done.tiles)
+        store, _ = _moved(run, "clean", of_round, partial(clean_tile, store))
         noise = _noise_of(run, store, sigma)
     return store, noise
 
@@ -266,6 +263,17 @@ def _impulses_left(
     return learn_impulses(sampled_parts_of(measured, threads=threads).mesh.vertices, parts), points
 
 
+def _moved(run: Run, stage: str, folder: Path, move: TileTask) -> tuple[Store, Round]:
+    """The mesh after a round that moves vertices, its coordinates, float64, in one file; and the round."""
+    done, path = run.tiles(stage, folder, move), folder / "vertices.bin"
+    with atomic_write(path) as temporary, open(temporary, "wb") as stream:
+        for tile in done.tiles:
+            rows = tile.rows()
+            np.column_stack([rows[axis] for axis in "xyz"]).tofile(stream)
+    n = run.store.layout.vertex_count
+    return replace(run.store, vertices=ArrayFile(path, np.dtype(("f8", 3)), n)), done
+
+
 def _component_sums(tiles: Sequence[Tile], names: Sequence[str], count: int) -> list[FloatArray]:
     """Sums over all tiles of what these tell of the components that they have faces of."""
     result = [np.zeros(count) for _ in names]
@@ -281,7 +289,7 @@ def _roughest(tiles: Sequence[Tile]) -> int:
     return int(ids[roughest(values, ids.astype(np.int32))[0]])
 
 
-def measure_tile(store: Store, sigma: float, tile: int) -> TileOutput:
+def measure_tile(store: Store, sigma: float, tile: int) -> tuple[Values, TileReport]:
     """Which vertices of a tile hang together, and where it is roughest, if the mesh is large."""
     is_large = store.layout.vertex_count > LARGEST_WHOLE and sigma > 0.0
     part = tile_part(store, tile, ROUGHNESS_RINGS if is_large else 1)
@@ -293,22 +301,22 @@ def measure_tile(store: Store, sigma: float, tile: int) -> TileOutput:
     places = roughest(values, ids)
     incoherent = incoherent_vertices(part.mesh.faces, adjacency)[part.own].any()
     sums = {"roughness": values[places].tolist(), "roughest": ids[places].tolist(), "incoherent": [float(incoherent)]}
-    return TileOutput(labelled_vertices(part, adjacency), len(part.ids), sums)
+    return labelled_vertices(part, adjacency), TileReport(tile, len(part.ids), sums)
 
 
-def clean_tile(store: Store, tile: int) -> TileOutput:
+def clean_tile(store: Store, tile: int) -> tuple[Values, TileReport]:
     """Where the vertices of a tile are without its outliers."""
     part = tile_part(store, tile, OUTLIER_REACH + CREASE_RINGS)
     arrays, _ = fitted_mesh(part.mesh, creases=True)
-    return TileOutput(table_of(without_outliers(arrays).vertices[part.own], {}, "", (), "<f8"), len(part.ids), {})
+    return table_of(without_outliers(arrays).vertices[part.own], {}), TileReport(tile, len(part.ids), {})
 
 
-def correct_tile(measured: Store, smoothed: Store, impulses: Impulses, tile: int) -> TileOutput:
+def correct_tile(measured: Store, smoothed: Store, impulses: Impulses, tile: int) -> tuple[Values, TileReport]:
     """Where the vertices of a tile were measured, as far as they were not hit by impulses."""
     part = tile_part(smoothed, tile, 1)
     heights = measured.coordinates_of(part.ids), part.mesh, vertex_adjacency(part.mesh)
     points = without_impulses(*heights, impulses)[part.own]
-    return TileOutput(table_of(points, {}, "", (), "<f8"), len(part.ids), {})
+    return table_of(points, {}), TileReport(tile, len(part.ids), {})
 
 
 def _mesh_part(store: Store, part: TilePart, adjacency: Adjacency) -> MeshPart:
@@ -319,7 +327,7 @@ def _mesh_part(store: Store, part: TilePart, adjacency: Adjacency) -> MeshPart:
 
 def smooth_tile(
     first: Store, current: Store, plan: SmoothingPlan | None, fixed: bool, stored: StoredComponents | None, tile: int
-) -> TileOutput:
+) -> tuple[Values, TileReport]:
     """Where the vertices of a tile move to in an iteration, and how sharp edges are there.
 
     `first` and `current` are the mesh before all iterations and before this one. There is no plan if there is no noise
@@ -331,7 +339,7 @@ def smooth_tile(
     if plan is not None:
         found = denoise(_mesh_part(current, part, adjacency), plan)
         points, sharpness = np.where(movable[:, np.newaxis], found.points, points), found.sharpness
-    rows = table_of(points[own], {SHARPNESS: sharpness[own]}, "", (SHARPNESS,), "<f8")
+    rows = table_of(points[own], {SHARPNESS: sharpness[own]})
     sums: dict[str, list[float]] = {}
     if stored is not None:
         before = TriangleMesh(first.coordinates_of(part.ids), mesh.faces)
@@ -345,7 +353,7 @@ def smooth_tile(
             "now": component_volumes(components, TriangleMesh(points, of_tile)).tolist(),
             "gains": component_gains(components, TriangleMesh(points, mesh.faces), amounts).tolist(),
         }
-    return TileOutput(rows, len(part.ids), sums)
+    return rows, TileReport(tile, len(part.ids), sums)
 
 
 def _movable(adjacency: Adjacency, fixed: bool) -> BoolArray:
@@ -361,7 +369,7 @@ def finish_tile(
     stored: StoredComponents | None,
     steps: ArrayFile | None,
     tile: int,
-) -> TileOutput:
+) -> tuple[Values, TileReport]:
     """The vertices of a tile as they are written, from the mesh before and after the iterations.
 
     The results of these are in the folders. Borders that are fixed stay. Closed components are given if the faces fit
@@ -376,31 +384,28 @@ def finish_tile(
         of_components = np.array(steps.mapped()[numbers])
         points = offset_along_normals(components, TriangleMesh(points, mesh.faces), of_components, amounts)
     points = repair_flipped_faces(mesh, adjacency, points)
-    of_tile, moved = part.faces_of_tile(), TriangleMesh(points, mesh.faces)
+    of_tile = part.faces_of_tile()
     volume = 0.0
     if components is not None:
         volume = float(component_volumes(components, TriangleMesh(points, mesh.faces[of_tile])).sum())
-    was, now = bad_faces(mesh, adjacency), bad_faces(moved, adjacency)
+    was, now = (bad_faces(TriangleMesh(at, mesh.faces), adjacency) for at in (mesh.vertices, points))
     bad = (was.flipped, now.flipped, was.degenerate, now.degenerate, now.new_since(was))
-    columns = {
-        DISPLACEMENT: np.linalg.norm(points[own] - mesh.vertices[own], axis=1),
-        SHARPNESS: np.max([open_tile(folder, tile).rows()[SHARPNESS] for folder in folders], axis=0),
-    }
-    rows = table_of(points[own], columns, DISPLACEMENT, (DISPLACEMENT, SHARPNESS), "<f8")
-    return TileOutput(
-        rows, len(part.ids), {"volume": [volume], "faces": [float(faces[of_tile].sum()) for faces in bad]}
-    )
+    moved = np.linalg.norm(points[own] - mesh.vertices[own], axis=1)
+    sharpness = np.max([open_tile(folder, tile).rows()[SHARPNESS] for folder in folders], axis=0)
+    rows = table_of(points[own], {QUALITY: moved, DISPLACEMENT: moved, SHARPNESS: sharpness})
+    sums = {"volume": [volume], "faces": [float(faces[of_tile].sum()) for faces in bad]}
+    return rows, TileReport(tile, len(part.ids), sums)
 
 
-def move_tile(first: Store, current: Store, fit: SurfaceFit, creases: bool, tile: int) -> TileOutput:
+def move_tile(first: Store, current: Store, fit: SurfaceFit, creases: bool, tile: int) -> tuple[Values, TileReport]:
     """The vertices of a tile on their patches, and how far they are from where they were at first."""
     geometry, part = fit_tile(current, fit, creases, tile)
     displacements = np.zeros_like(part.mesh.vertices)
     displacements[part.own] = geometry.displacements
     points = part.mesh.vertices + sound_displacements(part.mesh, vertex_adjacency(part.mesh), displacements)
     moved = np.linalg.norm(points[part.own] - first.coordinates(*first.layout.tile(tile)), axis=1)
-    rows = table_of(points[part.own], {DISPLACEMENT: moved}, DISPLACEMENT, (DISPLACEMENT,), "<f8")
-    return TileOutput(rows, len(part.ids), {})
+    rows = table_of(points[part.own], {QUALITY: moved, DISPLACEMENT: moved})
+    return rows, TileReport(tile, len(part.ids), {})
 
 
 def _onto_patches(run: Run, iterations: int, options: FitOptions) -> Report:
@@ -411,8 +416,7 @@ def _onto_patches(run: Run, iterations: int, options: FitOptions) -> Report:
         with run.stages.stage("learn"):
             fit = learn_fit(current, options, threads=run.workers)
         move = partial(move_tile, run.store, current, fit, options.creases)
-        done = run.tiles(f"step {step + 1}", results, move)
-        current = _with_results(run.store, results, done.tiles)
+        current, done = _moved(run, f"step {step + 1}", results, move)
     run.write(done.tiles)
     return run.report() | {
         "iterations": iterations,
@@ -421,13 +425,3 @@ def _onto_patches(run: Run, iterations: int, options: FitOptions) -> Report:
         "fit": asdict(fit.choice),
         "halo_rings": rings_needed(fit),
     }
-
-
-def _with_results(mesh: Store, folder: Path, tiles: Sequence[Tile]) -> Store:
-    """A mesh with the coordinates of all tiles, float64, in spatial order of the old ones: one file in their folder."""
-    path = folder / "vertices.bin"
-    with atomic_write(path) as temporary, open(temporary, "wb") as stream:
-        for tile in tiles:
-            rows = tile.rows()
-            np.column_stack([rows[axis] for axis in "xyz"]).tofile(stream)
-    return replace(mesh, vertices=ArrayFile(path, np.dtype(np.float64), 3, mesh.layout.vertex_count))

@@ -55,7 +55,7 @@ class MeshSource:
     def dtype(self) -> DType:
         """Of the coordinates: float32 or float64."""
         rows = self.vertex_rows.dtype
-        return np.result_type(*(rows[axis] for axis in "xyz")) if rows.names else rows.newbyteorder("=")
+        return np.result_type(*(rows[axis] for axis in "xyz")) if rows.names else rows.base.newbyteorder("=")
 
     def vertices(self, start: int, stop: int) -> Values:
         """Coordinates of vertices start .. stop-1, (k, 3)."""
@@ -99,7 +99,7 @@ def open_source(source: SourcePath) -> MeshSource:
         paths = [Path(path) for path in source]
         if len(paths) != 2:
             raise FieldFileError(f"source: got {len(paths)} files, expected a PLY file, or NPY files of both arrays")
-        result = MeshSource(tuple(paths), _open_npy(paths[0], "fc"), _open_npy(paths[1], "iu"))
+        result = MeshSource(tuple(paths), _open_npy(paths[0], "f"), _open_npy(paths[1], "iu"))
     if not result.face_count:
         raise InvalidMeshError(
             f"{result.paths[0]} has no faces; point clouds are estimated in memory only: bezier-filters curvature"
@@ -128,7 +128,7 @@ def _open_ply(path: Path) -> MeshSource:
     offset, places = header.size, dict[str, ArrayFile]()
     for element in header.elements:
         places[element.name] = rows = _rows_of(path, header, element, offset)
-        offset += rows.rows * rows.row_size
+        offset += rows.rows * rows.dtype.itemsize
         if "vertex" in places and "face" in places:
             break
     if path.stat().st_size < offset:
@@ -149,7 +149,7 @@ def _rows_of(path: Path, header: PlyHeader, element: PlyElement, offset: int) ->
         )
     order = BYTE_ORDER[header.format]
     dtype = np.dtype([(name, order + code) for name, code in element.columns])
-    return ArrayFile(path, dtype, 1, element.count, offset)
+    return ArrayFile(path, dtype, element.count, offset)
 
 
 def _open_npy(path: Path, kinds: str) -> ArrayFile:
@@ -159,14 +159,14 @@ def _open_npy(path: Path, kinds: str) -> ArrayFile:
     except (ValueError, EOFError) as error:
         raise FieldFileError(f"{path} is no NPY file, or cut short: {error}") from error
     dtype, shape, fortran = table.dtype, table.shape, not table.flags.c_contiguous
-    expected = dtype.kind in kinds and dtype.kind != "c" and dtype.itemsize in (4, 8)
+    expected = dtype.kind in kinds and dtype.itemsize in (4, 8)
     if len(shape) != 2 or shape[1] != 3 or fortran or not expected:
-        wanted = "float32 or float64" if "f" in kinds else "integers of 4 or 8 bytes"
+        wanted = "float32 or float64" if kinds == "f" else "integers of 4 or 8 bytes"
         raise FieldFileError(
             f"{path}: got {dtype} of shape {shape}{' in Fortran order' * fortran}, expected {wanted} of shape (n, 3), "
             "row after row (numpy.ascontiguousarray)"
         )
-    return ArrayFile(path, dtype, 3, shape[0], path.stat().st_size - table.nbytes)
+    return ArrayFile(path, np.dtype((dtype, 3)), shape[0], path.stat().st_size - table.nbytes)
 
 
 def _fingerprint(path: Path) -> list[str | int]:

@@ -8,6 +8,7 @@ vertices and faces in the same order as there, and its sums are the same to the 
 
 import json
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -21,14 +22,14 @@ from bezier_filters.meshes.spatial_order import Grid, grid_around, widen_bounds
 from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import Progress, report
-from bezier_filters.scale.array_file import ArrayFile, load_array, new_array_file
+from bezier_filters.scale.array_file import ArrayFile, load_array
 from bezier_filters.scale.source import Fingerprint, MeshSource
 
 ROWS = 1 << 20  # vertices or faces that are held at a time
 LARGEST_BLOCK_BITS = 10  # of the number of vertices in a block: sampled neighbourhoods and halos read whole blocks
-FORMAT = 1
+FORMAT = 2
 MANIFEST = "store.json"  # which is there only if all the others are
-VERTICES, ORDER, RANK, FACES, FACE_PTR = "vertices.bin", "order.bin", "rank.bin", "faces.bin", "face_ptr.npy"
+FILES = VERTICES, ORDER, RANK, FACES, FACE_PTR = "vertices.bin", "order.bin", "rank.bin", "faces.bin", "face_ptr.npy"
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Layout:
     dtype: str  # of the coordinates
     block_bits: int  # blocks have 2^block_bits vertices,
     tile_vertices: int  # and tiles a multiple of that
-    low: tuple[float, float, float]  # this and the next two are those of the `Grid`
+    low: Sequence[float]  # this and the next two are those of the `Grid`
     scale: float
     bits: int
 
@@ -80,20 +81,22 @@ class Store:
     @property
     def order(self) -> ArrayFile:
         """Which vertex of the source each one is, (n,) int32."""
-        return ArrayFile(self.folder / ORDER, np.dtype(np.int32), 1, self.layout.vertex_count)
+        return ArrayFile(self.folder / ORDER, np.dtype(np.int32), self.layout.vertex_count)
 
     @property
     def rank(self) -> ArrayFile:
         """Where each vertex of the source is, (n,) int32."""
-        return ArrayFile(self.folder / RANK, np.dtype(np.int32), 1, self.layout.vertex_count)
+        return ArrayFile(self.folder / RANK, np.dtype(np.int32), self.layout.vertex_count)
 
     def face_ptr(self) -> NDArray[np.int64]:
         """Where the faces of every block begin and end, (blocks + 1,)."""
         return load_array(self.folder / FACE_PTR)
 
-    def faces(self, start: int, stop: int) -> IntArray:
-        """Number in the source and corners of the faces in some rows, (k, 4)."""
-        return ArrayFile(self.folder / FACES, np.dtype(np.int32), 4, stop).read(start, stop)
+    def faces_of(self, blocks: IntArray, ptr: NDArray[np.int64]) -> list[IntArray]:
+        """Number in the source and corners of the faces of some blocks, ascending, (k, 4) for each run of them."""
+        rows = ArrayFile(self.folder / FACES, np.dtype(("i4", 4)), int(ptr[-1]))
+        runs = np.split(blocks, np.flatnonzero(np.diff(blocks) > 1) + 1)
+        return [rows.read(int(ptr[run[0]]), int(ptr[run[-1] + 1])) for run in runs if len(run)]
 
     def coordinates(self, start: int, stop: int) -> FloatArray:
         """Coordinates of vertices start .. stop-1, (k, 3)."""
@@ -108,45 +111,26 @@ class Store:
         return np.array(self.order.mapped()[ids], dtype=np.int32)
 
 
-def open_store(folder: Path, fingerprint: Fingerprint | None = None) -> Store:
-    """Open a store; FieldFileError if there is none, or it is damaged, or made from another source than this one."""
+def open_store(folder: Path, fingerprint: Fingerprint) -> Store:
+    """Open a store; FieldFileError if it is damaged, or made from another source than this one."""
     try:
         manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-        version, found = manifest.pop("format"), manifest.pop("source")
-        layout = Layout(**manifest | {"low": tuple(manifest["low"])})
-    except FileNotFoundError:
-        raise FieldFileError(f"{folder} holds no complete store") from None
+        version, found = manifest["format"], manifest["source"]
+        if version != FORMAT:
+            expected = f"(format {version}, expected {FORMAT})"
+            raise FieldFileError(f"{folder} was made by another version {expected}; remove it")
+        sizes, layout = dict[str, int](manifest["sizes"]), Layout(**manifest["layout"])
     except (ValueError, TypeError, KeyError) as error:
         raise FieldFileError(f"{folder / MANIFEST} is damaged: {error}; remove the folder") from error
-    if version != FORMAT:
-        raise FieldFileError(f"{folder} was made by another version (format {version}, expected {FORMAT}); remove it")
-    if fingerprint is not None and found != fingerprint:
+    if found != fingerprint:
         raise FieldFileError(
             f"{folder} was made from another file, or the file has changed since: {found}, now {fingerprint}; "
             "remove it to start anew"
         )
-    n = layout.vertex_count
-    store = Store(folder, layout, ArrayFile(folder / VERTICES, np.dtype(layout.dtype), 3, n))
-    sizes = {VERTICES: n * store.vertices.row_size, ORDER: 4 * n, RANK: 4 * n, FACES: 16 * _face_rows(store)}
     for name, size in sizes.items():
         if not (folder / name).is_file() or (folder / name).stat().st_size != size:
-            raise _damaged(folder / name)
-    return store
-
-
-def _face_rows(store: Store) -> int:
-    """How many rows the file of the faces should have."""
-    try:
-        ptr = store.face_ptr()
-    except (OSError, ValueError, EOFError) as error:
-        raise _damaged(store.folder / FACE_PTR) from error
-    if ptr.shape != (store.layout.block_count + 1,):
-        raise _damaged(store.folder / FACE_PTR)
-    return int(ptr[-1])
-
-
-def _damaged(path: Path) -> FieldFileError:
-    return FieldFileError(f"{path} is damaged or missing; remove the folder")
+            raise FieldFileError(f"{folder / name} is damaged or missing; remove the folder")
+    return Store(folder, layout, ArrayFile(folder / VERTICES, np.dtype((layout.dtype, 3)), layout.vertex_count))
 
 
 def build_store(
@@ -154,40 +138,42 @@ def build_store(
 ) -> Store:
     """Make a mesh ready for tiles, in an empty folder; refused if a coordinate is not finite, or a face no triangle."""
     n, m = source.vertex_count, source.face_count
-    passes = _Passes(2 * n + m, progress)
+    passes = _Passes(3 * n + 2 * m, progress)
     bits = min(LARGEST_BLOCK_BITS, int(math.log2(tile_vertices)))
     grid = _grid(source, passes)
-    x, y, z = grid.low.tolist()
-    layout = Layout(n, m, source.dtype.str, bits, 0, (x, y, z), grid.scale, grid.bits)
+    layout = Layout(n, m, source.dtype.str, bits, 0, grid.low.tolist(), grid.scale, grid.bits)
     layout = replace(layout, tile_vertices=layout.in_whole_blocks(tile_vertices))
-    store = Store(folder, layout, new_array_file(folder / VERTICES, source.dtype, 3, n))
+    store = Store(folder, layout, ArrayFile(folder / VERTICES, np.dtype((source.dtype, 3)), n).allocated())
     _sort_vertices(source, store, threads, passes)
     _sort_faces(source, store, passes)
+    sizes = {name: (folder / name).stat().st_size for name in FILES}
+    manifest = {"format": FORMAT, "source": source.fingerprint(), "sizes": sizes, "layout": vars(layout)}
     with atomic_write(folder / MANIFEST) as temporary:  # which declares it to be complete
-        text = json.dumps({"format": FORMAT, "source": source.fingerprint(), **vars(layout)}, indent=1)
-        temporary.write_text(text, encoding="utf-8")
-    return open_store(folder)
+        temporary.write_text(json.dumps(manifest, indent=1), encoding="utf-8")
+    return store
 
 
+@dataclass
 class _Passes:
-    """Rows done over several passes."""
+    """Passes over the rows of a mesh, and the progress of all together."""
 
-    def __init__(self, total: int, progress: Progress | None) -> None:
-        self.done, self.total, self.progress = 0, total, progress
+    total: int
+    progress: Progress | None
+    done: int = 0
 
-    def add(self, rows: int) -> None:
-        self.done += rows
-        report(self.progress, self.done, self.total)
-
-
-def _chunks(total: int) -> list[tuple[int, int]]:
-    return [(start, min(start + ROWS, total)) for start in range(0, total, ROWS)]
+    def chunks(self, rows: int) -> Iterator[tuple[int, int]]:
+        """First row, and the one after the last, of some at a time."""
+        for start in range(0, rows, ROWS):
+            stop = min(start + ROWS, rows)
+            yield start, stop
+            self.done += stop - start
+            report(self.progress, self.done, self.total)
 
 
 def _grid(source: MeshSource, passes: _Passes) -> Grid:
     """The grid around all vertices, which are checked."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for start, stop in _chunks(source.vertex_count):
+    for start, stop in passes.chunks(source.vertex_count):
         vertices = source.vertices(start, stop).astype(np.float64)
         widen_bounds(vertices, low, high)
         if not np.isfinite(vertices).all():
@@ -195,7 +181,6 @@ def _grid(source: MeshSource, passes: _Passes) -> Grid:
             raise InvalidMeshError(
                 f"{source.paths[0]}: vertex {bad} has a coordinate that is NaN or infinite; remove such vertices first"
             )
-        passes.add(stop - start)
     triangle_mesh([low, high], [])  # sizes that cannot be computed with
     return grid_around(low, high, source.vertex_count)
 
@@ -204,19 +189,18 @@ def _sort_vertices(source: MeshSource, store: Store, threads: int, passes: _Pass
     """Write coordinates and numbers of the vertices in their new order, and their new places."""
     n, grid = source.vertex_count, store.layout.grid
     ends = np.zeros(grid.cell_count + 1, dtype=np.int32)
-    for start, stop in _chunks(n):
+    for start, stop in passes.chunks(n):
         cells = grid.cells(source.vertices(start, stop).astype(np.float64), threads=threads)
         np.add.at(ends[1:], cells, np.int32(1))  # far faster than with a number of another type
     np.cumsum(ends, out=ends)
-    order = new_array_file(store.order.path, np.int32, 1, n)
+    order = store.order.allocated()
     with open(store.rank.path, "wb") as stream:
-        for start, stop in _chunks(n):
+        for start, stop in passes.chunks(n):
             vertices, places = source.vertices(start, stop), np.empty(stop - start, dtype=np.int32)
             cells = grid.cells(vertices.astype(np.float64), threads=threads)
             _place(cells, ends, start, places, order.mapped("r+"))
             store.vertices.mapped("r+")[places] = vertices
             places.tofile(stream)
-            passes.add(stop - start)
 
 
 def _sort_faces(source: MeshSource, store: Store, passes: _Passes) -> None:
@@ -227,14 +211,13 @@ def _sort_faces(source: MeshSource, store: Store, passes: _Passes) -> None:
     def ranked(start: int, stop: int) -> IntArray:
         return np.take(store.rank.mapped(), source.faces(start, stop))
 
-    for start, stop in _chunks(m):
-        _count_faces(ranked(start, stop), bits, ptr)
-        passes.add(stop - start)
+    for start, stop in passes.chunks(m):
+        _append_faces(ranked(start, stop), start, bits, ptr[1:], np.empty((0, 4), dtype=np.int32))
     np.cumsum(ptr, out=ptr)
     np.save(store.folder / FACE_PTR, ptr)
-    rows = new_array_file(store.folder / FACES, np.int32, 4, int(ptr[-1]))
-    for start, stop in _chunks(m):
-        _fill_in_faces(ranked(start, stop), start, bits, ptr, rows.mapped("r+"))
+    rows = ArrayFile(store.folder / FACES, np.dtype(("i4", 4)), int(ptr[-1])).allocated()
+    for start, stop in passes.chunks(m):
+        _append_faces(ranked(start, stop), start, bits, ptr, rows.mapped("r+"))
 
 
 @jit()
@@ -248,26 +231,15 @@ def _place(cells: IntArray, ends: IntArray, first: int, places: IntArray, order:
 
 
 @jit()
-def _count_faces(faces: IntArray, bits: int, ptr: NDArray[np.int64]) -> None:
-    """Count the faces of each block, one place later."""
-    for f in range(faces.shape[0]):
-        a, b, c = faces[f, 0] >> bits, faces[f, 1] >> bits, faces[f, 2] >> bits
-        ptr[a + 1] += 1
-        if b != a:
-            ptr[b + 1] += 1
-        if c not in (a, b):
-            ptr[c + 1] += 1
-
-
-@jit()
-def _fill_in_faces(faces: IntArray, first: int, bits: int, ptr: NDArray[np.int64], rows: IntArray) -> None:
-    """Append each face to those of its blocks."""
+def _append_faces(faces: IntArray, first: int, bits: int, ends: NDArray[np.int64], rows: IntArray) -> None:
+    """Append each face to those of its blocks, or only count it, if there are no rows to write to."""
     for f in range(faces.shape[0]):
         a, b, c = faces[f, 0] >> bits, faces[f, 1] >> bits, faces[f, 2] >> bits
         for k, block in enumerate((a, b, c)):
             if (k == 1 and b == a) or (k == 2 and c in (a, b)):
                 continue
-            row = ptr[block]
-            ptr[block] += 1
-            rows[row, 0] = first + f
-            rows[row, 1], rows[row, 2], rows[row, 3] = faces[f, 0], faces[f, 1], faces[f, 2]
+            row = ends[block]
+            ends[block] += 1
+            if len(rows):
+                rows[row, 0] = first + f
+                rows[row, 1], rows[row, 2], rows[row, 3] = faces[f, 0], faces[f, 1], faces[f, 2]

@@ -3,9 +3,8 @@
 import json
 import os
 import zlib
-from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -15,7 +14,6 @@ import numpy as np
 from bezier_filters._version import __version__
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import FieldFileError
-from bezier_filters.fields import QUALITY
 from bezier_filters.files.mesh_headers import TRIPLE
 from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.runtime.parallel import Progress, report
@@ -23,7 +21,6 @@ from bezier_filters.scale.array_file import DType, Values, load_array
 from bezier_filters.scale.source import MeshSource
 from bezier_filters.scale.store import Store
 
-CHECKED = 1 << 16  # rows that checksums are computed of at a time
 ROWS = 1 << 17  # rows that are held at a time
 CACHED = 1 << 11  # rows that fit into the cache
 FACE = np.dtype([("corners", "u1"), ("vertex_indices", "<i4", (TRIPLE,))])
@@ -46,7 +43,6 @@ class TileReport:
     read: int
     sums: dict[str, list[float]]
     seconds: float = 0.0
-    cpu_seconds: float = 0.0
     peak_bytes: int = 0
     process: int = 0
 
@@ -107,19 +103,12 @@ def remove_tile(folder: Path, tile: int) -> None:
 
 def _checksum(content: Mapping[str, object], rows: Values) -> int:
     """Of the report and all rows."""
-    result = zlib.crc32(json.dumps(content).encode())
-    for start in range(0, len(rows), CHECKED):
-        result = zlib.crc32(np.ascontiguousarray(rows[start : start + CHECKED]).view(np.uint8).data, result)
-    return result
+    return zlib.crc32(np.ascontiguousarray(rows).view(np.uint8).data, zlib.crc32(json.dumps(content).encode()))
 
 
-def table_of(
-    vertices: FloatArray, columns: Mapping[str, FloatArray], quality: str, names: Sequence[str], coordinates: str
-) -> Values:
-    """Rows of a PLY file: coordinates of some type, one of the columns as quality, if any, and some columns."""
-    every = dict(zip("xyz", vertices.T, strict=True))
-    every |= {QUALITY: columns[quality]} if quality else {}
-    every |= {name: columns[name] for name in names}
+def table_of(vertices: FloatArray, columns: Mapping[str, FloatArray], coordinates: str = "<f8") -> Values:
+    """Rows of a PLY file: coordinates of some type, and columns."""
+    every = dict(zip("xyz", vertices.T, strict=True)) | dict(columns)
     rows = np.empty(len(vertices), dtype=[(name, "<f8" if k > 2 else coordinates) for k, name in enumerate(every)])
     for start in range(0, len(rows), CACHED):  # column after column, as long as the rows are at hand
         stop = start + CACHED
@@ -140,26 +129,16 @@ def write_joined(
     """Write a binary PLY file with the rows of all tiles, in order, as vertices, and the faces of the source."""
     n, m = source.vertex_count, source.face_count
     dtype = tiles[0].rows().dtype
-    with atomic_write(Path(path)) as temporary, open(temporary, "wb") as stream:
+    with atomic_write(Path(path)) as temporary, open(temporary, "wb") as stream, ThreadPoolExecutor(threads) as pool:
         stream.write(ply_head(dtype, n, m))
-        done = 0
-        for write, total in ((partial(gathered, store, tiles), n), (partial(_faces, source), m)):
-            for rows in _in_order(write, total, threads):
-                rows.tofile(stream)
-                done += len(rows)
-                report(progress, done, n + m)
-
-
-def _in_order(rows: Callable[[int, int], Values], total: int, threads: int) -> Iterator[Values]:
-    """All rows, some at a time: as many as there are threads are being collected ahead."""
-    ahead: deque[Future[Values]] = deque()
-    with ThreadPoolExecutor(threads) as pool:
-        for start in range(0, total, ROWS):
-            ahead.append(pool.submit(rows, start, min(start + ROWS, total)))
-            if len(ahead) > threads:
-                yield ahead.popleft().result()
-        while ahead:
-            yield ahead.popleft().result()
+        done, together = 0, threads * ROWS
+        for collect, total in ((partial(gathered, store, tiles), n), (partial(_faces, source), m)):
+            for first in range(0, total, together):
+                starts = np.arange(first, min(first + together, total), ROWS)
+                for rows in pool.map(collect, starts, np.minimum(starts + ROWS, total)):
+                    rows.tofile(stream)
+                    done += len(rows)
+                    report(progress, done, n + m)
 
 
 def _faces(source: MeshSource, start: int, stop: int) -> Values:

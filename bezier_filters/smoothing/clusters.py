@@ -34,15 +34,10 @@ class Clusters:
     """Disjoint clusters that cover a mesh, or a tile of one."""
 
     of_vertex: IntArray  # (n,): number of the cluster that a vertex belongs to
-    members: Rows  # the vertices of each cluster, in ascending order
+    sizes: IntArray  # (k,): numbers of their vertices
     adjacency: Adjacency  # of the vertices
     laplacian: Laplacian  # how values on clusters spread,
     pace: float  # and how much time that takes, per time on the mesh
-
-    @property
-    def sizes(self) -> IntArray:
-        """Numbers of their vertices, (k,)."""
-        return self.members.lengths
 
     def means(self, columns: Iterable[RealArray]) -> FloatArray:
         """Means of columns of values at vertices, each (n,), over each cluster, (k, c)."""
@@ -89,16 +84,9 @@ def clusters_of(part: MeshPart, pace: float | None = None) -> Clusters:
     number = np.cumsum(center == np.arange(len(center)), dtype=np.int32) - np.int32(1)
     of_vertex, count = number[center], int(number[-1]) + 1 if len(number) else 0
     sizes = np.bincount(of_vertex, minlength=count).astype(np.int32)
-    members = Rows(
-        np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32),
-        np.argsort(of_vertex, kind="stable").astype(np.int32),
-    )
     # All edges between two clusters become one entry of a sparse matrix, with their number.
-    start = np.repeat(of_vertex, rows.lengths)
-    ones = np.ones(len(start), np.float32)
+    ones, start = np.ones(len(rows.indices), np.float32), np.repeat(of_vertex, rows.lengths)
     edges = csr_array((ones, (start, of_vertex[rows.indices])), shape=(count, count))
-    edges.sum_duplicates()
-    degrees = np.maximum(np.bincount(start, minlength=count), 1).astype(np.float64)
     del start, ones
     of_entry = np.repeat(np.arange(count, dtype=np.int32), np.diff(edges.indptr))
     outer = np.where(edges.indices == of_entry, 0.0, edges.data)
@@ -107,11 +95,11 @@ def clusters_of(part: MeshPart, pace: float | None = None) -> Clusters:
         edges.indptr.astype(np.int32),
         edges.indices.astype(np.int32),
         (outer / np.maximum(leaving, 1.0)[of_entry]).astype(np.float32),
-        (leaving / degrees).astype(np.float32),
+        (leaving / np.maximum(edges.sum(axis=1), 1.0)).astype(np.float32),
     )
     if pace is None:
         pace = _pace(mesh, rows, of_vertex, sizes, edges)
-    return Clusters(of_vertex, members, adjacency, laplacian, pace)
+    return Clusters(of_vertex, sizes, adjacency, laplacian, pace)
 
 
 def _pace(mesh: TriangleMesh, rows: Rows, of_vertex: IntArray, sizes: IntArray, joined: csr_array) -> float:

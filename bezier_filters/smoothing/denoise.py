@@ -23,11 +23,11 @@ from bezier_filters.smoothing.clusters import Clusters, clusters_of
 from bezier_filters.smoothing.laplacian import Borders, umbrella_laplacian
 from bezier_filters.smoothing.low_pass import (
     STRENGTHS,
-    FittedLowPass,
     LowPass,
     LowPassPlan,
     fit_low_pass,
     learn_low_pass,
+    shares_of,
     strongest,
 )
 from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, MeshPart, sampled_parts, whole_mesh
@@ -36,7 +36,6 @@ from bezier_filters.smoothing.noise import (
     PACE,
     NoiseLevels,
     NoisyMesh,
-    free_laplacian,
     learn_noise_levels,
     local_sigma,
     roughest,
@@ -48,7 +47,6 @@ from bezier_filters.smoothing.risk import (
     Estimates,
     gain_of,
     local_risks,
-    local_shares,
     noise_factor,
     overall_risks,
     worthwhile,
@@ -162,45 +160,39 @@ def learn_plan(
         center = np.zeros(3)  # it is not so far from the origin that digits would be lost
     scale = float(2.0 ** -np.round(np.log2(unit)))  # single precision has few exponents
     part, sigma, unit = _normalised(parts, center, scale), sigma * scale, unit * scale
-    clusters = clusters_of(part)
-    laplacian = free_laplacian(part, threads)
+    laplacian = umbrella_laplacian(part, "free", threads=threads)
     correlation = Correlation.of(noise, unit / scale, part.ids, laplacian, parts.core)
+    noisy = NoisyMesh(part, clusters_of(part), np.full(len(part.ids), sigma), correlation, laplacian)
     levels, at_vertices = learn_noise_levels(
-        part, clusters, parts.core, sigma, correlation, laplacian, unit, given=noise.given, threads=threads
+        noisy, laplacian, parts.core, sigma, unit, given=noise.given, threads=threads
     )
-    noisy = NoisyMesh(part, clusters, at_vertices, correlation, laplacian)
+    noisy = replace(noisy, sigma=at_vertices)
     report(progress, 1, STEPS)
     detail = None if detail is None else detail * scale
-    low_pass, fitted = learn_low_pass(noisy, parts.core, borders, unit, detail, threads=threads)
-    report(progress, 2, STEPS)
-    found, factor, overall = list[Candidate](), 1.0, np.zeros(1)
-    risks: FloatArray | None = None
+    low_pass, filters = learn_low_pass(noisy, parts.core, borders, unit, detail, threads=threads)
     # Filters of the normals do to hidden waves what a stronger low-pass filter does that may not be taken.
     stronger = STRENGTHS[low_pass.first + 1 : low_pass.first + 2]
     is_bounded = detail is not None and bool((stronger > strongest(detail / unit)).any())
     allowed = (SMOOTH,) if is_bounded else KINDS
-    for candidate in candidates(noisy, fitted, allowed, threads=threads):
-        if candidate.kind == SMOOTH:
-            found = [candidate]
-            continue
-        report(progress, min(2 + candidate.kind, STEPS - 1), STEPS)
+    others = candidates(noisy, filters, allowed, threads=threads, progress=progress)
+    found, factor, clusters = [next(others)], 1.0, noisy.clusters
+    risks = np.zeros((len(clusters.sizes), 1))
+    for candidate in others:
         tried = [*found, candidate]
-        less_noise = noise_factor(*_side_by_side(tried, 1.0).means(parts.core))
+        less_noise = noise_factor(_side_by_side(tried), parts.core)
         estimates = _side_by_side(tried, less_noise)
-        these = overall_risks(estimates, parts.core)
-        those = local_risks(clusters, estimates, these, correlation.alike, threads=threads)
-        if gain_of(clusters, those, -1) > GAIN:
-            found, factor, overall, risks = tried, less_noise, these, those
+        overall = overall_risks(estimates, parts.core)
+        these = local_risks(clusters, estimates, overall, correlation.alike, threads=threads)
+        if gain_of(clusters, these, -1) > GAIN:
+            found, factor, risks = tried, less_noise, these
         elif candidate.kind > HINT:
             break
-    if risks is not None:  # what was better than weaker filters may not be, beside sharper ones
-        found = [found[k] for k in worthwhile(clusters, risks, SUPERFLUOUS)]
-        estimates = _side_by_side(found, factor)
-        overall = overall_risks(estimates, parts.core)
-        risks = local_risks(clusters, estimates, overall, correlation.alike, threads=threads)
+    # What was better than weaker filters may not be, beside sharper ones.
+    found = [found[k] for k in worthwhile(clusters, risks, SUPERFLUOUS)]
+    overall = overall_risks(_side_by_side(found, factor), parts.core)
     kinds = tuple(candidate.kind for candidate in found)
     mesh, adjacency = parts.mesh, parts.adjacency
-    result = _mixture(mesh, noisy, found, risks, scale, threads)
+    result = _mixture(mesh, noisy, found, factor, overall, scale, threads)
     sliding = Sliding.ALL
     if not relax:
         sliding = sliding_of(parts, result.points, at_vertices / scale, threads=threads)
@@ -224,21 +216,14 @@ def denoise(
     scaled = _normalised(part, plan.center, plan.scale)
     clusters = replace(clusters or clusters_of(scaled, plan.cluster_pace), pace=plan.cluster_pace)
     correlation, at_vertices = plan.noise.correlation, local_sigma(scaled, clusters, plan.noise, threads=threads)
-    laplacian = free_laplacian(scaled, threads) if correlation.times else None
+    laplacian = umbrella_laplacian(scaled, "free", threads=threads) if correlation.times else None
     noisy = NoisyMesh(scaled, clusters, at_vertices, correlation, laplacian)
     report(progress, 1, STEPS)
-    fitted = fit_low_pass(noisy, plan.low_pass, threads=threads)
-    report(progress, 2, STEPS)
-    estimates, found = candidates(noisy, fitted, plan.kinds, threads=threads), list[Candidate]()
-    del fitted  # for large meshes, memory counts
-    for candidate in estimates:
-        found.append(candidate)
-        report(progress, min(2 + candidate.kind, STEPS - 1), STEPS)
-    risks: FloatArray | None = None
-    if len(found) > 1:
-        side_by_side = _side_by_side(found, plan.noise_factor)
-        risks = local_risks(clusters, side_by_side, plan.overall, correlation.alike, threads=threads)
-    result = _mixture(part.mesh, noisy, found, risks, plan.scale, threads)
+    estimates = candidates(
+        noisy, fit_low_pass(noisy, plan.low_pass, threads=threads), plan.kinds, threads=threads, progress=progress
+    )
+    found = list(estimates)
+    result = _mixture(part.mesh, noisy, found, plan.noise_factor, plan.overall, plan.scale, threads)
     report(progress, STEPS, STEPS)
     return replace(result, points=held_back(part.mesh, part.adjacency, result.points, plan.sliding, threads=threads))
 
@@ -258,7 +243,7 @@ def _normalised(part: MeshPart, center: FloatArray, scale: float) -> MeshPart:
     return replace(part, mesh=TriangleMesh((part.mesh.vertices - center) * scale, part.mesh.faces))
 
 
-def _side_by_side(found: list[Candidate], factor: float) -> Estimates:
+def _side_by_side(found: list[Candidate], factor: float = 1.0) -> Estimates:
     """Residuals and leverages of all estimates, with less noise by a factor."""
     residuals = np.column_stack([candidate.residuals for candidate in found])
     leverages = np.column_stack([candidate.leverages for candidate in found])
@@ -266,13 +251,18 @@ def _side_by_side(found: list[Candidate], factor: float) -> Estimates:
 
 
 def _mixture(
-    mesh: TriangleMesh, noisy: NoisyMesh, found: list[Candidate], risks: FloatArray | None, scale: float, threads: int
+    mesh: TriangleMesh,
+    noisy: NoisyMesh,
+    found: list[Candidate],
+    factor: float,
+    overall: FloatArray,
+    scale: float,
+    threads: int,
 ) -> Denoised:
-    """Estimates mixed by their risks around every vertex; there is only one if these are None."""
+    """Estimates mixed by their risks around every vertex."""
     shares = np.ones((mesh.vertex_count, 1), dtype=np.float32)
-    if risks is not None:
-        count, alike = noisy.part.vertex_count, noisy.correlation.alike
-        shares = local_shares(noisy.clusters, risks, count, alike, threads=threads)
+    if len(found) > 1:
+        shares = shares_of(noisy, _side_by_side(found, factor), overall, threads)
     points = mesh.vertices.copy()
     for k, candidate in enumerate(found):
         points += shares[:, [k]] * (candidate.moves / np.float64(scale))  # which may be beyond single precision
@@ -280,47 +270,50 @@ def _mixture(
 
 
 def candidates(
-    noisy: NoisyMesh, fitted: FittedLowPass, kinds: Collection[int], *, threads: int = 1
+    noisy: NoisyMesh, filters: LowPass, kinds: Collection[int], *, threads: int = 1, progress: Progress | None = None
 ) -> Iterator[Candidate]:
     """Estimates, ever sharper ones, of which the first is the low-pass filter's, and others as they are wanted.
 
     All of them start with more or less of that filter.
     """
-    part, filters, normals = noisy.part, fitted.filters, fitted.normals.astype(np.float32)
+    part = noisy.part
+    report(progress, 2, STEPS)
     signs = noisy.probes(1, first=OTHER_SIGNS, threads=threads)[:, 0]
     squares = noisy.mean_squares(signs[:, np.newaxis], threads=threads)
     filtered = filters.apply(np.column_stack([part.mesh.vertices, signs]), threads=threads)
     leverages = (signs * filtered[:, 3] / squares).astype(np.float32)
-    yield Candidate(SMOOTH, _moves(part.mesh, filtered[:, :3]), fitted.residuals, leverages)
-    del fitted, filtered, leverages  # for large meshes, memory counts
+    yield Candidate(SMOOTH, _moves(part.mesh, filtered[:, :3]), filters.residuals, leverages)
+    del filtered, leverages  # for large meshes, memory counts
     sharp = {kind: FILTER_ROUNDS[kind] for kind in KINDS[GENTLE + 1 :] if kind in kinds}
     if GENTLE in kinds:
-        yield from _sharp(noisy, filters.weaker(), normals, signs, squares, {GENTLE: 1}, GENTLE_TOLERANCE, threads)
+        yield from _sharp(noisy, filters.weaker(), signs, squares, {GENTLE: 1}, GENTLE_TOLERANCE, threads, progress)
     if sharp:
-        umbrella = umbrella_laplacian(part.mesh, part.adjacency, filters.borders, cut=part.cut, threads=threads)
+        umbrella = umbrella_laplacian(part, filters.borders, threads=threads)
         filters = filters.weak(umbrella)
-        yield from _sharp(noisy, filters, normals, signs, squares, sharp, SHARP_TOLERANCE, threads)
+        yield from _sharp(noisy, filters, signs, squares, sharp, SHARP_TOLERANCE, threads, progress)
 
 
 def _sharp(
     noisy: NoisyMesh,
     filters: LowPass,
-    normals: SingleArray,
     signs: SingleArray,
     squares: SingleArray,
     rounds: dict[int, int],
     tolerance: float,
     threads: int,
+    progress: Progress | None,
 ) -> Iterator[Candidate]:
     """Estimates by kind, whose vertices follow normals that were filtered some rounds, after a low-pass filter."""
-    mesh, adjacency, sigma = noisy.part.mesh, noisy.part.adjacency, noisy.sigma
+    mesh, adjacency, sigma, normals = noisy.part.mesh, noisy.part.adjacency, noisy.sigma, filters.normals
     start = _moves(mesh, filters.apply(mesh.vertices, threads=threads))
-    samples = filters.apply(_noise_samples(noisy, normals, signs, threads), threads=threads).reshape(
-        mesh.vertex_count, -1, 3
-    )
+    heights = noisy.samples(int(np.clip(FEWEST_SAMPLED // noisy.part.vertex_count, 2, 6)), threads=threads)
+    heights[:, 0] = signs
+    heights *= sigma.astype(np.float32)[:, np.newaxis]
+    samples: SingleArray = heights[:, :, np.newaxis] * normals[:, np.newaxis]
+    samples = filters.apply(samples.reshape(len(samples), -1), threads=threads).reshape(samples.shape)
     probe = np.float32(PROBE) * samples[:, 0]
     state = noisy_normals(_moved(mesh, start), adjacency, _moved(mesh, start + probe), samples, threads=threads)
-    del samples
+    del heights, samples
     movable, done = ~adjacency.on_boundary, 0  # those at borders stay
     for kind, total in rounds.items():
         state = filter_normals(state, total - done, tolerance, threads=threads)
@@ -331,16 +324,8 @@ def _sharp(
         )
         residuals = -np.einsum("ij,ij->i", moves, normals) / sigma
         leverages = np.einsum("ij,ij->i", probed - moves, normals) * signs / (PROBE * sigma * squares)
+        report(progress, min(2 + kind, STEPS - 1), STEPS)
         yield Candidate(kind, moves, residuals.astype(np.float32), leverages.astype(np.float32))
-
-
-def _noise_samples(noisy: NoisyMesh, normals: SingleArray, signs: SingleArray, threads: int) -> SingleArray:
-    """Coordinates of samples of the noise along the normals side by side, (n, 3 k); the first one goes by the signs."""
-    heights = noisy.samples(int(np.clip(FEWEST_SAMPLED // noisy.part.vertex_count, 2, 6)), threads=threads)
-    heights[:, 0] = signs
-    heights *= noisy.sigma.astype(np.float32)[:, np.newaxis]
-    vectors: SingleArray = heights[:, :, np.newaxis] * normals[:, np.newaxis]
-    return vectors.reshape(len(vectors), -1)
 
 
 def _moves(mesh: TriangleMesh, vertices: FloatArray) -> SingleArray:

@@ -4,12 +4,13 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
+from bezier_filters.arrays import FloatArray, IntArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.triangles import cotangent_and_area, has_corner
 from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import run_kernel
+from bezier_filters.smoothing.mesh_parts import MeshPart
 
 # whether border vertices follow their neighbours along the border, stay, or follow all their neighbours
 Borders = Literal["curve", "fixed", "free"]
@@ -48,41 +49,30 @@ class Laplacian(NamedTuple):
     bound: float = 2.0  # twice the largest rate, or more: no eigenvalue is larger (Gershgorin)
 
 
-def umbrella_laplacian(
-    mesh: TriangleMesh, adjacency: Adjacency, borders: Borders, *, cut: BoolArray | None = None, threads: int = 1
-) -> Laplacian:
+def umbrella_laplacian(part: MeshPart, borders: Borders, *, threads: int = 1) -> Laplacian:
     """Differences from the plain mean of the neighbours.
 
     It depends on the connections alone, not on coordinates and their noise, and evens out the triangles, too.
-    Vertices that are `cut` (n,), because the mesh is part of a larger one, stay.
+    Vertices where the part was cut out stay.
     """
-    return cotangent_laplacian(mesh, adjacency, borders, 0.0, 0.0, fastest=1.0, cut=cut, threads=threads)
+    return cotangent_laplacian(part, borders, 0.0, 0.0, fastest=1.0, threads=threads)
 
 
 def cotangent_laplacian(
-    mesh: TriangleMesh,
-    adjacency: Adjacency,
-    borders: Borders,
-    power: float,
-    unit: float,
-    *,
-    fastest: float | None = None,
-    cut: BoolArray | None = None,
-    threads: int = 1,
+    part: MeshPart, borders: Borders, power: float, unit: float, *, fastest: float | None = None, threads: int = 1
 ) -> Laplacian:
     """Differences from the mean with cotangent weights, which vanish on planes: they move vertices along the normal.
 
     A power of 0 means one rate for all, which goes by edges; 1 the Laplace-Beltrami operator, which goes by lengths, in
     units of the mean edge, `unit`. Rates are kept within `fastest`, which bounds the eigenvalues; by default
-    within `FASTEST`, and the largest rate that there is bounds them. Vertices that are `cut` stay. The means are plain
-    ones if the unit is 0.
+    within `FASTEST`, and the largest rate that there is bounds them. Vertices where the part was cut out stay.
+    The means are plain ones if the unit is 0.
     """
-    rows, n = adjacency.vertices, mesh.vertex_count
+    rows, n = part.adjacency.vertices, len(part.ids)
     result = Laplacian(rows.indptr, rows.indices, np.zeros(len(rows.indices), np.float32), np.zeros(n, np.float32))
     options = unit, power, FASTEST if fastest is None else fastest, {"curve": 1, "fixed": 0, "free": 2}[borders]
-    run_kernel(_write_rows, n, mesh_stars(mesh, adjacency), *options, result, threads=threads)
-    if cut is not None:
-        result.rates[cut] = 0.0
+    run_kernel(_write_rows, n, mesh_stars(part.mesh, part.adjacency), *options, result, threads=threads)
+    result.rates[part.cut] = 0.0
     largest = float(result.rates.max(initial=0.5)) if fastest is None else fastest
     return result._replace(bound=2.0 * largest)
 

@@ -4,7 +4,6 @@ Which Laplacian and order, and which strengths there are, is learned from parts 
 these strengths suit a vertex depends on what is around it.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -12,11 +11,11 @@ import numpy as np
 from scipy.special import j0
 
 from bezier_filters.arrays import BoolArray, FloatArray, SingleArray
-from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.smoothing.chebyshev import ORDER, SIDE_BY_SIDE, Signals, add_heights, low_pass, low_pass_series
 from bezier_filters.smoothing.laplacian import Borders, Laplacian, cotangent_laplacian, umbrella_laplacian
+from bezier_filters.smoothing.mesh_parts import MeshPart
 from bezier_filters.smoothing.noise import NoisyMesh
 from bezier_filters.smoothing.risk import Estimates, local_risks, local_shares, overall_risks
 
@@ -62,6 +61,8 @@ class LowPass:
     order: int  # of the filters
     strengths: FloatArray  # (s,): of the filters
     shares: SingleArray  # (n, s): of the filters at each vertex
+    normals: SingleArray  # (n, 3): of the smooth surface that cotangents are those of
+    residuals: SingleArray  # (n,): of the mixture that was chosen, see `Estimates`
 
     def apply(self, signals: Signals, *, threads: int = 1) -> Signals:
         """Filter signals (n, c)."""
@@ -77,28 +78,17 @@ class LowPass:
     def weak(self, umbrella: Laplacian) -> "LowPass":
         """Filters that take off just enough noise for another filter to know signals by."""
         strengths = self.strengths * (STRENGTHS[1] / STRENGTHS[1 + WEAKER])
-        return LowPass(self.borders, umbrella, ORDER, strengths, self.shares)
+        return replace(self, laplacian=umbrella, order=ORDER, strengths=strengths)
 
 
-@dataclass(frozen=True)
-class FittedLowPass:
-    """The filters that suit a mesh, and what they make of it."""
+class _Kind(NamedTuple):
+    """Filters of one Laplacian and order, and of all strengths."""
 
-    filters: LowPass
-    normals: FloatArray  # (n, 3): of the smooth surface that cotangents are those of
-    # residuals, leverages: (n,): of the mixture, see `Estimates`; the leverages by the probes that chose it
-    residuals: SingleArray
-    leverages: SingleArray
-
-
-class _Tried(NamedTuple):
-    """Filters of one kind and of all strengths."""
-
+    power: float | None  # of the Laplacian, see `LowPassPlan`
     laplacian: Laplacian
     order: int
     estimates: Estimates
-    best: int  # number of the best strength,
-    risk: float  # and its risk
+    risks: FloatArray  # (s,)
 
 
 def strongest(detail: float) -> float:
@@ -122,73 +112,64 @@ def learn_low_pass(
     detail: float | None = None,
     *,
     threads: int = 1,
-) -> tuple[LowPassPlan, FittedLowPass]:
+) -> tuple[LowPassPlan, LowPass]:
     """Find the Laplacian, the order and the strengths with the least risk on the `core` of some parts of a mesh.
 
     `unit` is the mean edge, `detail` the length of the shortest waves that keep half of their height. Returns what
     holds for the mesh as a whole, and what `fit_low_pass` makes of it there.
     """
-    mesh, adjacency, cut = noisy.part.mesh, noisy.part.adjacency, noisy.part.cut
-
-    def tried(laplacian: Laplacian, order: int, normals: FloatArray, strengths: FloatArray) -> _Tried:
-        estimates = _estimates(noisy, laplacian, order, strengths, normals, threads)
-        risks = estimates.mean_risks(core)
-        return _Tried(laplacian, order, estimates, int(risks.argmin()), float(risks.min()))
-
-    umbrella = umbrella_laplacian(mesh, adjacency, borders, cut=cut, threads=threads)
-    rough = tangent_planes(mesh, adjacency, threads=threads).normals
+    part = noisy.part
+    umbrella = umbrella_laplacian(part, borders, threads=threads)
+    rough = tangent_planes(part.mesh, part.adjacency, threads=threads).normals
     allowed = STRENGTHS if detail is None else STRENGTHS[strongest(detail / unit) >= STRENGTHS]
-    first = tried(umbrella, ORDER, rough, allowed).best
-    smooth, normals = _smooth_shape(mesh, adjacency, umbrella, first, threads)
+    first = int(_estimates(noisy, umbrella, ORDER, allowed, rough, threads).mean_risks(core).argmin())
+    smooth, normals = _smooth_shape(part, umbrella, first, threads)
     strengths = allowed[: first + STRONGER + 1]
-    chosen, power = tried(umbrella, ORDER, normals, strengths), None
-    for other in POWERS:
-        laplacian = cotangent_laplacian(smooth, adjacency, borders, other, unit, cut=cut, threads=threads)
-        found = tried(laplacian, ORDER, normals, strengths)
-        if found.risk < chosen.risk:
-            chosen, power = found, other
-    for order in ORDERS:
-        if order != chosen.order:
-            found = tried(chosen.laplacian, order, normals, strengths)
-            chosen = min(chosen, found, key=lambda one: one.risk)
-    laplacian, best = chosen.laplacian, chosen.best
+
+    def tried(power: float | None, laplacian: Laplacian, order: int) -> _Kind:
+        estimates = _estimates(noisy, laplacian, order, strengths, normals, threads)
+        return _Kind(power, laplacian, order, estimates, estimates.mean_risks(core))
+
+    def least_risk(kind: _Kind) -> float:
+        return float(kind.risks.min())
+
+    chosen = tried(None, umbrella, ORDER)
+    for power in POWERS:
+        laplacian = cotangent_laplacian(smooth, borders, power, unit, threads=threads)
+        chosen = min(chosen, tried(power, laplacian, ORDER), key=least_risk)
+    for order in ORDERS[1:]:
+        chosen = min(chosen, tried(chosen.power, chosen.laplacian, order), key=least_risk)
+    laplacian, best = chosen.laplacian, int(chosen.risks.argmin())
     near = list(range(max(best - AROUND, 0), min(best + AROUND + 1, len(strengths))))
-    estimates, overall, shares = _among(noisy, core, chosen.estimates, near, threads)
-    while near[0] > 0 and (shares[:, 0] > 0.5).mean() > SELDOM:  # there, even weaker filters may be better
+    while True:
+        estimates = chosen.estimates.among(near)
+        overall = overall_risks(estimates, core)
+        shares = shares_of(noisy, estimates, overall, threads)
+        if near[0] == 0 or (shares[:, 0] > 0.5).mean() <= SELDOM:
+            break  # else even weaker filters may be better there
         near = [*range(max(near[0] - 2 * AROUND, 0), max(near[0] - 1, 1), SPARSE), *near]
-        estimates, overall, shares = _among(noisy, core, chosen.estimates, near, threads)
     used = int(np.flatnonzero(shares.mean(axis=0, dtype=np.float64) > RARE)[-1]) + 1
     clusters = noisy.clusters
     haste = max(float(clusters.diffuse(clusters.means([laplacian.rates]), threads=threads).max()), 1.0)
     plan = LowPassPlan(
-        borders, unit, first, power, 0.5 * laplacian.bound, haste, chosen.order, strengths[near], used, overall
+        borders, unit, first, chosen.power, 0.5 * laplacian.bound, haste, chosen.order, strengths[near], used, overall
     )
     return plan, _mixture(plan, laplacian, normals, estimates, shares)
 
 
-def fit_low_pass(noisy: NoisyMesh, plan: LowPassPlan, *, threads: int = 1) -> FittedLowPass:
+def fit_low_pass(noisy: NoisyMesh, plan: LowPassPlan, *, threads: int = 1) -> LowPass:
     """Find the strengths around every vertex of a mesh, or of a tile of one."""
-    mesh, adjacency, cut = noisy.part.mesh, noisy.part.adjacency, noisy.part.cut
-    laplacian = umbrella_laplacian(mesh, adjacency, plan.borders, cut=cut, threads=threads)
-    smooth, normals = _smooth_shape(mesh, adjacency, laplacian, plan.first, threads)
+    laplacian = umbrella_laplacian(noisy.part, plan.borders, threads=threads)
+    smooth, normals = _smooth_shape(noisy.part, laplacian, plan.first, threads)
     if plan.power is not None:
         options = plan.borders, plan.power, plan.unit
-        laplacian = cotangent_laplacian(smooth, adjacency, *options, fastest=plan.fastest, cut=cut, threads=threads)
+        laplacian = cotangent_laplacian(smooth, *options, fastest=plan.fastest, threads=threads)
     estimates = _estimates(noisy, laplacian, plan.order, plan.strengths, normals, threads)
-    return _mixture(plan, laplacian, normals, estimates, _shares(noisy, estimates, plan.overall, threads))
+    return _mixture(plan, laplacian, normals, estimates, shares_of(noisy, estimates, plan.overall, threads))
 
 
-def _among(
-    noisy: NoisyMesh, core: BoolArray, estimates: Estimates, near: Sequence[int], threads: int
-) -> tuple[Estimates, FloatArray, SingleArray]:
-    """Some of the estimates, their risks for the mesh as a whole, and their shares."""
-    some = estimates.among(near)
-    overall = overall_risks(some, core)
-    return some, overall, _shares(noisy, some, overall, threads)
-
-
-def _shares(noisy: NoisyMesh, estimates: Estimates, overall: FloatArray, threads: int) -> SingleArray:
-    """Of the filters at every vertex, (n, s)."""
+def shares_of(noisy: NoisyMesh, estimates: Estimates, overall: FloatArray, threads: int) -> SingleArray:
+    """Share of each estimate at every vertex, (n, s), by their risks there and overall."""
     alike = noisy.correlation.alike
     risks = local_risks(noisy.clusters, estimates, overall, alike, threads=threads)
     return local_shares(noisy.clusters, risks, noisy.part.vertex_count, alike, threads=threads)
@@ -196,16 +177,14 @@ def _shares(noisy: NoisyMesh, estimates: Estimates, overall: FloatArray, threads
 
 def _mixture(
     plan: LowPassPlan, laplacian: Laplacian, normals: FloatArray, estimates: Estimates, shares: SingleArray
-) -> FittedLowPass:
+) -> LowPass:
     """The filters that are used at all; what stronger ones would have goes to the strongest of them."""
     stronger = shares[:, plan.used :].sum(axis=1)
     shares = shares[:, : plan.used].copy()
     shares[:, -1] += stronger
-    residuals, leverages = (
-        np.einsum("ns,ns->n", shares, values[:, : plan.used]) for values in (estimates.residuals, estimates.leverages)
-    )
-    filters = LowPass(plan.borders, laplacian, plan.order, plan.strengths[: plan.used], shares)
-    return FittedLowPass(filters, normals, residuals, leverages)
+    residuals = np.einsum("ns,ns->n", shares, estimates.residuals[:, : plan.used])
+    strengths, single = plan.strengths[: plan.used], normals.astype(np.float32)
+    return LowPass(plan.borders, laplacian, plan.order, strengths, shares, single, residuals)
 
 
 def _estimates(
@@ -226,15 +205,14 @@ def _estimates(
     return Estimates(residuals, np.float32(1.0) - taken / squares[:, np.newaxis])
 
 
-def _smooth_shape(
-    mesh: TriangleMesh, adjacency: Adjacency, umbrella: Laplacian, best: int, threads: int
-) -> tuple[TriangleMesh, FloatArray]:
+def _smooth_shape(part: MeshPart, umbrella: Laplacian, best: int, threads: int) -> tuple[MeshPart, FloatArray]:
     """The mesh after the steps of a weak filter along the normals of the vertices, and these normals.
 
     Without the steps along the surface, which would give the triangles other angles.
     """
+    vertices, faces = part.mesh.vertices, part.mesh.faces
     strength = np.array([min(float(STRENGTHS[max(best - WEAKER, 0)]), ENOUGH)])
-    smooth = low_pass(umbrella, mesh.vertices, strength, threads=threads)
-    normals = tangent_planes(TriangleMesh(smooth, mesh.faces), adjacency, threads=threads).normals
-    heights = np.einsum("ij,ij->i", smooth - mesh.vertices, normals)
-    return TriangleMesh(mesh.vertices + heights[:, np.newaxis] * normals, mesh.faces), normals
+    smooth = low_pass(umbrella, vertices, strength, threads=threads)
+    normals = tangent_planes(TriangleMesh(smooth, faces), part.adjacency, threads=threads).normals
+    heights = np.einsum("ij,ij->i", smooth - vertices, normals)
+    return replace(part, mesh=TriangleMesh(vertices + heights[:, np.newaxis] * normals, faces)), normals

@@ -11,7 +11,14 @@ from bezier_filters.smoothing.chebyshev import low_pass
 from bezier_filters.smoothing.clusters import Clusters, clusters_of
 from bezier_filters.smoothing.laplacian import Laplacian, umbrella_laplacian
 from bezier_filters.smoothing.mesh_parts import MeshPart
-from bezier_filters.smoothing.random_noise import WHITE, Correlation, correlated_noise, correlated_signs, random_bits
+from bezier_filters.smoothing.random_noise import (
+    FIRST_STREAM,
+    WHITE,
+    Correlation,
+    random_bits,
+    random_signs,
+    white_noise,
+)
 
 WEAK, STRONGER = np.array([1.0]), np.array([10.0])  # strengths of the filters that residuals and normals are taken from
 STRONG = np.array([100.0])  # strength of the filter that rough places do not follow
@@ -58,15 +65,23 @@ class NoisyMesh:
     clusters: Clusters  # of the same mesh
     sigma: FloatArray  # (n,): standard deviation of the noise around every vertex, positive lengths
     correlation: Correlation = WHITE  # how alike the noise of neighbouring vertices is
-    laplacian: Laplacian | None = None  # see `free_laplacian`: what noise that is alike is made with
+    laplacian: Laplacian | None = None  # of umbrellas, with free borders: what noise that is alike is made with
 
     def probes(self, columns: int, *, first: int = 0, threads: int = 1) -> SingleArray:
         """Noise of variance 1, (n, columns): random signs if it is white."""
-        return correlated_signs(self.part.ids, columns, self.correlation, self.laplacian, first=first, threads=threads)
+
+        def signs(part: int) -> SingleArray:
+            return random_signs(self.part.ids, columns, first=first, stream=FIRST_STREAM + part - 1 if part else 0)
+
+        return self.correlation.apply(signs, self.laplacian, threads)
 
     def samples(self, columns: int, *, threads: int = 1) -> SingleArray:
         """Noise of variance 1 and normal distribution, (n, columns)."""
-        return correlated_noise(self.part.ids, columns, self.correlation, self.laplacian, threads=threads)
+
+        def numbers(part: int) -> SingleArray:
+            return white_noise(self.part.ids, columns, stream=FIRST_STREAM * (part + 1) if part else 1)
+
+        return self.correlation.apply(numbers, self.laplacian, threads)
 
     def mean_squares(self, probes: SingleArray, *, threads: int = 1) -> SingleArray:
         """Squares of probes (n, columns) around every vertex, summed over the columns, (n,)."""
@@ -77,12 +92,10 @@ class NoisyMesh:
 
 
 def learn_noise_levels(
-    part: MeshPart,
-    clusters: Clusters,
+    noisy: NoisyMesh,
+    laplacian: Laplacian,
     core: BoolArray,
     sigma: float,
-    correlation: Correlation,
-    laplacian: Laplacian,
     unit: float,
     *,
     given: bool = False,
@@ -90,25 +103,26 @@ def learn_noise_levels(
 ) -> tuple[NoiseLevels, FloatArray]:
     """What holds for a mesh as a whole, by the `core` of some parts, and the standard deviation of the noise, (n,).
 
-    The noise has the same level everywhere, sigma, unless it clearly varies. Levels are means of what a weak filter
-    takes off, in a way that outliers, such as at edges, matter little to. Where they are high for many creases, what it
-    takes off is not normally distributed, as noise is. None is below `LEAST_NOISE` before the standard deviation of the
-    relief, `DETAIL`, is taken off it; `unit` is the mean edge. If it varies, sigma is its root mean square if that was
-    `given`, and no matter otherwise. The Laplacian is that of `free_laplacian`.
+    The noise has the same level everywhere, sigma, which the mesh has so far, unless it clearly varies. Levels are
+    means of what a weak filter takes off, in a way that outliers, such as at edges, matter little to. Where they are
+    high for many creases, what it takes off is not normally distributed, as noise is. None is below `LEAST_NOISE`
+    before the standard deviation of the relief, `DETAIL`, is taken off it; `unit` is the mean edge. If it varies, sigma
+    is its root mean square if that was `given`, and no matter otherwise. The Laplacian is
+    that of umbrellas, with free borders.
     """
     least, detail = LEAST_NOISE * unit, DETAIL * unit
-    noise = correlated_noise(part.ids, 1, correlation, laplacian, threads=threads).astype(np.float64)
+    noise = noisy.samples(1, threads=threads).astype(np.float64)
     taken = noise - low_pass(laplacian, noise, WEAK, threads=threads)
     share = float(np.sqrt(np.square(taken[core]).mean()))
-    heights = _weak_heights(part, laplacian, share, threads)
-    roots = _roots(heights, clusters, threads)
+    heights, roots = _taken_off(noisy.part, noisy.clusters, laplacian, share, threads)
     found = _levels(roots[core])
     low, high = np.quantile(found, (0.1, 0.9))
     if high < SPREAD * low or _is_creased(heights[core], found):
-        levels = NoiseLevels(sigma, share, least, detail, correlation)
+        levels = NoiseLevels(sigma, share, least, detail, noisy.correlation)
     else:
         factor = sigma / float(np.sqrt(np.square(found).mean())) if given else 1.0
-        levels = NoiseLevels(None, share, max(least, LEAST * factor * float(high)), detail, correlation, factor)
+        lowest = max(least, LEAST * factor * float(high))
+        levels = NoiseLevels(None, share, lowest, detail, noisy.correlation, factor)
     return levels, levels.at(roots)
 
 
@@ -116,8 +130,8 @@ def local_sigma(part: MeshPart, clusters: Clusters, levels: NoiseLevels, *, thre
     """Standard deviation of the noise around every vertex, (n,)."""
     if levels.sigma is not None:
         return levels.at(np.zeros(len(part.ids), dtype=np.float32))
-    heights = _weak_heights(part, free_laplacian(part, threads), levels.share, threads)
-    return levels.at(_roots(heights, clusters, threads))
+    laplacian = umbrella_laplacian(part, "free", threads=threads)
+    return levels.at(_taken_off(part, clusters, laplacian, levels.share, threads)[1])
 
 
 def roughness(part: MeshPart, sigma: float, clusters: Clusters | None = None, *, threads: int = 1) -> FloatArray:
@@ -127,7 +141,7 @@ def roughness(part: MeshPart, sigma: float, clusters: Clusters | None = None, *,
     It goes by ratios, as the noise itself may vary. A tile has `ROUGHNESS_RINGS` around what counts; sigma is the
     standard deviation of the noise of the mesh as a whole. The clusters, if they are known, have the pace `PACE`.
     """
-    clusters, laplacian = clusters or clusters_of(part, PACE), free_laplacian(part, threads)
+    clusters, laplacian = clusters or clusters_of(part, PACE), umbrella_laplacian(part, "free", threads=threads)
     strong, weak = _heights(part, laplacian, STRONG, threads)
     around = clusters.around([np.square(strong), np.sqrt(np.abs(weak))], threads=threads).astype(np.float64)
     return around[:, 0] / np.maximum(around[:, 1] ** 4, (LEAST * sigma) ** 2)
@@ -154,19 +168,12 @@ def roughest(values: FloatArray, ids: IntArray) -> IntArray:
     return near[values[near] > before].astype(np.int32)
 
 
-def free_laplacian(part: MeshPart, threads: int) -> Laplacian:
-    """Differences from the mean of all neighbours."""
-    return umbrella_laplacian(part.mesh, part.adjacency, "free", cut=part.cut, threads=threads)
-
-
-def _weak_heights(part: MeshPart, laplacian: Laplacian, share: float, threads: int) -> FloatArray:
-    """What a weak filter takes off every vertex, over its share of the noise, (n,), lengths."""
-    return np.abs(_heights(part, laplacian, STRONGER, threads)[1] / share)
-
-
-def _roots(heights: FloatArray, clusters: Clusters, threads: int) -> SingleArray:
-    """Mean roots of these around every vertex, (n,)."""
-    return np.maximum(clusters.around([np.sqrt(heights)], threads=threads)[:, 0], np.float32(0.0))
+def _taken_off(
+    part: MeshPart, clusters: Clusters, laplacian: Laplacian, share: float, threads: int
+) -> tuple[FloatArray, SingleArray]:
+    """What a weak filter takes off every vertex, over its share of the noise, lengths, and mean roots of it, (n,)."""
+    heights = np.abs(_heights(part, laplacian, STRONGER, threads)[1] / share)
+    return heights, np.maximum(clusters.around([np.sqrt(heights)], threads=threads)[:, 0], np.float32(0.0))
 
 
 def _is_creased(heights: FloatArray, levels: FloatArray) -> bool:

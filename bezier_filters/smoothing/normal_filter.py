@@ -12,7 +12,6 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from bezier_filters.meshes.adjacency import Adjacency
@@ -29,18 +28,7 @@ SQUARINGS = 5
 POWER = 2**SQUARINGS  # weights are (1 - x / power)^power, nearly exp(-x) and soon computed
 UPDATE_ROUNDS = 20  # more would fit the normals better, but let the vertices drift away from where they were measured
 ONE = np.uint32(1)  # for places without a sign, see `rows.Place`
-MOST_BITS = np.uint64(63)  # faces at the corners of one that `FacesAt` has room for, beside the last bit
 TERMS = 10  # of the polynomial that does as much as all rounds
-
-
-class FacesAt(NamedTuple):
-    """The faces at each vertex, as compressed rows."""
-
-    ptr: IntArray
-    indices: IntArray
-    # (m,), bits: which of the faces at the corners of each face, one after the other, are met for the first time, and
-    # one bit more; 0 if there are too many
-    first_met: NDArray[np.uint64]
 
 
 class NoisyNormals(NamedTuple):
@@ -52,7 +40,8 @@ class NoisyNormals(NamedTuple):
     # without area are zero.
     rows: SingleArray
     spare: SingleArray  # of the same size: what the next rows are written to
-    at_vertex: FacesAt
+    face_ptr: IntArray  # faces at each vertex, as compressed rows
+    face_indices: IntArray
 
     @property
     def normals(self) -> SingleArray:
@@ -74,10 +63,7 @@ def noisy_normals(
     """Normals of two meshes, and how samples of the noise of vertices (n, k, 3) turn the first ones, to first order."""
     m, at_vertex = mesh.face_count, adjacency.faces
     rows, spare = np.zeros((2, m * (2 + noise.shape[1]), NUMBERS), dtype=np.float32)
-    state = NoisyNormals(
-        mesh.faces, rows, spare, FacesAt(at_vertex.indptr, at_vertex.indices, np.empty(m, dtype=np.uint64))
-    )
-    run_kernel(_write_first_met, m, mesh.faces, state.at_vertex, threads=threads)
+    state = NoisyNormals(mesh.faces, rows, spare, at_vertex.indptr, at_vertex.indices)
     run_kernel(_write_normals, m, mesh.vertices, probe.vertices, noise, state, threads=threads)
     return state
 
@@ -98,7 +84,7 @@ def filter_normals(state: NoisyNormals, rounds: int, tolerance: float, *, thread
     >>> bool(np.allclose(before, filter_normals(start, 5, 2.0).normals, atol=1e-6))
     True
     """
-    most = 1 + 3 * int(np.diff(state.at_vertex.ptr).max(initial=0))
+    most = 1 + 3 * int(np.diff(state.face_ptr).max(initial=0))
     for _ in range(rounds):
         _write_variances(state, tolerance, threads)
 
@@ -113,7 +99,7 @@ def filter_normals(state: NoisyNormals, rounds: int, tolerance: float, *, thread
 
 def _write_variances(state: NoisyNormals, tolerance: float, threads: int) -> None:
     """Write the mean squared change of the normals around each face, times the squared tolerance."""
-    m, n = len(state.faces), len(state.at_vertex.ptr) - 1
+    m, n = len(state.faces), len(state.face_ptr) - 1
     values = np.zeros(n, dtype=np.float32)
     squared, least = np.float32(tolerance**2), np.float32(SMALLEST_VARIANCE)
     run_kernel(_mean_squares, m, state, squared, threads=threads)
@@ -135,7 +121,7 @@ def _mean_squares(state: NoisyNormals, factor: np.float32, start: int, stop: int
 
 @jit()
 def _to_vertices(state: NoisyNormals, values: SingleArray, start: int, stop: int) -> None:
-    face_ptr, face_indices, _ = state.at_vertex
+    face_ptr, face_indices = state.face_ptr, state.face_indices
     stride = state.rows.shape[0] // state.faces.shape[0]
     for i in range(start, stop):
         total = np.float32(0.0)
@@ -188,11 +174,11 @@ def _filter(state: NoisyNormals, around: IntArray, weights: SingleArray, start: 
 
     Work space for the faces around one and their weights.
     """
-    faces, rows, means, at_vertex = state
+    faces, rows, means, _, _ = state
     stride = np.uint32(rows.shape[0] // faces.shape[0])
     for f in range(np.uint32(start), np.uint32(stop)):
         own, area = stride * f, rows[stride * f, 3]
-        count = _faces_around(faces, at_vertex, f, around)
+        count = _faces_around(state, f, around)
         normal, probe = scaled(area, row_of(rows, own)), scaled(area, row_of(rows, own + ONE))
         for q in range(count):
             g = stride * np.uint32(around[q])
@@ -243,44 +229,24 @@ def _normalise(rows: SingleArray, place: Place) -> np.float32:
 
 
 @inner_jit()
-def _faces_around(faces: IntArray, at_vertex: FacesAt, f: int, around: IntArray) -> np.uint32:
+def _faces_around(state: NoisyNormals, f: Place, around: IntArray) -> np.uint32:
     """Write the faces that share a vertex with one, each once; return how many there are.
 
     All are written, and those met before are written over: a branch would be mispredicted for every third one.
+    Numbers are without a sign here, see `rows.Place`.
     """
-    face_ptr, face_indices, first_met = at_vertex
-    bits, count = first_met[f], np.uint32(0)
-    for corner in range(3):
-        i = np.uint32(faces[f, np.uint32(corner)])
-        for q in range(np.uint32(face_ptr[i]), np.uint32(face_ptr[i + ONE])):
-            g = int(face_indices[q])
-            around[count] = g
-            count += np.uint32(bits & ONE) if bits else np.uint32(_is_first(faces, f, corner, g))
-            bits >>= ONE
+    faces, face_ptr, face_indices, count = state.faces, state.face_ptr, state.face_indices, np.uint32(0)
+    a, b, c = int(np.uint32(faces[f, 0])), int(np.uint32(faces[f, 1])), int(np.uint32(faces[f, 2]))
+    for q in range(np.uint32(face_ptr[a]), np.uint32(face_ptr[a + 1])):
+        around[count] = g = int(np.uint32(face_indices[q]))
+        count += np.uint32(g != f)
+    for q in range(np.uint32(face_ptr[b]), np.uint32(face_ptr[b + 1])):
+        around[count] = g = int(np.uint32(face_indices[q]))
+        count += np.uint32(not has_corner(faces, g, a))
+    for q in range(np.uint32(face_ptr[c]), np.uint32(face_ptr[c + 1])):
+        around[count] = g = int(np.uint32(face_indices[q]))
+        count += np.uint32(not (has_corner(faces, g, a) or has_corner(faces, g, b)))
     return count
-
-
-@jit()
-def _write_first_met(faces: IntArray, at_vertex: FacesAt, start: int, stop: int) -> None:
-    """Write what `FacesAt` holds of faces start .. stop-1."""
-    face_ptr, face_indices, first_met = at_vertex
-    for f in range(start, stop):
-        bits, place = np.uint64(0), np.uint64(0)
-        for corner in range(3):
-            i = faces[f, corner]
-            for q in range(face_ptr[i], face_ptr[i + 1]):
-                bits |= np.uint64(_is_first(faces, f, corner, face_indices[q])) << min(place, MOST_BITS)
-                place += np.uint64(1)
-        first_met[f] = bits | np.uint64(1) << place if place < MOST_BITS else np.uint64(0)
-
-
-@inner_jit()
-def _is_first(faces: IntArray, f: int, corner: int, g: int) -> bool:
-    """Whether face g is not face f, and has none of the corners of that before a given one."""
-    result = g != f
-    for k in range(corner):
-        result = result and not has_corner(faces, g, faces[f, k])
-    return bool(result)
 
 
 def move_to_normals(

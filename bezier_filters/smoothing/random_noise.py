@@ -5,6 +5,7 @@ that it is a part of. Noise that is alike at neighbouring vertices is made of wh
 averages it over surroundings, which makes it as smooth as scanners do.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -78,13 +79,16 @@ class Correlation:
         scales = tuple(float(np.sqrt(share) / spread) for share, spread in zip(shares, spreads, strict=True))
         return Correlation(float(np.sqrt(noise.white / noise.variance)), times, scales, max(alike, 1.0))
 
-    def apply(self, white: list[SingleArray], laplacian: Laplacian | None, threads: int) -> SingleArray:
-        """Noise (n, c) made of white noise, and of other white noise for every part, which heat flow needs."""
+    def apply(self, draw: Callable[[int], SingleArray], laplacian: Laplacian | None, threads: int) -> SingleArray:
+        """Noise (n, c) made of white noise, drawn for each part by its number: 0 for that which is taken as it is.
+
+        White noise alone needs no Laplacian.
+        """
         if laplacian is None or not self.times:
-            return white[0]
-        result: FloatArray = self.white * white[0].astype(np.float64)
-        for time, scale, other in zip(self.times, self.scales, white[1:], strict=True):
-            result += scale * diffuse(laplacian, other.astype(np.float64), time, threads=threads)
+            return draw(0)
+        result: FloatArray = self.white * draw(0).astype(np.float64)
+        for part, (time, scale) in enumerate(zip(self.times, self.scales, strict=True), 1):
+            result += scale * diffuse(laplacian, draw(part).astype(np.float64), time, threads=threads)
         return result.astype(np.float32)
 
 
@@ -102,26 +106,3 @@ def _time_until_alike(correlation: float) -> float:
 
 
 WHITE = Correlation()  # that of noise that is independent from vertex to vertex
-
-
-def correlated_signs(
-    ids: IntArray,
-    columns: int,
-    correlation: Correlation,
-    laplacian: Laplacian | None,
-    *,
-    first: int = 0,
-    threads: int = 1,
-) -> SingleArray:
-    """Noise of variance 1 made of random signs, (n, columns); white noise needs no Laplacian."""
-    streams = [0, *(FIRST_STREAM + k for k in range(len(correlation.times)))]
-    signs = [random_signs(ids, columns, first=first, stream=stream) for stream in streams]
-    return correlation.apply(signs, laplacian, threads)
-
-
-def correlated_noise(
-    ids: IntArray, columns: int, correlation: Correlation, laplacian: Laplacian | None, *, threads: int = 1
-) -> SingleArray:
-    """Noise of variance 1 and normal distribution, (n, columns); white noise needs no Laplacian."""
-    streams = [1, *(FIRST_STREAM * (k + 2) for k in range(len(correlation.times)))]
-    return correlation.apply([white_noise(ids, columns, stream=stream) for stream in streams], laplacian, threads)

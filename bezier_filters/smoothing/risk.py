@@ -11,12 +11,11 @@ several estimates to trust there.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
-from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
-from bezier_filters.runtime.jit import jit
-from bezier_filters.runtime.parallel import run_kernel
+from bezier_filters.arrays import BoolArray, FloatArray, SingleArray
 from bezier_filters.smoothing.clusters import SURROUNDINGS, Clusters
 
 # vertices over which risks are averaged, on a regular mesh: the reciprocal of the sum of their squared weights
@@ -66,11 +65,13 @@ def local_risks(
     Where the local difference deviates from the overall one, (s,) from `overall_risks`, by no more than noise may make
     it do, the latter is taken (after James and Stein). So many vertices are `alike` that they tell no more than one.
     """
-    best, count, members = int(overall.argmin()), len(overall), clusters.members
-    sums = np.zeros((len(members), 2 * count))
-    rows = members.indptr, members.indices, estimates.residuals, estimates.leverages
-    run_kernel(_sum_up, len(sums), *rows, best, sums, threads=threads)
-    means = sums / clusters.sizes[:, np.newaxis]
+    best, count, residuals = int(overall.argmin()), len(overall), estimates.residuals
+    # of the risk, plus 1, of each estimate; then of its squared distance from the best one
+    of_risks = (
+        np.square(r) + 2.0 * h.astype(np.float64) for r, h in zip(residuals.T, estimates.leverages.T, strict=True)
+    )
+    apart = (np.square(r - residuals[:, best]) for r in residuals.T)
+    means = clusters.means(chain(of_risks, apart))
     means[:, :count] -= means[:, [best]]
     around = clusters.diffuse(means, threads=threads)
     local = around[:, :count] - overall
@@ -82,28 +83,6 @@ def local_risks(
     )
     result: FloatArray = overall + believed * local
     return result
-
-
-@jit()
-def _sum_up(
-    ptr: IntArray,
-    indices: IntArray,
-    residuals: SingleArray,
-    leverages: SingleArray,
-    best: int,
-    sums: FloatArray,
-    start: int,
-    stop: int,
-) -> None:
-    """Write, over clusters start .. stop-1, the risks of all estimates, plus 1, and squared distances from one."""
-    count = residuals.shape[1]
-    for k in range(start, stop):
-        for q in range(ptr[k], ptr[k + 1]):
-            i = indices[q]
-            for s in range(count):
-                r, distance = residuals[i, s], residuals[i, s] - residuals[i, best]
-                sums[k, s] += r * r + 2.0 * leverages[i, s]
-                sums[k, count + s] += distance * distance
 
 
 def gain_of(clusters: Clusters, risks: FloatArray, number: int) -> float:
@@ -133,12 +112,12 @@ def local_shares(
     return clusters.at_vertices(shares, threads=threads)
 
 
-def noise_factor(squares: FloatArray, leverages: FloatArray) -> float:
+def noise_factor(estimates: Estimates, rows: BoolArray | slice) -> float:
     """How much less noise there is if the estimate that predicts best leaves smaller residuals than the noise would.
 
-    Where a surface has edges, noise is easily overestimated until something keeps them. Given are the mean squared
-    residuals and the mean leverages of some estimates, each (s,).
+    Where a surface has edges, noise is easily overestimated until something keeps them. Some of the vertices tell.
     """
+    squares, leverages = estimates.means(rows)
     free = 1.0 - leverages
     best = np.argmin(squares / np.maximum(free, 1e-3) ** 2)
     return max(min(float(np.sqrt(squares[best] / max(free[best], 1e-3))), 1.0), 1e-3)

@@ -13,10 +13,10 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
-from bezier_filters.meshes.adjacency import Adjacency
+from bezier_filters.meshes.adjacency import Adjacency, longest_edges
 from bezier_filters.meshes.frames import face_normal, tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.triangles import edge_length, longest_squared
+from bezier_filters.meshes.triangles import longest_squared
 from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import run_kernel
 from bezier_filters.smoothing.laplacian import MeshStars, mesh_stars
@@ -67,7 +67,11 @@ def held_back(
         held = _along_normals(mesh, adjacency, points, threads)
         slides = _slides(mesh, points, held, NARROW if sliding == Sliding.NARROW else 0.0, threads)
         result = _slid(held, points, slides)
-    run_kernel(_shorten, len(result), mesh_stars(mesh, adjacency), result, threads=threads)
+    moves, most = result - mesh.vertices, FARTHEST * longest_edges(mesh, adjacency, threads=threads)
+    lengths = np.linalg.norm(moves, axis=1)
+    too_far = lengths > most
+    shortened = (most[too_far] / lengths[too_far])[:, np.newaxis] * moves[too_far]
+    result[too_far] = mesh.vertices[too_far] + shortened
     return result
 
 
@@ -133,23 +137,6 @@ def _hold_back(
                 z - (xz * x + yz * y + zz * z) / total,
             )
         held[i, 0], held[i, 1], held[i, 2] = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
-
-
-@jit()
-def _shorten(mesh: MeshStars, points: FloatArray, start: int, stop: int) -> None:
-    """End the moves of vertices start .. stop-1 to points where they are as long as the edges there allow."""
-    vertices = mesh.vertices
-    for i in range(start, stop):
-        x, y, z = points[i, 0] - vertices[i, 0], points[i, 1] - vertices[i, 1], points[i, 2] - vertices[i, 2]
-        longest = 0.0
-        for q in range(mesh.face_ptr[i], mesh.face_ptr[i + 1]):
-            for k in range(3):
-                longest = max(longest, edge_length(vertices, i, mesh.faces[mesh.face_indices[q], k]))
-        move, most = np.sqrt(x * x + y * y + z * z), FARTHEST * longest
-        if move > most:
-            points[i, 0] = vertices[i, 0] + most / move * x
-            points[i, 1] = vertices[i, 1] + most / move * y
-            points[i, 2] = vertices[i, 2] + most / move * z
 
 
 @jit()

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.display import html_table, noise_in_words, noise_level
 from bezier_filters.errors import InvalidParameterError, is_integer
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
@@ -227,12 +227,16 @@ def smooth(
     """
     given = triangle_mesh(vertices, faces)
     check_smoothing(method, iterations, noise, borders, detail, relax, rings, alpha)
+    rings, alpha = 2 if rings is None else rings, 0.8 if alpha is None else alpha
     threads = thread_count(threads)
     ordered = with_near_neighbours(given, threads=threads)
     mesh = ordered.mesh
     adjacency = vertex_adjacency(mesh, threads=threads)
-    movable = _movable(selected, ordered.order, adjacency, borders)
-    points, sharpness = mesh.vertices, np.zeros(mesh.vertex_count)
+    n = mesh.vertex_count
+    movable = np.ones(n, dtype=np.bool_) if selected is None else checked_selection(selected, n)[ordered.order]
+    if borders == "fixed":
+        movable = movable & ~adjacency.on_boundary
+    points, sharpness = mesh.vertices, np.zeros(n)
     with first_call():
         known, done = learn_noise(mesh, adjacency, noise, threads=threads), 0
         for k in range(iterations):
@@ -243,7 +247,10 @@ def smooth(
                 found = denoised(current, adjacency, here, *options, threads=threads, progress=part)
                 points, sharpness = found.points, np.maximum(sharpness, found.sharpness)
             else:
-                points = _onto_patches(current, adjacency, rings, alpha, threads, part)
+                geometry = estimate_vertex_geometry(
+                    points, mesh.faces, rings=rings, alpha=alpha, smoothness="paper", threads=threads, progress=part
+                )
+                points = points + sound_displacements(current, adjacency, geometry.displacements)
             points = np.where(movable[:, np.newaxis], points, mesh.vertices)
             if np.array_equal(points, current.vertices) and (k or noise is None):
                 break  # and all that would follow does the same
@@ -283,22 +290,6 @@ def smooth(
         )
 
 
-def _onto_patches(
-    mesh: TriangleMesh,
-    adjacency: Adjacency,
-    rings: int | None,
-    alpha: float | None,
-    threads: int,
-    progress: Progress | None,
-) -> FloatArray:
-    """The vertices on their patches, as the paper has it, but for those that would go beyond their neighbours."""
-    rings, alpha = 2 if rings is None else rings, 0.8 if alpha is None else alpha
-    geometry = estimate_vertex_geometry(
-        mesh.vertices, mesh.faces, rings=rings, alpha=alpha, smoothness="paper", threads=threads, progress=progress
-    )
-    return mesh.vertices + sound_displacements(mesh, adjacency, geometry.displacements)
-
-
 def sound_displacements(mesh: TriangleMesh, adjacency: Adjacency, displacements: FloatArray) -> FloatArray:
     """Those onto patches, (n, 3), but zero beyond the neighbours and at edges that make no surface."""
     sound = (np.linalg.norm(displacements, axis=1) <= longest_edges(mesh, adjacency)) & ~unclear_vertices(mesh)
@@ -310,13 +301,6 @@ def part_of(progress: Progress | None, k: int, total: int) -> Progress | None:
     if progress is None:
         return None
     return lambda done, of: progress(k * of + done, total * of)
-
-
-def _movable(selected: BoolArray | None, order: IntArray, adjacency: Adjacency, borders: SmoothedBorders) -> BoolArray:
-    """Vertices that may move, in an order."""
-    n = len(order)
-    mask = np.ones(n, dtype=np.bool_) if selected is None else checked_selection(selected, n)[order]
-    return mask & ~adjacency.on_boundary if borders == "fixed" else mask
 
 
 def check_smoothing(

@@ -67,6 +67,60 @@ def test_the_fit_of_a_narrow_part_does_not_depend_on_what_is_selected():
     np.testing.assert_array_equal(some.k_max[is_narrow], whole.k_max[is_narrow])
 
 
+@pytest.mark.parametrize("levels", [(0.02, 0.2), (0.05, 0.5)])
+def test_ten_times_the_noise_at_a_few_vertices_is_smoothed_there_and_the_rest_is_as_without_it(levels):
+    """Among what the fit of all does not follow, curved places are told from the noisy ones."""
+    surface = ellipsoid(resolution=30, jitter=0.3)
+    is_noisy = surface.vertices[:, 0] < np.quantile(surface.vertices[:, 0], 0.03)
+    generator, edge = np.random.default_rng(3), mean_edge_of(surface.vertices, surface.faces)
+    heights = generator.normal(size=len(is_noisy)) * np.where(is_noisy, levels[1], levels[0]) * edge
+    geometry = estimate_vertex_geometry(surface.vertices + heights[:, np.newaxis] * surface.normals, surface.faces)
+    cosines = np.einsum("ij,ij->i", geometry.normals, surface.normals)
+    angles = np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))
+    noisy, rest = (np.sqrt(np.square(angles[part]).mean()) for part in (is_noisy, ~is_noisy))
+    assert noisy < 4.0
+    assert rest < 1.2
+
+
+def test_coarse_detail_under_noise_is_not_noise():
+    """It looks like long waves of noise, of which there are none elsewhere."""
+    pyvista = pytest.importorskip("pyvista")
+    for seed in (0, 2):
+        points, faces, normals = blob(pyvista, 30)
+        noise = 0.1 * mean_edge_of(points, faces) * np.random.default_rng(seed).normal(size=(len(points), 1))
+        errors = []
+        for rings in ("auto", 3):
+            found = estimate_vertex_geometry(points + noise * normals, faces, rings=rings).normals
+            cosines = np.abs(np.einsum("ij,ij->i", found, normals))
+            errors.append(np.sqrt(np.square(np.arccos(np.minimum(cosines, 1.0))).mean()))
+        assert errors[0] < 1.1 * errors[1]
+
+
+def blob(pyvista, resolution):
+    """Points, faces and normals of a ball with bumps a few edges across, by marching cubes."""
+
+    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]  # so that no face lies in the grid
+
+    def height(p):
+        x, y, z = 4.0 * turn @ p.T
+        return np.square(p).sum(axis=1) + 0.45 * np.sin(x) * np.sin(y) * np.sin(z) - 0.8
+
+    def slopes(p):
+        steps = 1e-5 * np.eye(3)
+        return np.column_stack([height(p + step) - height(p - step) for step in steps]) / 2e-5
+
+    grid = pyvista.ImageData(dimensions=(resolution,) * 3, spacing=(2.6 / (resolution - 1),) * 3, origin=(-1.3,) * 3)
+    grid["height"] = height(grid.points)
+    mesh = grid.contour([0.0], scalars="height", method="marching_cubes").triangulate()
+    points = np.asarray(mesh.points, dtype=np.float64)
+    for _ in range(5):  # onto the surface
+        gradient = slopes(points)
+        points -= (height(points) / np.square(gradient).sum(axis=1))[:, np.newaxis] * gradient
+    gradient = slopes(points)
+    faces = mesh.faces.reshape(-1, 4)[:, 1:].astype(np.int32)
+    return points, faces, gradient / np.linalg.norm(gradient, axis=1, keepdims=True)
+
+
 def test_noise_that_is_alike_along_edges_is_averaged_on_stretched_meshes_too():
     """Where edges are three times as long one way as the other, so is what noise is alike over."""
     surface = ellipsoid(semi_axes=(1.0, 0.5, 0.3), resolution=45, jitter=0.25)

@@ -60,6 +60,18 @@ class TestNeighbours:
         pairs = {(i, int(j)) for i in range(len(rows)) for j in rows.row(i)}
         assert all((j, i) in pairs and i != j for i, j in pairs)
 
+    @pytest.mark.parametrize("jitter", [0.0, 0.3])
+    def test_a_point_at_a_straight_border_has_the_nearest_ones_there_only(self, jitter):
+        """Not those behind them, which touch the same straight line."""
+        sheet = waves(resolution=30, jitter=jitter)
+        cloud = cloud_of(sheet.vertices).adjacency
+        expected = vertex_adjacency(triangle_mesh(sheet.vertices, sheet.faces))
+        for i in np.flatnonzero(expected.on_boundary):
+            edges = sheet.vertices[cloud.vertices.row(i)] - sheet.vertices[i]
+            directions = edges / np.linalg.norm(edges, axis=1, keepdims=True)
+            assert ((directions @ directions.T) > np.cos(np.radians(10.0))).sum() == len(edges), i
+            assert 2 <= len(edges) <= len(expected.vertices.row(i)) + 3
+
     def test_closed_bodies_have_no_boundary(self):
         for surface in CLOSED.values():
             assert not cloud_of(surface.vertices).adjacency.on_boundary.any()
@@ -146,6 +158,17 @@ def test_points_alone_are_estimated_about_as_well_as_their_mesh(surface, edges, 
         return np.sqrt([np.mean(normal**2), np.mean(mean**2)])
 
     assert (errors(None) < 2.2 * errors(surface.faces)).all()
+
+
+@pytest.mark.parametrize("resolution", [30, 40, 60])
+def test_no_point_at_a_border_is_flung_off(resolution):
+    """Nor does its standard error say less than a sixth: parts are learned from neighbourhoods without a border."""
+    surface = waves(resolution=resolution)
+    geometry = estimate_vertex_geometry(surface.vertices, None)
+    angles = np.arccos(np.clip(np.abs(dots(geometry.normals, surface.normals)), 0.0, 1.0))
+    assert np.degrees(angles).max() < 0.5
+    at_border = np.abs(surface.vertices[:, :2]).max(axis=1) == 1.0
+    assert (angles < 6.0 * geometry.normal_std + 1e-6)[at_border].mean() > 0.99
 
 
 @pytest.mark.parametrize("spacing", [1, 3, 6])

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from bezier_filters.holes import polyharmonic_fairing as module
-from bezier_filters.holes.polyharmonic_fairing import cotangent_matrix, harmonic_continuation, polyharmonic_fairing
+from bezier_filters.holes.polyharmonic_fairing import cotangent_matrix, polyharmonic_continuation
 from bezier_filters.surfaces import sphere
 
 
@@ -19,19 +19,19 @@ def test_dense_and_sparse_matrices_give_the_same_fill(monkeypatch, full):
     assert len(points) <= module.MOST_DENSE
     dense = (
         cotangent_matrix(points, faces),
-        [polyharmonic_fairing(points, faces, first, k) for k in (1, 2, 3)],
+        [polyharmonic_continuation(points, faces, points[:first], k) for k in (1, 2, 3)],
     )
-    dense_shift = harmonic_continuation(points, faces, shift)
+    dense_shift = polyharmonic_continuation(points, faces, shift)
     monkeypatch.setattr(module, "MOST_DENSE", 0)
     monkeypatch.setattr(module, "FULL", full)
     (matrix, areas), fills = (
         cotangent_matrix(points, faces),
-        [polyharmonic_fairing(points, faces, first, k) for k in (1, 2, 3)],
+        [polyharmonic_continuation(points, faces, points[:first], k) for k in (1, 2, 3)],
     )
     np.testing.assert_allclose(dense[0][0], matrix.toarray(), atol=1e-12)
     np.testing.assert_array_equal(dense[0][1], areas)
     np.testing.assert_allclose(dense[1], fills, atol=1e-9)
-    np.testing.assert_allclose(dense_shift, harmonic_continuation(points, faces, shift), atol=1e-9)
+    np.testing.assert_allclose(dense_shift, polyharmonic_continuation(points, faces, shift), atol=1e-9)
 
 
 def test_areas_of_a_closed_mesh_sum_up_to_its_area():

@@ -144,6 +144,13 @@ class TestRunning:
         bf.run_filter_script(ms, bf.read_filter_script(path))
         assert 0.2 < ms.get_geometric_measures()["avg_edge_length"] < 0.4
 
+    def test_reports_hold_plain_values(self, tmp_path):
+        ms = pymeshlab.MeshSet()
+        path = script(tmp_path, '<filter name="Box/Cube"/><filter name="get_geometric_measures"/>')
+        _, measured = bf.run_filter_script(ms, bf.read_filter_script(path))
+        assert measured.report["bbox"] == {"min": [-0.5, -0.5, -0.5], "max": [0.5, 0.5, 0.5]}
+        assert measured.report["barycenter"] == [0.0, 0.0, 0.0]
+
     @pytest.mark.parametrize(
         ("content", "message"),
         [

@@ -14,6 +14,7 @@ from bezier_filters.meshlab.mesh_attributes import (
     read_columns,
     restored_on_failure,
     write_columns,
+    write_coordinates,
 )
 from bezier_filters.meshlab.mesh_colors import COLOR_MAP_NAMES, color_by_quality
 from bezier_filters.meshlab.meshset import (
@@ -207,7 +208,8 @@ class TestNames:
 
 class TestRestoring:
     @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
-    def test_a_failure_puts_everything_back(self, error):
+    @pytest.mark.parametrize("moved", [False, True])
+    def test_a_failure_puts_everything_back(self, error, moved):
         ms = cube()
         write_columns(ms, {"bz_a": AWKWARD, "bz_b": np.arange(8.0)})
         before = mesh_state(ms)
@@ -217,6 +219,8 @@ class TestRestoring:
                 write_columns(ms, {"bz_a": np.ones(8)})
                 ms.compute_scalar_by_function_per_vertex(q="5")
                 ms.compute_normal_by_function_per_vertex(x="1", y="2", z="q")
+                if moved:
+                    write_coordinates(ms, ms.current_mesh().vertex_matrix() ** 3 + 0.1)
                 raise error
 
         with pytest.raises(error):

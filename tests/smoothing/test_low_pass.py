@@ -47,8 +47,8 @@ def sheet():
 @pytest.mark.parametrize("power", [None, 0.0, 0.5, 1.0])
 def test_eigenvalues_lie_within_the_bound(ball, power):
     mesh, adjacency, unit = ball
-    one = umbrella_laplacian(mesh, adjacency, "curve")
-    laplacian = one if power is None else cotangent_laplacian(mesh, adjacency, "curve", power, unit)
+    one = umbrella_laplacian(whole_mesh(mesh, adjacency), "curve")
+    laplacian = one if power is None else cotangent_laplacian(whole_mesh(mesh, adjacency), "curve", power, unit)
     eigenvalues = np.linalg.eigvals(dense(laplacian))
     assert np.abs(eigenvalues.imag).max() < 1e-5
     assert eigenvalues.real.min() > -1e-6
@@ -57,14 +57,14 @@ def test_eigenvalues_lie_within_the_bound(ball, power):
 
 def test_cotangents_leave_linear_functions_on_a_plane(sheet):
     mesh, adjacency, unit = sheet
-    laplacian = cotangent_laplacian(mesh, adjacency, "fixed", 1.0, unit)
+    laplacian = cotangent_laplacian(whole_mesh(mesh, adjacency), "fixed", 1.0, unit)
     moved = np.linalg.norm(dense(laplacian) @ mesh.vertices, axis=1)[~adjacency.on_boundary]
     assert np.median(moved) < 1e-7  # all but the few at slivers, whose weights are kept within bounds
 
 
 def test_cotangents_give_twice_the_curvature_of_a_sphere(ball):
     mesh, adjacency, unit = ball
-    moved = dense(cotangent_laplacian(mesh, adjacency, "curve", 1.0, unit)) @ mesh.vertices
+    moved = dense(cotangent_laplacian(whole_mesh(mesh, adjacency), "curve", 1.0, unit)) @ mesh.vertices
     # The rate 1 belongs to a Laplace-Beltrami operator times a squared edge over 4; that of the sphere is 2 x.
     assert np.linalg.norm(moved, axis=1).mean() == pytest.approx(2.0 * unit**2 / 4.0, rel=0.1)
 
@@ -72,7 +72,7 @@ def test_cotangents_give_twice_the_curvature_of_a_sphere(ball):
 @pytest.mark.parametrize("borders", ["curve", "fixed", "free"])
 def test_border_vertices_follow_whom_they_should(sheet, borders):
     mesh, adjacency, _ = sheet
-    laplacian = umbrella_laplacian(mesh, adjacency, borders)
+    laplacian = umbrella_laplacian(whole_mesh(mesh, adjacency), borders)
     for i in np.flatnonzero(adjacency.on_boundary):
         row = slice(laplacian.indptr[i], laplacian.indptr[i + 1])
         followed = laplacian.indices[row][laplacian.weights[row] * laplacian.rates[i] > 0.0]
@@ -86,7 +86,7 @@ def test_border_vertices_follow_whom_they_should(sheet, borders):
 @pytest.mark.parametrize("order", ORDERS)
 def test_series_are_the_filters_that_they_stand_for(ball, order):
     mesh, adjacency, _ = ball
-    laplacian = umbrella_laplacian(mesh, adjacency, "curve")
+    laplacian = umbrella_laplacian(whole_mesh(mesh, adjacency), "curve")
     matrix = dense(laplacian)
     signals = np.random.default_rng(0).standard_normal((mesh.vertex_count, 2))
     for strength in (0.0, 1.0, 100.0):
@@ -106,8 +106,8 @@ def test_the_strongest_filter_leaves_half_of_a_wave(power, length):
     plane = np.column_stack([i + 0.5 * j, np.sqrt(0.75) * j])
     mesh = triangle_mesh(np.column_stack([plane, np.zeros(len(i))]), faces)
     adjacency, inside = vertex_adjacency(mesh), (np.minimum(i, j) > 30) & (np.maximum(i, j) < 59)
-    umbrella = umbrella_laplacian(mesh, adjacency, "curve")
-    laplacian = umbrella if power is None else cotangent_laplacian(mesh, adjacency, "curve", power, 1.0)
+    umbrella = umbrella_laplacian(whole_mesh(mesh, adjacency), "curve")
+    laplacian = umbrella if power is None else cotangent_laplacian(whole_mesh(mesh, adjacency), "curve", power, 1.0)
     for angle in (0.0, 0.5):
         wave = np.sin(2.0 * np.pi / length * plane @ [np.cos(angle), np.sin(angle)])[:, np.newaxis]
         for order in ORDERS:
@@ -119,7 +119,7 @@ def test_the_strongest_filter_leaves_half_of_a_wave(power, length):
 
 def test_heat_flows_as_long_as_it_should(ball):
     mesh, adjacency, _ = ball
-    laplacian = umbrella_laplacian(mesh, adjacency, "curve")
+    laplacian = umbrella_laplacian(whole_mesh(mesh, adjacency), "curve")
     values, vectors = np.linalg.eig(dense(laplacian))
     signals = np.random.default_rng(0).standard_normal((mesh.vertex_count, 2))
     heat = (vectors * np.exp(-5.0 * values)) @ np.linalg.solve(vectors, signals)
@@ -128,7 +128,7 @@ def test_heat_flows_as_long_as_it_should(ball):
 
 def test_mixtures_are_taken_vertex_by_vertex(ball):
     mesh, adjacency, _ = ball
-    laplacian = umbrella_laplacian(mesh, adjacency, "curve")
+    laplacian = umbrella_laplacian(whole_mesh(mesh, adjacency), "curve")
     strengths = np.array([1.0, 100.0])
     shares = np.zeros((mesh.vertex_count, 2), dtype=np.float32)
     half = mesh.vertex_count // 2
@@ -144,7 +144,7 @@ def test_the_order_suits_the_detail():
     assert chosen_order(ring.vertices, ring.normals, ring.faces) > ORDER
     ball = sphere(resolution=20)  # with detail of all sizes, whose spectrum x^-4 Wiener's filter of order 4 suits best
     mesh = triangle_mesh(ball.vertices, ball.faces)
-    laplacian = umbrella_laplacian(mesh, vertex_adjacency(mesh), "curve")
+    laplacian = umbrella_laplacian(whole_mesh(mesh, vertex_adjacency(mesh)), "curve")
     roughness = np.random.default_rng(1).standard_normal((mesh.vertex_count, 1))
     for _ in range(2):  # over x + 0.01 twice, so that even the largest detail is finite
         roughness = np.linalg.solve(dense(laplacian) + 0.01 * np.eye(mesh.vertex_count), roughness)
@@ -166,7 +166,7 @@ def chosen_order(vertices, normals, faces):
 
 def test_what_is_constant_stays(ball):
     mesh, adjacency, _ = ball
-    laplacian = umbrella_laplacian(mesh, adjacency, "curve")
+    laplacian = umbrella_laplacian(whole_mesh(mesh, adjacency), "curve")
     constant = np.full((mesh.vertex_count, 5), 1e6)
     assert np.array_equal(low_pass(laplacian, constant, np.array([10.0])), constant)
 
@@ -177,7 +177,7 @@ def test_clusters_spread_values_as_far_as_the_mesh_does():
     adjacency = vertex_adjacency(mesh)
     clusters = clusters_of(whole_mesh(mesh, adjacency))
     values = np.random.default_rng(0).standard_normal((mesh.vertex_count, 3))
-    on_mesh = diffuse(umbrella_laplacian(mesh, adjacency, "free"), values, SURROUNDINGS)
+    on_mesh = diffuse(umbrella_laplacian(whole_mesh(mesh, adjacency), "free"), values, SURROUNDINGS)
     means = clusters.diffuse(clusters.means(values.T))
     on_clusters = clusters.at_vertices(means)
     assert on_clusters.std() == pytest.approx(on_mesh.std(), rel=0.15)

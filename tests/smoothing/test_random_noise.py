@@ -10,9 +10,10 @@ from bezier_filters.learning.noise_model import NoiseModel, known_noise
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.smoothing.laplacian import umbrella_laplacian
 from bezier_filters.smoothing.mesh_parts import whole_mesh
-from bezier_filters.smoothing.noise import NoisyMesh, free_laplacian
-from bezier_filters.smoothing.random_noise import WHITE, Correlation, correlated_noise, correlated_signs, random_signs
+from bezier_filters.smoothing.noise import NoisyMesh
+from bezier_filters.smoothing.random_noise import WHITE, Correlation, random_signs
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, ellipsoid, torus, waves
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
@@ -40,7 +41,7 @@ def made_of(surface, noise):
     """The part, its Laplacian and how the noise is made there."""
     mesh = triangle_mesh(surface.vertices, surface.faces)
     part = whole_mesh(mesh, vertex_adjacency(mesh))
-    laplacian, unit = free_laplacian(part, 1), mean_edge_of(surface.vertices, surface.faces)
+    laplacian, unit = umbrella_laplacian(part, "free"), mean_edge_of(surface.vertices, surface.faces)
     every = np.ones(len(surface.vertices), dtype=np.bool_)
     return part, laplacian, Correlation.of(in_units(noise, unit), unit, part.ids, laplacian, every)
 
@@ -68,8 +69,9 @@ def test_noise_is_as_alike_as_the_model_says(surface, noise):
     """At one edge and at two, as means over all pairs, and it has variance 1."""
     part, laplacian, correlation = made_of(surface, noise)
     scaled = in_units(noise, mean_edge_of(surface.vertices, surface.faces))
-    for make in (correlated_signs, correlated_noise):
-        made = make(part.ids, 32, correlation, laplacian).astype(np.float64)
+    noisy = NoisyMesh(part, None, np.ones(len(part.ids)), correlation, laplacian)
+    for make in (noisy.probes, noisy.samples):
+        made = make(32).astype(np.float64)
         variance = np.square(made).mean()
         assert variance == pytest.approx(1.0, abs=0.16)  # so well is it known by a single column of signs
         assert abs(made.mean()) < 0.05
@@ -94,10 +96,8 @@ def test_the_number_of_vertices_that_are_alike_is_the_sum_of_squared_correlation
 def test_white_noise_is_made_of_signs_alone():
     part, laplacian, correlation = made_of(SURFACES["torus"], NoiseModel(3.0))
     assert correlation is WHITE
-    np.testing.assert_array_equal(
-        correlated_signs(part.ids, 4, correlation, laplacian, first=7), random_signs(part.ids, 4, first=7)
-    )
-    noisy = NoisyMesh(part, None, np.ones(len(part.ids)))
+    noisy = NoisyMesh(part, None, np.ones(len(part.ids)), correlation, laplacian)
+    np.testing.assert_array_equal(noisy.probes(4, first=7), random_signs(part.ids, 4, first=7))
     np.testing.assert_array_equal(noisy.mean_squares(noisy.probes(5)), 5.0)
 
 
