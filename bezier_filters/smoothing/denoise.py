@@ -163,13 +163,11 @@ def learn_plan(
     laplacian = umbrella_laplacian(part, "free", threads=threads)
     correlation = Correlation.of(noise, unit / scale, part.ids, laplacian, parts.core)
     noisy = NoisyMesh(part, clusters_of(part), np.full(len(part.ids), sigma), correlation, laplacian)
-    levels, at_vertices = learn_noise_levels(
-        noisy, laplacian, parts.core, sigma, unit, given=noise.given, threads=threads
-    )
+    levels, at_vertices = learn_noise_levels(noisy, laplacian, sigma, unit, given=noise.given, threads=threads)
     noisy = replace(noisy, sigma=at_vertices)
     report(progress, 1, STEPS)
     detail = None if detail is None else detail * scale
-    low_pass, filters = learn_low_pass(noisy, parts.core, borders, unit, detail, threads=threads)
+    low_pass, filters = learn_low_pass(noisy, borders, unit, detail, threads=threads)
     # Filters of the normals do to hidden waves what a stronger low-pass filter does that may not be taken.
     stronger = STRENGTHS[low_pass.first + 1 : low_pass.first + 2]
     is_bounded = detail is not None and bool((stronger > strongest(detail / unit)).any())

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import j0
 
-from bezier_filters.arrays import BoolArray, FloatArray, SingleArray
+from bezier_filters.arrays import FloatArray, SingleArray
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.smoothing.chebyshev import ORDER, SIDE_BY_SIDE, Signals, add_heights, low_pass, low_pass_series
@@ -105,20 +105,14 @@ def strongest(detail: float) -> float:
 
 
 def learn_low_pass(
-    noisy: NoisyMesh,
-    core: BoolArray,
-    borders: Borders,
-    unit: float,
-    detail: float | None = None,
-    *,
-    threads: int = 1,
+    noisy: NoisyMesh, borders: Borders, unit: float, detail: float | None = None, *, threads: int = 1
 ) -> tuple[LowPassPlan, LowPass]:
-    """Find the Laplacian, the order and the strengths with the least risk on the `core` of some parts of a mesh.
+    """Find the Laplacian, the order and the strengths with the least risk on the core of a part of a mesh.
 
     `unit` is the mean edge, `detail` the length of the shortest waves that keep half of their height. Returns what
     holds for the mesh as a whole, and what `fit_low_pass` makes of it there.
     """
-    part = noisy.part
+    part, core = noisy.part, noisy.part.core
     umbrella = umbrella_laplacian(part, borders, threads=threads)
     rough = tangent_planes(part.mesh, part.adjacency, threads=threads).normals
     allowed = STRENGTHS if detail is None else STRENGTHS[strongest(detail / unit) >= STRENGTHS]

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
+from bezier_filters.arrays import FloatArray, IntArray, SingleArray
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.smoothing.chebyshev import low_pass
@@ -92,16 +92,9 @@ class NoisyMesh:
 
 
 def learn_noise_levels(
-    noisy: NoisyMesh,
-    laplacian: Laplacian,
-    core: BoolArray,
-    sigma: float,
-    unit: float,
-    *,
-    given: bool = False,
-    threads: int = 1,
+    noisy: NoisyMesh, laplacian: Laplacian, sigma: float, unit: float, *, given: bool = False, threads: int = 1
 ) -> tuple[NoiseLevels, FloatArray]:
-    """What holds for a mesh as a whole, by the `core` of some parts, and the standard deviation of the noise, (n,).
+    """What holds for a mesh as a whole, by the core of a part, and the standard deviation of the noise, (n,).
 
     The noise has the same level everywhere, sigma, which the mesh has so far, unless it clearly varies. Levels are
     means of what a weak filter takes off, in a way that outliers, such as at edges, matter little to. Where they are
@@ -110,7 +103,7 @@ def learn_noise_levels(
     is its root mean square if that was `given`, and no matter otherwise. The Laplacian is
     that of umbrellas, with free borders.
     """
-    least, detail = LEAST_NOISE * unit, DETAIL * unit
+    least, detail, core = LEAST_NOISE * unit, DETAIL * unit, noisy.part.core
     noise = noisy.samples(1, threads=threads).astype(np.float64)
     taken = noise - low_pass(laplacian, noise, WEAK, threads=threads)
     share = float(np.sqrt(np.square(taken[core]).mean()))

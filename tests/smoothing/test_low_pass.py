@@ -159,9 +159,9 @@ def chosen_order(vertices, normals, faces):
     unit = mean_edge(clean, adjacency)
     heights = 0.2 * unit * np.random.default_rng(0).standard_normal(len(vertices))
     noisy = triangle_mesh(vertices + heights[:, np.newaxis] * normals, faces)
-    part, everything = whole_mesh(noisy, adjacency), np.ones(len(vertices), dtype=np.bool_)
+    part = whole_mesh(noisy, adjacency)
     noisy = NoisyMesh(part, clusters_of(part), np.full(len(vertices), 0.2 * unit))
-    return learn_low_pass(noisy, everything, "curve", unit)[0].order
+    return learn_low_pass(noisy, "curve", unit)[0].order
 
 
 def test_what_is_constant_stays(ball):
