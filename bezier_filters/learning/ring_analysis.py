@@ -1,8 +1,4 @@
-"""Sampled neighbourhoods, orthogonalised term by term: the data of an analysis of variance.
-
-The kernel takes eight neighbourhoods at a time, see `lanes`: Gram matrices of the terms and the heights over the
-points, their Cholesky factors, and from them what fits of every degree leave over and find.
-"""
+"""Sampled neighbourhoods, orthogonalised term by term: the data of an analysis of variance."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -13,12 +9,11 @@ import numpy as np
 from numpy.polynomial.polynomial import polyvander
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.kernels.lane_algebra import GROUP, add_moments, factorise, substitute_back
 from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample
+from bezier_filters.learning.ring_kernel import RingSums, analyse_in_lanes, ring_workspace
 from bezier_filters.patches.harmonics import HIGHEST_DEGREE, harmonic_basis
 from bezier_filters.patches.polynomials import total_degree_space
-from bezier_filters.runtime.jit import inner_jit, jit, variable
-from bezier_filters.runtime.lanes import LANES, aligned, load, multiply_add, spread, store, where_greater
+from bezier_filters.runtime.lanes import LANES
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
 FREE_DEGREE = 2  # height, slope and curvature are what we are after: no prior touches them
@@ -27,27 +22,11 @@ FEWEST_POINTS_PER_COEFFICIENT = 1.2
 FIRST = 8  # neighbourhoods by which plans are compared,
 LOOKED_AT = 24  # and over which it is averaged what noise does
 CHUNK = 4 * LANES  # neighbourhoods per chunk
-# a term whose column keeps less than this of its length, once what earlier terms explain is gone, is not seen
-UNSEEN = 3e-5
 # of the largest entry of normal equations, what is added to each: makes those of points on a line solvable
 SINGULAR = 1e-12
 # of the second moment of a neighbourhood along its axis, the least across it: points on a line have none
 NARROWEST = 1e-4
-POINTS = 16  # points whose terms are held at a time
 _ROW_STARTS = np.cumsum(np.arange(len(harmonic_basis().degrees) + 2)).astype(np.int32)
-
-
-class RingSums(NamedTuple):
-    """What is found of N neighbourhoods, a row for each; see `RingAnalysis` for the other letters."""
-
-    parts: FloatArray  # (N, m): Q^T z: what the heights hold of each term, a length
-    unexplained: FloatArray  # (N, M): squared length of what no term up to J explains of each term; 0 for those up to J
-    residuals: FloatArray  # (N, J + 1): squared residual of the fit of each degree, length^2,
-    freedom: FloatArray  # (N, J + 1): and its degrees of freedom
-    # (N, J + 1, G): for the fit of each degree and each group, the sums over its terms of
-    term_squares: FloatArray  # w a^2, a being the coefficient, a length, and 1 / w its variance under unit noise,
-    term_weights: FloatArray  # w, and
-    term_counts: FloatArray  # 1, for those that the points see
 
 
 class FittedPoints(NamedTuple):
@@ -310,212 +289,3 @@ def _determined_degree(points: float) -> int:
     while degree < HIGHEST_DEGREE and FEWEST_POINTS_PER_COEFFICIENT * (degree + 2) * (degree + 3) / 2 <= points:
         degree += 1
     return degree
-
-
-class RingWorkspace(NamedTuple):
-    """Scratch arrays for one block, flat arrays of lanes."""
-
-    points: FloatArray  # table with rows x, y, height, presence
-    terms: FloatArray  # table of the terms, and of the heights as a last row
-    gram: FloatArray  # lower triangle of the terms and the heights; then the factor
-    coefficients: FloatArray
-    column: FloatArray  # of the inverse factor
-    variances: FloatArray  # of the coefficients under unit noise
-    left: FloatArray  # (1): squared residual
-    sound: FloatArray  # (1)
-    sums: FloatArray  # (3 G): squares, weights and counts by group, of one degree
-
-
-def ring_workspace(most: int) -> RingWorkspace:
-    """Scratch arrays for neighbourhoods of up to `most` points."""
-    terms = (HIGHEST_DEGREE + 1) * (HIGHEST_DEGREE + 2) // 2
-    return RingWorkspace(
-        aligned(4 * most),
-        aligned((terms + 1 + GROUP) * POINTS),
-        aligned((terms + 1 + GROUP) * (terms + 2 + GROUP) // 2),
-        aligned(terms),
-        aligned(terms),
-        aligned(terms),
-        aligned(1),
-        aligned(1),
-        aligned(3 * terms),
-    )
-
-
-@jit()
-def analyse_in_lanes(
-    points: FloatArray,
-    sizes: IntArray,
-    scale: float,
-    degrees: IntArray,
-    groups: IntArray,
-    row_starts: IntArray,
-    work: RingWorkspace,
-    start: int,
-    stop: int,
-    factors: FloatArray,
-    sums: RingSums,
-) -> None:
-    """Fill rows start .. stop-1 of `factors` and `sums`.
-
-    `points`, `sizes` and the results are those of `RingAnalysis`, x and y yet to be scaled; degrees and groups of
-    the terms are those of `harmonic_basis`; `row_starts` says where the rows of a lower triangle start.
-    """
-    terms, m = degrees.shape[0], sums.parts.shape[1]
-    highest, stride = degrees[m - 1], points.shape[1]
-    for first in range(start, stop, LANES):
-        count = variable(0)
-        for lane in range(LANES):
-            row = first + lane
-            n = sizes[row] if row < stop else 0
-            count = max(count, n)
-            _gather(points, row, n, scale, stride, lane, work.points)
-        for k in range(row_starts[terms + 1]):
-            store(work.gram, k, spread(0.0))
-        for begin in range(0, count, POINTS):
-            here = min(POINTS, count - begin)
-            _write_terms(work, stride, begin, here, degrees[terms - 1])
-            add_moments(work.terms, work.terms, variable(POINTS), here, row_starts, work.gram)
-        for s in range(m, terms):  # what the factorisation leaves to be explained of the terms beyond
-            store(work.coefficients, s, load(work.gram, row_starts[s] + s))
-        factorise(work.gram, terms + 1, m, UNSEEN * UNSEEN, work.sound)
-        substitute_back(work.gram, m, terms, work.coefficients)
-        _square_what_is_left(work, stride, count, m, highest)
-        for lane in range(min(LANES, stop - first)):
-            _write_row(work, lane, first + lane, sizes[first + lane], degrees, row_starts, sums)
-            _write_factors(work, lane, row_starts, factors[first + lane])
-        _write_coefficients(work, degrees, groups, row_starts, first, min(LANES, stop - first), sums)
-
-
-@inner_jit()
-def _gather(points: FloatArray, row: int, count: int, scale: float, stride: int, lane: int, table: FloatArray) -> None:
-    """Write the points of a neighbourhood to its lane, and points that are none behind them."""
-    step = LANES * stride
-    for p in range(stride):
-        place = LANES * p + lane
-        present = p < count
-        table[place] = points[row, p, 0] * scale if present else 0.0
-        table[place + step] = points[row, p, 1] * scale if present else 0.0
-        table[place + 2 * step] = points[row, p, 2] if present else 0.0
-        table[place + 3 * step] = 1.0 if present else 0.0
-
-
-@inner_jit()
-def _write_terms(work: RingWorkspace, stride: int, begin: int, count: int, highest: int) -> None:
-    """Write r^j cos(l phi) and r^j sin(l phi) of some points, and their heights after the last term."""
-    terms = work.terms
-    last = (highest + 1) * (highest + 2) // 2
-    for p in range(count):
-        q = begin + p
-        x, y = load(work.points, q), load(work.points, stride + q)
-        square = multiply_add(x, x, y * y)
-        cosine, sine = load(work.points, 3 * stride + q), spread(0.0)
-        store(terms, p, cosine)
-        for j in range(1, highest + 1):
-            here, before = j * (j + 1) // 2, (j - 2) * (j - 1) // 2
-            cosine, sine = x * cosine - y * sine, multiply_add(x, sine, y * cosine)
-            store(terms, here * POINTS + p, cosine)
-            store(terms, (here + 1) * POINTS + p, sine)
-            for k in range(j - 1):  # those of lower frequency are r^2 times those of degree j - 2
-                store(terms, (here + 2 + k) * POINTS + p, square * load(terms, (before + k) * POINTS + p))
-        store(terms, last * POINTS + p, load(work.points, 2 * stride + q))
-
-
-@inner_jit()
-def _square_what_is_left(work: RingWorkspace, stride: int, count: int, m: int, highest: int) -> None:
-    """Sum up the squared residuals of the fit of the highest degree, from the points: no digits cancel."""
-    total = spread(0.0)
-    height = m * POINTS
-    for begin in range(0, count, POINTS):
-        here = min(POINTS, count - begin)
-        _write_terms(work, stride, begin, here, highest)
-        for p in range(here):
-            difference = load(work.terms, height + p)
-            for t in range(m):
-                difference = difference - load(work.coefficients, t) * load(work.terms, t * POINTS + p)
-            total = multiply_add(difference, difference, total)
-    store(work.left, 0, total)
-
-
-@inner_jit()
-def _write_factors(work: RingWorkspace, lane: int, row_starts: IntArray, factors: FloatArray) -> None:
-    """Write the factor of one lane."""
-    m, terms = factors.shape
-    for t in range(m):
-        reciprocal = work.gram[LANES * (row_starts[t] + t) + lane]
-        factors[t, t] = 1.0 / reciprocal if reciprocal > 0.0 else 0.0
-        for s in range(t + 1, terms):
-            factors[t, s] = work.gram[LANES * (row_starts[s] + t) + lane]
-
-
-@inner_jit()
-def _write_row(
-    work: RingWorkspace, lane: int, row: int, size: int, degrees: IntArray, row_starts: IntArray, sums: RingSums
-) -> None:
-    """Write parts, residuals and what is unexplained of one lane."""
-    terms, m, highest = degrees.shape[0], sums.parts.shape[1], sums.residuals.shape[1] - 1
-    for d in range(highest + 1):
-        sums.residuals[row, d] = work.left[lane]
-        sums.freedom[row, d] = size
-    for t in range(m):
-        reciprocal = work.gram[LANES * (row_starts[t] + t) + lane]
-        part = work.gram[LANES * (row_starts[terms] + t) + lane]
-        sums.parts[row, t] = part
-        for d in range(highest + 1):
-            if degrees[t] > d:  # the part that the fits of lower degree leave
-                sums.residuals[row, d] += part * part
-            elif reciprocal > 0.0:
-                sums.freedom[row, d] -= 1.0
-    for s in range(m, terms):
-        unexplained = work.coefficients[LANES * s + lane]
-        for t in range(m):
-            unexplained -= work.gram[LANES * (row_starts[s] + t) + lane] ** 2
-        sums.unexplained[row, s] = max(unexplained, 0.0)
-
-
-@inner_jit()
-def _write_coefficients(
-    work: RingWorkspace,
-    degrees: IntArray,
-    groups: IntArray,
-    row_starts: IntArray,
-    first: int,
-    count: int,
-    sums: RingSums,
-) -> None:
-    """Sum up the coefficients of the fits of each degree: the inverse factor, column by column, times the parts."""
-    terms, m, all_groups = len(degrees), sums.parts.shape[1], sums.term_squares.shape[2]
-    zero, one = spread(0.0), spread(1.0)
-    gram, column = work.gram, work.column
-    for t in range(m):
-        store(work.coefficients, t, zero)
-        store(work.variances, t, zero)
-    for c in range(m):
-        part = load(gram, row_starts[terms] + c)
-        store(column, c, load(gram, row_starts[c] + c))
-        for r in range(c - 1, -1, -1):
-            total = zero
-            for t in range(r + 1, c + 1):
-                total = multiply_add(load(gram, row_starts[t] + r), load(column, t), total)
-            store(column, r, zero - total * load(gram, row_starts[r] + r))
-        for r in range(c + 1):
-            entry = load(column, r)
-            store(work.coefficients, r, multiply_add(entry, part, load(work.coefficients, r)))
-            store(work.variances, r, multiply_add(entry, entry, load(work.variances, r)))
-        if c + 1 < m and degrees[c + 1] == degrees[c]:
-            continue
-        for k in range(3 * all_groups):
-            store(work.sums, k, zero)
-        for r in range(c + 1):
-            seen = load(gram, row_starts[r] + r)
-            weight = where_greater(seen, zero, one / load(work.variances, r), zero)
-            value, place = load(work.coefficients, r), 3 * groups[r]
-            store(work.sums, place, multiply_add(weight, value * value, load(work.sums, place)))
-            store(work.sums, place + 1, load(work.sums, place + 1) + weight)
-            store(work.sums, place + 2, load(work.sums, place + 2) + where_greater(seen, zero, one, zero))
-        for lane in range(count):
-            for g in range(groups[c] + 1):
-                place = LANES * 3 * g + lane
-                sums.term_squares[first + lane, degrees[c], g] = work.sums[place]
-                sums.term_weights[first + lane, degrees[c], g] = work.sums[place + LANES]
-                sums.term_counts[first + lane, degrees[c], g] = work.sums[place + 2 * LANES]
