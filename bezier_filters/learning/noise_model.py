@@ -146,25 +146,33 @@ class RingNoise:
         return self.through(self.analysis.first_designs[..., :m])
 
     def of_part(self, model: NoiseModel, analysis: RingAnalysis) -> "RingNoise":
-        """The same for some of the neighbourhoods, where the noise has another strength."""
+        """The same for some of the neighbourhoods, where the noise has another strength, and slopes may be others."""
+        if not model.sills and is_flat(analysis):
+            return ring_noise(model, analysis)
         factor = model.variance / self.model.variance
+        if not model.sills:
+            factor *= analysis.steep / self.analysis.steep
         return RingNoise(
             model, analysis, factor * self.parts, factor * self.residuals, factor * self.coefficients, self.is_flat
         )
 
 
+def is_flat(analysis: RingAnalysis) -> bool:
+    """Whether slopes do not matter to white noise along the normal."""
+    return analysis.rings < FEWEST_RINGS_FOR_SLOPES or analysis.steep < STEEP
+
+
 def ring_noise(noise: NoiseModel, analysis: RingAnalysis) -> RingNoise:
     """Find out what noise does to the fits of one ring."""
     m, by_degree = analysis.sums.parts.shape[1], analysis.sums.term_squares.shape[1:]
-    fitted = analysis.looked_at
-    points = float(analysis.sizes[: len(fitted.points)].mean())
-    steep = float(np.square(fitted.steepness).sum(axis=1).mean()) / points
-    is_flat = steep < STEEP or analysis.rings < FEWEST_RINGS_FOR_SLOPES
-    if not noise.sills and is_flat:
+    flat = is_flat(analysis)
+    if not noise.sills and flat:
         every = noise.white
         return RingNoise(
-            noise, analysis, np.full(m, every), np.full(by_degree[0], every), np.full(by_degree, every), is_flat
+            noise, analysis, np.full(m, every), np.full(by_degree[0], every), np.full(by_degree, every), flat
         )
+    fitted = analysis.looked_at
+    points = float(analysis.sizes[: len(fitted.points)].mean())
     if noise.sills:
         passed = noise.covariances(analysis.radius * fitted.points, fitted.steepness) @ fitted.orthonormal
     else:
@@ -175,9 +183,9 @@ def ring_noise(noise: NoiseModel, analysis: RingAnalysis) -> RingNoise:
         noise,
         analysis,
         parts,
-        _of_residuals(analysis.degree, points, noise.variance * steep, parts),
+        _of_residuals(analysis.degree, points, noise.variance * analysis.steep, parts),
         _of_coefficients(analysis, of_pairs, noise.white),
-        is_flat,
+        flat,
     )
 
 

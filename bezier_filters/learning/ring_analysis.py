@@ -128,19 +128,29 @@ class RingAnalysis:
         return points, np.sqrt(1.0 + slope_x**2 + slope_y**2)
 
     @cached_property
-    def looked_at(self) -> FittedPoints:
-        """The first neighbourhoods, up to `LOOKED_AT`."""
+    def looked_at_quadratics(self) -> tuple[IntArray, FloatArray, FloatArray]:
+        """The first neighbourhoods, up to `LOOKED_AT`, and their `quadratics`, with a steepness of 0 beyond `sizes`."""
         numbers: IntArray = np.arange(min(LOOKED_AT, len(self.rows)), dtype=np.int32)
         points, steepness = self.quadratics(numbers)
+        return numbers, points, steepness * self._present(numbers)
+
+    @cached_property
+    def steep(self) -> float:
+        """Mean square of the steepness at the points of these."""
+        numbers, _, steepness = self.looked_at_quadratics
+        return float(np.square(steepness).sum() / self.sizes[numbers].sum())
+
+    @cached_property
+    def looked_at(self) -> FittedPoints:
+        """The terms over these, too."""
+        numbers, points, steepness = self.looked_at_quadratics
         m = self.sums.parts.shape[1]
         factors = self.factors[self.rows[numbers], :, :m]
         diagonal = np.einsum("kii->ki", factors)
         seen = diagonal > 0.0
         diagonal[~seen] = 1.0
         to_terms = np.linalg.inv(factors) * seen[:, np.newaxis]
-        return FittedPoints(
-            points, steepness * self._present(numbers), self.designs(numbers)[..., :m] @ to_terms, to_terms
-        )
+        return FittedPoints(points, steepness, self.designs(numbers)[..., :m] @ to_terms, to_terms)
 
     @cached_property
     def reaches(self) -> FloatArray:

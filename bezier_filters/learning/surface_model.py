@@ -66,7 +66,8 @@ def learn_model(
     free = basis.degrees <= FREE_DEGREE
     of_whole = {} if whole is None else {model.analysis.rings: model.variances for model in whole.by_rings}
     if whole is not None:
-        known = whole.by_rings if whole.noise.variance > 0.0 else ()
+        known = [model for model in whole.by_rings if noise.sills or not model.noise.is_flat]
+        known = known if whole.noise.variance > 0.0 else ()
     else:
         known = [model for model in known if model.noise.model == noise]
     known_rings = {model.analysis.rings: model for model in known}
