@@ -120,16 +120,20 @@ def write_columns(ms: MeshSet, columns: Mapping[str, FloatArray]) -> None:
     for name, values in columns.items():
         if values.shape != (mesh.vertex_number(),):
             raise BezierFilterError(f"{name}: got shape {values.shape}, expected ({mesh.vertex_number()},)")
-    there = read_columns(ms, columns)
+    there = {name: values for name, values in columns.items() if custom_attribute(mesh, name) is not None}
     for name in columns.keys() - there.keys():
         mesh.add_vertex_custom_scalar_attribute(np.ascontiguousarray(columns[name]), name)
-    _overwrite_columns(ms, {name: columns[name] for name in there})
+    _overwrite_columns(ms, there)
 
 
 def _overwrite_columns(ms: MeshSet, columns: Mapping[str, FloatArray]) -> None:
     """Write columns that exist, but for those that hold these very bits already."""
-    held = read_columns(ms, columns)
-    names = [name for name, values in columns.items() if values.tobytes() != held[name].tobytes()]
+    mesh = current_mesh(ms)
+    names = []
+    for name, values in columns.items():
+        held = np.ascontiguousarray(mesh.vertex_custom_scalar_attribute_array(name))
+        if not np.array_equal(np.ascontiguousarray(values).view(np.int64), held.view(np.int64)):
+            names.append(name)
     for k in range(0, len(names), len(CARRIERS)):
         batch = names[k : k + len(CARRIERS)]
         with _carried(ms, *(columns[name] for name in batch)) as carriers:
