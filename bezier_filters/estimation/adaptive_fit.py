@@ -287,8 +287,9 @@ def _fit_again(
     instead = [one for one in part.attempts if one.status in (FitStatus.OK, FitStatus.NARROWER_RING)]
     for some, attempts in ((status == FitStatus.OK, instead), (status != FitStatus.OK, part.attempts)):
         fit_with_fallbacks(mesh, ids[some], attempts, geometry, robust=robust, threads=threads, progress=progress)
-    errors = geometry.normal_std[rows] * geometry.mean_curvature_std[rows]
-    is_worse = errors > WORSE**2 * np.prod(part.error_ratios) * before["normal_std"] * before["mean_curvature_std"]
+    with np.errstate(over="ignore", invalid="ignore"):  # nothing is worse than what is not known, or no number
+        errors = geometry.normal_std[rows] * geometry.mean_curvature_std[rows]
+        is_worse = errors > WORSE**2 * np.prod(part.error_ratios) * before["normal_std"] * before["mean_curvature_std"]
     for name, values in arrays_of(geometry).items():
         values[rows[is_worse]] = before[name][is_worse]
     _rescale_errors(mesh, sound[is_worse], geometry, *part.error_ratios)
