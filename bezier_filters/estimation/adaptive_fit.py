@@ -25,6 +25,7 @@ from bezier_filters.kernels.graph_geometry import bound_errors
 from bezier_filters.kernels.kernel_input import KernelMesh, with_steady_normals
 from bezier_filters.learning.learn import CANDIDATE_RINGS, MOST_TURNED, learn_from_samples, learn_surface
 from bezier_filters.learning.model_tree import (
+    DEEPEST,
     WORTHWHILE_IF_CORRELATED,
     Features,
     Leaf,
@@ -216,7 +217,7 @@ def _without_what_is_off(tree: Tree[Leaf], root: Leaf, choices: Choices, places:
     # without rings as wide as those of the first fit, there are none that do not fold
     if leaf is None or -np.inf < saved(root.chosen, leaf) <= worthwhile:
         return tree
-    return Split(RESIDUAL, threshold, tree, grow(leaf, analyses, places.features, choices, 2))
+    return Split(RESIDUAL, threshold, tree, grow(leaf, analyses, places.features, choices, DEEPEST - 1))
 
 
 def _part_fit(root: Leaf, leaf: Leaf) -> PartFit:

@@ -61,7 +61,8 @@ def learn_from_samples(
     analyses: list[RingAnalysis] = []
     known: list[RingModel] = []
     errors: list[float] = []
-    leaf, correlated, promising, heavy, outliers = None, None, True, False, 0.0
+    leaf: Leaf | None = None
+    correlated, promising, heavy, outliers = None, True, False, 0.0
     any_rings = replace(choices, rings=None)
     for stage in stages:
         if not promising and choices.rings not in stage:
@@ -84,8 +85,9 @@ def learn_from_samples(
         if stage is stages[0]:
             correlated, outliers = learn_noise(analyses), outlier_share(sample)
         # by itself first: what wider rings say of narrower ones does not matter for how far to go on
-        leaf = leaf_of(found, any_rings, correlated or white_noise(analyses), heavy=heavy, outliers=outliers)
-        if leaf is not None:
+        alone = leaf_of(found, any_rings, correlated or white_noise(analyses), heavy=heavy, outliers=outliers)
+        if alone is not None:
+            leaf = alone
             known += leaf.surface.by_rings
             errors += [plan.error for plan in leaf.plans]
             promising = promising and errors[-1] <= HOPELESS * min(errors)

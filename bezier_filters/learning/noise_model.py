@@ -114,7 +114,11 @@ class RingNoise:
     residuals: FloatArray  # (J + 1,): mean square that the fit of each degree leaves, per degree of freedom
     # (J + 1, G): of the coefficients of each degree, over what they would be under white noise of variance 1
     coefficients: FloatArray
-    is_flat: bool  # whether slopes do not matter, by which white heights differ
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether slopes do not matter, by which white heights differ."""
+        return _is_flat(self.analysis)
 
     @cached_property
     def covariances(self) -> FloatArray | None:
@@ -147,17 +151,15 @@ class RingNoise:
 
     def of_part(self, model: NoiseModel, analysis: RingAnalysis) -> "RingNoise":
         """The same for some of the neighbourhoods, where the noise has another strength, and slopes may be others."""
-        if not model.sills and is_flat(analysis):
+        if not model.sills and _is_flat(analysis):
             return ring_noise(model, analysis)
         factor = model.variance / self.model.variance
         if not model.sills:
             factor *= analysis.steep / self.analysis.steep
-        return RingNoise(
-            model, analysis, factor * self.parts, factor * self.residuals, factor * self.coefficients, self.is_flat
-        )
+        return RingNoise(model, analysis, factor * self.parts, factor * self.residuals, factor * self.coefficients)
 
 
-def is_flat(analysis: RingAnalysis) -> bool:
+def _is_flat(analysis: RingAnalysis) -> bool:
     """Whether slopes do not matter to white noise along the normal."""
     return analysis.rings < FEWEST_RINGS_FOR_SLOPES or analysis.steep < STEEP
 
@@ -165,12 +167,9 @@ def is_flat(analysis: RingAnalysis) -> bool:
 def ring_noise(noise: NoiseModel, analysis: RingAnalysis) -> RingNoise:
     """Find out what noise does to the fits of one ring."""
     m, by_degree = analysis.sums.parts.shape[1], analysis.sums.term_squares.shape[1:]
-    flat = is_flat(analysis)
-    if not noise.sills and flat:
+    if not noise.sills and _is_flat(analysis):
         every = noise.white
-        return RingNoise(
-            noise, analysis, np.full(m, every), np.full(by_degree[0], every), np.full(by_degree, every), flat
-        )
+        return RingNoise(noise, analysis, np.full(m, every), np.full(by_degree[0], every), np.full(by_degree, every))
     fitted = analysis.looked_at
     points = float(analysis.sizes[: len(fitted.points)].mean())
     if noise.sills:
@@ -185,7 +184,6 @@ def ring_noise(noise: NoiseModel, analysis: RingAnalysis) -> RingNoise:
         parts,
         _of_residuals(analysis.degree, points, noise.variance * analysis.steep, parts),
         _of_coefficients(analysis, of_pairs, noise.white),
-        flat,
     )
 
 

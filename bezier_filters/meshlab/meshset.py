@@ -25,6 +25,7 @@ from bezier_filters.runtime.supervision import interrupts_held
 MeshSet: TypeAlias = pymeshlab.MeshSet
 Mesh: TypeAlias = pymeshlab.Mesh
 Image: TypeAlias = pymeshlab.Image
+BoundingBox = pymeshlab.BoundingBox
 PyMeshLabException = pymeshlab.PyMeshLabException
 PercentageValue: TypeAlias = pymeshlab.PercentageValue
 PureValue: TypeAlias = pymeshlab.PureValue

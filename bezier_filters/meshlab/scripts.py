@@ -20,6 +20,7 @@ from bezier_filters.files.filter_scripts import ScriptStep
 from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
+    BoundingBox,
     Color,
     MeshSet,
     PercentageValue,
@@ -222,7 +223,7 @@ def _run_meshlab(ms: MeshSet, name: str, step: ScriptStep) -> Report:
 
 def _plain(value: Any) -> Any:
     """A value that can be written as JSON in the place of one that cannot."""
-    if type(value).__name__ == "BoundingBox":
+    if isinstance(value, BoundingBox):
         return {"min": value.min(), "max": value.max()}
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)
 
