@@ -19,7 +19,7 @@ from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.half_edges import face_neighbours
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.patches.smoothness import Smoothness
-from bezier_filters.runtime.parallel import Progress, RangeTask, run_in_chunks, thread_count
+from bezier_filters.runtime.parallel import Progress, RangeTask, on_threads, run_in_chunks
 
 ShapeEquations = Literal["edges", "twists"]
 _SMOOTHNESS: dict[ShapeEquations, Smoothness] = {"edges": "paper", "twists": "twists"}
@@ -106,6 +106,7 @@ def razdan_bae(
     )
 
 
+@on_threads
 def ouyang_feng_normals(vertices: ArrayLike, faces: ArrayLike, *, threads: int | None = None) -> FloatArray:
     """Vertex normals from tangents of curves through opposite neighbours, after OuYang and Feng.
 
@@ -152,9 +153,8 @@ def ouyang_feng_normals(vertices: ArrayLike, faces: ArrayLike, *, threads: int |
     True
     """
     mesh = triangle_mesh(vertices, faces)
-    threads = thread_count(threads)
     adjacency = vertex_adjacency(mesh)
-    face_means = tangent_planes(mesh, adjacency, threads=threads).normals
+    face_means = tangent_planes(mesh, adjacency).normals
     scatter = np.zeros((mesh.vertex_count, 3, 3))
     rows = adjacency.vertices
 
@@ -165,7 +165,7 @@ def ouyang_feng_normals(vertices: ArrayLike, faces: ArrayLike, *, threads: int |
             mesh.vertices, rows.indptr, rows.indices, face_means, start, stop, edges, directions, scatter
         )
 
-    run_in_chunks(make_task, mesh.vertex_count, threads=threads)
+    run_in_chunks(make_task, mesh.vertex_count)
     spreads, axes = np.linalg.eigh(scatter)
     normals: FloatArray = axes[:, :, 0]
     side = np.einsum("ni,ni->n", normals, face_means)

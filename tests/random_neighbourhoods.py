@@ -66,9 +66,9 @@ def as_sample(points, rings=3):
     return NeighbourhoodSample(np.arange(count, dtype=np.int32), points, sizes, every, every, np.zeros(count))
 
 
-def analyse_ring(sample, rings, most, threads=1):
+def analyse_ring(sample, rings, most):
     """The analysis of one ring of a large mesh, or None."""
-    return next(iter(analyse_rings(sample, {rings: most}, vertex_count=10**6, threads=threads)), None)
+    return next(iter(analyse_rings(sample, {rings: most}, vertex_count=10**6)), None)
 
 
 def fit_stars(drawn, plan):

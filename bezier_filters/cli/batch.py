@@ -69,7 +69,7 @@ def batch(
     interrupted goes on where it was. A file that fails does not stop the others: the table says why, and the exit
     status is 1. Below --out, results have the names of the files, and the folders below the fixed part of a pattern.
     """
-    from bezier_filters.runtime.parallel import thread_count
+    from bezier_filters.runtime.parallel import usable_threads
     from bezier_filters.runtime.worker_processes import run_in_processes
 
     start = time.perf_counter()
@@ -77,7 +77,7 @@ def batch(
     check_command(command, arguments)
     items = plan(find_files(sources), out, suffix, [] if redo else [command, *arguments])
     todo = [index for index, item in enumerate(items) if item.result == "waiting"]
-    cores = thread_count(None)
+    cores = usable_threads()
     processes = max(1, min(jobs or cores, len(todo)))
     for index in todo:
         Path(items[index].output).parent.mkdir(parents=True, exist_ok=True)

@@ -173,11 +173,10 @@ def _noise_of(mesh: "TriangleMesh") -> "Report":
     from bezier_filters.estimation.first_call import first_call
     from bezier_filters.estimation.noise_free import learn_noise
     from bezier_filters.meshes.adjacency import vertex_adjacency
-    from bezier_filters.runtime.parallel import thread_count
+    from bezier_filters.runtime.parallel import use_threads
 
-    threads = thread_count(None)
-    with first_call():
-        found = learn_noise(mesh, vertex_adjacency(mesh, threads=threads), threads=threads)
+    with use_threads(), first_call():
+        found = learn_noise(mesh, vertex_adjacency(mesh))
     if found is None:
         return {"sigma": None, "length": None, "heavy": False}
     return {"sigma": found.sigma, "length": found.length, "heavy": found.heavy}

@@ -177,26 +177,26 @@ def learn_without_outliers(
     return analyses, replace(leaf, surface=surface)
 
 
-def learner(mesh: KernelMesh, adjacency: Adjacency, *, threads: int = 1) -> Learn:
+def learner(mesh: KernelMesh, adjacency: Adjacency) -> Learn:
     """What learns the surface of a mesh in memory."""
 
     def learn(choices: Choices, without: bool) -> tuple[list[RingAnalysis], Leaf | None]:
-        learned_from = without_outliers(mesh, threads=threads) if without else mesh
-        return learn_surface(learned_from, adjacency, choices, threads=threads)
+        learned_from = without_outliers(mesh) if without else mesh
+        return learn_surface(learned_from, adjacency, choices)
 
     return learn
 
 
-def with_parts(fit: SurfaceFit, learned: Learned, places: Places, *, threads: int = 1) -> SurfaceFit:
+def with_parts(fit: SurfaceFit, learned: Learned, places: Places) -> SurfaceFit:
     """The fit with what suits the parts of the surface, if they differ, by what the first fit shows."""
     root = learned.root
     tree = grow(root, learned.analyses, places.features, learned.choices)
     if not fit.robust:  # outliers are off, too
-        tree = _without_what_is_off(tree, root, learned.choices, places, threads)
+        tree = _without_what_is_off(tree, root, learned.choices, places)
     return fit if isinstance(tree, Leaf) else replace(fit, parts=at_leaves(tree, partial(_part_fit, root)))
 
 
-def _without_what_is_off(tree: Tree[Leaf], root: Leaf, choices: Choices, places: Places, threads: int) -> Tree[Leaf]:
+def _without_what_is_off(tree: Tree[Leaf], root: Leaf, choices: Choices, places: Places) -> Tree[Leaf]:
     """The tree, and a leaf for what the first fit does not follow, if a plan of its own does much better there."""
     threshold = OFF * max(leaf.surface.sigma for leaf in leaves(tree))
     off = places.drawn[places.features(places.drawn)[:, RESIDUAL] > threshold]
@@ -207,7 +207,7 @@ def _without_what_is_off(tree: Tree[Leaf], root: Leaf, choices: Choices, places:
         return places.sample(off[:count], rings)
 
     vertex_count, noise = root.surface.by_rings[0].analysis.vertex_count, root.surface.noise
-    analyses, leaf = learn_from_samples(sample, vertex_count, choices, threads=threads)
+    analyses, leaf = learn_from_samples(sample, vertex_count, choices)
     worthwhile = WORTHWHILE_THERE
     # Long waves of noise are found stronger where residuals are largest, by the choice of the places; and if there are
     # none elsewhere, they are shape.
@@ -238,13 +238,7 @@ def first_features(geometry: VertexGeometry, rows: IntArray) -> FloatArray:
 
 
 def fit_parts(
-    mesh: KernelMesh,
-    ids: IntArray,
-    fit: SurfaceFit,
-    geometry: VertexGeometry,
-    *,
-    threads: int = 1,
-    progress: Progress | None = None,
+    mesh: KernelMesh, ids: IntArray, fit: SurfaceFit, geometry: VertexGeometry, *, progress: Progress | None = None
 ) -> FitChoice:
     """Fit those of the vertices `ids`, in ascending order, again that belong to a part with a plan worth its time.
 
@@ -260,7 +254,7 @@ def fit_parts(
         if part.attempts:
             for first in range(0, len(of_part), AT_ONCE):
                 some = of_part[first : first + AT_ONCE]
-                _fit_again(mesh, some, part, geometry, fit.robust, threads, at_the_end)
+                _fit_again(mesh, some, part, geometry, fit.robust, at_the_end)
         else:
             _rescale_errors(mesh, of_part, geometry, *part.error_ratios)
         parts.append(FitPart(len(of_part), part.rings, part.degree, part.noise_sigma))
@@ -268,13 +262,7 @@ def fit_parts(
 
 
 def _fit_again(
-    mesh: KernelMesh,
-    ids: IntArray,
-    part: PartFit,
-    geometry: VertexGeometry,
-    robust: bool,
-    threads: int,
-    progress: Progress | None,
+    mesh: KernelMesh, ids: IntArray, part: PartFit, geometry: VertexGeometry, robust: bool, progress: Progress | None
 ) -> None:
     """Fit vertices of a part by a plan of its own, but where a sound fit was better, as its model has it.
 
@@ -287,7 +275,7 @@ def _fit_again(
     before = {name: values[rows] for name, values in arrays_of(geometry).items()}
     instead = [one for one in part.attempts if one.status in (FitStatus.OK, FitStatus.NARROWER_RING)]
     for some, attempts in ((status == FitStatus.OK, instead), (status != FitStatus.OK, part.attempts)):
-        fit_with_fallbacks(mesh, ids[some], attempts, geometry, robust=robust, threads=threads, progress=progress)
+        fit_with_fallbacks(mesh, ids[some], attempts, geometry, robust=robust, progress=progress)
     with np.errstate(over="ignore", invalid="ignore"):  # nothing is worse than what is not known, or no number
         errors = geometry.normal_std[rows] * geometry.mean_curvature_std[rows]
         is_worse = errors > WORSE**2 * np.prod(part.error_ratios) * before["normal_std"] * before["mean_curvature_std"]
@@ -303,7 +291,7 @@ def _part_numbers(parts: Tree[PartFit], geometry: VertexGeometry, origin: IntArr
     def number(start: int, stop: int) -> None:
         numbers[start:stop] = leaf_numbers(parts, first_features(geometry, origin[ids[start:stop]]))
 
-    run_kernel(number, len(ids), threads=1)
+    run_kernel(number, len(ids))
     return numbers
 
 
@@ -316,7 +304,7 @@ def _rescale_errors(
     for errors in of_both:
         errors[rows] *= of_curvature
     if of_curvature > 1.0:
-        run_kernel(bound_errors, len(ids), mesh, ids, *of_both, threads=1)
+        run_kernel(bound_errors, len(ids), mesh, ids, *of_both)
 
 
 def fit_in_balls(
@@ -331,7 +319,6 @@ def fit_in_balls(
     sigma: float | None = None,
     robust: bool = False,
     refined: Refined,
-    threads: int = 1,
     progress: Progress | None = None,
 ) -> FitChoice:
     """Fit the vertices `ids` to what lies within a distance of each, a length.
@@ -339,11 +326,11 @@ def fit_in_balls(
     Where the patch is left open, one that suits the rings of about this radius is taken, the same everywhere.
     """
     choices = Choices(None, degrees, sigma)
-    leaf = None if fit else _learn_balls(mesh, adjacency, radius, choices, robust, threads)
+    leaf = None if fit else _learn_balls(mesh, adjacency, radius, choices, robust)
     if leaf is not None:
         before, mesh = mesh, refined(mesh, leaf.surface.noise)
         if (mesh.stops != before.stops).any():
-            leaf = _learn_balls(mesh, adjacency, radius, choices, robust, threads)
+            leaf = _learn_balls(mesh, adjacency, radius, choices, robust)
     if leaf is None:
         fit = fit or PatchFit()
         attempts = fallback_chain(1, fit, radius)
@@ -351,18 +338,16 @@ def fit_in_balls(
     else:
         attempts = planned_chain(leaf.plans, leaf.chosen, radius)
         choice = _with_noise(FitChoice(0, leaf.chosen.degree, None, None, radius=radius), leaf.surface.noise)
-        mesh = with_steady_normals(mesh, threads=threads) if leaf.surface.noise.heavy else mesh
-    fit_with_fallbacks(mesh, ids, list(attempts), geometry, robust=robust, threads=threads, progress=progress)
+        mesh = with_steady_normals(mesh) if leaf.surface.noise.heavy else mesh
+    fit_with_fallbacks(mesh, ids, list(attempts), geometry, robust=robust, progress=progress)
     return choice
 
 
-def _learn_balls(
-    mesh: KernelMesh, adjacency: Adjacency, radius: float, choices: Choices, robust: bool, threads: int
-) -> Leaf | None:
+def _learn_balls(mesh: KernelMesh, adjacency: Adjacency, radius: float, choices: Choices, robust: bool) -> Leaf | None:
     """Learn the surface; the chosen plan is that of the rings whose radius is nearest to the one given."""
-    mesh = without_outliers(mesh, threads=threads) if robust else mesh
-    wanted = nearest_rings(mesh, adjacency, radius, threads=threads)
-    analyses, leaf = learn_surface(mesh, adjacency, replace(choices, rings=wanted), threads=threads)
+    mesh = without_outliers(mesh) if robust else mesh
+    wanted = nearest_rings(mesh, adjacency, radius)
+    analyses, leaf = learn_surface(mesh, adjacency, replace(choices, rings=wanted))
     if not analyses:
         return None
     nearest = min(analyses, key=lambda analysis: abs(analysis.radius - radius))
@@ -370,12 +355,10 @@ def _learn_balls(
     return leaf_of(analyses, choices) if leaf is None else best_leaf(leaf.surface, leaf.plans, choices)
 
 
-def nearest_rings(mesh: KernelMesh, adjacency: Adjacency, radius: float, *, threads: int = 1) -> int:
+def nearest_rings(mesh: KernelMesh, adjacency: Adjacency, radius: float) -> int:
     """Number of rings, as many as can be analysed at most, whose median radius is nearest to a length."""
     ids = draw_from_mesh(mesh, RADIUS_SAMPLES)
-    sample = sample_neighbourhoods(
-        mesh, adjacency, ids, rings=max(CANDIDATE_RINGS), most_turned=MOST_TURNED, threads=threads
-    )
+    sample = sample_neighbourhoods(mesh, adjacency, ids, rings=max(CANDIDATE_RINGS), most_turned=MOST_TURNED)
     distances = np.sqrt(np.square(sample.points[..., :2]).sum(axis=2))
     best, smallest = 1, np.inf
     for rings in range(1, sample.sizes.shape[1]):
@@ -389,7 +372,7 @@ def nearest_rings(mesh: KernelMesh, adjacency: Adjacency, radius: float, *, thre
     return best
 
 
-def without_outliers(mesh: KernelMesh, *, threads: int = 1) -> KernelMesh:
+def without_outliers(mesh: KernelMesh) -> KernelMesh:
     """The mesh with every vertex that is far off its own robust patch moved onto it.
 
     A surface is learned from that, as outliers would pass for noise and for shape.
@@ -399,7 +382,7 @@ def without_outliers(mesh: KernelMesh, *, threads: int = 1) -> KernelMesh:
     own = mesh._replace(origin=every)
     geometry = empty_geometry(n)
     attempts = list(fallback_chain(OUTLIER_RINGS, PatchFit()))
-    fit_with_fallbacks(own, every, attempts, geometry, robust=True, threads=threads)
+    fit_with_fallbacks(own, every, attempts, geometry, robust=True)
     distances = np.linalg.norm(geometry.displacements, axis=1)
     is_far = distances > FAR / GEOMETRIC_MEAN * _geometric_means(mesh, distances)
     vertices = np.where(is_far[:, np.newaxis], mesh.vertices + geometry.displacements, mesh.vertices)

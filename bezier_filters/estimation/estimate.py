@@ -42,7 +42,7 @@ from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
 from bezier_filters.meshes.spatial_order import in_spatial_order
 from bezier_filters.patches.smoothness import Smoothness
-from bezier_filters.runtime.parallel import Progress, one_thread_for_matrices, thread_count
+from bezier_filters.runtime.parallel import Progress, on_threads
 from bezier_filters.status import FitStatus
 
 # Share of the places where fits that reach across sharp edges leave more than noise, see `OFF`, or fail: on blocks,
@@ -51,7 +51,7 @@ OFTEN_OFF, OFTEN_FAILED = 0.01, 0.002
 
 
 @takes_arrays
-@one_thread_for_matrices()
+@on_threads
 def estimate_vertex_geometry(
     vertices: ArrayLike,
     faces: ArrayLike | None,
@@ -187,16 +187,15 @@ def estimate_vertex_geometry(
         raise InvalidParameterError(f"fallbacks: got {fallbacks!r} and a radius; those of the paper are for rings")
     axes = None if x_axis is None else _directions(x_axis, mesh, "x_axis")
     mask = None if selected is None else checked_selection(selected, mesh.vertex_count)
-    threads = thread_count(threads)
 
     with first_call():
         given = mesh
-        ordered = in_spatial_order(mesh, threads=threads)
+        ordered = in_spatial_order(mesh)
         mesh, order = ordered.mesh, ordered.order
         if mesh.face_count:
-            arrays, adjacency = fitted_mesh(mesh, ordered, creases=fixed is None, threads=threads)
+            arrays, adjacency = fitted_mesh(mesh, ordered, creases=fixed is None)
         else:
-            adjacency, planes = point_cloud(mesh, None if outside is None else outside[order], threads=threads)
+            adjacency, planes = point_cloud(mesh, None if outside is None else outside[order])
             arrays = kernel_mesh(mesh, adjacency, planes, None, ordered)
         if axes is not None:
             arrays = arrays._replace(x_axes=axes[order])
@@ -210,10 +209,10 @@ def estimate_vertex_geometry(
             nonlocal surface
             if robust or noise.outliers or not given.face_count:  # outliers leave more than noise, too
                 return arrays
-            if not hides_sharp_edges(mesh, adjacency, noise, threads=threads):
+            if not hides_sharp_edges(mesh, adjacency, noise):
                 return arrays
-            around = vertex_adjacency(given, threads=threads)
-            found, stops = noise_free_surface(given, around, noise, threads=threads)
+            around = vertex_adjacency(given)
+            found, stops = noise_free_surface(given, around, noise)
             surface = found.vertices
             return arrays._replace(stops=arrays.stops | stops[order])
 
@@ -225,15 +224,15 @@ def estimate_vertex_geometry(
             if known is not None:
                 fit, surface, arrays = known.fit, known.surface, arrays._replace(stops=known.stops)
             else:
-                fit, learned = choose_fit(learner(arrays, adjacency, threads=threads), *wanted)
+                fit, learned = choose_fit(learner(arrays, adjacency), *wanted)
             if fixed is not None and fallbacks != "sound":
                 fit = replace(fit, attempts=tuple(fallback_chain(fit.choice.rings, fixed, fallbacks=fallbacks)))
             # among heavy noise nothing is far off
-            if learned is not None and (fit.steady or _misses_edges(arrays, fit, learned.root.surface.sigma, threads)):
+            if learned is not None and (fit.steady or _misses_edges(arrays, fit, learned.root.surface.sigma)):
                 before, arrays = arrays, at_sharp_edges(arrays, learned.root.surface.noise)
                 if (arrays.stops != before.stops).any():
-                    fit, learned = choose_fit(learner(arrays, adjacency, threads=threads), *wanted)
-            choice, fit = _fit(arrays, adjacency, ids, fit, learned, geometry, threads, progress)
+                    fit, learned = choose_fit(learner(arrays, adjacency), *wanted)
+            choice, fit = _fit(arrays, adjacency, ids, fit, learned, geometry, progress)
             if learned is not None:
                 remember(key, LearnedFit(fit, arrays.stops, surface))
         else:
@@ -248,7 +247,6 @@ def estimate_vertex_geometry(
                 sigma=noise,
                 robust=bool(robust),
                 refined=at_sharp_edges,
-                threads=threads,
                 progress=progress,
             )
         if mask is not None:
@@ -256,13 +254,13 @@ def estimate_vertex_geometry(
         return replace(geometry, fit=choice, noise_free=surface)
 
 
-def _misses_edges(arrays: KernelMesh, fit: SurfaceFit, sigma: float, threads: int) -> bool:
+def _misses_edges(arrays: KernelMesh, fit: SurfaceFit, sigma: float) -> bool:
     """Whether fits leave more than noise, or fail, at some of the vertices, as they do across sharp edges."""
     drawn = np.sort(draw_from_mesh(arrays, LOOKED_AT))
     rows = np.zeros(len(arrays.vertices), dtype=np.int32)
     rows[drawn] = np.arange(len(drawn))
     found = empty_geometry(len(drawn))
-    fit_with_fallbacks(arrays._replace(origin=rows), drawn, fit.attempts, found, robust=fit.robust, threads=threads)
+    fit_with_fallbacks(arrays._replace(origin=rows), drawn, fit.attempts, found, robust=fit.robust)
     has_failed = found.status > FitStatus.WIDER_RING
     return bool((found.residual > OFF * sigma).mean() > OFTEN_OFF or has_failed.mean() > OFTEN_FAILED)
 
@@ -274,7 +272,6 @@ def _fit(
     fit: SurfaceFit,
     learned: Learned | None,
     geometry: VertexGeometry,
-    threads: int,
     progress: Progress | None,
 ) -> tuple[FitChoice, SurfaceFit]:
     """Fit vertices, all in one way first, and then the parts of the surface, if there are any; say with what.
@@ -283,25 +280,23 @@ def _fit(
     there means nothing.
     """
     if fit.steady:
-        arrays = with_steady_normals(arrays, threads=threads)
+        arrays = with_steady_normals(arrays)
     drawn = draw_from_mesh(arrays, LOOKED_AT) if learned is not None else ids[:0]
     first = ids
     if learned is not None and len(ids) < len(arrays.vertices):
         first = np.unique(np.concatenate([ids, learned.centers, drawn]))
     of_wanted = overall_progress(progress, 0, len(ids))
-    fit_with_fallbacks(arrays, first, fit.attempts, geometry, robust=fit.robust, threads=threads, progress=of_wanted)
+    fit_with_fallbacks(arrays, first, fit.attempts, geometry, robust=fit.robust, progress=of_wanted)
     if learned is not None:
 
         def features(centers: IntArray) -> FloatArray:
             return first_features(geometry, arrays.origin[centers])
 
         def sample(centers: IntArray, rings: int) -> NeighbourhoodSample:
-            return sample_neighbourhoods(
-                arrays, adjacency, centers, rings=rings, most_turned=MOST_TURNED, threads=threads
-            )
+            return sample_neighbourhoods(arrays, adjacency, centers, rings=rings, most_turned=MOST_TURNED)
 
-        fit = with_parts(fit, learned, Places(drawn, features, sample), threads=threads)
-    return fit_parts(arrays, ids, fit, geometry, threads=threads, progress=progress), fit
+        fit = with_parts(fit, learned, Places(drawn, features, sample))
+    return fit_parts(arrays, ids, fit, geometry, progress=progress), fit
 
 
 def _outside(normals: ArrayLike | None, mesh: TriangleMesh) -> FloatArray | None:

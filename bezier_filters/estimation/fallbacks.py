@@ -128,7 +128,6 @@ def fit_with_fallbacks(
     geometry: VertexGeometry,
     *,
     robust: bool = False,
-    threads: int = 1,
     progress: Progress | None = None,
 ) -> None:
     """Run the attempts on the vertices `ids` and write what they give into `geometry`, in rows ``mesh.origin[ids]``.
@@ -149,7 +148,7 @@ def fit_with_fallbacks(
         if not concerned.any():
             continue
         report = overall_progress(progress, tried, len(ids))
-        outcomes[concerned] = _run(attempt, mesh, _where(concerned, unsettled), geometry, robust, threads, report)
+        outcomes[concerned] = _run(attempt, mesh, _where(concerned, unsettled), geometry, robust, report)
         tried = len(ids)
         fitted = concerned & (outcomes == FITTED)
         _give_status(attempt.status, unsettled, fitted, mesh.origin, geometry)
@@ -167,7 +166,7 @@ def _give_status(status: FitStatus, ids: IntArray, mask: BoolArray, origin: IntA
     def give(start: int, stop: int) -> None:
         geometry.status[origin[ids[start:stop][mask[start:stop]]]] = status
 
-    run_kernel(give, len(ids), threads=1)
+    run_kernel(give, len(ids))
 
 
 def _where(mask: BoolArray, ids: IntArray) -> IntArray:
@@ -181,7 +180,6 @@ def _run(
     ids: IntArray,
     geometry: VertexGeometry,
     robust: bool,
-    threads: int,
     progress: Progress | None,
 ) -> ByteArray:
     """Run the kernel on the vertices `ids`; return their outcomes."""
@@ -194,7 +192,6 @@ def _run(
     run_in_chunks(
         lambda: fit_task(mesh, fit, ids, results, outcomes, geometry.condition_number),
         len(ids),
-        threads=threads,
         progress=progress,
     )
     return outcomes

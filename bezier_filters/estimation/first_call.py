@@ -24,7 +24,7 @@ from bezier_filters.meshes.adjacency import Adjacency, Rows
 from bezier_filters.meshes.frames import TangentPlanes
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.spatial_order import in_spatial_order
-from bezier_filters.runtime.parallel import thread_count
+from bezier_filters.runtime.parallel import usable_threads
 from bezier_filters.runtime.supervision import python_command
 from bezier_filters.status import FitStatus
 from bezier_filters.surfaces import sphere
@@ -57,7 +57,7 @@ def first_compilation(kernel: Any, compile_kernel: Callable[[], object], compile
     try:
         # Only Python itself may be asked to run code, not a program that it is built into.
         is_python = Path(sys.executable or "").name.lower().startswith("python")
-        if is_python and thread_count(None) > 1:
+        if is_python and usable_threads() > 1:
             nothing = subprocess.DEVNULL
             command = python_command(compile_others)
             with subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing) as process:

@@ -30,16 +30,14 @@ KEPT = 0.1  # least sharpness of smoothing where it takes a line for an edge; ro
 MOST_CLEANED = 3  # times that outliers are taken off
 
 
-def learn_noise(
-    mesh: TriangleMesh, adjacency: Adjacency, sigma: float | None = None, *, threads: int = 1
-) -> NoiseModel | None:
+def learn_noise(mesh: TriangleMesh, adjacency: Adjacency, sigma: float | None = None) -> NoiseModel | None:
     """The noise along the normal, of a strength that may be known, a length; None if the mesh is too coarse for it."""
     if sigma == 0.0:
         return NoiseModel(0.0)
-    arrays, adjacency = fitted_mesh(mesh, adjacency=adjacency, creases=True, threads=threads)
-    _, leaf = learn_without_outliers(learner(arrays, adjacency, threads=threads), Choices(only_noise=True))
+    arrays, adjacency = fitted_mesh(mesh, adjacency=adjacency, creases=True)
+    _, leaf = learn_without_outliers(learner(arrays, adjacency), Choices(only_noise=True))
     learned = None if leaf is None else leaf.surface.noise
-    if learned is not None and learned.sigma > MOST_NOISE * mean_edge(mesh, adjacency, threads=threads):
+    if learned is not None and learned.sigma > MOST_NOISE * mean_edge(mesh, adjacency):
         learned = None
     return learned if sigma is None else known_noise(learned, sigma)
 
@@ -53,7 +51,6 @@ def denoised(
     sigma: float | None = None,
     relax: bool = False,
     *,
-    threads: int = 1,
     progress: Progress | None = None,
 ) -> Denoised:
     """The mesh without its noise, see `remove_noise`, and without its outliers, which no filter takes for noise.
@@ -66,22 +63,20 @@ def denoised(
     for _ in range(MOST_CLEANED):
         if noise is None or not noise.outliers:
             break
-        arrays, _ = fitted_mesh(mesh, adjacency=adjacency, creases=True, threads=threads)
-        mesh = TriangleMesh(without_outliers(arrays, threads=threads).vertices, mesh.faces)
-        noise = learn_noise(mesh, adjacency, sigma, threads=threads)
-    found = remove_noise(
-        mesh, adjacency, noise or NoiseModel(0.0), borders, detail, relax, threads=threads, progress=progress
-    )
+        arrays, _ = fitted_mesh(mesh, adjacency=adjacency, creases=True)
+        mesh = TriangleMesh(without_outliers(arrays).vertices, mesh.faces)
+        noise = learn_noise(mesh, adjacency, sigma)
+    found = remove_noise(mesh, adjacency, noise or NoiseModel(0.0), borders, detail, relax, progress=progress)
     for _ in range(0 if sigma is not None else MOST_ROUNDS):
         surface = TriangleMesh(found.points, mesh.faces)
-        parts = sampled_parts(surface, adjacency, threads=threads)
+        parts = sampled_parts(surface, adjacency)
         ids = parts.ids
         impulses = learn_impulses(measured[ids], parts)
         if impulses is None:
             break
-        mesh = TriangleMesh(without_impulses(measured, surface, adjacency, impulses, threads=threads), mesh.faces)
-        noise = learn_noise(mesh, adjacency, threads=threads) or NoiseModel(0.0)
-        found = remove_noise(mesh, adjacency, noise, borders, detail, relax, threads=threads)
+        mesh = TriangleMesh(without_impulses(measured, surface, adjacency, impulses), mesh.faces)
+        noise = learn_noise(mesh, adjacency) or NoiseModel(0.0)
+        found = remove_noise(mesh, adjacency, noise, borders, detail, relax)
         if has_settled(surface.vertices[ids], found.points[ids], impulses):
             break
     return found
@@ -92,21 +87,19 @@ def is_noisy(mesh: TriangleMesh, adjacency: Adjacency, sigma: float | None) -> b
     return sigma is not None and sigma > NOISY * mean_edge(mesh, adjacency)
 
 
-def hides_sharp_edges(mesh: TriangleMesh, adjacency: Adjacency, noise: NoiseModel, *, threads: int = 1) -> bool:
+def hides_sharp_edges(mesh: TriangleMesh, adjacency: Adjacency, noise: NoiseModel) -> bool:
     """Whether the mesh may have sharp edges, which can only be told without its noise."""
-    return is_noisy(mesh, adjacency, noise.sigma) and may_have_sharp_edges(mesh, adjacency, threads=threads)
+    return is_noisy(mesh, adjacency, noise.sigma) and may_have_sharp_edges(mesh, adjacency)
 
 
-def noise_free_surface(
-    mesh: TriangleMesh, adjacency: Adjacency, noise: NoiseModel, *, threads: int = 1
-) -> tuple[TriangleMesh, BoolArray]:
+def noise_free_surface(mesh: TriangleMesh, adjacency: Adjacency, noise: NoiseModel) -> tuple[TriangleMesh, BoolArray]:
     """The mesh without its noise and without the faces that turned over with it, and where fits end on it, (n,).
 
     That is at vertices with two sharp edges or more, as long as edges that are sharp explain the mesh best there (see
     `smooth`): coarse round shapes have sharp edges, too, but no lines that fits should not reach across.
     """
-    found = denoised(mesh, adjacency, noise, threads=threads)
-    points = repair_flipped_faces(mesh, adjacency, found.points, threads=threads)
+    found = denoised(mesh, adjacency, noise)
+    points = repair_flipped_faces(mesh, adjacency, found.points)
     surface = TriangleMesh(points, mesh.faces)
     edges = mesh_edges(surface)
     sharp = sharp_edges(surface, edges, adjacency)

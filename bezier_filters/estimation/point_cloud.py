@@ -16,7 +16,7 @@ from bezier_filters.meshes.adjacency import Adjacency, Rows
 from bezier_filters.meshes.frames import TangentPlanes
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.orientation import orient_normals
-from bezier_filters.runtime.parallel import run_kernel
+from bezier_filters.runtime.parallel import run_kernel, thread_count
 
 CANDIDATES = 20  # nearest points among which the neighbours are sought: some three layers around a point
 # a point whose nearest points leave a wider angle free is on the boundary of an open cloud
@@ -27,9 +27,7 @@ STRAY = 3.0  # a point this many times farther away than a point's own nearest o
 COCIRCULAR = 1e-6  # relative tolerance for points on one circle, all of which become neighbours
 
 
-def point_cloud(
-    mesh: TriangleMesh, normals: FloatArray | None = None, *, threads: int = 1
-) -> tuple[Adjacency, TangentPlanes]:
+def point_cloud(mesh: TriangleMesh, normals: FloatArray | None = None) -> tuple[Adjacency, TangentPlanes]:
     """Neighbours and tangent planes of the vertices of a mesh, whose faces are ignored.
 
     The planes are those of least squares through the nearest points (Hoppe et al., "Surface
@@ -40,9 +38,9 @@ def point_cloud(
     """
     first, place_of = _distinct(mesh.vertices)
     points = mesh.vertices[first]
-    nearest, reach = _nearest(points, threads)
+    nearest, reach = _nearest(points)
     planes = _least_squares_normals(points, nearest)
-    neighbours, on_boundary = _neighbours(points, nearest, reach, planes, threads)
+    neighbours, on_boundary = _neighbours(points, nearest, reach, planes)
     planes = orient_normals(points, planes, neighbours, None if normals is None else normals[first])[place_of]
     if normals is not None:
         inward = np.einsum("ij,ij->i", planes, normals) < 0.0
@@ -72,12 +70,12 @@ def _at_all_points(neighbours: Rows, first: IntArray, place_of: IntArray) -> Row
     return Rows(indptr, rows.indices.astype(np.int32))
 
 
-def _nearest(points: FloatArray, threads: int) -> tuple[IntArray, FloatArray]:
+def _nearest(points: FloatArray) -> tuple[IntArray, FloatArray]:
     """Nearest other points, shape (n, min(CANDIDATES, n - 1)), nearest first, and the distance (n,) of the last."""
     count = min(CANDIDATES, len(points) - 1)
     if count < 1:
         return np.empty((len(points), 0), dtype=np.int32), np.zeros(len(points))
-    distances, nearest = cKDTree(points).query(points, k=np.arange(2, count + 2), workers=threads)
+    distances, nearest = cKDTree(points).query(points, k=np.arange(2, count + 2), workers=thread_count())
     return np.ascontiguousarray(nearest, dtype=np.int32), distances[:, -1].copy()
 
 
@@ -96,14 +94,14 @@ def _least_squares_normals(points: FloatArray, nearest: IntArray) -> FloatArray:
 
 
 def _neighbours(
-    points: FloatArray, nearest: IntArray, reach: FloatArray, normals: FloatArray, threads: int
+    points: FloatArray, nearest: IntArray, reach: FloatArray, normals: FloatArray
 ) -> tuple[Rows, BoolArray]:
     """Symmetric neighbour rows and boundary flags."""
     n = len(points)
     chosen = np.zeros(nearest.shape, dtype=np.bool_)
     on_boundary = np.zeros(n, dtype=np.bool_)
 
-    run_kernel(_choose_neighbours, n, points, nearest, normals, reach, chosen, on_boundary, threads=threads)
+    run_kernel(_choose_neighbours, n, points, nearest, normals, reach, chosen, on_boundary)
     indptr = np.append(0, np.cumsum(chosen.sum(axis=1)))
     graph = csr_array((np.ones(indptr[-1], dtype=np.int8), nearest[chosen], indptr), shape=(n, n))
     graph = (graph + graph.T).tocsr()

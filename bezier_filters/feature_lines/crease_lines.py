@@ -20,7 +20,7 @@ from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.half_edges import MeshEdges, mesh_edges
 from bezier_filters.meshes.mesh import TriangleMesh, takes_arrays, triangle_mesh
 from bezier_filters.meshes.sharp_edges import certainties, sharp_edges
-from bezier_filters.runtime.parallel import Progress, one_thread_for_matrices, thread_count
+from bezier_filters.runtime.parallel import Progress, on_threads
 from bezier_filters.status import FitStatus
 
 CreaseKind = Literal["ridge", "ravine"]
@@ -165,7 +165,7 @@ def edge_mesh(lines: Sequence[CreaseLine]) -> tuple[FloatArray, IntArray, IntArr
 
 
 @takes_arrays
-@one_thread_for_matrices()
+@on_threads
 def find_creases(
     vertices: ArrayLike,
     faces: ArrayLike,
@@ -245,14 +245,14 @@ def find_creases(
     if not (is_real(min_strength) and 0.0 <= min_strength < np.inf):
         raise InvalidParameterError(f"min_strength: got {min_strength!r}, expected a number of 0 or more")
     if geometry is None:
-        geometry = estimate_vertex_geometry(mesh.vertices, mesh.faces, threads=threads, progress=progress)
+        geometry = estimate_vertex_geometry(mesh.vertices, mesh.faces, progress=progress)
     elif len(geometry.status) != mesh.vertex_count:
         raise InvalidParameterError(
             f"geometry: got that of {len(geometry.status)} vertices, expected {mesh.vertex_count}; "
             "estimate it on the same mesh"
         )
-    adjacency = vertex_adjacency(mesh, threads=thread_count(threads))
-    edges, sharp, certainty = _sharp_edges(mesh, adjacency, geometry, radians(angle), thread_count(threads))
+    adjacency = vertex_adjacency(mesh)
+    edges, sharp, certainty = _sharp_edges(mesh, adjacency, geometry, radians(angle))
     lines = [
         *_sharp_lines(mesh, adjacency, edges, sharp, certainty),
         *_smooth_lines(mesh, adjacency, edges, sharp, geometry, min_strength),
@@ -269,17 +269,17 @@ def find_creases(
 
 
 def _sharp_edges(
-    mesh: TriangleMesh, adjacency: Adjacency, geometry: VertexGeometry, angle: float, threads: int
+    mesh: TriangleMesh, adjacency: Adjacency, geometry: VertexGeometry, angle: float
 ) -> tuple[MeshEdges, BoolArray, FloatArray]:
     """The edges of the surface under the noise, which of them are sharp, and how certainly, each (e,)."""
     sigma, surface = geometry.noise_sigma, mesh
     if geometry.noise_free is not None:
         surface = TriangleMesh(geometry.noise_free, mesh.faces)
     elif sigma is None or is_noisy(mesh, adjacency, sigma):
-        noise = learn_noise(mesh, adjacency, threads=threads)
+        noise = learn_noise(mesh, adjacency)
         sigma = None if noise is None else noise.sigma
-        if noise is not None and hides_sharp_edges(mesh, adjacency, noise, threads=threads):
-            surface, _ = noise_free_surface(mesh, adjacency, noise, threads=threads)
+        if noise is not None and hides_sharp_edges(mesh, adjacency, noise):
+            surface, _ = noise_free_surface(mesh, adjacency, noise)
     edges = mesh_edges(surface)
     if surface is mesh and is_noisy(mesh, adjacency, sigma):  # but turns nowhere as at a sharp edge
         return edges, np.zeros(len(edges.angles), dtype=np.bool_), np.zeros(len(edges.angles))

@@ -212,7 +212,7 @@ def _side(region: InfluenceRegion, faces: BoolArray) -> FloatArray:
         points = region.vertices[ids]
         # A side may be too small to be a mesh of its own; normals do not depend on its size.
         points = np.ldexp(points, -np.frexp(np.abs(points).max())[1])
-        geometry = estimate_vertex_geometry(points, local.reshape(-1, 3), threads=1)
+        geometry = estimate_vertex_geometry(points, local.reshape(-1, 3))
         normals[ids] = geometry.normals
     return normals
 

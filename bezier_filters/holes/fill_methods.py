@@ -119,14 +119,13 @@ class FillTask:
     region: InfluenceRegion  # what surrounds it
     normals: FloatArray  # (b, 3): unit normals of the vertices of the region, zero where they are not known
     noisy: bool  # whether these vertices have errors that should not be followed
-    threads: int
 
 
 def _automatic(task: FillTask) -> Iterator[Attempt]:
     """With the creases that run into the hole, if there are any, or else smooth, in ever simpler ways."""
     if task.mesh.creases:
         yield from crease_attempts(task.region, noisy=task.noisy)
-    yield from smooth_attempts(task.region, task.normals, noisy=task.noisy, threads=task.threads)
+    yield from smooth_attempts(task.region, task.normals, noisy=task.noisy)
 
 
 def _paper(task: FillTask) -> Iterator[Attempt]:
@@ -137,7 +136,7 @@ def _paper(task: FillTask) -> Iterator[Attempt]:
             yield replace(attempt, method="paper")
     fill = fill_part(task.region)
     yield Attempt("paper", None, fill) if isinstance(fill, str) else Attempt("paper", fill)
-    yield from smooth_attempts(task.region, task.normals, noisy=task.noisy, threads=task.threads)
+    yield from smooth_attempts(task.region, task.normals, noisy=task.noisy)
 
 
 # what each one tries, the best first: the first fill that cuts nothing is taken
@@ -176,7 +175,7 @@ def groups_of_boxes(boxes: FloatArray) -> list[IntArray]:
     return np.split(by_group, np.searchsorted(group[by_group], np.arange(1, count)))
 
 
-def fill_group(task: OpenMesh, group: Iterable[int], *, threads: int = 1) -> list[tuple[HoleReport, FaceSet | None]]:
+def fill_group(task: OpenMesh, group: Iterable[int]) -> list[tuple[HoleReport, FaceSet | None]]:
     """Fill some holes of a mesh, given by ascending numbers, each given that the earlier ones are filled.
 
     New vertices are numbered on from those of the mesh and of earlier holes. Of the rows of the result, reports know
@@ -188,7 +187,7 @@ def fill_group(task: OpenMesh, group: Iterable[int], *, threads: int = 1) -> lis
     next_vertex = task.mesh.vertex_count
     for number in group:
         region = task.known.regions[number].with_joined(joined)
-        hole = FillTask(task, region, task.known.normals[region.ids], region.is_noisy(task.known.noise), threads)
+        hole = FillTask(task, region, task.known.normals[region.ids], region.is_noisy(task.known.noise))
         report, fill = _first_without_cuts(hole, number, placed, next_vertex)
         result.append((report, fill))
         if fill is not None:

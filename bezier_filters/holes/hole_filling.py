@@ -28,7 +28,7 @@ from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import checked_selection, takes_arrays, triangle_mesh
 from bezier_filters.meshes.self_intersections import faces_in_boxes
 from bezier_filters.patches.fitting import PatchFit
-from bezier_filters.runtime.parallel import Progress, one_thread_for_matrices, report, run_kernel, thread_count
+from bezier_filters.runtime.parallel import Progress, on_threads, report, run_kernel
 
 if TYPE_CHECKING:
     from bezier_filters import Page
@@ -94,7 +94,7 @@ class HoleFillingResult:
 
 
 @takes_arrays
-@one_thread_for_matrices()
+@on_threads
 def fill_holes(
     vertices: ArrayLike,
     faces: ArrayLike,
@@ -207,8 +207,7 @@ def fill_holes(
     if correction not in get_args(Correction):
         raise InvalidParameterError(f"correction: got {correction!r}, expected one of {get_args(Correction)}")
     choice = HoleChoice(max_edges, max_perimeter, max_diameter, holes, selected, outer_rims)
-    threads = thread_count(threads)
-    adjacency = vertex_adjacency(mesh, threads=threads)
+    adjacency = vertex_adjacency(mesh)
     if on_border is not None:
         adjacency = replace(adjacency, on_boundary=checked_selection(on_border, mesh.vertex_count, "on_border"))
     found = find_holes(mesh, adjacency)
@@ -218,7 +217,7 @@ def fill_holes(
     numbers = sorted(np.flatnonzero([not refusal for refusal in refusals]), key=lambda k: found[k].is_outer_rim)
     chosen = [found[k] for k in numbers]
     regions = [influence_region(mesh, adjacency, hole.loops) for hole in chosen]
-    known = known_surface(mesh, regions, noise, threads=threads)
+    known = known_surface(mesh, regions, noise)
     boxes = np.array([hole_box(mesh, hole) for hole in chosen]).reshape(-1, 2, 3)
     near = faces_in_boxes(mesh.vertices, mesh.faces, boxes[:, 0], boxes[:, 1])
     reports = [
@@ -229,7 +228,7 @@ def fill_holes(
     task = OpenMesh(mesh, known, open_, boxes, near, method, creases, intersecting, float(alpha), correction)
     points, triangles = [mesh.vertices], [mesh.faces]
     vertex_count, face_count = mesh.vertex_count, mesh.face_count
-    for number, (described, fill) in zip(numbers, _filled(task, threads, progress), strict=True):
+    for number, (described, fill) in zip(numbers, _filled(task, progress), strict=True):
         reports[number] = described
         if fill is None:
             continue
@@ -245,7 +244,7 @@ def fill_holes(
     return HoleFillingResult(np.vstack(points), np.vstack(triangles), tuple(reports), known.noise)
 
 
-def _filled(task: OpenMesh, threads: int, progress: Progress | None) -> list[tuple[HoleReport, FaceSet | None]]:
+def _filled(task: OpenMesh, progress: Progress | None) -> list[tuple[HoleReport, FaceSet | None]]:
     """Fill all holes, on several threads if there are several groups of them."""
     groups = groups_of_boxes(task.boxes)
     results: dict[int, tuple[HoleReport, FaceSet | None]] = {}
@@ -254,9 +253,9 @@ def _filled(task: OpenMesh, threads: int, progress: Progress | None) -> list[tup
 
     def fill_groups(start: int, stop: int) -> None:
         for group in (part.tolist() for part in groups[start:stop]):
-            fills = fill_group(task, group, threads=1 if len(groups) > 1 else threads)
+            fills = fill_group(task, group)
             results.update(zip(group, fills, strict=True))
 
     of_holes = None if progress is None else lambda _, __: progress(len(results), total)
-    run_kernel(fill_groups, len(groups), threads=threads, progress=of_holes, chunk=1)
+    run_kernel(fill_groups, len(groups), progress=of_holes, chunk=1)
     return [results[k] for k in range(total)]

@@ -49,10 +49,10 @@ class ImplicitSurface(NamedTuple):
         _evaluate(self, self._scaled(points), values, gradients)
         return self.scale * values, gradients
 
-    def project(self, points: FloatArray, *, threads: int = 1) -> tuple[FloatArray, BoolArray]:
+    def project(self, points: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Move points along the gradient to the surface: where they end, (n, 3), and which of them are on it, (n,)."""
         scaled, found = self._scaled(points), np.zeros(len(points), dtype=np.bool_)
-        run_kernel(_project, len(points), self, scaled, found, threads=threads)
+        run_kernel(_project, len(points), self, scaled, found)
         return self.origin + self.scale * scaled, found
 
     def _scaled(self, points: FloatArray) -> FloatArray:

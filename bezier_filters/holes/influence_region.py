@@ -152,9 +152,7 @@ class KnownSurface:
     regions: list[InfluenceRegion]  # with their shape
 
 
-def known_surface(
-    mesh: TriangleMesh, regions: list[InfluenceRegion], noise: float | None, *, threads: int = 1
-) -> KnownSurface:
+def known_surface(mesh: TriangleMesh, regions: list[InfluenceRegion], noise: float | None) -> KnownSurface:
     """Find out what is known around holes; the noise is learned if it is not given."""
     if not regions:
         return KnownSurface(np.zeros_like(mesh.vertices), noise, regions)
@@ -168,7 +166,7 @@ def known_surface(
     ]
     selected = np.zeros(mesh.vertex_count, dtype=np.bool_)
     selected[np.concatenate([ids for of_region in points for ids in of_region.values()])] = True
-    geometry = estimate_vertex_geometry(mesh.vertices, mesh.faces, selected=selected, threads=threads)
+    geometry = estimate_vertex_geometry(mesh.vertices, mesh.faces, selected=selected)
     noise = geometry.noise_sigma if noise is None else noise
     fitted = [of_region[region.is_noisy(noise)] for region, of_region in zip(regions, points, strict=True)]
     normals = np.zeros_like(mesh.vertices)

@@ -31,9 +31,7 @@ class Attempt:
     creases: IntArray | None = None  # (e, 2): edges of the fill that are creases
 
 
-def smooth_attempts(
-    region: InfluenceRegion, normals: FloatArray, *, noisy: bool, threads: int = 1
-) -> Iterator[Attempt]:
+def smooth_attempts(region: InfluenceRegion, normals: FloatArray, *, noisy: bool) -> Iterator[Attempt]:
     """Fill a hole in a smooth surface, in ever simpler ways.
 
     `normals` (b, 3) are zero where they are not known; where it is noisy, the points are fitted, not interpolated.
@@ -43,18 +41,18 @@ def smooth_attempts(
         yield Attempt("flat", None, "every triangulation of the rim would join vertices that are joined already")
         return
     if len(fill.points) > fill.rim_count:
-        yield _continued(fill, region, normals, noisy=noisy, threads=threads)
+        yield _continued(fill, region, normals, noisy=noisy)
         yield Attempt("variational", _faired(fill, region, 2 if noisy else 3))
         yield Attempt("variational", fill)
         yield Attempt("flat", _faired(fill, region, 1))
     yield Attempt("flat", _triangulated(region))
 
 
-def _continued(fill: Fill, region: InfluenceRegion, normals: FloatArray, *, noisy: bool, threads: int) -> Attempt:
+def _continued(fill: Fill, region: InfluenceRegion, normals: FloatArray, *, noisy: bool) -> Attempt:
     surface = surface_around(region, normals, noisy=noisy)
     if isinstance(surface, str):
         return Attempt("surface", None, surface)
-    moved = project_to_surface(fill, region, surface, threads=threads)
+    moved = project_to_surface(fill, region, surface)
     if moved is None:
         return Attempt("surface", None, "the surface around the hole does not continue into it")
     return Attempt("surface", meet_rim(moved, region, surface))
@@ -148,14 +146,12 @@ def surface_around(
     return "the surface around the hole does not continue into it" if surface is None else surface
 
 
-def project_to_surface(
-    fill: Fill, region: InfluenceRegion, surface: ImplicitSurface, *, threads: int = 1
-) -> Fill | None:
+def project_to_surface(fill: Fill, region: InfluenceRegion, surface: ImplicitSurface) -> Fill | None:
     """Move the new vertices of a fill onto a surface and make its triangles more even; None if that does not work."""
     new = slice(fill.rim_count, None)
     for round_ in range(ROUNDS + 1):
         points = fill.points.copy()
-        points[new], found = surface.project(points[new], threads=threads)
+        points[new], found = surface.project(points[new])
         if not found.all():
             return None
         fill = replace(fill, points=points)

@@ -62,23 +62,18 @@ def kernel_mesh(
 
 
 def fitted_mesh(
-    mesh: TriangleMesh,
-    ordered: SpatialOrder | None = None,
-    adjacency: Adjacency | None = None,
-    *,
-    creases: bool,
-    threads: int = 1,
+    mesh: TriangleMesh, ordered: SpatialOrder | None = None, adjacency: Adjacency | None = None, *, creases: bool
 ) -> tuple[KernelMesh, Adjacency]:
     """Neighbours, unless they are known, planes and creases of a mesh, ready for the kernels."""
-    adjacency = adjacency or vertex_adjacency(mesh, threads=threads)
-    planes = tangent_planes(mesh, adjacency, threads=threads)
-    stops = sharp_edge_vertices(mesh, adjacency, planes, threads=threads) if creases else None
+    adjacency = adjacency or vertex_adjacency(mesh)
+    planes = tangent_planes(mesh, adjacency)
+    stops = sharp_edge_vertices(mesh, adjacency, planes) if creases else None
     return kernel_mesh(mesh, adjacency, planes, stops, ordered), adjacency
 
 
-def with_steady_normals(mesh: KernelMesh, *, threads: int = 1) -> KernelMesh:
+def with_steady_normals(mesh: KernelMesh) -> KernelMesh:
     """A mesh whose frames come from averages of normals, for noise that leaves single ones without a meaning."""
-    normals = steady_normals(mesh.normals, mesh.ring_ptr, mesh.ring_indices, mesh.stops, threads=threads)
+    normals = steady_normals(mesh.normals, mesh.ring_ptr, mesh.ring_indices, mesh.stops)
     return mesh._replace(normals=normals, safe_cosine=np.full(len(normals), UNBOUNDED, dtype=np.float32))
 
 

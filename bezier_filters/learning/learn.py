@@ -32,9 +32,7 @@ ROUGH = 0.25
 Sampler = Callable[[int, int, bool], NeighbourhoodSample]
 
 
-def learn_surface(
-    mesh: KernelMesh, adjacency: Adjacency, choices: Choices, *, threads: int = 1
-) -> tuple[list[RingAnalysis], Leaf | None]:
+def learn_surface(mesh: KernelMesh, adjacency: Adjacency, choices: Choices) -> tuple[list[RingAnalysis], Leaf | None]:
     """Analyse rings of ascending width, and learn one model for all from them.
 
     The ring that is wanted is analysed in any case, if it can be. There are no analyses at all for meshes with too few
@@ -43,15 +41,13 @@ def learn_surface(
 
     def sample(rings: int, count: int, steady: bool) -> NeighbourhoodSample:
         ids = draw_from_mesh(mesh, count)
-        seen = with_steady_normals(mesh, threads=threads) if steady else mesh
-        return sample_neighbourhoods(seen, adjacency, ids, rings=rings, most_turned=MOST_TURNED, threads=threads)
+        seen = with_steady_normals(mesh) if steady else mesh
+        return sample_neighbourhoods(seen, adjacency, ids, rings=rings, most_turned=MOST_TURNED)
 
-    return learn_from_samples(sample, len(mesh.vertices), choices, threads=threads)
+    return learn_from_samples(sample, len(mesh.vertices), choices)
 
 
-def learn_from_samples(
-    sampler: Sampler, vertex_count: int, choices: Choices, *, threads: int = 1
-) -> tuple[list[RingAnalysis], Leaf | None]:
+def learn_from_samples(sampler: Sampler, vertex_count: int, choices: Choices) -> tuple[list[RingAnalysis], Leaf | None]:
     """The same for a mesh of which only samples are known.
 
     ``sampler(rings, count, steady)`` gives neighbourhoods, the same vertices for the same count.
@@ -78,7 +74,7 @@ def learn_from_samples(
             promising = promising and sample.usable[:, k].sum() >= USABLE_SHARE * sample.clear[:, k].sum()
             if promising or k == choices.rings or not (analyses or most):
                 most[k] = SAMPLES.get(k, SAMPLES[10])
-        found = analyse_rings(sample, most, vertex_count=vertex_count, threads=threads)
+        found = analyse_rings(sample, most, vertex_count=vertex_count)
         if not found:
             continue
         analyses += found

@@ -42,13 +42,7 @@ class Population:
 
 
 def sample_neighbourhoods(
-    mesh: KernelMesh,
-    adjacency: Adjacency,
-    ids: IntArray,
-    *,
-    rings: int,
-    most_turned: float,
-    threads: int = 1,
+    mesh: KernelMesh, adjacency: Adjacency, ids: IntArray, *, rings: int, most_turned: float
 ) -> NeighbourhoodSample:
     """Project the neighbourhoods of some vertices, out to a widest ring, onto their tangent planes.
 
@@ -71,7 +65,7 @@ def sample_neighbourhoods(
             mesh, adjacency.on_boundary, most_turned, members, visited, sample, start, stop
         )
 
-    run_in_chunks(make_task, len(ids), threads=threads, chunk=CHUNK)
+    run_in_chunks(make_task, len(ids), chunk=CHUNK)
     return sample
 
 

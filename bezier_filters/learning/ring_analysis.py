@@ -193,9 +193,7 @@ class RingAnalysis:
         return result
 
 
-def analyse_rings(
-    sample: NeighbourhoodSample, most: Mapping[int, int], *, vertex_count: int, threads: int = 1
-) -> list[RingAnalysis]:
+def analyse_rings(sample: NeighbourhoodSample, most: Mapping[int, int], *, vertex_count: int) -> list[RingAnalysis]:
     """Analyse up to most[k] of the usable k-rings of a sample, for every k for which enough of them are usable."""
     prepared = (_prepare(sample, rings, count, vertex_count) for rings, count in most.items())
     analyses = [analysis for analysis in prepared if analysis is not None]
@@ -230,7 +228,7 @@ def analyse_rings(
         return run
 
     if chunks:
-        run_in_chunks(make_task, len(chunks), threads=threads, chunk=1)
+        run_in_chunks(make_task, len(chunks), chunk=1)
     return analyses
 
 

@@ -73,7 +73,7 @@ class Adjacency:
     on_boundary: BoolArray
 
 
-def vertex_adjacency(mesh: TriangleMesh, *, threads: int = 1) -> Adjacency:
+def vertex_adjacency(mesh: TriangleMesh) -> Adjacency:
     """Faces, neighbours and boundary flag of every vertex.
 
     Examples
@@ -100,7 +100,7 @@ def vertex_adjacency(mesh: TriangleMesh, *, threads: int = 1) -> Adjacency:
             mesh.faces, faces.indptr, faces.indices, start, stop, after, before, roomy, indptr[1:], on_boundary
         )
 
-    run_in_chunks(neighbour_task, n, threads=threads)
+    run_in_chunks(neighbour_task, n)
     np.cumsum(indptr, out=indptr)
     indices = np.empty(indptr[-1], dtype=np.int32)
 
@@ -108,27 +108,27 @@ def vertex_adjacency(mesh: TriangleMesh, *, threads: int = 1) -> Adjacency:
         target = indices[indptr[start] : indptr[stop]]
         target[:] = roomy[2 * faces.indptr[start] :][: len(target)]
 
-    run_kernel(move, n, threads=threads)
+    run_kernel(move, n)
     return Adjacency(faces, Rows(indptr, indices), on_boundary)
 
 
-def edge_lengths(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> FloatArray:
+def edge_lengths(mesh: TriangleMesh, adjacency: Adjacency) -> FloatArray:
     """Lengths of the edges to the neighbours of every vertex, in the order of `adjacency.vertices`."""
     rows = adjacency.vertices
     lengths = np.empty(len(rows.indices))
-    run_kernel(_measure_edges, mesh.vertex_count, mesh.vertices, rows.indptr, rows.indices, lengths, threads=threads)
+    run_kernel(_measure_edges, mesh.vertex_count, mesh.vertices, rows.indptr, rows.indices, lengths)
     return lengths
 
 
-def mean_edge(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> float:
+def mean_edge(mesh: TriangleMesh, adjacency: Adjacency) -> float:
     """Mean length of the edges; 0 if there are none."""
-    lengths = edge_lengths(mesh, adjacency, threads=threads)
+    lengths = edge_lengths(mesh, adjacency)
     return float(lengths.mean()) if len(lengths) else 0.0
 
 
-def longest_edges(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> FloatArray:
+def longest_edges(mesh: TriangleMesh, adjacency: Adjacency) -> FloatArray:
     """Length of the longest edge at every vertex, (n,); 0 without any."""
-    lengths, longest = edge_lengths(mesh, adjacency, threads=threads), np.zeros(mesh.vertex_count)
+    lengths, longest = edge_lengths(mesh, adjacency), np.zeros(mesh.vertex_count)
     has_edges = np.flatnonzero(adjacency.vertices.lengths)
     longest[has_edges] = np.maximum.reduceat(lengths, adjacency.vertices.indptr[has_edges]) if len(has_edges) else 0.0
     return longest

@@ -32,15 +32,15 @@ class TangentPlanes:
     safe_cosine: SingleArray
 
 
-def tangent_planes(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> TangentPlanes:
+def tangent_planes(mesh: TriangleMesh, adjacency: Adjacency) -> TangentPlanes:
     """Tangent planes from the adjacent unit face normals, as in the paper."""
     of_faces = np.empty((mesh.face_count, 3))
     normals = np.zeros((mesh.vertex_count, 3))
     safe_cosine = np.full(mesh.vertex_count, UNBOUNDED, dtype=np.float32)
     rows = adjacency.faces
-    run_kernel(_unit_face_normals, mesh.face_count, mesh.vertices, mesh.faces, of_faces, threads=threads)
+    run_kernel(_unit_face_normals, mesh.face_count, mesh.vertices, mesh.faces, of_faces)
     planes = of_faces, rows.indptr, rows.indices, normals, safe_cosine
-    run_kernel(_vertex_planes, mesh.vertex_count, *planes, threads=threads)
+    run_kernel(_vertex_planes, mesh.vertex_count, *planes)
     return TangentPlanes(normals, safe_cosine)
 
 
@@ -120,16 +120,14 @@ def turned_share(normals: FloatArray, members: IntArray, count: int, nx: float, 
     return turned / max(count, 1)
 
 
-def steady_normals(
-    normals: FloatArray, adjacency_ptr: IntArray, neighbours: IntArray, stops: BoolArray, *, threads: int = 1
-) -> FloatArray:
+def steady_normals(normals: FloatArray, adjacency_ptr: IntArray, neighbours: IntArray, stops: BoolArray) -> FloatArray:
     """Unit normals (n, 3) averaged over neighbours, `STEADY_ROUNDS` times, but not across vertices that are `stops`.
 
     Noise of a third of an edge in all directions turns single normals anywhere; what is around them still has one.
     """
     for _ in range(STEADY_ROUNDS):
         before, normals = normals, np.empty_like(normals)
-        run_kernel(_average_normals, len(normals), adjacency_ptr, neighbours, stops, before, normals, threads=threads)
+        run_kernel(_average_normals, len(normals), adjacency_ptr, neighbours, stops, before, normals)
     return normals
 
 

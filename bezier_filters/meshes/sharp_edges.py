@@ -65,7 +65,7 @@ def certainties(edges: MeshEdges, noise: float, angle: float = SHARP) -> FloatAr
     return np.asarray(ndtr((edges.angles - angle) / deviations), dtype=np.float64)
 
 
-def may_have_sharp_edges(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> bool:
+def may_have_sharp_edges(mesh: TriangleMesh, adjacency: Adjacency) -> bool:
     """Whether the surface turns anywhere as quickly as at a sharp edge, which is soon told, with noise or without.
 
     >>> from bezier_filters.meshes.adjacency import vertex_adjacency
@@ -76,10 +76,10 @@ def may_have_sharp_edges(mesh: TriangleMesh, adjacency: Adjacency, *, threads: i
     >>> [may_have_sharp_edges(mesh, vertex_adjacency(mesh)) for mesh in meshes]
     [True, False]
     """
-    rows, normals = adjacency.vertices, tangent_planes(mesh, adjacency, threads=threads).normals
+    rows, normals = adjacency.vertices, tangent_planes(mesh, adjacency).normals
     nowhere = np.zeros(mesh.vertex_count, dtype=np.bool_)
     for _ in range(2):
-        normals = steady_normals(normals, rows.indptr, rows.indices, nowhere, threads=threads)
+        normals = steady_normals(normals, rows.indptr, rows.indices, nowhere)
     return bool(_turns(rows.indptr, rows.indices, normals, cos(STEEP)))
 
 
@@ -172,9 +172,7 @@ def _turn(vertices: FloatArray, i: int, j: int, k: int) -> float:
     return float(product / np.sqrt(max(first * second, 1e-300)))
 
 
-def sharp_edge_vertices(
-    mesh: TriangleMesh, adjacency: Adjacency, planes: TangentPlanes, *, threads: int = 1
-) -> BoolArray:
+def sharp_edge_vertices(mesh: TriangleMesh, adjacency: Adjacency, planes: TangentPlanes) -> BoolArray:
     """Vertices (n,) with two sharp edges or more: those inside one or at a corner, not where one ends."""
     result = np.zeros(mesh.vertex_count, dtype=np.bool_)
     candidates = np.flatnonzero(planes.safe_cosine >= NARROW_CONE).astype(np.int32)
@@ -185,7 +183,7 @@ def sharp_edge_vertices(
         cosines = np.empty(MOST_EDGES)
         return lambda start, stop: _find_sharp_vertices(arrays, candidates[start:stop], cosines, result)
 
-    run_in_chunks(make_task, len(candidates), threads=threads)
+    run_in_chunks(make_task, len(candidates))
     return result
 
 

@@ -36,10 +36,10 @@ class Grid:
         """Number of cells."""
         return 1 << 3 * self.bits
 
-    def cells(self, vertices: FloatArray, *, threads: int = 1) -> IntArray:
+    def cells(self, vertices: FloatArray) -> IntArray:
         """Numbers of the cells along the curve that vertices (n, 3) lie in, (n,) int32."""
         result = np.empty(len(vertices), dtype=np.int32)
-        run_kernel(_find_cells, len(vertices), vertices, self.low, self.scale, self.bits, result, threads=threads)
+        run_kernel(_find_cells, len(vertices), vertices, self.low, self.scale, self.bits, result)
         return result
 
 
@@ -64,7 +64,7 @@ class SpatialOrder:
         return result
 
 
-def with_near_neighbours(mesh: TriangleMesh, *, threads: int = 1) -> SpatialOrder:
+def with_near_neighbours(mesh: TriangleMesh) -> SpatialOrder:
     """The mesh as it is, unless many neighbours are far from each other in memory; then level by level from an end.
 
     The order in which scanners and programs write vertices is as good as any, that of subdivision is not. For means
@@ -73,7 +73,7 @@ def with_near_neighbours(mesh: TriangleMesh, *, threads: int = 1) -> SpatialOrde
     n, corners = mesh.vertex_count, mesh.faces
     if not mesh.face_count or (np.abs(corners[:, 0] - corners[:, 1]) > FAR).mean() <= MOST_FAR:
         return SpatialOrder(mesh, np.arange(n, dtype=np.int32))
-    rows = vertex_adjacency(mesh, threads=threads).vertices
+    rows = vertex_adjacency(mesh).vertices
     graph = csr_array((np.ones(len(rows.indices), dtype=np.int8), rows.indices, rows.indptr), shape=(n, n))
     order = reverse_cuthill_mckee(graph, symmetric_mode=True).astype(np.int32)
     rank = np.empty(n, dtype=np.int32)
@@ -82,7 +82,7 @@ def with_near_neighbours(mesh: TriangleMesh, *, threads: int = 1) -> SpatialOrde
     return SpatialOrder(TriangleMesh(mesh.vertices[order], faces[np.argsort(faces[:, 0], kind="stable")]), order)
 
 
-def in_spatial_order(mesh: TriangleMesh, *, threads: int = 1) -> SpatialOrder:
+def in_spatial_order(mesh: TriangleMesh) -> SpatialOrder:
     """Renumber vertices, and sort faces alike.
 
     Vertices of one cell keep their order.
@@ -92,15 +92,15 @@ def in_spatial_order(mesh: TriangleMesh, *, threads: int = 1) -> SpatialOrder:
     widen_bounds(mesh.vertices, low, high)
     grid = grid_around(low, high, n)
     order, rank = np.empty(n, dtype=np.int32), np.empty(n, dtype=np.int32)  # not one block: only the order is kept
-    cells = grid.cells(mesh.vertices, threads=threads)
+    cells = grid.cells(mesh.vertices)
     ends = np.zeros(grid.cell_count + 1, dtype=np.int32)
     _sort_by_cell(cells, ends, order)
     vertices, faces = np.empty_like(mesh.vertices), np.empty_like(mesh.faces)
-    run_kernel(_move_vertices, n, mesh.vertices, order, rank, vertices, threads=threads)
+    run_kernel(_move_vertices, n, mesh.vertices, order, rank, vertices)
     ends[:] = 0
     face_order = np.empty(m, dtype=np.int32)
     _sort_by_cell(cells[mesh.faces[:, 0]], ends, face_order)
-    run_kernel(_move_faces, m, mesh.faces, face_order, rank, faces, threads=threads)
+    run_kernel(_move_faces, m, mesh.faces, face_order, rank, faces)
     return SpatialOrder(TriangleMesh(vertices, faces), order)
 
 

@@ -1,1 +1,1 @@
-"""How things are run: compiled code, threads, processes, files written whole."""
+"""How things are run: compiled code, processes, files written whole."""

@@ -9,10 +9,11 @@ import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
-from functools import cache, partial
+from contextvars import ContextVar
+from functools import cache, partial, wraps
 from numbers import Integral
 from threading import Lock
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 from bezier_filters.errors import CancelledError, InvalidParameterError
 
@@ -21,52 +22,79 @@ Progress = Callable[[int, int], bool | None]
 
 RangeTask = Callable[[int, int], object]  # ``task(start, stop)`` computes a range of vertices
 
+Parameters = ParamSpec("Parameters")
+Result = TypeVar("Result")
+
 THREADS_VARIABLE = "BEZIER_FILTERS_THREADS"
 # vertices per chunk, at least and at most; in between so that each thread has about so many chunks
 CHUNK, LONGEST, PER_THREAD = 4096, 16384, 32
 MOST_THREADS = 256  # beside the calling one
+_threads: ContextVar[int | None] = ContextVar("threads", default=None)  # of the call under way
 _lock, _limits = Lock(), list[Any]()  # of the calls under way, the first of which limits the threads of BLAS
 
 
-def thread_count(threads: int | None) -> int:
-    """Threads to use: the argument, else BEZIER_FILTERS_THREADS, else all usable cores."""
+def on_threads(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """Let the loops of a public function run on as many threads as its argument `threads` says, matrices on one."""
+
+    @wraps(function)
+    def run(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
+        threads: Any = kwargs.get("threads")
+        with use_threads(threads), one_thread_for_matrices():
+            return function(*args, **kwargs)
+
+    return run
+
+
+@contextmanager
+def use_threads(threads: int | None = None) -> Iterator[None]:
+    """Let loops inside the block run on so many threads, by default on those of a block around, or `usable_threads`."""
     if threads is None:
-        text = os.environ.get(THREADS_VARIABLE)
-        if text is None:
-            return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-        if not text.isdecimal() or int(text) < 1:
-            raise InvalidParameterError(f"{THREADS_VARIABLE}: got {text!r}, expected a positive integer")
-        return int(text)
-    if not isinstance(threads, Integral) or threads < 1:
+        threads = _threads.get() or usable_threads()
+    elif not isinstance(threads, Integral) or threads < 1:
         raise InvalidParameterError(f"threads: got {threads!r}, expected 1 or more, or None for all cores")
-    return threads
+    token = _threads.set(threads)
+    try:
+        yield
+    finally:
+        _threads.reset(token)
+
+
+def thread_count() -> int:
+    """Threads that loops run on: those of the innermost block of `use_threads`, and 1 without any."""
+    return _threads.get() or 1
+
+
+def usable_threads() -> int:
+    """BEZIER_FILTERS_THREADS, else all usable cores."""
+    text = os.environ.get(THREADS_VARIABLE)
+    if text is None:
+        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if not text.isdecimal() or int(text) < 1:
+        raise InvalidParameterError(f"{THREADS_VARIABLE}: got {text!r}, expected a positive integer")
+    return int(text)
 
 
 def run_kernel(
     kernel: Callable[..., object],
     total: int,
     *arguments: object,
-    threads: int,
     progress: Progress | None = None,
     chunk: int | None = None,
 ) -> None:
     """Cover range(total) with calls ``kernel(*arguments, start, stop)``, for what needs no work space of its own."""
-    run_in_chunks(lambda: partial(kernel, *arguments), total, threads=threads, progress=progress, chunk=chunk)
+    run_in_chunks(lambda: partial(kernel, *arguments), total, progress=progress, chunk=chunk)
 
 
 def run_in_chunks(
-    make_task: Callable[[], RangeTask],
-    total: int,
-    *,
-    threads: int,
-    progress: Progress | None = None,
-    chunk: int | None = None,
+    make_task: Callable[[], RangeTask], total: int, *, progress: Progress | None = None, chunk: int | None = None
 ) -> None:
     """Cover range(total) with chunks, long enough to hide the call, short enough to share and to cancel.
 
-    `make_task` is called once per thread, the calling one being the first: a task may own work space. The progress is
-    told in the calling thread after each of its chunks; if that cancels, chunks under way are finished first.
+    `make_task` is called once per thread, the calling one being the first: a task may own work space. Loops of a task
+    run on one thread, unless it is the only one. The progress is told in the calling thread after each of its chunks;
+    if that cancels, chunks under way are finished first.
     """
+    threads = thread_count()
     chunk = chunk or max(CHUNK, min(total // (PER_THREAD * threads), LONGEST))
     starts = iter(range(0, total, chunk))  # next() on an iterator of ints is atomic: the threads share it
     threads = max(1, min(threads, -(-total // chunk)))
@@ -88,9 +116,10 @@ def run_in_chunks(
     if threads == 1:
         work(0, make_task())
         return
-    helpers = [_pool().submit(work, thread, make_task()) for thread in range(1, threads)]
+    work_beside = use_threads(1)(work)
+    helpers = [_pool().submit(work_beside, thread, make_task()) for thread in range(1, threads)]
     try:
-        work(0, make_task())
+        work_beside(0, make_task())
     finally:
         # those that have not begun are not needed any more: threads may all be at work for others, or for the caller
         begun = [helper for helper in helpers if not helper.cancel()]

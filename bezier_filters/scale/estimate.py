@@ -133,7 +133,7 @@ def estimate_file(
     row_size = 3 * opened.dtype.itemsize + 8 * (len(chosen) + bool(chosen_quality))
     with file_run(opened, target, how, row_size=row_size, in_store=row_size) as run:
         with run.stages.stage("learn"):
-            fit = learn_fit(run.store, options, threads=run.workers)
+            fit = learn_fit(run.store, options)
         with run.stages.stage("start"):
             link = dashboard(run.cluster.ready())
         job = partial(estimate_tile, run.store, fit, creases, chosen_quality, chosen)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from bezier_filters.arrays import BoolArray, IntArray
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.jit import jit
+from bezier_filters.runtime.parallel import thread_count
 from bezier_filters.scale.store import Store
 
 FAR = 2**31 - 1  # layer of what was not reached: no number of rings comes near it
@@ -99,11 +100,11 @@ def _nearest_layers(faces: IntArray, bits: int, slots: IntArray, layer_of: IntAr
             nearest[f] = min(nearest[f], layer_of[(slots[i >> bits] << bits) + (i & (1 << bits) - 1)])
 
 
-def part_around_samples(store: Store, samples: IntArray, rings: int, *, threads: int = 1) -> Part:
+def part_around_samples(store: Store, samples: IntArray, rings: int) -> Part:
     """The same for vertices from all over the mesh, which are read some at a time."""
     samples = np.unique(samples)
     groups = [samples[k : k + GROUP] for k in range(0, max(len(samples), 1), GROUP)]
-    with ThreadPoolExecutor(threads) as pool:
+    with ThreadPoolExecutor(thread_count()) as pool:
         return _together(list(pool.map(lambda group: part_around(store, group, rings), groups)))
 
 

@@ -78,42 +78,42 @@ class FitOptions:
         return self.checked()[1] is None
 
 
-def learn_fit(store: Store, options: FitOptions, *, threads: int = 1) -> SurfaceFit:
+def learn_fit(store: Store, options: FitOptions) -> SurfaceFit:
     """Choose how to fit a mesh: what `estimate_vertex_geometry` chooses for it in memory."""
     rings, fixed, degrees = options.checked()
-    learn = partial(_learn_surface, store, options, threads)
+    learn = partial(_learn_surface, store, options)
     fit, learned = choose_fit(learn, rings, fixed, degrees, options.robust, options.noise, options.detail)
     if learned is None:
         return fit
     drawn = _draw(store, LOOKED_AT)
     known = np.union1d(learned.centers, drawn)
-    arrays, _, local = _fitted_around(store, options, threads, known, _widest(fit.attempts), fit.steady)
+    arrays, _, local = _fitted_around(store, options, known, _widest(fit.attempts), fit.steady)
     geometry = empty_geometry(len(arrays.vertices))
-    fit_with_fallbacks(arrays, local, fit.attempts, geometry, robust=fit.robust, threads=threads)
+    fit_with_fallbacks(arrays, local, fit.attempts, geometry, robust=fit.robust)
     features = first_features(geometry, local)
 
     def sample(centers: IntArray, rings: int) -> NeighbourhoodSample:
-        return _sample_at(store, options, threads, centers, rings, fit.steady)
+        return _sample_at(store, options, centers, rings, fit.steady)
 
     places = Places(drawn, lambda centers: features[np.searchsorted(known, centers)], sample)
-    return with_parts(fit, learned, places, threads=threads)
+    return with_parts(fit, learned, places)
 
 
-def learn_noise(store: Store, *, threads: int = 1) -> NoiseModel | None:
+def learn_noise(store: Store) -> NoiseModel | None:
     """The noise of a mesh along the normal; None if it is too small to learn it."""
-    _, leaf = learn_without_outliers(partial(_learn_surface, store, FitOptions(), threads), Choices(only_noise=True))
+    _, leaf = learn_without_outliers(partial(_learn_surface, store, FitOptions()), Choices(only_noise=True))
     return None if leaf is None else leaf.surface.noise
 
 
 def _learn_surface(
-    store: Store, options: FitOptions, threads: int, choices: Choices, without: bool
+    store: Store, options: FitOptions, choices: Choices, without: bool
 ) -> tuple[list[RingAnalysis], Leaf | None]:
     """What is learned of a mesh in memory, as it is or without its outliers."""
 
     def sample(rings: int, count: int, steady: bool) -> NeighbourhoodSample:
-        return _sample_at(store, options, threads, _draw(store, count), rings, steady, without)
+        return _sample_at(store, options, _draw(store, count), rings, steady, without)
 
-    return learn_from_samples(sample, store.layout.vertex_count, choices, threads=threads)
+    return learn_from_samples(sample, store.layout.vertex_count, choices)
 
 
 def rings_needed(fit: SurfaceFit) -> int:
@@ -139,25 +139,25 @@ def _draw(store: Store, count: int) -> IntArray:
 
 
 def _sample_at(
-    store: Store, options: FitOptions, threads: int, centers: IntArray, rings: int, steady: bool, without: bool = False
+    store: Store, options: FitOptions, centers: IntArray, rings: int, steady: bool, without: bool = False
 ) -> NeighbourhoodSample:
     """The neighbourhoods of some vertices."""
-    around = _fitted_around(store, options, threads, centers, rings, steady, without)
-    sample = sample_neighbourhoods(*around, rings=rings, most_turned=MOST_TURNED, threads=threads)
+    around = _fitted_around(store, options, centers, rings, steady, without)
+    sample = sample_neighbourhoods(*around, rings=rings, most_turned=MOST_TURNED)
     return sample._replace(centers=centers)
 
 
 def _fitted_around(
-    store: Store, options: FitOptions, threads: int, centers: IntArray, rings: int, steady: bool, without: bool = False
+    store: Store, options: FitOptions, centers: IntArray, rings: int, steady: bool, without: bool = False
 ) -> tuple[KernelMesh, Adjacency, IntArray]:
     """What is around some vertices, with or without its outliers, ready to be fitted, and their numbers there."""
     reach = rings + CREASE_RINGS + (OUTLIER_REACH if without else 0) + (STEADY_ROUNDS if steady else 0)
-    part = part_around_samples(store, centers, reach, threads=threads)
-    arrays, adjacency = fitted_mesh(part.mesh, creases=options.creases, threads=threads)
+    part = part_around_samples(store, centers, reach)
+    arrays, adjacency = fitted_mesh(part.mesh, creases=options.creases)
     if without:
-        arrays = without_outliers(arrays, threads=threads)
+        arrays = without_outliers(arrays)
     if steady:
-        arrays = with_steady_normals(arrays, threads=threads)
+        arrays = with_steady_normals(arrays)
     return arrays, adjacency, part.local(centers)
 
 
@@ -176,13 +176,13 @@ def _with_normals(store: Store) -> Population:
     return Population(len(numbers), lambda chosen: _ranks(store, numbers[chosen]))
 
 
-def sampled_parts_of(store: Store, around: Sequence[int] = (), *, threads: int = 1) -> MeshPart:
+def sampled_parts_of(store: Store, around: Sequence[int] = ()) -> MeshPart:
     """The same parts as `smoothing.mesh_parts` finds in memory; vertices are those of the source."""
     n = store.layout.vertex_count
     samples = sampled_vertices(n, around, partial(_grown, store))
     ids, mesh = in_source_order(store, part_around(store, np.sort(_ranks(store, samples[0])), 1))
-    numbers, adjacency = store.sources(ids), vertex_adjacency(mesh, threads=threads)
-    return mesh_part(mesh, adjacency, numbers, samples, n, threads)
+    numbers, adjacency = store.sources(ids), vertex_adjacency(mesh)
+    return mesh_part(mesh, adjacency, numbers, samples, n)
 
 
 def _grown(store: Store, seed: int) -> IntArray:

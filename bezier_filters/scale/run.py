@@ -19,7 +19,7 @@ import numpy as np
 from bezier_filters._version import __version__
 from bezier_filters.arrays import FloatArray, Report
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.runtime.parallel import Progress, thread_count
+from bezier_filters.runtime.parallel import Progress, thread_count, use_threads
 from bezier_filters.scale.array_file import Values
 from bezier_filters.scale.scheduling import Scheduler, Workers, run_tasks, running
 from bezier_filters.scale.source import MeshSource
@@ -78,6 +78,7 @@ class Stages:
         self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
 
 
+@use_threads(1)
 def run_tile(folder: Path, compute: TileTask, tile: int) -> int:
     """What workers do: compute the results of a tile and write them to a folder; its number."""
     start = time.perf_counter()
@@ -148,7 +149,7 @@ class Run:
         """Join the results of all tiles in the target; the workers may end."""
         self.cluster.release()
         with self.stages.stage("write") as progress:
-            write_joined(self.target, self.source, self.store, tiles, threads=self.workers, progress=progress)
+            write_joined(self.target, self.source, self.store, tiles, progress=progress)
 
     def report(self) -> Report:
         """What is told of files, tiles, time and memory."""
@@ -183,21 +184,22 @@ def file_run(
     if options.workers is not None and options.workers < 1:
         raise InvalidParameterError(f"workers: got {options.workers}, expected 1 or more, or None for all cores")
     tile_size(options)  # refused at once if there cannot be any
-    workers, stages = options.workers or thread_count(None), Stages(options.progress)
+    stages = Stages(options.progress)
     folder = Path(options.store if options.store is not None else f"{os.fspath(target)}.tiles").absolute()
     if not options.resume:
         check_room(source, folder, Path(target), row_size, in_store)
-    with running(options.scheduler, workers=workers, memory_limit=options.memory_limit) as cluster:
+    with (
+        use_threads(options.workers),
+        running(options.scheduler, workers=thread_count(), memory_limit=options.memory_limit) as cluster,
+    ):
         with stages.stage("sort") as progress:
-            store = _opened_store(source, folder, options, workers, progress)
-        yield Run(source, target, store, cluster, stages, workers)
+            store = _opened_store(source, folder, options, progress)
+        yield Run(source, target, store, cluster, stages, thread_count())
     if not options.keep_store and (folder / MARK).is_file():
         shutil.rmtree(folder)
 
 
-def _opened_store(
-    source: MeshSource, folder: Path, options: RunOptions, threads: int, progress: Progress | None
-) -> Store:
+def _opened_store(source: MeshSource, folder: Path, options: RunOptions, progress: Progress | None) -> Store:
     """The store of an earlier run, with its tiles, if it is to be resumed and is complete, or else a new one."""
     ours = (folder / MARK).is_file()
     if folder.exists() and not (ours and options.resume) and (not folder.is_dir() or any(folder.iterdir())):
@@ -217,7 +219,7 @@ def _opened_store(
         shutil.rmtree(folder)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / MARK).touch()
-    return build_store(source, folder, wanted, threads=threads, progress=progress)
+    return build_store(source, folder, wanted, progress=progress)
 
 
 def tile_size(options: RunOptions) -> int:

@@ -181,8 +181,8 @@ def _automatic(
             if is_first and mesh.layout.face_count > 0 and not done.sums("incoherent")[0]:
                 components = unite_components(mesh, done.tiles)
             with run.stages.stage("learn"):
-                parts = sampled_parts_of(current, around, threads=run.workers)
-                learned = learn_plan(parts, here, borders, detail, relax, threads=run.workers)
+                parts = sampled_parts_of(current, around)
+                learned = learn_plan(parts, here, borders, detail, relax)
                 plan = None if learned is None else learned[0]
             is_last = step + 1 == iterations
             job = partial(smooth_tile, mesh, current, plan, borders == "fixed", components if is_last else None)
@@ -190,7 +190,7 @@ def _automatic(
             current, done = _moved(run, "smooth", folder, job)
             if given is None:
                 with run.stages.stage("learn"):
-                    impulses, before = _impulses_left(measured, current, impulses, before, run.workers)
+                    impulses, before = _impulses_left(measured, current, impulses, before)
             if impulses is None or k == MOST_ROUNDS:
                 break
             corrected = partial(correct_tile, measured, current, impulses)
@@ -229,7 +229,7 @@ def _noise_of(run: Run, store: Store, sigma: float | None = None) -> NoiseModel 
     if sigma == 0.0:
         return NoiseModel(0.0)
     with run.stages.stage("learn"):
-        learned = learn_noise(store, threads=run.workers)
+        learned = learn_noise(store)
     return learned if sigma is None else known_noise(learned, sigma)
 
 
@@ -250,17 +250,17 @@ def _without_outliers(
 
 
 def _impulses_left(
-    measured: Store, smoothed: Store, impulses: Impulses | None, before: FloatArray, threads: int
+    measured: Store, smoothed: Store, impulses: Impulses | None, before: FloatArray
 ) -> tuple[Impulses | None, FloatArray]:
     """What `denoised` learns of impulses after a round, unless that has changed next to nothing, and from what points.
 
     Given are the impulses and the points of the round before.
     """
-    parts = sampled_parts_of(smoothed, threads=threads)
+    parts = sampled_parts_of(smoothed)
     points = parts.mesh.vertices
     if impulses is not None and has_settled(before, points, impulses):
         return None, points
-    return learn_impulses(sampled_parts_of(measured, threads=threads).mesh.vertices, parts), points
+    return learn_impulses(sampled_parts_of(measured).mesh.vertices, parts), points
 
 
 def _moved(run: Run, stage: str, folder: Path, move: TileTask) -> tuple[Store, Round]:
@@ -414,7 +414,7 @@ def _onto_patches(run: Run, iterations: int, options: FitOptions) -> Report:
     for step in range(iterations):
         results = run.results({"quantity": "patches", "options": asdict(options), "step": step})
         with run.stages.stage("learn"):
-            fit = learn_fit(current, options, threads=run.workers)
+            fit = learn_fit(current, options)
         move = partial(move_tile, run.store, current, fit, options.creases)
         current, done = _moved(run, f"step {step + 1}", results, move)
     run.write(done.tiles)

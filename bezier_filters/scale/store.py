@@ -133,9 +133,7 @@ def open_store(folder: Path, fingerprint: Fingerprint) -> Store:
     return Store(folder, layout, ArrayFile(folder / VERTICES, np.dtype((layout.dtype, 3)), layout.vertex_count))
 
 
-def build_store(
-    source: MeshSource, folder: Path, tile_vertices: int, *, threads: int = 1, progress: Progress | None = None
-) -> Store:
+def build_store(source: MeshSource, folder: Path, tile_vertices: int, *, progress: Progress | None = None) -> Store:
     """Make a mesh ready for tiles, in an empty folder; refused if a coordinate is not finite, or a face no triangle."""
     n, m = source.vertex_count, source.face_count
     passes = _Passes(3 * n + 2 * m, progress)
@@ -144,7 +142,7 @@ def build_store(
     layout = Layout(n, m, source.dtype.str, bits, 0, grid.low.tolist(), grid.scale, grid.bits)
     layout = replace(layout, tile_vertices=layout.in_whole_blocks(tile_vertices))
     store = Store(folder, layout, ArrayFile(folder / VERTICES, np.dtype((source.dtype, 3)), n).allocated())
-    _sort_vertices(source, store, threads, passes)
+    _sort_vertices(source, store, passes)
     _sort_faces(source, store, passes)
     sizes = {name: (folder / name).stat().st_size for name in FILES}
     manifest = {"format": FORMAT, "source": source.fingerprint(), "sizes": sizes, "layout": vars(layout)}
@@ -185,19 +183,19 @@ def _grid(source: MeshSource, passes: _Passes) -> Grid:
     return grid_around(low, high, source.vertex_count)
 
 
-def _sort_vertices(source: MeshSource, store: Store, threads: int, passes: _Passes) -> None:
+def _sort_vertices(source: MeshSource, store: Store, passes: _Passes) -> None:
     """Write coordinates and numbers of the vertices in their new order, and their new places."""
     n, grid = source.vertex_count, store.layout.grid
     ends = np.zeros(grid.cell_count + 1, dtype=np.int32)
     for start, stop in passes.chunks(n):
-        cells = grid.cells(source.vertices(start, stop).astype(np.float64), threads=threads)
+        cells = grid.cells(source.vertices(start, stop).astype(np.float64))
         np.add.at(ends[1:], cells, np.int32(1))  # far faster than with a number of another type
     np.cumsum(ends, out=ends)
     order = store.order.allocated()
     with open(store.rank.path, "wb") as stream:
         for start, stop in passes.chunks(n):
             vertices, places = source.vertices(start, stop), np.empty(stop - start, dtype=np.int32)
-            cells = grid.cells(vertices.astype(np.float64), threads=threads)
+            cells = grid.cells(vertices.astype(np.float64))
             _place(cells, ends, start, places, order.mapped("r+"))
             store.vertices.mapped("r+")[places] = vertices
             places.tofile(stream)

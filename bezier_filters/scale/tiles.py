@@ -16,7 +16,7 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import FieldFileError
 from bezier_filters.files.mesh_headers import TRIPLE
 from bezier_filters.runtime.atomic import atomic_write
-from bezier_filters.runtime.parallel import Progress, report
+from bezier_filters.runtime.parallel import Progress, report, thread_count
 from bezier_filters.scale.array_file import DType, Values, load_array
 from bezier_filters.scale.source import MeshSource
 from bezier_filters.scale.store import Store
@@ -123,12 +123,12 @@ def write_joined(
     store: Store,
     tiles: Sequence[Tile],
     *,
-    threads: int = 1,
     progress: Progress | None = None,
 ) -> None:
     """Write a binary PLY file with the rows of all tiles, in order, as vertices, and the faces of the source."""
     n, m = source.vertex_count, source.face_count
     dtype = tiles[0].rows().dtype
+    threads = thread_count()
     with atomic_write(Path(path)) as temporary, open(temporary, "wb") as stream, ThreadPoolExecutor(threads) as pool:
         stream.write(ply_head(dtype, n, m))
         done, together = 0, threads * ROWS

@@ -78,32 +78,24 @@ def low_pass_series(strengths: FloatArray, bound: float, order: int = ORDER) -> 
 
 
 def low_pass(
-    laplacian: Laplacian,
-    signals: Signals,
-    strengths: FloatArray,
-    shares: SingleArray | None = None,
-    order: int = ORDER,
-    *,
-    threads: int = 1,
+    laplacian: Laplacian, signals: Signals, strengths: FloatArray, shares: SingleArray | None = None, order: int = ORDER
 ) -> Signals:
     """Signals (n, c) filtered by mixtures, with shares (n, s), of filters of some strengths and one order.
 
     Without shares there is one filter only.
     """
-    return _filtered(laplacian, signals, low_pass_series(strengths, laplacian.bound, order), shares, threads)
+    return _filtered(laplacian, signals, low_pass_series(strengths, laplacian.bound, order), shares)
 
 
-def diffuse(laplacian: Laplacian, signals: FloatArray, time: float, *, threads: int = 1) -> FloatArray:
+def diffuse(laplacian: Laplacian, signals: FloatArray, time: float) -> FloatArray:
     """Signals (n, c) after heat flow, exp(-time L): means over the surroundings, some `time` edges squared wide."""
     bound = laplacian.bound
     terms = 8 + int(np.ceil(2.0 * np.sqrt(time * bound)))
     rows = coefficients(lambda x: -np.expm1(-time * x[:, np.newaxis]) / x[:, np.newaxis], bound, terms)
-    return _filtered(laplacian, signals, rows, None, threads)
+    return _filtered(laplacian, signals, rows, None)
 
 
-def _filtered(
-    laplacian: Laplacian, signals: Signals, series: FloatArray, shares: SingleArray | None, threads: int
-) -> Signals:
+def _filtered(laplacian: Laplacian, signals: Signals, series: FloatArray, shares: SingleArray | None) -> Signals:
     """Signals without what filters, given by series (terms, s) and mixed by shares, take off: four columns at a time.
 
     These are filled up with zeros.
@@ -115,7 +107,7 @@ def _filtered(
         count = min(SIDE_BY_SIDE, signals.shape[1] - first)
         group[:, :count] = signals[:, first : first + count]
         taken = np.zeros(group.shape, dtype=np.float32)
-        _run(laplacian, group, series, _advance_and_mix, (mixture, taken), threads)
+        _run(laplacian, group, series, _advance_and_mix, (mixture, taken))
         result[:, first : first + count] -= taken[:, :count]
     return result
 
@@ -127,15 +119,13 @@ def add_heights(
     directions: SingleArray,
     sums: SingleArray,
     products: SingleArray,
-    *,
-    threads: int = 1,
 ) -> None:
     """Add components of what each of the filters, given by series (terms, s), takes off four signals.
 
     `sums` (n, s) get the first three signals times the first three columns of `directions` (n, 4), `products` (n, s)
     the fourth times the fourth.
     """
-    _run(laplacian, signals, series, _advance_and_measure, (directions, sums, products), threads)
+    _run(laplacian, signals, series, _advance_and_measure, (directions, sums, products))
 
 
 def _run(
@@ -144,14 +134,13 @@ def _run(
     series: FloatArray,
     kernel: Callable[..., None],
     arrays: tuple[SingleArray, ...],
-    threads: int,
 ) -> None:
     """Go through T_0, T_1, ... of A = 2 L / bound - 1; a kernel does what is to be done with two of them at a time.
 
     What the filters make of them is as large as the signals times the filters: it is passed over every other step.
     """
     before, current = np.zeros((2, *signals.shape), dtype=np.float32)
-    run = partial(run_kernel, threads=threads, chunk=LONGEST)  # to wake a thread takes as long as 4,000 vertices
+    run = partial(run_kernel, chunk=LONGEST)  # to wake a thread takes as long as 4,000 vertices
     run(_differences, len(signals), laplacian, signals, current)
     scale = np.float32(2.0 / laplacian.bound)
     rows = np.zeros((len(series) + len(series) % 2, series.shape[1]), dtype=np.float32)  # in pairs

@@ -44,21 +44,21 @@ class Clusters:
         sums = [np.bincount(self.of_vertex, column, len(self.sizes)) for column in columns]
         return np.column_stack(sums) / self.sizes[:, np.newaxis]
 
-    def diffuse(self, values: FloatArray, *, threads: int = 1) -> FloatArray:
+    def diffuse(self, values: FloatArray) -> FloatArray:
         """Values on clusters (k, c), averaged over their `SURROUNDINGS`."""
-        return diffuse(self.laplacian, values, SURROUNDINGS * self.pace, threads=threads)
+        return diffuse(self.laplacian, values, SURROUNDINGS * self.pace)
 
-    def at_vertices(self, values: FloatArray, *, threads: int = 1) -> SingleArray:
+    def at_vertices(self, values: FloatArray) -> SingleArray:
         """Values on clusters (k, c) as means over each vertex and its neighbours, (n, c)."""
         single, rows = values.astype(np.float32), self.adjacency.vertices
         result = np.zeros((len(self.of_vertex), values.shape[1]), dtype=np.float32)
         of_mesh = rows.indptr, rows.indices, self.of_vertex
-        run_kernel(_spread, len(result), *of_mesh, single, result, threads=threads)
+        run_kernel(_spread, len(result), *of_mesh, single, result)
         return result
 
-    def around(self, columns: Iterable[RealArray], *, threads: int = 1) -> SingleArray:
+    def around(self, columns: Iterable[RealArray]) -> SingleArray:
         """Columns of values at vertices, each (n,), averaged over their `SURROUNDINGS`, (n, c)."""
-        return self.at_vertices(self.diffuse(self.means(columns), threads=threads), threads=threads)
+        return self.at_vertices(self.diffuse(self.means(columns)))
 
 
 def clusters_of(part: MeshPart, pace: float | None = None) -> Clusters:

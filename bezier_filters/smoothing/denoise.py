@@ -111,7 +111,6 @@ def remove_noise(
     detail: float | None = None,
     relax: bool = False,
     *,
-    threads: int = 1,
     progress: Progress | None = None,
 ) -> Denoised:
     """Take the noise off a mesh in memory: learn a plan from parts of it, and denoise all of it.
@@ -122,18 +121,18 @@ def remove_noise(
     whole, around, clusters = whole_mesh(mesh, adjacency), tuple[int, ...](), None
     if mesh.vertex_count > LARGEST_WHOLE and noise.sigma > 0.0:
         clusters = clusters_of(whole, PACE)
-        around = (int(roughest(roughness(whole, noise.sigma, clusters, threads=threads), whole.ids)[0]),)
-    parts = sampled_parts(mesh, adjacency, around, threads=threads)
+        around = (int(roughest(roughness(whole, noise.sigma, clusters), whole.ids)[0]),)
+    parts = sampled_parts(mesh, adjacency, around)
     is_whole = parts.mesh is mesh
     shown = progress if is_whole else None
-    learned = learn_plan(parts, noise, borders, detail, relax, threads=threads, progress=shown)
+    learned = learn_plan(parts, noise, borders, detail, relax, progress=shown)
     if learned is None:
         return Denoised(mesh.vertices.copy(), np.zeros(mesh.vertex_count))
     plan, result = learned
     if is_whole:
         return result
     del parts, learned, result  # for large meshes, memory counts
-    return denoise(whole, plan, clusters, threads=threads, progress=progress)
+    return denoise(whole, plan, clusters, progress=progress)
 
 
 def learn_plan(
@@ -143,7 +142,6 @@ def learn_plan(
     detail: float | None = None,
     relax: bool = False,
     *,
-    threads: int = 1,
     progress: Progress | None = None,
 ) -> tuple[SmoothingPlan, Denoised] | None:
     """Learn what holds for a mesh as a whole, and what it makes of the parts; None if there is no noise to speak of.
@@ -151,7 +149,7 @@ def learn_plan(
     One of the parts should be around the roughest place of the mesh, see `roughness`. The others are as for
     `remove_noise`.
     """
-    vertices, unit = parts.mesh.vertices, mean_edge(parts.mesh, parts.adjacency, threads=threads)
+    vertices, unit = parts.mesh.vertices, mean_edge(parts.mesh, parts.adjacency)
     sigma = noise.sigma
     if not (sigma > LEAST_NOISE * unit and unit > 0.0):
         return None
@@ -160,19 +158,19 @@ def learn_plan(
         center = np.zeros(3)  # it is not so far from the origin that digits would be lost
     scale = float(2.0 ** -np.round(np.log2(unit)))  # single precision has few exponents
     part, sigma, unit = _normalised(parts, center, scale), sigma * scale, unit * scale
-    laplacian = umbrella_laplacian(part, "free", threads=threads)
+    laplacian = umbrella_laplacian(part, "free")
     correlation = Correlation.of(noise, unit / scale, part.ids, laplacian, parts.core)
     noisy = NoisyMesh(part, clusters_of(part), np.full(len(part.ids), sigma), correlation, laplacian)
-    levels, at_vertices = learn_noise_levels(noisy, laplacian, sigma, unit, given=noise.given, threads=threads)
+    levels, at_vertices = learn_noise_levels(noisy, laplacian, sigma, unit, given=noise.given)
     noisy = replace(noisy, sigma=at_vertices)
     report(progress, 1, STEPS)
     detail = None if detail is None else detail * scale
-    low_pass, filters = learn_low_pass(noisy, borders, unit, detail, threads=threads)
+    low_pass, filters = learn_low_pass(noisy, borders, unit, detail)
     # Filters of the normals do to hidden waves what a stronger low-pass filter does that may not be taken.
     stronger = STRENGTHS[low_pass.first + 1 : low_pass.first + 2]
     is_bounded = detail is not None and bool((stronger > strongest(detail / unit)).any())
     allowed = (SMOOTH,) if is_bounded else KINDS
-    others = candidates(noisy, filters, allowed, threads=threads, progress=progress)
+    others = candidates(noisy, filters, allowed, progress=progress)
     found, factor, clusters = [next(others)], 1.0, noisy.clusters
     risks = np.zeros((len(clusters.sizes), 1))
     for candidate in others:
@@ -180,7 +178,7 @@ def learn_plan(
         less_noise = noise_factor(_side_by_side(tried), parts.core)
         estimates = _side_by_side(tried, less_noise)
         overall = overall_risks(estimates, parts.core)
-        these = local_risks(clusters, estimates, overall, correlation.alike, threads=threads)
+        these = local_risks(clusters, estimates, overall, correlation.alike)
         if gain_of(clusters, these, -1) > GAIN:
             found, factor, risks = tried, less_noise, these
         elif candidate.kind > HINT:
@@ -190,22 +188,17 @@ def learn_plan(
     overall = overall_risks(_side_by_side(found, factor), parts.core)
     kinds = tuple(candidate.kind for candidate in found)
     mesh, adjacency = parts.mesh, parts.adjacency
-    result = _mixture(mesh, noisy, found, factor, overall, scale, threads)
+    result = _mixture(mesh, noisy, found, factor, overall, scale)
     sliding = Sliding.ALL
     if not relax:
-        sliding = sliding_of(parts, result.points, at_vertices / scale, threads=threads)
+        sliding = sliding_of(parts, result.points, at_vertices / scale)
     plan = SmoothingPlan(center, scale, clusters.pace, levels, low_pass, kinds, factor, overall, sliding)
     report(progress, STEPS, STEPS)
-    return plan, replace(result, points=held_back(mesh, adjacency, result.points, sliding, threads=threads))
+    return plan, replace(result, points=held_back(mesh, adjacency, result.points, sliding))
 
 
 def denoise(
-    part: MeshPart,
-    plan: SmoothingPlan,
-    clusters: Clusters | None = None,
-    *,
-    threads: int = 1,
-    progress: Progress | None = None,
+    part: MeshPart, plan: SmoothingPlan, clusters: Clusters | None = None, *, progress: Progress | None = None
 ) -> Denoised:
     """Take the noise off a mesh, or off a tile of it with `rings_around` what is wanted, by a plan of `learn_plan`.
 
@@ -213,17 +206,15 @@ def denoise(
     """
     scaled = _normalised(part, plan.center, plan.scale)
     clusters = replace(clusters or clusters_of(scaled, plan.cluster_pace), pace=plan.cluster_pace)
-    correlation, at_vertices = plan.noise.correlation, local_sigma(scaled, clusters, plan.noise, threads=threads)
-    laplacian = umbrella_laplacian(scaled, "free", threads=threads) if correlation.times else None
+    correlation, at_vertices = plan.noise.correlation, local_sigma(scaled, clusters, plan.noise)
+    laplacian = umbrella_laplacian(scaled, "free") if correlation.times else None
     noisy = NoisyMesh(scaled, clusters, at_vertices, correlation, laplacian)
     report(progress, 1, STEPS)
-    estimates = candidates(
-        noisy, fit_low_pass(noisy, plan.low_pass, threads=threads), plan.kinds, threads=threads, progress=progress
-    )
+    estimates = candidates(noisy, fit_low_pass(noisy, plan.low_pass), plan.kinds, progress=progress)
     found = list(estimates)
-    result = _mixture(part.mesh, noisy, found, plan.noise_factor, plan.overall, plan.scale, threads)
+    result = _mixture(part.mesh, noisy, found, plan.noise_factor, plan.overall, plan.scale)
     report(progress, STEPS, STEPS)
-    return replace(result, points=held_back(part.mesh, part.adjacency, result.points, plan.sliding, threads=threads))
+    return replace(result, points=held_back(part.mesh, part.adjacency, result.points, plan.sliding))
 
 
 def rings_around(plan: SmoothingPlan | None) -> int:
@@ -249,18 +240,12 @@ def _side_by_side(found: list[Candidate], factor: float = 1.0) -> Estimates:
 
 
 def _mixture(
-    mesh: TriangleMesh,
-    noisy: NoisyMesh,
-    found: list[Candidate],
-    factor: float,
-    overall: FloatArray,
-    scale: float,
-    threads: int,
+    mesh: TriangleMesh, noisy: NoisyMesh, found: list[Candidate], factor: float, overall: FloatArray, scale: float
 ) -> Denoised:
     """Estimates mixed by their risks around every vertex."""
     shares = np.ones((mesh.vertex_count, 1), dtype=np.float32)
     if len(found) > 1:
-        shares = shares_of(noisy, _side_by_side(found, factor), overall, threads)
+        shares = shares_of(noisy, _side_by_side(found, factor), overall)
     points = mesh.vertices.copy()
     for k, candidate in enumerate(found):
         points += shares[:, [k]] * (candidate.moves / np.float64(scale))  # which may be beyond single precision
@@ -268,7 +253,7 @@ def _mixture(
 
 
 def candidates(
-    noisy: NoisyMesh, filters: LowPass, kinds: Collection[int], *, threads: int = 1, progress: Progress | None = None
+    noisy: NoisyMesh, filters: LowPass, kinds: Collection[int], *, progress: Progress | None = None
 ) -> Iterator[Candidate]:
     """Estimates, ever sharper ones, of which the first is the low-pass filter's, and others as they are wanted.
 
@@ -276,19 +261,19 @@ def candidates(
     """
     part = noisy.part
     report(progress, 2, STEPS)
-    signs = noisy.probes(1, first=OTHER_SIGNS, threads=threads)[:, 0]
-    squares = noisy.mean_squares(signs[:, np.newaxis], threads=threads)
-    filtered = filters.apply(np.column_stack([part.mesh.vertices, signs]), threads=threads)
+    signs = noisy.probes(1, first=OTHER_SIGNS)[:, 0]
+    squares = noisy.mean_squares(signs[:, np.newaxis])
+    filtered = filters.apply(np.column_stack([part.mesh.vertices, signs]))
     leverages = (signs * filtered[:, 3] / squares).astype(np.float32)
     yield Candidate(SMOOTH, _moves(part.mesh, filtered[:, :3]), filters.residuals, leverages)
     del filtered, leverages  # for large meshes, memory counts
     sharp = {kind: FILTER_ROUNDS[kind] for kind in KINDS[GENTLE + 1 :] if kind in kinds}
     if GENTLE in kinds:
-        yield from _sharp(noisy, filters.weaker(), signs, squares, {GENTLE: 1}, GENTLE_TOLERANCE, threads, progress)
+        yield from _sharp(noisy, filters.weaker(), signs, squares, {GENTLE: 1}, GENTLE_TOLERANCE, progress)
     if sharp:
-        umbrella = umbrella_laplacian(part, filters.borders, threads=threads)
+        umbrella = umbrella_laplacian(part, filters.borders)
         filters = filters.weak(umbrella)
-        yield from _sharp(noisy, filters, signs, squares, sharp, SHARP_TOLERANCE, threads, progress)
+        yield from _sharp(noisy, filters, signs, squares, sharp, SHARP_TOLERANCE, progress)
 
 
 def _sharp(
@@ -298,26 +283,25 @@ def _sharp(
     squares: SingleArray,
     rounds: dict[int, int],
     tolerance: float,
-    threads: int,
     progress: Progress | None,
 ) -> Iterator[Candidate]:
     """Estimates by kind, whose vertices follow normals that were filtered some rounds, after a low-pass filter."""
     mesh, adjacency, sigma, normals = noisy.part.mesh, noisy.part.adjacency, noisy.sigma, filters.normals
-    start = _moves(mesh, filters.apply(mesh.vertices, threads=threads))
-    heights = noisy.samples(int(np.clip(FEWEST_SAMPLED // noisy.part.vertex_count, 2, 6)), threads=threads)
+    start = _moves(mesh, filters.apply(mesh.vertices))
+    heights = noisy.samples(int(np.clip(FEWEST_SAMPLED // noisy.part.vertex_count, 2, 6)))
     heights[:, 0] = signs
     heights *= sigma.astype(np.float32)[:, np.newaxis]
     samples: SingleArray = heights[:, :, np.newaxis] * normals[:, np.newaxis]
-    samples = filters.apply(samples.reshape(len(samples), -1), threads=threads).reshape(samples.shape)
+    samples = filters.apply(samples.reshape(len(samples), -1)).reshape(samples.shape)
     probe = np.float32(PROBE) * samples[:, 0]
-    state = noisy_normals(_moved(mesh, start), adjacency, _moved(mesh, start + probe), samples, threads=threads)
+    state = noisy_normals(_moved(mesh, start), adjacency, _moved(mesh, start + probe), samples)
     del heights, samples
     movable, done = ~adjacency.on_boundary, 0  # those at borders stay
     for kind, total in rounds.items():
-        state = filter_normals(state, total - done, tolerance, threads=threads)
+        state = filter_normals(state, total - done, tolerance)
         done = total
         moves, probed = (
-            first + move_to_normals(_moved(mesh, first), adjacency, goal, movable, threads=threads)
+            first + move_to_normals(_moved(mesh, first), adjacency, goal, movable)
             for first, goal in ((start, state.normals), (start + probe, state.probed_normals))
         )
         residuals = -np.einsum("ij,ij->i", moves, normals) / sigma

@@ -32,7 +32,7 @@ class BadFaces(NamedTuple):
         return result
 
 
-def bad_faces(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> BadFaces:
+def bad_faces(mesh: TriangleMesh, adjacency: Adjacency) -> BadFaces:
     """Find the wrong faces of a mesh.
 
     >>> from bezier_filters.meshes.adjacency import vertex_adjacency
@@ -41,9 +41,9 @@ def bad_faces(mesh: TriangleMesh, adjacency: Adjacency, *, threads: int = 1) -> 
     >>> bad_faces(sliver, vertex_adjacency(sliver)).degenerate
     array([ True])
     """
-    normals = tangent_planes(mesh, adjacency, threads=threads).normals
+    normals = tangent_planes(mesh, adjacency).normals
     bad = BadFaces(*np.zeros((2, mesh.face_count), dtype=np.bool_))
-    run_kernel(_find, mesh.face_count, mesh.vertices, mesh.faces, normals, bad, threads=threads)
+    run_kernel(_find, mesh.face_count, mesh.vertices, mesh.faces, normals, bad)
     return bad
 
 
@@ -60,20 +60,18 @@ def _find(vertices: FloatArray, faces: IntArray, around: FloatArray, bad: BadFac
         bad.flipped[f] = against < 0.0 and not bad.degenerate[f]
 
 
-def repair_flipped_faces(
-    mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray, *, threads: int = 1
-) -> FloatArray:
+def repair_flipped_faces(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray) -> FloatArray:
     """Take back as much of the moves of vertices to points (n, 3) as makes faces of the mesh wrong that were not.
 
     Returns where the vertices end. Where strong noise has turned faces everywhere, taking back moves turns others: it
     stops where the faces that are wrong, those that were not before weighed `WORSE` + 1 times, are fewest, and
     they are never more than before.
     """
-    before = bad_faces(mesh, adjacency, threads=threads)
+    before = bad_faces(mesh, adjacency)
     rows, share, result = adjacency.vertices, np.ones(mesh.vertex_count), points
     best, fewest = mesh.vertices, int(np.count_nonzero(before.flipped | before.degenerate))
     for _ in range(MOST_ROUNDS):
-        bad = bad_faces(TriangleMesh(result, mesh.faces), adjacency, threads=threads)
+        bad = bad_faces(TriangleMesh(result, mesh.faces), adjacency)
         new = bad.new_since(before)
         count = WORSE * int(np.count_nonzero(new)) + int(np.count_nonzero(bad.flipped | bad.degenerate))
         if count <= fewest:

@@ -79,19 +79,17 @@ def learn_impulses(measured: FloatArray, smoothed: MeshPart) -> Impulses | None:
 
 
 def without_impulses(
-    measured: FloatArray, smooth: TriangleMesh, adjacency: Adjacency, impulses: Impulses, *, threads: int = 1
+    measured: FloatArray, smooth: TriangleMesh, adjacency: Adjacency, impulses: Impulses
 ) -> FloatArray:
     """Vertices of a smoothed mesh with their measured heights, as far as these are sound, (n, 3)."""
-    heights, normals = _heights(measured, smooth, adjacency, threads)
+    heights, normals = _heights(measured, smooth, adjacency)
     result: FloatArray = smooth.vertices + (impulses.sound(heights) * heights)[:, np.newaxis] * normals
     return result
 
 
-def _heights(
-    measured: FloatArray, smooth: TriangleMesh, adjacency: Adjacency, threads: int = 1
-) -> tuple[FloatArray, FloatArray]:
+def _heights(measured: FloatArray, smooth: TriangleMesh, adjacency: Adjacency) -> tuple[FloatArray, FloatArray]:
     """How far vertices were measured over a smoothed mesh along its normals, (n,), and these, (n, 3)."""
-    normals = tangent_planes(smooth, adjacency, threads=threads).normals
+    normals = tangent_planes(smooth, adjacency).normals
     return np.einsum("ij,ij->i", measured - smooth.vertices, normals), normals
 
 

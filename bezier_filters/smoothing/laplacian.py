@@ -49,17 +49,17 @@ class Laplacian(NamedTuple):
     bound: float = 2.0  # twice the largest rate, or more: no eigenvalue is larger (Gershgorin)
 
 
-def umbrella_laplacian(part: MeshPart, borders: Borders, *, threads: int = 1) -> Laplacian:
+def umbrella_laplacian(part: MeshPart, borders: Borders) -> Laplacian:
     """Differences from the plain mean of the neighbours.
 
     It depends on the connections alone, not on coordinates and their noise, and evens out the triangles, too.
     Vertices where the part was cut out stay.
     """
-    return cotangent_laplacian(part, borders, 0.0, 0.0, fastest=1.0, threads=threads)
+    return cotangent_laplacian(part, borders, 0.0, 0.0, fastest=1.0)
 
 
 def cotangent_laplacian(
-    part: MeshPart, borders: Borders, power: float, unit: float, *, fastest: float | None = None, threads: int = 1
+    part: MeshPart, borders: Borders, power: float, unit: float, *, fastest: float | None = None
 ) -> Laplacian:
     """Differences from the mean with cotangent weights, which vanish on planes: they move vertices along the normal.
 
@@ -71,7 +71,7 @@ def cotangent_laplacian(
     rows, n = part.adjacency.vertices, len(part.ids)
     result = Laplacian(rows.indptr, rows.indices, np.zeros(len(rows.indices), np.float32), np.zeros(n, np.float32))
     options = unit, power, FASTEST if fastest is None else fastest, {"curve": 1, "fixed": 0, "free": 2}[borders]
-    run_kernel(_write_rows, n, mesh_stars(part.mesh, part.adjacency), *options, result, threads=threads)
+    run_kernel(_write_rows, n, mesh_stars(part.mesh, part.adjacency), *options, result)
     result.rates[part.cut] = 0.0
     largest = float(result.rates.max(initial=0.5)) if fastest is None else fastest
     return result._replace(bound=2.0 * largest)

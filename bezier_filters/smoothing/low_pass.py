@@ -64,9 +64,9 @@ class LowPass:
     normals: SingleArray  # (n, 3): of the smooth surface that cotangents are those of
     residuals: SingleArray  # (n,): of the mixture that was chosen, see `Estimates`
 
-    def apply(self, signals: Signals, *, threads: int = 1) -> Signals:
+    def apply(self, signals: Signals) -> Signals:
         """Filter signals (n, c)."""
-        return low_pass(self.laplacian, signals, self.strengths, self.shares, self.order, threads=threads)
+        return low_pass(self.laplacian, signals, self.strengths, self.shares, self.order)
 
     def weaker(self) -> "LowPass":
         """The next weaker filters, for where another one follows that takes off noise, too."""
@@ -105,7 +105,7 @@ def strongest(detail: float) -> float:
 
 
 def learn_low_pass(
-    noisy: NoisyMesh, borders: Borders, unit: float, detail: float | None = None, *, threads: int = 1
+    noisy: NoisyMesh, borders: Borders, unit: float, detail: float | None = None
 ) -> tuple[LowPassPlan, LowPass]:
     """Find the Laplacian, the order and the strengths with the least risk on the core of a part of a mesh.
 
@@ -113,15 +113,15 @@ def learn_low_pass(
     holds for the mesh as a whole, and what `fit_low_pass` makes of it there.
     """
     part, core = noisy.part, noisy.part.core
-    umbrella = umbrella_laplacian(part, borders, threads=threads)
-    rough = tangent_planes(part.mesh, part.adjacency, threads=threads).normals
+    umbrella = umbrella_laplacian(part, borders)
+    rough = tangent_planes(part.mesh, part.adjacency).normals
     allowed = STRENGTHS if detail is None else STRENGTHS[strongest(detail / unit) >= STRENGTHS]
-    first = int(_estimates(noisy, umbrella, ORDER, allowed, rough, threads).mean_risks(core).argmin())
-    smooth, normals = _smooth_shape(part, umbrella, first, threads)
+    first = int(_estimates(noisy, umbrella, ORDER, allowed, rough).mean_risks(core).argmin())
+    smooth, normals = _smooth_shape(part, umbrella, first)
     strengths = allowed[: first + STRONGER + 1]
 
     def tried(power: float | None, laplacian: Laplacian, order: int) -> _Kind:
-        estimates = _estimates(noisy, laplacian, order, strengths, normals, threads)
+        estimates = _estimates(noisy, laplacian, order, strengths, normals)
         return _Kind(power, laplacian, order, estimates, estimates.mean_risks(core))
 
     def least_risk(kind: _Kind) -> float:
@@ -129,7 +129,7 @@ def learn_low_pass(
 
     chosen = tried(None, umbrella, ORDER)
     for power in POWERS:
-        laplacian = cotangent_laplacian(smooth, borders, power, unit, threads=threads)
+        laplacian = cotangent_laplacian(smooth, borders, power, unit)
         chosen = min(chosen, tried(power, laplacian, ORDER), key=least_risk)
     for order in ORDERS[1:]:
         chosen = min(chosen, tried(chosen.power, chosen.laplacian, order), key=least_risk)
@@ -138,35 +138,35 @@ def learn_low_pass(
     while True:
         estimates = chosen.estimates.among(near)
         overall = overall_risks(estimates, core)
-        shares = shares_of(noisy, estimates, overall, threads)
+        shares = shares_of(noisy, estimates, overall)
         if near[0] == 0 or (shares[:, 0] > 0.5).mean() <= SELDOM:
             break  # else even weaker filters may be better there
         near = [*range(max(near[0] - 2 * AROUND, 0), max(near[0] - 1, 1), SPARSE), *near]
     used = int(np.flatnonzero(shares.mean(axis=0, dtype=np.float64) > RARE)[-1]) + 1
     clusters = noisy.clusters
-    haste = max(float(clusters.diffuse(clusters.means([laplacian.rates]), threads=threads).max()), 1.0)
+    haste = max(float(clusters.diffuse(clusters.means([laplacian.rates])).max()), 1.0)
     plan = LowPassPlan(
         borders, unit, first, chosen.power, 0.5 * laplacian.bound, haste, chosen.order, strengths[near], used, overall
     )
     return plan, _mixture(plan, laplacian, normals, estimates, shares)
 
 
-def fit_low_pass(noisy: NoisyMesh, plan: LowPassPlan, *, threads: int = 1) -> LowPass:
+def fit_low_pass(noisy: NoisyMesh, plan: LowPassPlan) -> LowPass:
     """Find the strengths around every vertex of a mesh, or of a tile of one."""
-    laplacian = umbrella_laplacian(noisy.part, plan.borders, threads=threads)
-    smooth, normals = _smooth_shape(noisy.part, laplacian, plan.first, threads)
+    laplacian = umbrella_laplacian(noisy.part, plan.borders)
+    smooth, normals = _smooth_shape(noisy.part, laplacian, plan.first)
     if plan.power is not None:
         options = plan.borders, plan.power, plan.unit
-        laplacian = cotangent_laplacian(smooth, *options, fastest=plan.fastest, threads=threads)
-    estimates = _estimates(noisy, laplacian, plan.order, plan.strengths, normals, threads)
-    return _mixture(plan, laplacian, normals, estimates, shares_of(noisy, estimates, plan.overall, threads))
+        laplacian = cotangent_laplacian(smooth, *options, fastest=plan.fastest)
+    estimates = _estimates(noisy, laplacian, plan.order, plan.strengths, normals)
+    return _mixture(plan, laplacian, normals, estimates, shares_of(noisy, estimates, plan.overall))
 
 
-def shares_of(noisy: NoisyMesh, estimates: Estimates, overall: FloatArray, threads: int) -> SingleArray:
+def shares_of(noisy: NoisyMesh, estimates: Estimates, overall: FloatArray) -> SingleArray:
     """Share of each estimate at every vertex, (n, s), by their risks there and overall."""
     alike = noisy.correlation.alike
-    risks = local_risks(noisy.clusters, estimates, overall, alike, threads=threads)
-    return local_shares(noisy.clusters, risks, noisy.part.vertex_count, alike, threads=threads)
+    risks = local_risks(noisy.clusters, estimates, overall, alike)
+    return local_shares(noisy.clusters, risks, noisy.part.vertex_count, alike)
 
 
 def _mixture(
@@ -182,31 +182,31 @@ def _mixture(
 
 
 def _estimates(
-    noisy: NoisyMesh, laplacian: Laplacian, order: int, strengths: FloatArray, normals: FloatArray, threads: int
+    noisy: NoisyMesh, laplacian: Laplacian, order: int, strengths: FloatArray, normals: FloatArray
 ) -> Estimates:
     """Residuals and leverages of filters; a leverage is the mean of probe times filtered probe."""
     vertices = noisy.part.mesh.vertices
     series = low_pass_series(strengths, laplacian.bound, order)
-    signs = noisy.probes(1, threads=threads)
+    signs = noisy.probes(1)
     directions = np.hstack([normals / noisy.sigma[:, np.newaxis], signs]).astype(np.float32)
     residuals, taken = np.zeros((2, len(vertices), len(strengths)), dtype=np.float32)
-    add_heights(laplacian, np.hstack([vertices, signs]), series, directions, residuals, taken, threads=threads)
-    squares = noisy.mean_squares(signs, threads=threads)
+    add_heights(laplacian, np.hstack([vertices, signs]), series, directions, residuals, taken)
+    squares = noisy.mean_squares(signs)
     if noisy.part.vertex_count <= FEW or noisy.correlation.times:
-        signs = noisy.probes(SIDE_BY_SIDE, first=1, threads=threads)
-        add_heights(laplacian, signs, series, signs, taken, taken, threads=threads)  # all four go into the same sum
-        squares += noisy.mean_squares(signs, threads=threads)
+        signs = noisy.probes(SIDE_BY_SIDE, first=1)
+        add_heights(laplacian, signs, series, signs, taken, taken)  # all four go into the same sum
+        squares += noisy.mean_squares(signs)
     return Estimates(residuals, np.float32(1.0) - taken / squares[:, np.newaxis])
 
 
-def _smooth_shape(part: MeshPart, umbrella: Laplacian, best: int, threads: int) -> tuple[MeshPart, FloatArray]:
+def _smooth_shape(part: MeshPart, umbrella: Laplacian, best: int) -> tuple[MeshPart, FloatArray]:
     """The mesh after the steps of a weak filter along the normals of the vertices, and these normals.
 
     Without the steps along the surface, which would give the triangles other angles.
     """
     vertices, faces = part.mesh.vertices, part.mesh.faces
     strength = np.array([min(float(STRENGTHS[max(best - WEAKER, 0)]), ENOUGH)])
-    smooth = low_pass(umbrella, vertices, strength, threads=threads)
-    normals = tangent_planes(TriangleMesh(smooth, faces), part.adjacency, threads=threads).normals
+    smooth = low_pass(umbrella, vertices, strength)
+    normals = tangent_planes(TriangleMesh(smooth, faces), part.adjacency).normals
     heights = np.einsum("ij,ij->i", smooth - vertices, normals)
     return replace(part, mesh=TriangleMesh(vertices + heights[:, np.newaxis] * normals, faces)), normals

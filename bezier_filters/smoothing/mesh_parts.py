@@ -36,9 +36,7 @@ def whole_mesh(mesh: TriangleMesh, adjacency: Adjacency) -> MeshPart:
     return MeshPart(mesh, adjacency, np.arange(n, dtype=np.int32), cut, core, n)
 
 
-def sampled_parts(
-    mesh: TriangleMesh, adjacency: Adjacency, around: Sequence[int] = (), *, threads: int = 1
-) -> MeshPart:
+def sampled_parts(mesh: TriangleMesh, adjacency: Adjacency, around: Sequence[int] = ()) -> MeshPart:
     """Connected parts from all over a mesh, or all of it if it is not large.
 
     Each part grows ring by ring from a vertex until it has enough, and continues with another one where there
@@ -49,7 +47,7 @@ def sampled_parts(
     if n <= LARGEST_WHOLE:
         return whole_mesh(mesh, adjacency)
     samples = sampled_vertices(n, around, partial(_grown, adjacency))
-    return mesh_part(mesh, adjacency, np.arange(n, dtype=np.int32), samples, n, threads)
+    return mesh_part(mesh, adjacency, np.arange(n, dtype=np.int32), samples, n)
 
 
 def sampled_vertices(n: int, around: Sequence[int], grown: Callable[[int], IntArray]) -> tuple[IntArray, IntArray]:
@@ -63,13 +61,13 @@ def sampled_vertices(n: int, around: Sequence[int], grown: Callable[[int], IntAr
 
 
 def mesh_part(
-    mesh: TriangleMesh, adjacency: Adjacency, ids: IntArray, samples: tuple[IntArray, IntArray], n: int, threads: int
+    mesh: TriangleMesh, adjacency: Adjacency, ids: IntArray, samples: tuple[IntArray, IntArray], n: int
 ) -> MeshPart:
     """The samples among the vertices of a mesh, which have ids in one of n vertices, and the faces between them."""
     taken, core = (np.isin(ids, some) for some in samples)
     number = np.cumsum(taken, dtype=np.int32) - np.int32(1)
     part = TriangleMesh(mesh.vertices[taken], number[mesh.faces[taken[mesh.faces].all(axis=1)]])
-    found = vertex_adjacency(part, threads=threads)
+    found = vertex_adjacency(part)
     cut = found.faces.lengths != adjacency.faces.lengths[taken]
     return MeshPart(part, found, ids[taken], cut, core[taken], n)
 

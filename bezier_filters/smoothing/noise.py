@@ -67,32 +67,32 @@ class NoisyMesh:
     correlation: Correlation = WHITE  # how alike the noise of neighbouring vertices is
     laplacian: Laplacian | None = None  # of umbrellas, with free borders: what noise that is alike is made with
 
-    def probes(self, columns: int, *, first: int = 0, threads: int = 1) -> SingleArray:
+    def probes(self, columns: int, *, first: int = 0) -> SingleArray:
         """Noise of variance 1, (n, columns): random signs if it is white."""
 
         def signs(part: int) -> SingleArray:
             return random_signs(self.part.ids, columns, first=first, stream=FIRST_STREAM + part - 1 if part else 0)
 
-        return self.correlation.apply(signs, self.laplacian, threads)
+        return self.correlation.apply(signs, self.laplacian)
 
-    def samples(self, columns: int, *, threads: int = 1) -> SingleArray:
+    def samples(self, columns: int) -> SingleArray:
         """Noise of variance 1 and normal distribution, (n, columns)."""
 
         def numbers(part: int) -> SingleArray:
             return white_noise(self.part.ids, columns, stream=FIRST_STREAM * (part + 1) if part else 1)
 
-        return self.correlation.apply(numbers, self.laplacian, threads)
+        return self.correlation.apply(numbers, self.laplacian)
 
-    def mean_squares(self, probes: SingleArray, *, threads: int = 1) -> SingleArray:
+    def mean_squares(self, probes: SingleArray) -> SingleArray:
         """Squares of probes (n, columns) around every vertex, summed over the columns, (n,)."""
         squares: SingleArray = np.square(probes).sum(axis=1, dtype=np.float32)
         if not self.correlation.times:
             return squares
-        return self.clusters.around([squares], threads=threads)[:, 0]
+        return self.clusters.around([squares])[:, 0]
 
 
 def learn_noise_levels(
-    noisy: NoisyMesh, laplacian: Laplacian, sigma: float, unit: float, *, given: bool = False, threads: int = 1
+    noisy: NoisyMesh, laplacian: Laplacian, sigma: float, unit: float, *, given: bool = False
 ) -> tuple[NoiseLevels, FloatArray]:
     """What holds for a mesh as a whole, by the core of a part, and the standard deviation of the noise, (n,).
 
@@ -104,10 +104,10 @@ def learn_noise_levels(
     that of umbrellas, with free borders.
     """
     least, detail, core = LEAST_NOISE * unit, DETAIL * unit, noisy.part.core
-    noise = noisy.samples(1, threads=threads).astype(np.float64)
-    taken = noise - low_pass(laplacian, noise, WEAK, threads=threads)
+    noise = noisy.samples(1).astype(np.float64)
+    taken = noise - low_pass(laplacian, noise, WEAK)
     share = float(np.sqrt(np.square(taken[core]).mean()))
-    heights, roots = _taken_off(noisy.part, noisy.clusters, laplacian, share, threads)
+    heights, roots = _taken_off(noisy.part, noisy.clusters, laplacian, share)
     found = _levels(roots[core])
     low, high = np.quantile(found, (0.1, 0.9))
     if high < SPREAD * low or _is_creased(heights[core], found):
@@ -119,24 +119,24 @@ def learn_noise_levels(
     return levels, levels.at(roots)
 
 
-def local_sigma(part: MeshPart, clusters: Clusters, levels: NoiseLevels, *, threads: int = 1) -> FloatArray:
+def local_sigma(part: MeshPart, clusters: Clusters, levels: NoiseLevels) -> FloatArray:
     """Standard deviation of the noise around every vertex, (n,)."""
     if levels.sigma is not None:
         return levels.at(np.zeros(len(part.ids), dtype=np.float32))
-    laplacian = umbrella_laplacian(part, "free", threads=threads)
-    return levels.at(_taken_off(part, clusters, laplacian, levels.share, threads)[1])
+    laplacian = umbrella_laplacian(part, "free")
+    return levels.at(_taken_off(part, clusters, laplacian, levels.share)[1])
 
 
-def roughness(part: MeshPart, sigma: float, clusters: Clusters | None = None, *, threads: int = 1) -> FloatArray:
+def roughness(part: MeshPart, sigma: float, clusters: Clusters | None = None) -> FloatArray:
     """How much more a strong filter takes off around every vertex than a weak one, (n,): most at edges and corners.
 
     Where a large mesh is roughest, it has to be looked at, lest an edge be smoothed because no sample has met one.
     It goes by ratios, as the noise itself may vary. A tile has `ROUGHNESS_RINGS` around what counts; sigma is the
     standard deviation of the noise of the mesh as a whole. The clusters, if they are known, have the pace `PACE`.
     """
-    clusters, laplacian = clusters or clusters_of(part, PACE), umbrella_laplacian(part, "free", threads=threads)
-    strong, weak = _heights(part, laplacian, STRONG, threads)
-    around = clusters.around([np.square(strong), np.sqrt(np.abs(weak))], threads=threads).astype(np.float64)
+    clusters, laplacian = clusters or clusters_of(part, PACE), umbrella_laplacian(part, "free")
+    strong, weak = _heights(part, laplacian, STRONG)
+    around = clusters.around([np.square(strong), np.sqrt(np.abs(weak))]).astype(np.float64)
     return around[:, 0] / np.maximum(around[:, 1] ** 4, (LEAST * sigma) ** 2)
 
 
@@ -162,11 +162,11 @@ def roughest(values: FloatArray, ids: IntArray) -> IntArray:
 
 
 def _taken_off(
-    part: MeshPart, clusters: Clusters, laplacian: Laplacian, share: float, threads: int
+    part: MeshPart, clusters: Clusters, laplacian: Laplacian, share: float
 ) -> tuple[FloatArray, SingleArray]:
     """What a weak filter takes off every vertex, over its share of the noise, lengths, and mean roots of it, (n,)."""
-    heights = np.abs(_heights(part, laplacian, STRONGER, threads)[1] / share)
-    return heights, np.maximum(clusters.around([np.sqrt(heights)], threads=threads)[:, 0], np.float32(0.0))
+    heights = np.abs(_heights(part, laplacian, STRONGER)[1] / share)
+    return heights, np.maximum(clusters.around([np.sqrt(heights)])[:, 0], np.float32(0.0))
 
 
 def _is_creased(heights: FloatArray, levels: FloatArray) -> bool:
@@ -176,11 +176,11 @@ def _is_creased(heights: FloatArray, levels: FloatArray) -> bool:
     return not (len(relative) and relative.mean() < CREASED * np.sqrt(relative).mean() ** 2)
 
 
-def _heights(part: MeshPart, laplacian: Laplacian, strength: FloatArray, threads: int) -> tuple[FloatArray, FloatArray]:
+def _heights(part: MeshPart, laplacian: Laplacian, strength: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Of the vertices over the mesh after a filter, and after a weak one, along the normals of the former, (n,)."""
     vertices = part.mesh.vertices
-    smooth, weak = (low_pass(laplacian, vertices, one, threads=threads) for one in (strength, WEAK))
-    normals = tangent_planes(TriangleMesh(smooth, part.mesh.faces), part.adjacency, threads=threads).normals
+    smooth, weak = (low_pass(laplacian, vertices, one) for one in (strength, WEAK))
+    normals = tangent_planes(TriangleMesh(smooth, part.mesh.faces), part.adjacency).normals
     return np.einsum("ij,ij->i", vertices - smooth, normals), np.einsum("ij,ij->i", vertices - weak, normals)
 
 

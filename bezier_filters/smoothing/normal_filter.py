@@ -57,18 +57,16 @@ class NoisyNormals(NamedTuple):
         return self.rows.reshape(len(self.faces), -1, NUMBERS)[:, number, :3]
 
 
-def noisy_normals(
-    mesh: TriangleMesh, adjacency: Adjacency, probe: TriangleMesh, noise: SingleArray, *, threads: int = 1
-) -> NoisyNormals:
+def noisy_normals(mesh: TriangleMesh, adjacency: Adjacency, probe: TriangleMesh, noise: SingleArray) -> NoisyNormals:
     """Normals of two meshes, and how samples of the noise of vertices (n, k, 3) turn the first ones, to first order."""
     m, at_vertex = mesh.face_count, adjacency.faces
     rows, spare = np.zeros((2, m * (2 + noise.shape[1]), NUMBERS), dtype=np.float32)
     state = NoisyNormals(mesh.faces, rows, spare, at_vertex.indptr, at_vertex.indices)
-    run_kernel(_write_normals, m, mesh.vertices, probe.vertices, noise, state, threads=threads)
+    run_kernel(_write_normals, m, mesh.vertices, probe.vertices, noise, state)
     return state
 
 
-def filter_normals(state: NoisyNormals, rounds: int, tolerance: float, *, threads: int = 1) -> NoisyNormals:
+def filter_normals(state: NoisyNormals, rounds: int, tolerance: float) -> NoisyNormals:
     """Replace every normal by its mean with those around it, some rounds.
 
     The arrays of the state are overwritten. A neighbour weighs exp(-1/2) if two normals differ by `tolerance` standard
@@ -86,26 +84,26 @@ def filter_normals(state: NoisyNormals, rounds: int, tolerance: float, *, thread
     """
     most = 1 + 3 * int(np.diff(state.face_ptr).max(initial=0))
     for _ in range(rounds):
-        _write_variances(state, tolerance, threads)
+        _write_variances(state, tolerance)
 
         def make_task(state: NoisyNormals = state) -> RangeTask:
             around, weights = np.empty(most, dtype=np.int32), np.empty(most, dtype=np.float32)
             return partial(_filter, state, around, weights)
 
-        run_in_chunks(make_task, len(state.faces), threads=threads)
+        run_in_chunks(make_task, len(state.faces))
         state = state._replace(rows=state.spare, spare=state.rows)
     return state
 
 
-def _write_variances(state: NoisyNormals, tolerance: float, threads: int) -> None:
+def _write_variances(state: NoisyNormals, tolerance: float) -> None:
     """Write the mean squared change of the normals around each face, times the squared tolerance."""
     m, n = len(state.faces), len(state.face_ptr) - 1
     values = np.zeros(n, dtype=np.float32)
     squared, least = np.float32(tolerance**2), np.float32(SMALLEST_VARIANCE)
-    run_kernel(_mean_squares, m, state, squared, threads=threads)
+    run_kernel(_mean_squares, m, state, squared)
     for _ in range(2):
-        run_kernel(_to_vertices, n, state, values, threads=threads)
-        run_kernel(_to_faces, m, state, values, least * squared, threads=threads)
+        run_kernel(_to_vertices, n, state, values)
+        run_kernel(_to_faces, m, state, values, least * squared)
 
 
 @jit()
@@ -249,9 +247,7 @@ def _faces_around(state: NoisyNormals, f: Place, around: IntArray) -> np.uint32:
     return count
 
 
-def move_to_normals(
-    mesh: TriangleMesh, adjacency: Adjacency, normals: SingleArray, movable: BoolArray, *, threads: int = 1
-) -> SingleArray:
+def move_to_normals(mesh: TriangleMesh, adjacency: Adjacency, normals: SingleArray, movable: BoolArray) -> SingleArray:
     """Move the vertices so that the faces become perpendicular to given normals.
 
     Each round moves every vertex by the mean of what takes it onto the planes through the centers of its faces,
@@ -266,12 +262,12 @@ def move_to_normals(
     planes = np.zeros((mesh.face_count, 4), dtype=np.float32)
     planes[:, :3] = normals
     before, current, result = np.zeros((3, mesh.vertex_count, 3), dtype=np.float32)
-    run_kernel(_first_step, len(result), stars, planes, movable, current, threads=threads)
+    run_kernel(_first_step, len(result), stars, planes, movable, current)
     polynomial = coefficients(lambda x: (-np.expm1(UPDATE_ROUNDS * np.log1p(-x)) / x)[:, np.newaxis], 1.0, TERMS)
     for k, coefficient in enumerate(polynomial[:, 0].astype(np.float32)):
         step = Step(np.float32(2.0), np.float32(min(k, 2)), before, current)
-        run_kernel(_heights, mesh.face_count, mesh.faces, current, planes, threads=threads)
-        run_kernel(_advance, len(result), stars, planes, movable, step, coefficient, result, threads=threads)
+        run_kernel(_heights, mesh.face_count, mesh.faces, current, planes)
+        run_kernel(_advance, len(result), stars, planes, movable, step, coefficient, result)
         if k > 0:
             before, current = current, before
     return result

@@ -79,7 +79,7 @@ class Correlation:
         scales = tuple(float(np.sqrt(share) / spread) for share, spread in zip(shares, spreads, strict=True))
         return Correlation(float(np.sqrt(noise.white / noise.variance)), times, scales, max(alike, 1.0))
 
-    def apply(self, draw: Callable[[int], SingleArray], laplacian: Laplacian | None, threads: int) -> SingleArray:
+    def apply(self, draw: Callable[[int], SingleArray], laplacian: Laplacian | None) -> SingleArray:
         """Noise (n, c) made of white noise, drawn for each part by its number: 0 for that which is taken as it is.
 
         White noise alone needs no Laplacian.
@@ -88,7 +88,7 @@ class Correlation:
             return draw(0)
         result: FloatArray = self.white * draw(0).astype(np.float64)
         for part, (time, scale) in enumerate(zip(self.times, self.scales, strict=True), 1):
-            result += scale * diffuse(laplacian, draw(part).astype(np.float64), time, threads=threads)
+            result += scale * diffuse(laplacian, draw(part).astype(np.float64), time)
         return result.astype(np.float32)
 
 

@@ -57,9 +57,7 @@ def overall_risks(estimates: Estimates, rows: BoolArray | slice) -> FloatArray:
     return result
 
 
-def local_risks(
-    clusters: Clusters, estimates: Estimates, overall: FloatArray, alike: float = 1.0, *, threads: int = 1
-) -> FloatArray:
+def local_risks(clusters: Clusters, estimates: Estimates, overall: FloatArray, alike: float = 1.0) -> FloatArray:
     """Risk of every estimate around every cluster, (k, s), less that of the one that is best for the mesh as a whole.
 
     Where the local difference deviates from the overall one, (s,) from `overall_risks`, by no more than noise may make
@@ -73,7 +71,7 @@ def local_risks(
     apart = (np.square(r - residuals[:, best]) for r in residuals.T)
     means = clusters.means(chain(of_risks, apart))
     means[:, :count] -= means[:, [best]]
-    around = clusters.diffuse(means, threads=threads)
+    around = clusters.diffuse(means)
     local = around[:, :count] - overall
     # A difference of squared residuals has four times the variance of the difference of the estimates.
     variances = np.maximum(4.0 * alike / VERTICES * around[:, count:], 0.0)
@@ -102,14 +100,12 @@ def worthwhile(clusters: Clusters, risks: FloatArray, gain: float) -> list[int]:
     return kept
 
 
-def local_shares(
-    clusters: Clusters, risks: FloatArray, vertex_count: int, alike: float = 1.0, *, threads: int = 1
-) -> SingleArray:
+def local_shares(clusters: Clusters, risks: FloatArray, vertex_count: int, alike: float = 1.0) -> SingleArray:
     """Share of every estimate at every vertex, (n, s), by their risks around it, in a mesh of so many vertices."""
     temperature = TEMPERATURE / np.sqrt(max(vertex_count / alike, 1.0))
     shares: FloatArray = np.exp(-(risks - risks.min(axis=1, keepdims=True)) / temperature)
     shares /= shares.sum(axis=1, keepdims=True)
-    return clusters.at_vertices(shares, threads=threads)
+    return clusters.at_vertices(shares)
 
 
 def noise_factor(estimates: Estimates, rows: BoolArray | slice) -> float:

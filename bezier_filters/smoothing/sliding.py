@@ -40,23 +40,21 @@ class Sliding(IntEnum):
     ALL = 2
 
 
-def sliding_of(part: MeshPart, points: FloatArray, sigma: FloatArray, *, threads: int = 1) -> Sliding:
+def sliding_of(part: MeshPart, points: FloatArray, sigma: FloatArray) -> Sliding:
     """Which vertices of a mesh have to slide on their way to points, as the core of a part tells.
 
     `sigma` (n,) is the standard deviation of the noise along the normal, lengths.
     """
     mesh, adjacency, core = part.mesh, part.adjacency, part.core
-    held = _along_normals(mesh, adjacency, points, threads)
-    uneven = _unevenness(TriangleMesh(points, mesh.faces), adjacency, held, threads)[core]
+    held = _along_normals(mesh, adjacency, points)
+    uneven = _unevenness(TriangleMesh(points, mesh.faces), adjacency, held)[core]
     if not np.square(uneven).mean() > np.square(UNEVEN * sigma[core]).mean():
         return Sliding.TURNED
-    slides = _slides(mesh, points, held, NARROW, threads)[core] > 0.0
+    slides = _slides(mesh, points, held, NARROW)[core] > 0.0
     return Sliding.ALL if slides.mean() > MANY else Sliding.NARROW
 
 
-def held_back(
-    mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray, sliding: Sliding, *, threads: int = 1
-) -> FloatArray:
+def held_back(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray, sliding: Sliding) -> FloatArray:
     """Where vertices that would move to points (n, 3) end if not all of them slide. Those at borders do.
 
     None goes farther than a multiple of its longest edge.
@@ -64,10 +62,10 @@ def held_back(
     if sliding == Sliding.ALL:
         result = points.copy()
     else:
-        held = _along_normals(mesh, adjacency, points, threads)
-        slides = _slides(mesh, points, held, NARROW if sliding == Sliding.NARROW else 0.0, threads)
+        held = _along_normals(mesh, adjacency, points)
+        slides = _slides(mesh, points, held, NARROW if sliding == Sliding.NARROW else 0.0)
         result = _slid(held, points, slides)
-    moves, most = result - mesh.vertices, FARTHEST * longest_edges(mesh, adjacency, threads=threads)
+    moves, most = result - mesh.vertices, FARTHEST * longest_edges(mesh, adjacency)
     lengths = np.linalg.norm(moves, axis=1)
     too_far = lengths > most
     shortened = (most[too_far] / lengths[too_far])[:, np.newaxis] * moves[too_far]
@@ -75,15 +73,15 @@ def held_back(
     return result
 
 
-def _along_normals(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray, threads: int) -> FloatArray:
+def _along_normals(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray) -> FloatArray:
     held, stars = points.copy(), mesh_stars(mesh, adjacency)
-    run_kernel(_hold_back, len(points), stars, adjacency.on_boundary, points, held, threads=threads)
+    run_kernel(_hold_back, len(points), stars, adjacency.on_boundary, points, held)
     return held
 
 
-def _unevenness(smooth: TriangleMesh, adjacency: Adjacency, points: FloatArray, threads: int) -> FloatArray:
+def _unevenness(smooth: TriangleMesh, adjacency: Adjacency, points: FloatArray) -> FloatArray:
     """How far points are from the middle of their neighbours along a surface, per direction, lengths (n,)."""
-    rows, normals = adjacency.vertices, tangent_planes(smooth, adjacency, threads=threads).normals
+    rows, normals = adjacency.vertices, tangent_planes(smooth, adjacency).normals
     ones = np.ones(len(rows.indices))
     sums = csr_array((ones, rows.indices, rows.indptr), shape=(len(points), len(points))) @ points
     away = points - sums / np.maximum(rows.lengths, 1)[:, np.newaxis]
@@ -93,13 +91,13 @@ def _unevenness(smooth: TriangleMesh, adjacency: Adjacency, points: FloatArray, 
     return result
 
 
-def _slides(mesh: TriangleMesh, points: FloatArray, held: FloatArray, least: float, threads: int) -> SingleArray:
+def _slides(mesh: TriangleMesh, points: FloatArray, held: FloatArray, least: float) -> SingleArray:
     """How far vertices slide, (n,), from where they are held, 0, to the points, 1, lest faces be narrower than that."""
     slides = np.zeros(len(points), dtype=np.float32)
     for _ in range(SLIDING_STEPS):
         more, current = slides.copy(), _slid(held, points, slides)
         farther = slides + np.float32(1.0 / SLIDING_STEPS)
-        run_kernel(_mark_narrow, mesh.face_count, mesh.faces, points, current, least, farther, more, threads=threads)
+        run_kernel(_mark_narrow, mesh.face_count, mesh.faces, points, current, least, farther, more)
         if (more == slides).all():
             break
         slides = more

@@ -17,7 +17,7 @@ from bezier_filters.meshes.adjacency import Adjacency, longest_edges, mean_edge,
 from bezier_filters.meshes.half_edges import unclear_vertices
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
 from bezier_filters.meshes.spatial_order import with_near_neighbours
-from bezier_filters.runtime.parallel import Progress, one_thread_for_matrices, thread_count
+from bezier_filters.runtime.parallel import Progress, on_threads
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.volume import (
     ClosedComponents,
@@ -132,7 +132,7 @@ class SmoothingResult:
 
 
 @takes_arrays
-@one_thread_for_matrices()
+@on_threads
 def smooth(
     vertices: ArrayLike,
     faces: ArrayLike,
@@ -228,27 +228,26 @@ def smooth(
     given = triangle_mesh(vertices, faces)
     check_smoothing(method, iterations, noise, borders, detail, relax, rings, alpha)
     rings, alpha = 2 if rings is None else rings, 0.8 if alpha is None else alpha
-    threads = thread_count(threads)
-    ordered = with_near_neighbours(given, threads=threads)
+    ordered = with_near_neighbours(given)
     mesh = ordered.mesh
-    adjacency = vertex_adjacency(mesh, threads=threads)
+    adjacency = vertex_adjacency(mesh)
     n = mesh.vertex_count
     movable = np.ones(n, dtype=np.bool_) if selected is None else checked_selection(selected, n)[ordered.order]
     if borders == "fixed":
         movable = movable & ~adjacency.on_boundary
     points, sharpness = mesh.vertices, np.zeros(n)
     with first_call():
-        known, done = learn_noise(mesh, adjacency, noise, threads=threads), 0
+        known, done = learn_noise(mesh, adjacency, noise), 0
         for k in range(iterations):
             current, part = TriangleMesh(points, mesh.faces), part_of(progress, k, iterations)
             if method == "auto":
-                here = known if k == 0 else learn_noise(current, adjacency, threads=threads)
+                here = known if k == 0 else learn_noise(current, adjacency)
                 options = borders, detail, noise if k == 0 else None, relax
-                found = denoised(current, adjacency, here, *options, threads=threads, progress=part)
+                found = denoised(current, adjacency, here, *options, progress=part)
                 points, sharpness = found.points, np.maximum(sharpness, found.sharpness)
             else:
                 geometry = estimate_vertex_geometry(
-                    points, mesh.faces, rings=rings, alpha=alpha, smoothness="paper", threads=threads, progress=part
+                    points, mesh.faces, rings=rings, alpha=alpha, smoothness="paper", progress=part
                 )
                 points = points + sound_displacements(current, adjacency, geometry.displacements)
             points = np.where(movable[:, np.newaxis], points, mesh.vertices)
@@ -259,17 +258,17 @@ def smooth(
         volumes_before = component_volumes(components, mesh)
         keeps_volume = components.count and (keep_volume or (keep_volume is None and method == "auto"))
         if keeps_volume:
-            amounts = movement_around(mesh, adjacency, points, threads=threads) * movable
+            amounts = movement_around(mesh, adjacency, points) * movable
             points = restore_volumes(components, TriangleMesh(points, mesh.faces), volumes_before, amounts)
         if method == "auto":
-            points = repair_flipped_faces(mesh, adjacency, points, threads=threads)
+            points = repair_flipped_faces(mesh, adjacency, points)
         if keeps_volume:
             unlike = unlike_before(components, mesh, TriangleMesh(points, mesh.faces), known.sigma if known else 0.0)
             points = np.where(unlike[:, np.newaxis], mesh.vertices, points)
         smoothed = TriangleMesh(points, mesh.faces)
         volumes_after = component_volumes(components, smoothed)
-        left = learn_noise(smoothed, adjacency, threads=threads)
-        bad_before, bad_after = (bad_faces(one, adjacency, threads=threads) for one in (mesh, smoothed))
+        left = learn_noise(smoothed, adjacency)
+        bad_before, bad_after = (bad_faces(one, adjacency) for one in (mesh, smoothed))
         return SmoothingResult(
             vertices=ordered.back(points),
             displacement=ordered.back(np.linalg.norm(points - mesh.vertices, axis=1)),
@@ -279,7 +278,7 @@ def smooth(
             noise_length=None if known is None else known.length,
             noise_heavy=known is not None and known.heavy,
             iterations=done,
-            mean_edge=mean_edge(mesh, adjacency, threads=threads),
+            mean_edge=mean_edge(mesh, adjacency),
             volume_before=float(volumes_before.sum()) if components.count else None,
             volume_after=float(volumes_after.sum()) if components.count else None,
             flipped_before=int(bad_before.flipped.sum()),

@@ -117,14 +117,14 @@ def offset_along_normals(
     return result
 
 
-def movement_around(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray, *, threads: int = 1) -> FloatArray:
+def movement_around(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray) -> FloatArray:
     """How far the surroundings of a vertex have moved, (n,), lengths; by its longest edge at most."""
     rows, n = adjacency.vertices, mesh.vertex_count
     neighbours = csr_array((np.ones(len(rows.indices), np.float32), rows.indices, rows.indptr), shape=(n, n))
     moves = points - mesh.vertices
     squares = np.einsum("ij,ij->i", moves, moves)
     means: FloatArray = np.sqrt((neighbours @ squares + squares) / (rows.lengths + 1.0))
-    bounded: FloatArray = np.minimum(means, longest_edges(mesh, adjacency, threads=threads))
+    bounded: FloatArray = np.minimum(means, longest_edges(mesh, adjacency))
     return bounded
 
 

@@ -6,13 +6,14 @@ from random_neighbourhoods import analyse_ring, as_sample, draw, terms_at, varia
 
 from bezier_filters.learning.ring_analysis import FEWEST_SAMPLES, FIRST
 from bezier_filters.patches.harmonics import harmonic_basis
+from bezier_filters.runtime.parallel import use_threads
 
 BASIS = harmonic_basis()
 ROUGH = variances_by_degree(1.0, 0.5)
 
 
-def analysed(points, threads=1):
-    return analyse_ring(as_sample(points), 3, len(points), threads=threads)
+def analysed(points):
+    return analyse_ring(as_sample(points), 3, len(points))
 
 
 def free_values(basis_values, heights, degree, seen):
@@ -126,7 +127,9 @@ def test_designs_and_energies_are_those_of_the_points():
 
 def test_threads_change_nothing():
     points = draw(100, 40, ROUGH, 0.1).points
-    one, two = analysed(points), analysed(points, threads=2)
+    one = analysed(points)
+    with use_threads(2):
+        two = analysed(points)
     np.testing.assert_array_equal(one.factors, two.factors)
     for sums, others in zip(one.sums, two.sums, strict=True):
         np.testing.assert_array_equal(sums, others)

@@ -17,6 +17,7 @@ from bezier_filters.meshes.frames import (
     steady_normals,
     tangent_planes,
 )
+from bezier_filters.runtime.parallel import use_threads
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, sphere, waves
 
 directions = st.tuples(*[st.floats(-1, 1)] * 3).map(np.array).filter(lambda d: np.linalg.norm(d) > 0.1)
@@ -39,7 +40,8 @@ def test_cones_of_face_normals_bound_the_safe_directions():
     surface = waves(jitter=0.3, resolution=60)
     mesh = triangle_mesh(surface.vertices, surface.faces)
     adjacency = vertex_adjacency(mesh)
-    planes = tangent_planes(mesh, adjacency, threads=2)
+    with use_threads(2):
+        planes = tangent_planes(mesh, adjacency)
     a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
     unit = np.cross(b - a, c - a)
     unit /= np.linalg.norm(unit, axis=1, keepdims=True)
@@ -121,7 +123,9 @@ def test_steady_normals_are_means_over_neighbours_taken_again_and_again():
     stops = np.random.default_rng(0).random(mesh.vertex_count) < 0.1
     normals, rows = tangent_planes(mesh, adjacency).normals, adjacency.vertices
     before = normals.copy()
-    found = [steady_normals(normals, rows.indptr, rows.indices, stops, threads=threads) for threads in (1, 2)]
+    one = steady_normals(normals, rows.indptr, rows.indices, stops)
+    with use_threads(2):
+        found = [one, steady_normals(normals, rows.indptr, rows.indices, stops)]
     np.testing.assert_array_equal(*found)
     np.testing.assert_array_equal(normals, before)
     np.testing.assert_allclose(found[0], averaged(normals, adjacency, stops, STEADY_ROUNDS), atol=1e-12)

@@ -10,15 +10,16 @@ from bezier_filters import estimate_vertex_geometry, triangle_mesh, vertex_adjac
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.half_edges import mesh_edges
 from bezier_filters.meshes.sharp_edges import FOR_FITS, SHARP, WEAK, certainties, sharp_edge_vertices, sharp_edges
+from bezier_filters.runtime.parallel import use_threads
 from bezier_filters.surfaces import block_with_sharp_edges
 
 each_block = pytest.mark.parametrize(("resolution", "jitter"), [(8, 0.0), (10, 0.2), (20, 0.2)])
 
 
-def creases_of(vertices, faces, threads=1):
+def creases_of(vertices, faces):
     mesh = triangle_mesh(vertices, faces)
     adjacency = vertex_adjacency(mesh)
-    return sharp_edge_vertices(mesh, adjacency, tangent_planes(mesh, adjacency), threads=threads)
+    return sharp_edge_vertices(mesh, adjacency, tangent_planes(mesh, adjacency))
 
 
 def on_several_planes(vertices, faces):
@@ -100,7 +101,8 @@ def test_where_every_edge_is_sharp_none_is_a_crease():
 def test_threads_size_and_orientation_change_nothing():
     vertices, faces = block_with_sharp_edges(resolution=30, jitter=0.2)
     expected = creases_of(vertices, faces)
-    np.testing.assert_array_equal(creases_of(vertices, faces, threads=2), expected)
+    with use_threads(2):
+        np.testing.assert_array_equal(creases_of(vertices, faces), expected)
     np.testing.assert_array_equal(creases_of(1e6 * vertices, faces), expected)
     np.testing.assert_array_equal(creases_of(vertices, faces[:, ::-1]), expected)
 

@@ -9,6 +9,7 @@ from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.meshes import spatial_order
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.spatial_order import in_spatial_order, with_near_neighbours
+from bezier_filters.runtime.parallel import use_threads
 from bezier_filters.smoothing.smooth import smooth
 from bezier_filters.surfaces import torus
 
@@ -32,7 +33,8 @@ def test_it_is_the_same_mesh(n, scale, offset, threads, seed):
     vertices = scale * (generator.standard_normal((n, 3)) + offset)
     faces = generator.integers(0, n, (2 * n, 3)) if n else []
     mesh = triangle_mesh(vertices, faces)
-    ordered = in_spatial_order(mesh, threads=threads)
+    with use_threads(threads):
+        ordered = in_spatial_order(mesh)
     assert sorted(ordered.order.tolist()) == list(range(n))
     assert (ordered.mesh.vertices == mesh.vertices[ordered.order]).all()
     assert as_set(ordered.mesh.vertices, ordered.mesh.faces) == as_set(mesh.vertices, mesh.faces)

@@ -6,8 +6,14 @@ import pytest
 import scipy.linalg  # noqa: F401  (its BLAS counts among the libraries whose threads are limited)
 import threadpoolctl
 
-from bezier_filters import CancelledError
-from bezier_filters.runtime.parallel import MOST_THREADS, one_thread_for_matrices, run_in_chunks
+from bezier_filters import CancelledError, InvalidParameterError
+from bezier_filters.runtime.parallel import (
+    MOST_THREADS,
+    one_thread_for_matrices,
+    run_in_chunks,
+    thread_count,
+    use_threads,
+)
 
 
 @pytest.mark.parametrize("threads", [1, 2, 5])
@@ -19,7 +25,8 @@ def test_every_index_is_covered_once(threads, total):
         counts[start:stop] += 1
 
     reports = []
-    run_in_chunks(lambda: task, total, threads=threads, progress=lambda *a: reports.append(a), chunk=10)
+    with use_threads(threads):
+        run_in_chunks(lambda: task, total, progress=lambda *a: reports.append(a), chunk=10)
     assert (counts == 1).all()
     assert all(of == total for _, of in reports)
     if total:
@@ -34,9 +41,11 @@ def test_tasks_may_run_loops_of_their_own():
         def inner(first, last):
             sums[start:stop, first:last] += 1
 
-        run_in_chunks(lambda: inner, 20, threads=3, chunk=1)
+        with use_threads(3):
+            run_in_chunks(lambda: inner, 20, chunk=1)
 
-    run_in_chunks(lambda: outer, 600, threads=2 * MOST_THREADS, chunk=1)
+    with use_threads(2 * MOST_THREADS):
+        run_in_chunks(lambda: outer, 600, chunk=1)
     assert (sums == 1).all()
 
 
@@ -51,7 +60,8 @@ def test_each_thread_gets_a_task_of_its_own():
 
         return task
 
-    run_in_chunks(make_task, 1000, threads=4, chunk=1)
+    with use_threads(4):
+        run_in_chunks(make_task, 1000, chunk=1)
     assert len(owners) <= 4
 
 
@@ -63,8 +73,8 @@ def test_cancelling_stops_early(threads):
         done.append(start)
         sleep(0.001)  # lets other threads run, as the kernels do
 
-    with pytest.raises(CancelledError):
-        run_in_chunks(lambda: task, 10_000, threads=threads, progress=lambda *_: False, chunk=1)
+    with pytest.raises(CancelledError), use_threads(threads):
+        run_in_chunks(lambda: task, 10_000, progress=lambda *_: False, chunk=1)
     assert len(done) < 100
 
 
@@ -78,8 +88,8 @@ def test_errors_stop_early(threads):
         if start == 5:
             raise ZeroDivisionError
 
-    with pytest.raises(ZeroDivisionError):
-        run_in_chunks(lambda: task, 10_000, threads=threads, chunk=1)
+    with pytest.raises(ZeroDivisionError), use_threads(threads):
+        run_in_chunks(lambda: task, 10_000, chunk=1)
     assert len(done) < 100
 
 
@@ -88,8 +98,8 @@ def test_errors_of_a_task_reach_the_caller(threads):
     def task(start, stop):
         raise ZeroDivisionError
 
-    with pytest.raises(ZeroDivisionError):
-        run_in_chunks(lambda: task, 100, threads=threads, chunk=1)
+    with pytest.raises(ZeroDivisionError), use_threads(threads):
+        run_in_chunks(lambda: task, 100, chunk=1)
 
 
 def blas_threads():
@@ -112,3 +122,23 @@ def test_blas_has_its_threads_back_after_an_error():
         with pytest.raises(ZeroDivisionError), one_thread_for_matrices():
             raise ZeroDivisionError
         assert blas_threads() == {2}
+
+
+def test_threads_are_those_of_the_block_around_and_one_in_tasks_side_by_side(monkeypatch):
+    monkeypatch.setenv("BEZIER_FILTERS_THREADS", "7")
+    seen, barrier = [thread_count()], threading.Barrier(2)
+
+    def task(start, stop):
+        barrier.wait(timeout=60)  # each of the two threads has one of the two chunks
+        with use_threads():
+            seen.append(thread_count())
+
+    with use_threads():
+        seen.append(thread_count())
+        with use_threads(2):
+            run_in_chunks(lambda: task, 2, chunk=1)
+            run_in_chunks(lambda: lambda start, stop: seen.append(thread_count()), 1)  # a single one may use both
+        seen.append(thread_count())
+    assert seen == [1, 7, 1, 1, 2, 7]
+    with pytest.raises(InvalidParameterError, match="threads: got 0"), use_threads(0):
+        pass
