@@ -36,7 +36,8 @@ class Drawn:
 def terms_at(xy):
     """Values of all terms of `harmonic_basis` at points (..., 2)."""
     a, b = total_degree_space(HIGHEST_DEGREE).exponents.T
-    return (xy[..., :1] ** a * xy[..., 1:] ** b) @ harmonic_basis().monomials
+    powers = np.cumprod(np.stack([np.ones_like(xy), *[xy] * HIGHEST_DEGREE], axis=-1), axis=-1)
+    return (powers[..., 0, a] * powers[..., 1, b]) @ harmonic_basis().monomials
 
 
 def variances_by_degree(first, ratio):

@@ -57,8 +57,8 @@ def where_greater(a: Lanes, b: Lanes, chosen: Lanes, other: Lanes) -> Lanes:
 
 
 def aligned(count: int) -> FloatArray:
-    """Array for `count` lanes, filled with zeros, that starts on a cache line."""
-    memory = np.zeros(LANES * (count + 1))
+    """Array for `count` lanes, holding anything, that starts on a cache line."""
+    memory = np.empty(LANES * (count + 1))
     skip = -(memory.ctypes.data // 8) % LANES
     return memory[skip : skip + LANES * count]
 
