@@ -54,6 +54,7 @@ class RingAnalysis:
     independent: float  # share of the neighbourhoods that count as independent: on a small mesh wide ones overlap
     centers: IntArray  # (N,): vertices whose neighbourhoods these are
     sizes: IntArray  # (N,): number of points
+    reaches: FloatArray  # (N,): distance of the farthest of them, a length
     # (N,): which rows of the next two arrays belong to these neighbourhoods, if they are part of a sample
     rows: IntArray
     points: FloatArray  # (S, n, 3): coordinates of the points, lengths; beyond `sizes`, anything
@@ -67,7 +68,8 @@ class RingAnalysis:
         if kept.sum() < FEWEST_SAMPLES:
             return None
         sums = RingSums(*(array[kept] for array in self.sums))
-        return replace(self, centers=self.centers[kept], sizes=self.sizes[kept], rows=self.rows[kept], sums=sums)
+        of_each = {name: getattr(self, name)[kept] for name in ("centers", "sizes", "reaches", "rows")}
+        return replace(self, sums=sums, **of_each)
 
     @cached_property
     def mean_squares(self) -> FloatArray:
@@ -151,14 +153,6 @@ class RingAnalysis:
         diagonal[~seen] = 1.0
         to_terms = np.linalg.inv(factors) * seen[:, np.newaxis]
         return FittedPoints(points, steepness, self.designs(numbers)[..., :m] @ to_terms, to_terms)
-
-    @cached_property
-    def reaches(self) -> FloatArray:
-        """Distance of the farthest point of each neighbourhood, (N,), a length."""
-        squares = np.square(self.points[self.rows]).sum(axis=2)
-        present = self._present(np.arange(len(self.rows), dtype=np.int32))
-        result: FloatArray = np.sqrt((squares * present).max(axis=1))
-        return result
 
     def _present(self, numbers: IntArray) -> BoolArray:
         return np.arange(self.points.shape[1]) < self.sizes[numbers, np.newaxis]
@@ -254,7 +248,9 @@ def _prepare(sample: NeighbourhoodSample, rings: int, most: int, vertex_count: i
     sizes = sample.sizes[rows, rings]
     points = sample.points[rows, : sizes.max()]
     present = np.arange(points.shape[1]) < sizes[:, np.newaxis]
-    radius = float(np.median(np.sqrt((np.square(points[..., :2]).sum(axis=2) * present).max(axis=1))))
+    x, y, z = np.moveaxis(points, 2, 0)
+    flat = (x * x + y * y) * present
+    radius = float(np.median(np.sqrt(flat.max(axis=1))))
     if not radius > 0.0:
         return None
     by_degree = (len(rows), degree + 1)
@@ -268,6 +264,7 @@ def _prepare(sample: NeighbourhoodSample, rings: int, most: int, vertex_count: i
         min(1.0, 2.0 * vertex_count / float(sizes.sum())),
         sample.centers[rows],
         sizes,
+        np.sqrt((flat + z * z * present).max(axis=1)),
         np.arange(len(rows), dtype=np.int32),
         points,
         np.zeros((len(rows), m, len(basis.degrees))),
