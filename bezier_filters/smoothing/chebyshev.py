@@ -103,9 +103,10 @@ def _filtered(laplacian: Laplacian, signals: Signals, series: FloatArray, shares
     result = signals.copy()
     mixture = np.ones((len(signals), 1), dtype=np.float32) if shares is None else shares
     for first in range(0, signals.shape[1], SIDE_BY_SIDE):
-        group = np.zeros((len(signals), SIDE_BY_SIDE), signals.dtype)
-        count = min(SIDE_BY_SIDE, signals.shape[1] - first)
-        group[:, :count] = signals[:, first : first + count]
+        group = np.ascontiguousarray(signals[:, first : first + SIDE_BY_SIDE])  # no copy of four columns
+        count = group.shape[1]
+        if count < SIDE_BY_SIDE:
+            group = np.hstack([group, np.zeros((len(group), SIDE_BY_SIDE - count), group.dtype)])
         taken = np.zeros(group.shape, dtype=np.float32)
         _run(laplacian, group, series, _advance_and_mix, (mixture, taken))
         result[:, first : first + count] -= taken[:, :count]

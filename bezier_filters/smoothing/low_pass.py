@@ -148,7 +148,7 @@ def learn_low_pass(
     plan = LowPassPlan(
         borders, unit, first, chosen.power, 0.5 * laplacian.bound, haste, chosen.order, strengths[near], used, overall
     )
-    return plan, _mixture(plan, laplacian, normals, estimates, shares)
+    return plan, _mixture(plan, laplacian, normals, estimates.residuals, shares)
 
 
 def fit_low_pass(noisy: NoisyMesh, plan: LowPassPlan) -> LowPass:
@@ -158,8 +158,11 @@ def fit_low_pass(noisy: NoisyMesh, plan: LowPassPlan) -> LowPass:
     if plan.power is not None:
         options = plan.borders, plan.power, plan.unit
         laplacian = cotangent_laplacian(smooth, *options, fastest=plan.fastest)
+    del smooth  # for large meshes, memory counts
     estimates = _estimates(noisy, laplacian, plan.order, plan.strengths, normals)
-    return _mixture(plan, laplacian, normals, estimates, shares_of(noisy, estimates, plan.overall))
+    shares, residuals = shares_of(noisy, estimates, plan.overall), estimates.residuals
+    del estimates
+    return _mixture(plan, laplacian, normals, residuals, shares)
 
 
 def shares_of(noisy: NoisyMesh, estimates: Estimates, overall: FloatArray) -> SingleArray:
@@ -170,13 +173,13 @@ def shares_of(noisy: NoisyMesh, estimates: Estimates, overall: FloatArray) -> Si
 
 
 def _mixture(
-    plan: LowPassPlan, laplacian: Laplacian, normals: FloatArray, estimates: Estimates, shares: SingleArray
+    plan: LowPassPlan, laplacian: Laplacian, normals: FloatArray, residuals: SingleArray, shares: SingleArray
 ) -> LowPass:
     """The filters that are used at all; what stronger ones would have goes to the strongest of them."""
     stronger = shares[:, plan.used :].sum(axis=1)
     shares = shares[:, : plan.used].copy()
     shares[:, -1] += stronger
-    residuals = np.einsum("ns,ns->n", shares, estimates.residuals[:, : plan.used])
+    residuals = np.einsum("ns,ns->n", shares, residuals[:, : plan.used])
     strengths, single = plan.strengths[: plan.used], normals.astype(np.float32)
     return LowPass(plan.borders, laplacian, plan.order, strengths, shares, single, residuals)
 
@@ -196,7 +199,8 @@ def _estimates(
         signs = noisy.probes(SIDE_BY_SIDE, first=1)
         add_heights(laplacian, signs, series, signs, taken, taken)  # all four go into the same sum
         squares += noisy.mean_squares(signs)
-    return Estimates(residuals, np.float32(1.0) - taken / squares[:, np.newaxis])
+    taken /= squares[:, np.newaxis]
+    return Estimates(residuals, np.subtract(np.float32(1.0), taken, out=taken))
 
 
 def _smooth_shape(part: MeshPart, umbrella: Laplacian, best: int) -> tuple[MeshPart, FloatArray]:

@@ -39,7 +39,6 @@ class NoisyNormals(NamedTuple):
     # of the normal around the face; and changes of the normal by k samples of the noise, radians. Normals of faces
     # without area are zero.
     rows: SingleArray
-    spare: SingleArray  # of the same size: what the next rows are written to
     face_ptr: IntArray  # faces at each vertex, as compressed rows
     face_indices: IntArray
 
@@ -60,8 +59,8 @@ class NoisyNormals(NamedTuple):
 def noisy_normals(mesh: TriangleMesh, adjacency: Adjacency, probe: TriangleMesh, noise: SingleArray) -> NoisyNormals:
     """Normals of two meshes, and how samples of the noise of vertices (n, k, 3) turn the first ones, to first order."""
     m, at_vertex = mesh.face_count, adjacency.faces
-    rows, spare = np.zeros((2, m * (2 + noise.shape[1]), NUMBERS), dtype=np.float32)
-    state = NoisyNormals(mesh.faces, rows, spare, at_vertex.indptr, at_vertex.indices)
+    rows = np.zeros((m * (2 + noise.shape[1]), NUMBERS), dtype=np.float32)
+    state = NoisyNormals(mesh.faces, rows, at_vertex.indptr, at_vertex.indices)
     run_kernel(_write_normals, m, mesh.vertices, probe.vertices, noise, state)
     return state
 
@@ -69,7 +68,7 @@ def noisy_normals(mesh: TriangleMesh, adjacency: Adjacency, probe: TriangleMesh,
 def filter_normals(state: NoisyNormals, rounds: int, tolerance: float) -> NoisyNormals:
     """Replace every normal by its mean with those around it, some rounds.
 
-    The arrays of the state are overwritten. A neighbour weighs exp(-1/2) if two normals differ by `tolerance` standard
+    The rows of the state are overwritten. A neighbour weighs exp(-1/2) if two normals differ by `tolerance` standard
     deviations of what noise makes of their difference.
 
     >>> from bezier_filters.meshes.adjacency import vertex_adjacency
@@ -83,15 +82,16 @@ def filter_normals(state: NoisyNormals, rounds: int, tolerance: float) -> NoisyN
     True
     """
     most = 1 + 3 * int(np.diff(state.face_ptr).max(initial=0))
+    means = np.empty_like(state.rows)
     for _ in range(rounds):
         _write_variances(state, tolerance)
 
-        def make_task(state: NoisyNormals = state) -> RangeTask:
+        def make_task(state: NoisyNormals = state, means: SingleArray = means) -> RangeTask:
             around, weights = np.empty(most, dtype=np.int32), np.empty(most, dtype=np.float32)
-            return partial(_filter, state, around, weights)
+            return partial(_filter, state, means, around, weights)
 
         run_in_chunks(make_task, len(state.faces))
-        state = state._replace(rows=state.spare, spare=state.rows)
+        state, means = state._replace(rows=means), state.rows
     return state
 
 
@@ -167,12 +167,14 @@ def _write_normals(
 
 
 @jit()
-def _filter(state: NoisyNormals, around: IntArray, weights: SingleArray, start: int, stop: int) -> None:
+def _filter(
+    state: NoisyNormals, means: SingleArray, around: IntArray, weights: SingleArray, start: int, stop: int
+) -> None:
     """Write the means of faces start .. stop-1 with the faces that share a vertex with them.
 
     Work space for the faces around one and their weights.
     """
-    faces, rows, means, _, _ = state
+    faces, rows, _, _ = state
     stride = np.uint32(rows.shape[0] // faces.shape[0])
     for f in range(np.uint32(start), np.uint32(stop)):
         own, area = stride * f, rows[stride * f, 3]
