@@ -11,6 +11,7 @@ tile (`denoise`). A mesh that is not large is its own sample, and learning leave
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -41,7 +42,7 @@ from bezier_filters.smoothing.noise import (
     roughest,
     roughness,
 )
-from bezier_filters.smoothing.normal_filter import filter_normals, move_to_normals, noisy_normals
+from bezier_filters.smoothing.normal_filter import NoisyNormals, filter_normals, move_to_normals, noisy_normals
 from bezier_filters.smoothing.random_noise import OTHER_SIGNS, Correlation
 from bezier_filters.smoothing.risk import (
     Estimates,
@@ -269,33 +270,51 @@ def candidates(
     del filtered, leverages  # for large meshes, memory counts
     sharp = {kind: FILTER_ROUNDS[kind] for kind in KINDS[GENTLE + 1 :] if kind in kinds}
     if GENTLE in kinds:
-        yield from _sharp(noisy, filters.weaker(), signs, squares, {GENTLE: 1}, GENTLE_TOLERANCE, progress)
+        begun = [_begun(noisy, filters.weaker(), signs)]  # lists hand over what they hold: nothing else keeps it
+        yield from _sharp(noisy, begun.pop(), squares, {GENTLE: 1}, GENTLE_TOLERANCE, progress)
     if sharp:
-        umbrella = umbrella_laplacian(part, filters.borders)
-        filters = filters.weak(umbrella)
-        yield from _sharp(noisy, filters, signs, squares, sharp, SHARP_TOLERANCE, progress)
+        weak = filters.weak(umbrella_laplacian(part, filters.borders))
+        begun = [_begun(noisy, weak, signs)]
+        del filters, weak
+        yield from _sharp(noisy, begun.pop(), squares, sharp, SHARP_TOLERANCE, progress)
+
+
+class _Begun(NamedTuple):
+    """What sharp estimates begin with: a mesh after a low-pass filter."""
+
+    normals: SingleArray  # (n, 3): of a smooth surface, along which noise is measured
+    signs: SingleArray  # (n,): of the probe
+    start: SingleArray  # (n, 3): moves
+    probe: SingleArray  # (n, 3): what moves the mesh of which one sees how far estimates follow the data
+    state: NoisyNormals
+
+
+def _begun(noisy: NoisyMesh, filters: LowPass, signs: SingleArray) -> _Begun:
+    """Filter the mesh, the probe and samples of the noise."""
+    mesh, normals = noisy.part.mesh, filters.normals
+    start = _moves(mesh, filters.apply(mesh.vertices))
+    heights = noisy.samples(int(np.clip(FEWEST_SAMPLED // noisy.part.vertex_count, 2, 6)))
+    heights[:, 0] = signs
+    heights *= noisy.sigma.astype(np.float32)[:, np.newaxis]
+    samples: SingleArray = heights[:, :, np.newaxis] * normals[:, np.newaxis]
+    samples = filters.apply(samples.reshape(len(samples), -1)).reshape(samples.shape)
+    probe = np.float32(PROBE) * samples[:, 0]
+    state = noisy_normals(_moved(mesh, start), noisy.part.adjacency, _moved(mesh, start + probe), samples)
+    return _Begun(normals, signs, start, probe, state)
 
 
 def _sharp(
     noisy: NoisyMesh,
-    filters: LowPass,
-    signs: SingleArray,
+    begun: _Begun,
     squares: SingleArray,
     rounds: dict[int, int],
     tolerance: float,
     progress: Progress | None,
 ) -> Iterator[Candidate]:
-    """Estimates by kind, whose vertices follow normals that were filtered some rounds, after a low-pass filter."""
-    mesh, adjacency, sigma, normals = noisy.part.mesh, noisy.part.adjacency, noisy.sigma, filters.normals
-    start = _moves(mesh, filters.apply(mesh.vertices))
-    heights = noisy.samples(int(np.clip(FEWEST_SAMPLED // noisy.part.vertex_count, 2, 6)))
-    heights[:, 0] = signs
-    heights *= sigma.astype(np.float32)[:, np.newaxis]
-    samples: SingleArray = heights[:, :, np.newaxis] * normals[:, np.newaxis]
-    samples = filters.apply(samples.reshape(len(samples), -1)).reshape(samples.shape)
-    probe = np.float32(PROBE) * samples[:, 0]
-    state = noisy_normals(_moved(mesh, start), adjacency, _moved(mesh, start + probe), samples)
-    del heights, samples
+    """Estimates by kind, whose vertices follow normals that were filtered some rounds."""
+    mesh, adjacency, sigma = noisy.part.mesh, noisy.part.adjacency, noisy.sigma
+    normals, signs, start, probe, state = begun
+    del begun
     movable, done = ~adjacency.on_boundary, 0  # those at borders stay
     for kind, total in rounds.items():
         state = filter_normals(state, total - done, tolerance)
@@ -304,10 +323,13 @@ def _sharp(
             first + move_to_normals(_moved(mesh, first), adjacency, goal, movable)
             for first, goal in ((start, state.normals), (start + probe, state.probed_normals))
         )
-        residuals = -np.einsum("ij,ij->i", moves, normals) / sigma
-        leverages = np.einsum("ij,ij->i", probed - moves, normals) * signs / (PROBE * sigma * squares)
+        residuals = (-np.einsum("ij,ij->i", moves, normals) / sigma).astype(np.float32)
+        probed -= moves
+        leverages = np.einsum("ij,ij->i", probed, normals) * signs / (PROBE * sigma * squares)
+        del probed
+        leverages = leverages.astype(np.float32)
         report(progress, min(2 + kind, STEPS - 1), STEPS)
-        yield Candidate(kind, moves, residuals.astype(np.float32), leverages.astype(np.float32))
+        yield Candidate(kind, moves, residuals, leverages)
 
 
 def _moves(mesh: TriangleMesh, vertices: FloatArray) -> SingleArray:
