@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
+from numbers import Integral
 from pathlib import Path
 from typing import TypeAlias
 
@@ -181,8 +182,8 @@ def file_run(
     The results take so many bytes per vertex in the target, and in the store. Refused are options out of range, a store
     of another run or of something else, and a disk that is too small.
     """
-    if options.workers is not None and options.workers < 1:
-        raise InvalidParameterError(f"workers: got {options.workers}, expected 1 or more, or None for all cores")
+    if options.workers is not None and not (isinstance(options.workers, Integral) and options.workers >= 1):
+        raise InvalidParameterError(f"workers: got {options.workers!r}, expected 1 or more, or None for all cores")
     tile_size(options)  # refused at once if there cannot be any
     stages = Stages(options.progress)
     folder = Path(options.store if options.store is not None else f"{os.fspath(target)}.tiles").absolute()

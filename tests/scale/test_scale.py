@@ -168,6 +168,7 @@ def test_the_store_has_the_order_of_meshes_in_memory(seed, tile, tmp_path_factor
         ({"columns": ["k_min", "k_min"]}, "columns"),
         ({"columns": ["bz_depth"]}, "columns"),
         ({"workers": 0}, "workers"),
+        ({"workers": 1.5}, "workers"),
         ({"tile_vertices": 8}, "tile_vertices"),
         ({"memory_limit": 10**8}, "memory_limit"),
         ({"scheduler": "cluster"}, "scheduler"),
