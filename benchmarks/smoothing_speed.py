@@ -2,10 +2,15 @@
 
 Every filter runs in turn, arrays in, arrays out; the best of some rounds counts. Ours uses all cores that may be
 used, MeshLab's Taubin filter and VTK's windowed sinc (through PyVista) one, MeshLib's as many as it takes.
+
+With ``--memory`` it is the memory that ours takes, on Linux.
 """
 
 import argparse
+import ctypes
+import re
 import time
+from pathlib import Path
 
 import numpy as np
 import pyvista
@@ -49,16 +54,35 @@ def seconds(smoother: Smoother, vertices: np.ndarray, faces: np.ndarray) -> floa
     return time.perf_counter() - start
 
 
+def peak_memory(smoother: Smoother, vertices: np.ndarray, faces: np.ndarray) -> float:
+    """Most bytes that the process has beside what it has before, its result among them, per vertex."""
+    ctypes.CDLL("libc.so.6").malloc_trim(0)
+    before = status_bytes("VmRSS")
+    Path("/proc/self/clear_refs").write_text("5", encoding="ascii")  # the peak begins anew
+    smoother(vertices, faces)
+    return (status_bytes("VmHWM") - before) / len(vertices)
+
+
+def status_bytes(name: str) -> int:
+    status = Path("/proc/self/status").read_text(encoding="ascii")
+    return 1024 * int(re.search(rf"{name}:\s+(\d+)", status)[1])
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--million", type=float, default=1.0, help="vertices, in millions")
     parser.add_argument("--rounds", type=int, default=2)
     parser.add_argument("--quick", action="store_true", help="only ours and Taubin's; MeshLib's takes minutes")
+    parser.add_argument("--memory", action="store_true", help="bytes per vertex beyond the input")
     arguments = parser.parse_args()
     known = smoothers() | {"VTK windowed sinc, 20 steps": vtk_sinc}
     compared = {name: known[name] for name in COMPARED[: 2 if arguments.quick else None] if name in known}
     for smoother in compared.values():  # compile, load
         smoother(*cases(0.002)["torus"])
+    if arguments.memory:
+        for name, (vertices, faces) in cases(arguments.million).items():
+            print(f"{name}: {peak_memory(known['automatic'], vertices, faces):.0f} bytes per vertex", flush=True)
+        return
     print("| seconds | vertices | " + " | ".join(compared) + " | automatic / Taubin |")
     print("|---" * (len(compared) + 3) + "|")
     for name, (vertices, faces) in cases(arguments.million).items():

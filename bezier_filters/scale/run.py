@@ -79,7 +79,7 @@ class Stages:
         self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
 
 
-@use_threads(1)
+@use_threads(1)  # the cores are shared by tasks; a scheduler may run them in the process that has more threads
 def run_tile(folder: Path, compute: TileTask, tile: int) -> int:
     """What workers do: compute the results of a tile and write them to a folder; its number."""
     start = time.perf_counter()
