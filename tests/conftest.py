@@ -1,5 +1,6 @@
 """Shared settings and meshes of the tests."""
 
+import functools
 import os
 import signal
 import subprocess
@@ -15,11 +16,30 @@ import numpy as np
 import pytest
 from hypothesis import Phase, settings
 
+from bezier_filters.surfaces import sampling
+
 settings.register_profile("project", deadline=None)  # the first call of a kernel may compile it
 settings.load_profile("project")
 settings.register_profile(  # for `make mutants`: the same examples each time, and no search for the shortest that fails
     "mutants", deadline=None, derandomize=True, database=None, phases=[Phase.explicit, Phase.generate]
 )
+
+
+directions_once = functools.lru_cache(maxsize=64)(sampling.sphere_directions)
+
+
+def sphere_directions(resolution, *, jitter=0.0, seed=0):
+    """As `sampling.sphere_directions`; many tests start from the same spheres, whose hulls take longer than they."""
+    return tuple(array.copy() for array in directions_once(resolution, jitter=jitter, seed=seed))
+
+
+sampling.sphere_directions = sphere_directions
+
+
+@pytest.fixture
+def spheres_afresh(monkeypatch):
+    """Every sphere is made when it is asked for."""
+    monkeypatch.setattr(sampling, "sphere_directions", directions_once.__wrapped__)
 
 
 def pytest_configure(config):

@@ -61,6 +61,7 @@ def test_check_finds_missing_and_changed_files(
     assert "torus.ply, waves.ply" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("spheres_afresh")
 def test_generator_is_deterministic(generator: ModuleType, tmp_path: Path) -> None:
     generator.main([])
     first = {path.name: path.read_bytes() for path in tmp_path.iterdir()}

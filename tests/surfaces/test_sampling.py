@@ -51,6 +51,7 @@ def test_jitter_makes_the_mesh_irregular(name: str) -> None:
     assert lengths.max() / lengths.min() > 3.5
 
 
+@pytest.mark.usefixtures("spheres_afresh")
 @each_surface
 def test_seed_decides_the_samples(name: str) -> None:
     first, again, other = (CASES[name].make(jitter=IRREGULAR, seed=seed) for seed in (1, 1, 2))
