@@ -66,7 +66,7 @@ GAIN = 1e-3  # times sigma^2: mean decrease of the risk around a vertex below wh
 SUPERFLUOUS = 3e-4  # the same for one that sharper ones may have replaced
 # around a tile there are the rings in which a low-pass filter fades by so many powers of e, those over which risks
 # are averaged, and those that a round of filtering the normals reaches across: measured, for a hundredth of the noise
-FADED, AVERAGED, RINGS_PER_ROUND = 7.0, 14, 1.25
+FADED, AVERAGED, RINGS_PER_ROUND = 7.5, 14, 1.25
 HINT = GENTLE + 1  # kind of estimate that may not gain though sharper ones do: strong noise goes in more rounds
 STEPS = 6  # of the progress
 
@@ -224,7 +224,7 @@ def rings_around(plan: SmoothingPlan | None) -> int:
         return 2
     filters = plan.low_pass
     # What a filter makes of a vertex fades away edge by edge, which its poles tell, slowest where edges are short.
-    edge = filters.strengths[: filters.used].max() ** -0.25 / filters.haste
+    edge = filters.strengths.max() ** -0.25 / filters.haste
     fading = 2.0 * np.sqrt(edge) * np.sin(0.5 * np.pi / filters.order)
     return int(np.ceil(FADED / fading + AVERAGED + RINGS_PER_ROUND * FILTER_ROUNDS[max(plan.kinds)]))
 

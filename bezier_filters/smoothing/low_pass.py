@@ -48,7 +48,6 @@ class LowPassPlan:
     haste: float
     order: int  # the best order of its filters
     strengths: FloatArray  # (s,): those that are tried around every vertex
-    used: int  # how many of them are mixed
     overall: FloatArray  # (s,): their risks, see `overall_risks`
 
 
@@ -143,10 +142,15 @@ def learn_low_pass(
             break  # else even weaker filters may be better there
         near = [*range(max(near[0] - 2 * AROUND, 0), max(near[0] - 1, 1), SPARSE), *near]
     used = int(np.flatnonzero(shares.mean(axis=0, dtype=np.float64) > RARE)[-1]) + 1
+    if used < len(near):
+        near = near[:used]  # of weaker filters the series are shorter: as `fit_low_pass` will have them
+        estimates = _estimates(noisy, laplacian, chosen.order, strengths[near], normals)
+        overall = overall_risks(estimates, core)
+        shares = shares_of(noisy, estimates, overall)
     clusters = noisy.clusters
     haste = max(float(clusters.diffuse(clusters.means([laplacian.rates])).max()), 1.0)
     plan = LowPassPlan(
-        borders, unit, first, chosen.power, 0.5 * laplacian.bound, haste, chosen.order, strengths[near], used, overall
+        borders, unit, first, chosen.power, 0.5 * laplacian.bound, haste, chosen.order, strengths[near], overall
     )
     return plan, _mixture(plan, laplacian, normals, estimates.residuals, shares)
 
@@ -175,13 +179,8 @@ def shares_of(noisy: NoisyMesh, estimates: Estimates, overall: FloatArray) -> Si
 def _mixture(
     plan: LowPassPlan, laplacian: Laplacian, normals: FloatArray, residuals: SingleArray, shares: SingleArray
 ) -> LowPass:
-    """The filters that are used at all; what stronger ones would have goes to the strongest of them."""
-    stronger = shares[:, plan.used :].sum(axis=1)
-    shares = shares[:, : plan.used].copy()
-    shares[:, -1] += stronger
-    residuals = np.einsum("ns,ns->n", shares, residuals[:, : plan.used])
-    strengths, single = plan.strengths[: plan.used], normals.astype(np.float32)
-    return LowPass(plan.borders, laplacian, plan.order, strengths, shares, single, residuals)
+    residuals = np.einsum("ns,ns->n", shares, residuals)
+    return LowPass(plan.borders, laplacian, plan.order, plan.strengths, shares, normals.astype(np.float32), residuals)
 
 
 def _estimates(

@@ -54,7 +54,7 @@ def test_parts_with_rings_around_are_smoothed_as_the_whole(make):
     learned = remove_noise(mesh, adjacency, NoiseModel(sigma**2), "curve")
     assert np.abs(learned.points - whole.points).max() < 1e-3 * sigma  # whose filters are series of other lengths
     squares = []
-    low, high = np.quantile(mesh.vertices[:, 0], (0.15, 0.85))
+    low, high = np.quantile(mesh.vertices[:, 0], (0.1, 0.9))
     for inner in (mesh.vertices[:, 0] < low, mesh.vertices[:, 0] > high):
         part = part_around(mesh, adjacency, inner, rings_around(plan))
         assert part.cut.any()
