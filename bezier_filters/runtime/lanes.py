@@ -1,10 +1,10 @@
 """Eight numbers at a time: a vector type for compiled code.
 
-Lanes hold a float64 for each of eight vertices. Where numba compiles the functions of this module, and the
-operators + - * / between lanes, lanes live in a vector register, or in two or four narrower ones, and arithmetic on
-them is explicit vector code, which compilers do not reliably make of loops over eight entries. The bodies of the
-functions define what they do; without the compiler they run as they stand, and lanes are arrays of eight numbers.
-Arrays of lanes are flat float64 arrays in which the eight numbers lie next to each other; see `aligned`.
+Lanes hold a number, float64 or float32, for each of eight vertices. Where numba compiles the functions of this module,
+and the operators + - * / between lanes, lanes live in a vector register, or in two or four narrower ones, and
+arithmetic on them is explicit vector code, which compilers do not reliably make of loops over eight entries. The bodies
+of the functions define what they do; without the compiler they run as they stand, and lanes are arrays of eight
+numbers. Arrays of lanes are flat ones in which the eight numbers lie next to each other; see `aligned`.
 """
 
 import operator
@@ -20,23 +20,24 @@ from numba.core.datamodel.manager import DataModelManager
 from numba.core.typing.templates import ConcreteTemplate, Signature, infer_global
 from numba.extending import lower_builtin, models, register_model
 
-from bezier_filters.arrays import FloatArray
+from bezier_filters.arrays import FloatArray, RealArray
 
 LANES = 8
-Lanes: TypeAlias = FloatArray  # eight numbers; see above what they are in compiled code
+Place: TypeAlias = int | np.uint32  # in an array; without a sign, compiled code need not ask whether it is from the end
+Lanes: TypeAlias = RealArray  # eight numbers; see above what they are in compiled code
 
 
-def load(array: FloatArray, place: int) -> Lanes:
-    """Lanes array[8 place : 8 place + 8] of a flat float64 array."""
+def load(array: RealArray, place: Place) -> Lanes:
+    """Lanes array[8 place : 8 place + 8] of a flat array."""
     return array[LANES * place : LANES * (place + 1)].copy()
 
 
-def store(array: FloatArray, place: int, value: Lanes) -> None:
+def store(array: RealArray, place: Place, value: Lanes) -> None:
     """Write lanes to array[8 place : 8 place + 8]."""
     array[LANES * place : LANES * (place + 1)] = value
 
 
-def spread(number: float) -> Lanes:
+def spread(number: float | np.float32) -> Lanes:
     """The same number in all lanes."""
     return np.full(LANES, number)
 
@@ -83,14 +84,15 @@ class _VectorModel(models.PrimitiveModel):
 Instructions = Callable[[BaseContext, ir.IRBuilder, Signature, Sequence[ir.Value]], ir.Value]
 
 
-def compile_as(function: Callable[..., object], signature: Signature, instructions: Instructions) -> None:
-    """Let compiled code do with a function of some types what the instructions say."""
+def compile_as(function: Callable[..., object], signatures: Sequence[Signature], instructions: Instructions) -> None:
+    """Let compiled code do with a function, for each of some signatures, what the instructions say."""
 
     @infer_global(function)
     class _Cases(ConcreteTemplate):
-        cases = [signature]  # noqa: RUF012
+        cases = signatures
 
-    lower_builtin(function, *signature.args)(instructions)
+    for signature in signatures:
+        lower_builtin(function, *signature.args)(instructions)
 
 
 def load_vector(
@@ -150,23 +152,26 @@ def spread_over(builder: ir.IRBuilder, number: ir.Value, vector: ir.VectorType) 
     return builder.shuffle_vector(one, undefined, ir.Constant(ir.VectorType(int32, vector.count), [0] * vector.count))
 
 
-_LANES, _ARRAY = VectorType("Lanes", ir.DoubleType(), LANES), types.Array(types.float64, 1, "C")
-_TWO = _LANES(_LANES, _LANES)
+SINGLE_LANES = VectorType("SingleLanes", ir.FloatType(), LANES)
+_KINDS = (VectorType("Lanes", ir.DoubleType(), LANES), types.float64), (SINGLE_LANES, types.float32)
+_TWO = [lanes(lanes, lanes) for lanes, _ in _KINDS]
 compile_as(operator.add, _TWO, lambda context, builder, signature, args: builder.fadd(*args))
 compile_as(operator.sub, _TWO, lambda context, builder, signature, args: builder.fsub(*args))
 compile_as(operator.mul, _TWO, lambda context, builder, signature, args: builder.fmul(*args))
 compile_as(operator.truediv, _TWO, lambda context, builder, signature, args: builder.fdiv(*args))
-compile_as(load, _LANES(_ARRAY, types.intp), load_vector)
-compile_as(store, types.void(_ARRAY, types.intp, _LANES), store_vector)
+compile_as(load, [lanes(types.Array(number, 1, "C"), types.intp) for lanes, number in _KINDS], load_vector)
+compile_as(
+    store, [types.void(types.Array(number, 1, "C"), types.intp, lanes) for lanes, number in _KINDS], store_vector
+)
 compile_as(
     spread,
-    _LANES(types.float64),
-    lambda context, builder, signature, args: spread_over(builder, args[0], _LANES.vector),
+    [lanes(number) for lanes, number in _KINDS],
+    lambda context, builder, signature, args: spread_over(builder, args[0], signature.return_type.vector),
 )
-compile_as(multiply_add, _LANES(_LANES, _LANES, _LANES), library_function("fmuladd"))
-compile_as(square_root, _LANES(_LANES), library_function("sqrt"))
+compile_as(multiply_add, [lanes(lanes, lanes, lanes) for lanes, _ in _KINDS], library_function("fmuladd"))
+compile_as(square_root, [lanes(lanes) for lanes, _ in _KINDS], library_function("sqrt"))
 compile_as(
     where_greater,
-    _LANES(_LANES, _LANES, _LANES, _LANES),
+    [lanes(lanes, lanes, lanes, lanes) for lanes, _ in _KINDS],
     lambda context, builder, signature, args: builder.select(builder.fcmp_ordered(">", *args[:2]), *args[2:]),
 )

@@ -61,7 +61,7 @@ SHARPNESS = (0.0, 0.0, 0.33, 0.67, 1.0)  # as reported, by kind
 KINDS = range(len(FILTER_ROUNDS))
 GENTLE_TOLERANCE, SHARP_TOLERANCE = 3.2, 1.65  # of `filter_normals`
 PROBE = 0.1  # times sigma: how far vertices are moved to find their leverages
-FEWEST_SAMPLED = 60_000  # vertices times samples of the noise, that normals are filtered by
+PAIRS_SAMPLED = 30_000  # about so many vertices times pairs of samples of the noise, that normals are filtered by
 GAIN = 1e-3  # times sigma^2: mean decrease of the risk around a vertex below which a further estimate is left out
 SUPERFLUOUS = 3e-4  # the same for one that sharper ones may have replaced
 # around a tile there are the rings in which a low-pass filter fades by so many powers of e, those over which risks
@@ -293,7 +293,7 @@ def _begun(noisy: NoisyMesh, filters: LowPass, signs: SingleArray) -> _Begun:
     """Filter the mesh, the probe and samples of the noise."""
     mesh, normals = noisy.part.mesh, filters.normals
     start = _moves(mesh, filters.apply(mesh.vertices))
-    heights = noisy.samples(int(np.clip(FEWEST_SAMPLED // noisy.part.vertex_count, 2, 6)))
+    heights = noisy.samples(2 * int(np.clip(np.round(PAIRS_SAMPLED / noisy.part.vertex_count), 1, 3)))
     heights[:, 0] = signs
     heights *= noisy.sigma.astype(np.float32)[:, np.newaxis]
     samples: SingleArray = heights[:, :, np.newaxis] * normals[:, np.newaxis]

@@ -18,8 +18,9 @@ from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.triangles import has_corner, unit_normal
 from bezier_filters.runtime.jit import inner_jit, jit
+from bezier_filters.runtime.lanes import LANES, Place, load, multiply_add, spread, square_root, store, where_greater
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks, run_kernel
-from bezier_filters.runtime.rows import NUMBERS, Place, add_scaled, row_of, scaled, write_row, zero_row
+from bezier_filters.runtime.rows import NUMBERS, first_twice, inner_products, vectors
 from bezier_filters.smoothing.chebyshev import Step, coefficients
 from bezier_filters.smoothing.laplacian import MeshStars, mesh_stars
 
@@ -27,7 +28,8 @@ SMALLEST_VARIANCE = 1e-12  # of a normal, radians^2: below that everything agree
 SQUARINGS = 5
 POWER = 2**SQUARINGS  # weights are (1 - x / power)^power, nearly exp(-x) and soon computed
 UPDATE_ROUNDS = 20  # more would fit the normals better, but let the vertices drift away from where they were measured
-ONE = np.uint32(1)  # for places without a sign, see `rows.Place`
+ONE, EIGHT = np.uint32(1), np.uint32(LANES)  # for places without a sign, see `lanes.Place`
+AREA, VARIANCE = np.uint32(3), np.uint32(7)  # where these are in the lanes of a face, see `NoisyNormals`
 TERMS = 10  # of the polynomial that does as much as all rounds
 
 
@@ -37,7 +39,7 @@ class NoisyNormals(NamedTuple):
     faces: IntArray  # (m, 3): vertices of the faces
     # (m (2 + k), 4), for each face: normal of the mesh and twice the area of the face; normal of the probe and variance
     # of the normal around the face; and changes of the normal by k samples of the noise, radians. Normals of faces
-    # without area are zero.
+    # without area are zero. k is even.
     rows: SingleArray
     face_ptr: IntArray  # faces at each vertex, as compressed rows
     face_indices: IntArray
@@ -87,8 +89,8 @@ def filter_normals(state: NoisyNormals, rounds: int, tolerance: float) -> NoisyN
         _write_variances(state, tolerance)
 
         def make_task(state: NoisyNormals = state, means: SingleArray = means) -> RangeTask:
-            around, weights = np.empty(most, dtype=np.int32), np.empty(most, dtype=np.float32)
-            return partial(_filter, state, means, around, weights)
+            around, weights = np.empty(most, dtype=np.int32), np.empty(LANES * most, dtype=np.float32)
+            return partial(_filter, state, state.rows.ravel(), means.ravel(), around, weights)
 
         run_in_chunks(make_task, len(state.faces))
         state, means = state._replace(rows=means), state.rows
@@ -97,44 +99,44 @@ def filter_normals(state: NoisyNormals, rounds: int, tolerance: float) -> NoisyN
 
 def _write_variances(state: NoisyNormals, tolerance: float) -> None:
     """Write the mean squared change of the normals around each face, times the squared tolerance."""
-    m, n = len(state.faces), len(state.face_ptr) - 1
-    values = np.zeros(n, dtype=np.float32)
-    squared, least = np.float32(tolerance**2), np.float32(SMALLEST_VARIANCE)
-    run_kernel(_mean_squares, m, state, squared)
+    m, at_vertices = len(state.faces), np.zeros(len(state.face_ptr) - 1, dtype=np.float32)
+    squared, of_faces = np.float32(tolerance**2), np.empty(m, dtype=np.float32)
+    least = np.float32(SMALLEST_VARIANCE) * squared
+    run_kernel(_mean_squares, m, state.rows, squared, of_faces)
     for _ in range(2):
-        run_kernel(_to_vertices, n, state, values)
-        run_kernel(_to_faces, m, state, values, least * squared)
+        run_kernel(_to_vertices, len(at_vertices), state.face_ptr, state.face_indices, of_faces, at_vertices)
+        run_kernel(_to_faces, m, state.faces, at_vertices, least, of_faces)
+    state.rows.reshape(m, -1)[:, VARIANCE] = of_faces
 
 
 @jit()
-def _mean_squares(state: NoisyNormals, factor: np.float32, start: int, stop: int) -> None:
-    rows = state.rows
-    stride = rows.shape[0] // state.faces.shape[0]
+def _mean_squares(rows: SingleArray, factor: np.float32, of_faces: SingleArray, start: int, stop: int) -> None:
+    stride = rows.shape[0] // of_faces.shape[0]
     for f in range(start, stop):
         total = np.float32(0.0)
         for k in range(stride * f + 2, stride * (f + 1)):
             total += rows[k, 0] ** 2 + rows[k, 1] ** 2 + rows[k, 2] ** 2
-        rows[stride * f + 1, 3] = factor * total / np.float32(stride - 2)
+        of_faces[f] = factor * total / np.float32(stride - 2)
 
 
 @jit()
-def _to_vertices(state: NoisyNormals, values: SingleArray, start: int, stop: int) -> None:
-    face_ptr, face_indices = state.face_ptr, state.face_indices
-    stride = state.rows.shape[0] // state.faces.shape[0]
+def _to_vertices(
+    face_ptr: IntArray, face_indices: IntArray, of_faces: SingleArray, at_vertices: SingleArray, start: int, stop: int
+) -> None:
     for i in range(start, stop):
         total = np.float32(0.0)
         for q in range(face_ptr[i], face_ptr[i + 1]):
-            total += state.rows[stride * face_indices[q] + 1, 3]
-        values[i] = total / np.float32(max(face_ptr[i + 1] - face_ptr[i], 1))
+            total += of_faces[face_indices[q]]
+        at_vertices[i] = total / np.float32(max(face_ptr[i + 1] - face_ptr[i], 1))
 
 
 @jit()
-def _to_faces(state: NoisyNormals, values: SingleArray, least: np.float32, start: int, stop: int) -> None:
-    faces, rows = state.faces, state.rows
-    stride = rows.shape[0] // faces.shape[0]
+def _to_faces(
+    faces: IntArray, at_vertices: SingleArray, least: np.float32, of_faces: SingleArray, start: int, stop: int
+) -> None:
     for f in range(start, stop):
-        mean = (values[faces[f, 0]] + values[faces[f, 1]] + values[faces[f, 2]]) / np.float32(3.0)
-        rows[stride * f + 1, 3] = max(mean, least)
+        mean = (at_vertices[faces[f, 0]] + at_vertices[faces[f, 1]] + at_vertices[faces[f, 2]]) / np.float32(3.0)
+        of_faces[f] = max(mean, least)
 
 
 @jit()
@@ -168,64 +170,46 @@ def _write_normals(
 
 @jit()
 def _filter(
-    state: NoisyNormals, means: SingleArray, around: IntArray, weights: SingleArray, start: int, stop: int
+    state: NoisyNormals,
+    rows: SingleArray,
+    means: SingleArray,
+    around: IntArray,
+    weights: SingleArray,
+    start: int,
+    stop: int,
 ) -> None:
     """Write the means of faces start .. stop-1 with the faces that share a vertex with them.
 
-    Work space for the faces around one and their weights.
+    Rows and means are flat; lanes hold two rows. Work space for the faces around one and the lanes of their weights.
     """
-    faces, rows, _, _ = state
-    stride = np.uint32(rows.shape[0] // faces.shape[0])
+    pairs = np.uint32(len(rows) // (LANES * len(state.faces)))  # of rows for each face
+    one, zero = spread(np.float32(1.0)), spread(np.float32(0.0))
     for f in range(np.uint32(start), np.uint32(stop)):
-        own, area = stride * f, rows[stride * f, 3]
-        count = _faces_around(state, f, around)
-        normal, probe = scaled(area, row_of(rows, own)), scaled(area, row_of(rows, own + ONE))
-        for q in range(count):
-            g = stride * np.uint32(around[q])
-            scale = np.float32(-0.5 / POWER) / (rows[own + ONE, 3] + rows[g + ONE, 3])
-            weights[q] = _weight(rows, own, g, scale) * rows[g, 3]
-            normal = add_scaled(weights[q], row_of(rows, g), normal)
-            probe = add_scaled(_weight(rows, own + ONE, g + ONE, scale) * rows[g, 3], row_of(rows, g + ONE), probe)
-        write_row(means, own, normal)
-        write_row(means, own + ONE, probe)
-        _normalise(means, own + ONE)
-        length = _normalise(means, own)
-        means[own, 3] = area
-        if length == np.float32(0.0):
-            for k in range(own + ONE + ONE, own + stride):
-                write_row(means, k, zero_row())
-            continue
-        nx, ny, nz, per_length = means[own, 0], means[own, 1], means[own, 2], np.float32(1.0) / length
-        for k in range(ONE + ONE, stride):
-            total = scaled(area, row_of(rows, own + k))
-            for q in range(count):
-                total = add_scaled(weights[q], row_of(rows, stride * np.uint32(around[q]) + k), total)
-            total = scaled(per_length, total)
-            write_row(means, own + k, total)
-            along = means[own + k, 0] * nx + means[own + k, 1] * ny + means[own + k, 2] * nz
-            means[own + k, 0] -= along * nx
-            means[own + k, 1] -= along * ny
-            means[own + k, 2] -= along * nz
-
-
-@inner_jit()
-def _weight(rows: SingleArray, own: Place, other: Place, scale: np.float32) -> np.float32:
-    """How much the normal in a row agrees with that in another."""
-    dx, dy, dz = rows[own, 0] - rows[other, 0], rows[own, 1] - rows[other, 1], rows[own, 2] - rows[other, 2]
-    result = max(np.float32(1.0) + scale * (dx * dx + dy * dy + dz * dz), np.float32(0.0))
-    for _ in range(SQUARINGS):
-        result *= result
-    return np.float32(result)
-
-
-@inner_jit()
-def _normalise(rows: SingleArray, place: Place) -> np.float32:
-    """Divide the vector in a row by its length; return that."""
-    x, y, z = rows[place, 0], rows[place, 1], rows[place, 2]
-    length: np.float32 = np.sqrt(x * x + y * y + z * z)
-    if length > np.float32(0.0):
-        rows[place, 0], rows[place, 1], rows[place, 2] = x / length, y / length, z / length
-    return length
+        own, area = pairs * f, rows[EIGHT * pairs * f + AREA]
+        variance, here, count = rows[EIGHT * own + VARIANCE], load(rows, own), _faces_around(state, f, around)
+        normals = spread(area) * here
+        for q in range(np.uint32(count)):
+            g = pairs * np.uint32(around[q])
+            there, scale = load(rows, g), np.float32(-0.5 / POWER) / (variance + rows[EIGHT * g + VARIANCE])
+            # How much the two normals agree with those of the other face.
+            weight = one + spread(scale) * inner_products(here - there, here - there)
+            weight = where_greater(weight, zero, weight, zero)
+            for _ in range(SQUARINGS):
+                weight = weight * weight
+            weight = weight * spread(rows[EIGHT * g + AREA])
+            normals = multiply_add(weight, there, normals)
+            store(weights, q, first_twice(weight))
+        lengths = square_root(inner_products(normals, normals))
+        normals = vectors(where_greater(lengths, zero, normals / lengths, normals))
+        store(means, own, normals)
+        means[EIGHT * own + AREA] = area
+        normal, inverse = first_twice(normals), first_twice(where_greater(lengths, zero, one / lengths, zero))
+        for k in range(ONE, pairs):
+            samples = spread(area) * load(rows, own + k)
+            for q in range(np.uint32(count)):
+                samples = multiply_add(load(weights, q), load(rows, pairs * np.uint32(around[q]) + k), samples)
+            samples = inverse * samples
+            store(means, own + k, samples - inner_products(samples, normal) * normal)
 
 
 @inner_jit()
@@ -233,7 +217,7 @@ def _faces_around(state: NoisyNormals, f: Place, around: IntArray) -> np.uint32:
     """Write the faces that share a vertex with one, each once; return how many there are.
 
     All are written, and those met before are written over: a branch would be mispredicted for every third one.
-    Numbers are without a sign here, see `rows.Place`.
+    Numbers are without a sign here, see `lanes.Place`.
     """
     faces, face_ptr, face_indices, count = state.faces, state.face_ptr, state.face_indices, np.uint32(0)
     a, b, c = int(np.uint32(faces[f, 0])), int(np.uint32(faces[f, 1])), int(np.uint32(faces[f, 2]))

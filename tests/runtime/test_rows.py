@@ -5,7 +5,18 @@ import pytest
 from numba import config
 
 from bezier_filters.runtime.jit import jit
-from bezier_filters.runtime.rows import NUMBERS, add_scaled, row_of, scaled, write_row, zero_row
+from bezier_filters.runtime.lanes import LANES, load, spread, store, where_greater
+from bezier_filters.runtime.rows import (
+    NUMBERS,
+    add_scaled,
+    first_twice,
+    inner_products,
+    row_of,
+    scaled,
+    vectors,
+    write_row,
+    zero_row,
+)
 
 
 def mixed(array, weights, places, result):
@@ -28,3 +39,26 @@ def test_compiled_rows_are_those_of_python():
     expected = [weights[i] * (weights[: i + 1, np.newaxis] * array[places[: i + 1]]).sum(axis=0) for i in range(20)]
     np.testing.assert_allclose(compiled, expected, rtol=1e-5, atol=1e-5)
     np.testing.assert_allclose(plain, expected, rtol=1e-5, atol=1e-5)
+
+
+def of_pairs(array, places, result):
+    """Products of rows, two at a time."""
+    for i in range(len(places)):
+        a, b = load(array, i), load(array, places[i])
+        store(result, 3 * i, inner_products(a, b))
+        store(result, 3 * i + 1, first_twice(a) * spread(array[i]))
+        store(result, 3 * i + 2, where_greater(a, b, vectors(a - b), b / a))
+
+
+@pytest.mark.skipif(config.DISABLE_JIT, reason="there is nothing to compare without the compiler")
+def test_compiled_pairs_of_rows_are_those_of_python():
+    rng = np.random.default_rng(0)
+    array, places = rng.standard_normal(LANES * 50).astype(np.float32), rng.integers(0, 50, 20).astype(np.int32)
+    compiled, plain = np.full((2, LANES * 60), np.nan, dtype=np.float32)
+    jit()(of_pairs)(array, places, compiled)
+    of_pairs(array, places, plain)
+    np.testing.assert_array_equal(compiled, plain)
+    a, b = array.reshape(50, 2, NUMBERS)[:20], array.reshape(50, 2, NUMBERS)[places]
+    products = plain.reshape(20, 3, 2, NUMBERS)[:, 0]
+    expected = np.einsum("kij,kij->ki", a[..., :3], b[..., :3])
+    np.testing.assert_allclose(products, np.repeat(expected[..., np.newaxis], NUMBERS, axis=2), rtol=1e-4, atol=1e-6)
