@@ -29,7 +29,7 @@ ORDER = 4  # of the filters, where nothing else is said
 # of half the angle at which the poles of the filter lie: series converge the slower, the nearer these are
 TERMS = 4.6
 
-FASTER = {"contract"}  # products may be added without being rounded first
+FASTER = {"contract", "reassoc"}  # products may be added without being rounded first, and in any order
 
 Signals = TypeVar("Signals", FloatArray, SingleArray)
 # Loops below count without a sign: places that may be negative, from the end, take a fourth of the time.
@@ -136,20 +136,20 @@ def _run(
     kernel: Callable[..., None],
     arrays: tuple[SingleArray, ...],
 ) -> None:
-    """Go through T_0, T_1, ... of A = 2 L / bound - 1; a kernel does what is to be done with two of them at a time.
+    """Go through T_0, T_1, ... of A = 2 L / bound - 1; a kernel does what is to be done with three of them at a time.
 
-    What the filters make of them is as large as the signals times the filters: it is passed over every other step.
+    What the filters make of them is as large as the signals times the filters: it is passed over every third step.
     """
     before, current = np.zeros((2, *signals.shape), dtype=np.float32)
     run = partial(run_kernel, chunk=LONGEST)  # to wake a thread takes as long as 4,000 vertices
     run(_differences, len(signals), laplacian, signals, current)
     scale = np.float32(2.0 / laplacian.bound)
-    rows = np.zeros((len(series) + len(series) % 2, series.shape[1]), dtype=np.float32)  # in pairs
+    rows = np.zeros((len(series) + -len(series) % 3, series.shape[1]), dtype=np.float32)  # in threes
     rows[: len(series)] = series
     for k in range(1, len(rows)):
         step = Step(scale, np.float32(min(k, 2)), before, current)
-        if k % 2:
-            run(kernel, len(current), laplacian, step, rows[k - 1 : k + 1], *arrays)
+        if k % 3 == 2:
+            run(kernel, len(current), laplacian, step, rows[k - 2 : k + 1], *arrays)
         else:
             run(_advance, len(current), laplacian, step)
         before, current = current, before
@@ -196,12 +196,13 @@ def _advance_and_mix(
     laplacian: Laplacian, step: Step, rows: SingleArray, shares: SingleArray, result: SingleArray, start: int, stop: int
 ) -> None:
     for i in range(np.uint32(start), np.uint32(stop)):
-        value = _advanced(laplacian, step, i)
-        first = second = np.float32(0.0)
+        before, value = row_of(step.before, i), _advanced(laplacian, step, i)
+        first = second = third = np.float32(0.0)
         for s in range(rows.shape[1]):
             first += shares[i, s] * rows[0, s]
             second += shares[i, s] * rows[1, s]
-        mixed = add_scaled(first, row_of(step.current, i), scaled(second, value))
+            third += shares[i, s] * rows[2, s]
+        mixed = add_scaled(first, before, add_scaled(second, row_of(step.current, i), scaled(third, value)))
         write_row(result, i, add_scaled(np.float32(1.0), mixed, row_of(result, i)))
 
 
@@ -216,14 +217,14 @@ def _advance_and_measure(
     start: int,
     stop: int,
 ) -> None:
-    current, following = step.current, step.before  # which the step has overwritten
+    before, current = step.before, step.current
     for i in range(np.uint32(start), np.uint32(stop)):
-        _advanced(laplacian, step, i)
         x, y, z, w = directions[i, 0], directions[i, 1], directions[i, 2], directions[i, 3]
-        first = current[i, 0] * x + current[i, 1] * y + current[i, 2] * z
-        second = following[i, 0] * x + following[i, 1] * y + following[i, 2] * z
-        first_product, second_product = current[i, 3] * w, following[i, 3] * w
+        first, first_product = before[i, 0] * x + before[i, 1] * y + before[i, 2] * z, before[i, 3] * w
+        second, second_product = current[i, 0] * x + current[i, 1] * y + current[i, 2] * z, current[i, 3] * w
+        _advanced(laplacian, step, i)  # which overwrites what was before
+        third, third_product = before[i, 0] * x + before[i, 1] * y + before[i, 2] * z, before[i, 3] * w
         for s in range(rows.shape[1]):
-            sums[i, s] += first * rows[0, s] + second * rows[1, s]
+            sums[i, s] += first * rows[0, s] + second * rows[1, s] + third * rows[2, s]
         for s in range(rows.shape[1]):
-            products[i, s] += first_product * rows[0, s] + second_product * rows[1, s]
+            products[i, s] += first_product * rows[0, s] + second_product * rows[1, s] + third_product * rows[2, s]
