@@ -97,7 +97,7 @@ def smooth(
     json: Json = False,
     **given: Any,
 ) -> None:
-    """Take the noise off, with the vertices that the mesh gets in memory but for one or two hundredths of the noise.
+    """Take the noise off, with the vertices that the mesh gets in memory but for a hundredth of the noise.
 
     Rings, alpha, degree, smoothness and robust are for the paper's method, which moves every vertex onto its patch.
     """

@@ -85,7 +85,7 @@ def smooth_file(
 
     What holds for the mesh as a whole is learned once, from the same parts as in memory. Then every tile is a task that
     smooths it, with as many rings around it as the filters reach across, by the same function as a mesh in memory. The
-    vertices are those of ``smooth`` but for one or two hundredths of the noise, and a thousandth in the root mean
+    vertices are those of ``smooth`` but for a hundredth of the noise, and a thousandth in the root mean
     square, whatever the tiles and the scheduler. A last round gives closed components their volumes back (to 1e-6).
 
     ``method="paper"`` moves every vertex onto its patch, all from the old mesh. After the first time that is the same
