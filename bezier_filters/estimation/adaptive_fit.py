@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from bezier_filters.arrays import ByteArray, FloatArray, IntArray
+from bezier_filters.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from bezier_filters.estimation.fallbacks import (
     MORE_RINGS,
     FitAttempt,
@@ -60,6 +60,8 @@ FEWEST_OFF, MOST_OFF = 40, 0.3  # vertices, and share of those looked at: more o
 WORTHWHILE_THERE = 0.2  # logarithm of the predicted error that this must save, unless the noise is correlated
 WORSE = 2.0  # times the standard error of a sound fit that one of the part may have instead
 AT_ONCE = 1 << 18  # vertices of a part of which both fits are kept
+ALIKE = 0.75  # of the distance of a vertex from its fit: how much that of a neighbour on the same edge differs
+OPPOSITE = 0.55  # length of the mean of the unit vectors towards such neighbours, if there are some on both sides
 RESIDUAL = 1  # place among the `first_features`
 GEOMETRIC_MEAN = np.exp(-0.5 * (np.euler_gamma + np.log(2.0)))  # of the absolute value of a standard normal variable
 
@@ -99,6 +101,7 @@ class SurfaceFit:
     attempts: tuple[FitAttempt, ...]  # tried in order at every vertex
     steady: bool = False  # whether frames come from averaged normals, see `with_steady_normals`
     robust: bool = False  # whether points far off a fit lose their weight
+    cleaned: bool = False  # whether outliers are moved onto the surface around them before
     parts: Tree[PartFit] | None = None  # what comes after that, by the features that the first fit shows
 
 
@@ -144,7 +147,8 @@ def choose_fit(
         if fixed is None:
             choice = _with_noise(FitChoice(chosen.rings, chosen.degree, None, None), noise)
             attempts = tuple(planned_chain(root.plans, chosen))
-            return SurfaceFit(choice, attempts, noise.heavy, bool(robust)), Learned(analyses, root, choices)
+            surface_fit = SurfaceFit(choice, attempts, noise.heavy, bool(robust), cleaned=bool(robust))
+            return surface_fit, Learned(analyses, root, choices)
     if rings == "auto":
         rings = 2 if root is None else root.chosen.rings
     fit = fixed or PatchFit()
@@ -177,11 +181,11 @@ def learn_without_outliers(
     return analyses, replace(leaf, surface=surface)
 
 
-def learner(mesh: KernelMesh, adjacency: Adjacency) -> Learn:
-    """What learns the surface of a mesh in memory."""
+def learner(mesh: KernelMesh, adjacency: Adjacency, cleaned: Callable[[], KernelMesh] | None = None) -> Learn:
+    """What learns the surface of a mesh in memory, which may be known without its outliers."""
 
     def learn(choices: Choices, without: bool) -> tuple[list[RingAnalysis], Leaf | None]:
-        learned_from = without_outliers(mesh) if without else mesh
+        learned_from = (cleaned or partial(without_outliers, mesh))() if without else mesh
         return learn_surface(learned_from, adjacency, choices)
 
     return learn
@@ -372,6 +376,13 @@ def nearest_rings(mesh: KernelMesh, adjacency: Adjacency, radius: float) -> int:
     return best
 
 
+def measure_from(points: FloatArray, mesh: KernelMesh, ids: IntArray, geometry: VertexGeometry) -> None:
+    """Let displacements of vertices `ids` of a cleaned mesh start from the points (n, 3) where they were measured."""
+    rows = mesh.origin[ids]
+    fitted = geometry.rings_used[rows] > 0
+    geometry.displacements[rows[fitted]] += (mesh.vertices - points)[ids[fitted]]
+
+
 def without_outliers(mesh: KernelMesh) -> KernelMesh:
     """The mesh with every vertex that is far off its own robust patch moved onto it.
 
@@ -383,10 +394,26 @@ def without_outliers(mesh: KernelMesh) -> KernelMesh:
     geometry = empty_geometry(n)
     attempts = list(fallback_chain(OUTLIER_RINGS, PatchFit()))
     fit_with_fallbacks(own, every, attempts, geometry, robust=True)
-    distances = np.linalg.norm(geometry.displacements, axis=1)
+    moves = geometry.displacements
+    distances = np.linalg.norm(moves, axis=1)
     is_far = distances > FAR / GEOMETRIC_MEAN * _geometric_means(mesh, distances)
-    vertices = np.where(is_far[:, np.newaxis], mesh.vertices + geometry.displacements, mesh.vertices)
-    return mesh._replace(vertices=vertices)
+    is_far &= ~(mesh.stops | _is_on_edge(mesh, moves))
+    return mesh._replace(vertices=np.where(is_far[:, np.newaxis], mesh.vertices + moves, mesh.vertices))
+
+
+def _is_on_edge(mesh: KernelMesh, moves: FloatArray) -> BoolArray:
+    """Whether vertices are off their fits as neighbours on both sides are, (n,): on an edge that fits reach across."""
+    n = len(moves)
+    starts = np.repeat(np.arange(n), np.diff(mesh.ring_ptr))
+    apart = np.linalg.norm(moves[mesh.ring_indices] - moves[starts], axis=1)
+    alike = apart < ALIKE * np.linalg.norm(moves, axis=1)[starts]
+    starts, ends = starts[alike], mesh.ring_indices[alike]
+    ways = mesh.vertices[ends] - mesh.vertices[starts]
+    ways /= np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), np.finfo(np.float64).tiny)
+    sums = np.column_stack([np.bincount(starts, way, n) for way in ways.T])
+    counts = np.bincount(starts, minlength=n)
+    result: BoolArray = (counts >= 2) & (np.linalg.norm(sums, axis=1) < OPPOSITE * counts)
+    return result
 
 
 def _geometric_means(mesh: KernelMesh, values: FloatArray) -> FloatArray:

@@ -1,6 +1,7 @@
 """Differential geometry at every vertex of a mesh: the function that users call."""
 
 from dataclasses import replace
+from functools import cache, partial
 from typing import get_args
 
 import numpy as np
@@ -19,7 +20,9 @@ from bezier_filters.estimation.adaptive_fit import (
     fit_in_balls,
     fit_parts,
     learner,
+    measure_from,
     with_parts,
+    without_outliers,
 )
 from bezier_filters.estimation.fallbacks import Fallbacks, fallback_chain, fit_with_fallbacks, overall_progress
 from bezier_filters.estimation.first_call import first_call
@@ -128,7 +131,7 @@ def estimate_vertex_geometry(
         Whether points far off their patch lose their weight (Tukey's biweight), for scans with
         outliers: one vertex in twenty displaced by many times the noise. It takes some two times as long
         and is slightly less accurate where there are none. By default, fits that follow the data are robust where these
-        show outliers.
+        show outliers. Such fits are those of the mesh with its outliers moved onto the surface around them.
     noise : float, optional
         Standard deviation of the noise along the normal, a length, if it is known better than it can be learned: what
         is chosen and the standard errors follow from it, everywhere on the mesh. How far it is correlated is learned
@@ -221,10 +224,11 @@ def estimate_vertex_geometry(
             is_learned = (fixed is None or rings == "auto") and given.vertex_count <= LARGEST
             key = key_of(given.vertices, given.faces, outside, fallbacks, *wanted) if is_learned else None
             known, learned = recall(key), None
+            cleaned = cache(partial(without_outliers, arrays))  # edges are not told anew where there are any
             if known is not None:
                 fit, surface, arrays = known.fit, known.surface, arrays._replace(stops=known.stops)
             else:
-                fit, learned = choose_fit(learner(arrays, adjacency), *wanted)
+                fit, learned = choose_fit(learner(arrays, adjacency, cleaned), *wanted)
             if fixed is not None and fallbacks != "sound":
                 fit = replace(fit, attempts=tuple(fallback_chain(fit.choice.rings, fixed, fallbacks=fallbacks)))
             # among heavy noise nothing is far off
@@ -232,9 +236,16 @@ def estimate_vertex_geometry(
                 before, arrays = arrays, at_sharp_edges(arrays, learned.root.surface.noise)
                 if (arrays.stops != before.stops).any():
                     fit, learned = choose_fit(learner(arrays, adjacency), *wanted)
-            choice, fit = _fit(arrays, adjacency, ids, fit, learned, geometry, progress)
+            fitted = arrays
+            if known is not None and known.cleaned is not None:
+                fitted = arrays._replace(vertices=known.cleaned)
+            elif fit.cleaned:
+                fitted = cleaned()
+            choice, fit = _fit(fitted, adjacency, ids, fit, learned, geometry, progress)
+            if fit.cleaned:
+                measure_from(arrays.vertices, fitted, ids, geometry)
             if learned is not None:
-                remember(key, LearnedFit(fit, arrays.stops, surface))
+                remember(key, LearnedFit(fit, arrays.stops, surface, fitted.vertices if fit.cleaned else None))
         else:
             choice = fit_in_balls(
                 arrays,

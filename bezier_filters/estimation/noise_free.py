@@ -1,5 +1,7 @@
 """The surface under the noise, as far as it can be told: which of its edges are sharp is asked of that."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from bezier_filters.arrays import BoolArray
@@ -7,16 +9,18 @@ from bezier_filters.estimation.adaptive_fit import learn_without_outliers, learn
 from bezier_filters.kernels.kernel_input import fitted_mesh
 from bezier_filters.learning.noise_model import NoiseModel, known_noise
 from bezier_filters.learning.plans import Choices
-from bezier_filters.meshes.adjacency import Adjacency, mean_edge
+from bezier_filters.meshes.adjacency import Adjacency, from_middles, mean_edge
+from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.half_edges import mesh_edges
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.sharp_edges import may_have_sharp_edges, sharp_edges
+from bezier_filters.meshes.tips import without_tips
 from bezier_filters.runtime.parallel import Progress
 from bezier_filters.smoothing.denoise import Denoised, remove_noise
 from bezier_filters.smoothing.flipped_faces import repair_flipped_faces
 from bezier_filters.smoothing.impulses import MOST_ROUNDS, has_settled, learn_impulses, without_impulses
 from bezier_filters.smoothing.laplacian import Borders
-from bezier_filters.smoothing.mesh_parts import sampled_parts
+from bezier_filters.smoothing.mesh_parts import MeshPart, sampled_parts
 
 # times the mean edge: less noise turns a face by some 5 degrees at most, and no flat edge looks like a sharp one
 NOISY = 0.02
@@ -28,17 +32,27 @@ MOST_NOISE = 0.5 * np.sqrt(np.pi)
 LEFT = 0.2
 KEPT = 0.1  # least sharpness of smoothing where it takes a line for an edge; round shapes have hardly any
 MOST_CLEANED = 3  # times that outliers are taken off
+MANY = (
+    0.035  # share of the vertices that are outliers, up to which there is no doubt that they are to be told one by one
+)
 
 
-def learn_noise(mesh: TriangleMesh, adjacency: Adjacency, sigma: float | None = None) -> NoiseModel | None:
-    """The noise along the normal, of a strength that may be known, a length; None if the mesh is too coarse for it."""
+def learn_noise(
+    mesh: TriangleMesh, adjacency: Adjacency, sigma: float | None = None, robust: bool | None = None
+) -> NoiseModel | None:
+    """The noise along the normal, of a strength that may be known, a length; None if the mesh is too coarse for it.
+
+    Outliers are no part of it, unless it is not to be `robust`: there are none then.
+    """
     if sigma == 0.0:
         return NoiseModel(0.0)
     arrays, adjacency = fitted_mesh(mesh, adjacency=adjacency, creases=True)
-    _, leaf = learn_without_outliers(learner(arrays, adjacency), Choices(only_noise=True))
+    _, leaf = learn_without_outliers(learner(arrays, adjacency), Choices(only_noise=True), robust)
     learned = None if leaf is None else leaf.surface.noise
     if learned is not None and learned.sigma > MOST_NOISE * mean_edge(mesh, adjacency):
         learned = None
+    if learned is not None and robust is False:
+        learned = replace(learned, outliers=0.0)
     return learned if sigma is None else known_noise(learned, sigma)
 
 
@@ -56,15 +70,46 @@ def denoised(
     """The mesh without its noise, see `remove_noise`, and without its outliers, which no filter takes for noise.
 
     Among many outliers some look sound, so they are taken off as long as there are any, and the noise is learned again,
-    of which the standard deviation `sigma` may be known. If it is not, and where a smooth surface is known tells which
-    vertices were hit by impulses, that is found again without these.
+    of which the standard deviation `sigma` may be known; where they are too dense for that, they are noise, too. If it
+    is not known, and where a smooth surface is tells which vertices were hit by impulses, that is found again without
+    these.
     """
+    options = borders, detail, sigma, relax
+    if noise is not None and noise.outliers and are_noise(sampled_parts(mesh, adjacency), noise, *options):
+        noise = learn_noise(mesh, adjacency, sigma, robust=False)
+    return _denoised(mesh, adjacency, noise, *options, progress=progress)
+
+
+def are_noise(
+    parts: MeshPart, noise: NoiseModel, borders: Borders, detail: float | None, sigma: float | None, relax: bool
+) -> bool:
+    """Whether outliers of a mesh, of which parts tell, are better taken for noise: the surface is smoother then."""
+    mesh, adjacency, options = parts.mesh, parts.adjacency, (borders, detail, sigma, relax)
+    inside, unevenness = parts.core & ~adjacency.on_boundary, list[float]()
+    for one in (noise, learn_noise(mesh, adjacency, sigma, robust=False)):
+        points = _denoised(mesh, adjacency, one, *options).points
+        normals = tangent_planes(TriangleMesh(points, mesh.faces), adjacency).normals
+        heights = np.einsum("ij,ij->i", from_middles(adjacency.vertices, points), normals)
+        unevenness.append(float(np.abs(heights[inside]).sum()))
+    return unevenness[1] < unevenness[0]
+
+
+def _denoised(
+    mesh: TriangleMesh,
+    adjacency: Adjacency,
+    noise: NoiseModel | None,
+    borders: Borders,
+    detail: float | None,
+    sigma: float | None,
+    relax: bool,
+    *,
+    progress: Progress | None = None,
+) -> Denoised:
     measured = mesh.vertices
     for _ in range(MOST_CLEANED):
         if noise is None or not noise.outliers:
             break
-        arrays, _ = fitted_mesh(mesh, adjacency=adjacency, creases=True)
-        mesh = TriangleMesh(without_outliers(arrays).vertices, mesh.faces)
+        mesh = cleaned(mesh, adjacency)
         noise = learn_noise(mesh, adjacency, sigma)
     found = remove_noise(mesh, adjacency, noise or NoiseModel(0.0), borders, detail, relax, progress=progress)
     for _ in range(0 if sigma is not None else MOST_ROUNDS):
@@ -75,11 +120,18 @@ def denoised(
         if impulses is None:
             break
         mesh = TriangleMesh(without_impulses(measured, surface, adjacency, impulses), mesh.faces)
-        noise = learn_noise(mesh, adjacency) or NoiseModel(0.0)
+        noise = learn_noise(mesh, adjacency, robust=False) or NoiseModel(0.0)
         found = remove_noise(mesh, adjacency, noise, borders, detail, relax)
         if has_settled(surface.vertices[ids], found.points[ids], impulses):
             break
     return found
+
+
+def cleaned(mesh: TriangleMesh, adjacency: Adjacency) -> TriangleMesh:
+    """The mesh with its outliers moved onto the surface around them, whose creases are told without them."""
+    arrays, _ = fitted_mesh(mesh, adjacency=adjacency, creases=False)
+    flat, _ = fitted_mesh(without_tips(mesh, adjacency), adjacency=adjacency, creases=True)
+    return TriangleMesh(without_outliers(arrays._replace(stops=flat.stops)).vertices, mesh.faces)
 
 
 def is_noisy(mesh: TriangleMesh, adjacency: Adjacency, sigma: float | None) -> bool:

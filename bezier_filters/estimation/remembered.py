@@ -23,6 +23,7 @@ class LearnedFit:
     fit: SurfaceFit
     stops: BoolArray  # (n,): where neighbourhoods end
     surface: FloatArray | None  # (n, 3): the vertices without noise, if these were asked for where they end
+    cleaned: FloatArray | None  # (n, 3): the vertices without outliers, if these are fitted
 
 
 def key_of(*parts: FloatArray | IntArray | Hashable) -> Hashable:

@@ -5,7 +5,7 @@ Nothing else looks like that: at edges and where the noise is strong, what lies 
 
 import numpy as np
 
-from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample
 from bezier_filters.learning.ring_analysis import FEWEST_SAMPLES, term_values
 from bezier_filters.patches.harmonics import harmonic_basis
@@ -20,8 +20,10 @@ NEAREST = 5  # points around one
 FEW, RARE = 0.008, 0.12
 TAIL, OF_NORMAL = 2.0, 0.0455  # standard deviations, and share of a normal distribution beyond them
 # share of what there is beyond that which must be outliers: else the noise is heavy everywhere, not outliers in it
-MOST_OF = 0.4
+MOST_OF = 0.5
 LEAST_FREEDOM = 0.05  # share of a point that a fit leaves free, at the least
+REWEIGHTED, REACH = 4, 6.0  # times that points are weighed anew; standard deviations from which on they weigh nothing
+RIDGE, TINY = 1e-12, 1e-300  # what keeps matrices and ratios finite
 
 
 @np.errstate(all="ignore")
@@ -40,7 +42,7 @@ def outlier_share(sample: NeighbourhoodSample) -> float:
     points = sample.points[rows, : sizes.max()]
     present = np.arange(points.shape[1]) < sizes[:, np.newaxis]
     residuals = _residuals(points, present)
-    scales = np.nanmedian(np.where(present, residuals, np.nan), axis=1, keepdims=True) / MEDIAN
+    scales = _scales(residuals, present)
     inner = np.arange(points.shape[1]) < sample.sizes[rows, INNER_RINGS, np.newaxis]
     around = np.median(np.take_along_axis(residuals[:, np.newaxis], _nearest(points, present), axis=2), axis=2)
     outliers = inner & (residuals > FAR * scales) & (around < NEAR * scales)
@@ -49,19 +51,35 @@ def outlier_share(sample: NeighbourhoodSample) -> float:
     return share if share > max(FEW, MOST_OF * tail) and places > RARE else 0.0
 
 
-def _residuals(points: FloatArray, present: FloatArray) -> FloatArray:
-    """Absolute residuals of a fit to each neighbourhood, all of one variance under white noise, (k, n)."""
-    radius = np.sqrt(np.square(points[..., :2]).sum(axis=2).max())
+def _residuals(points: FloatArray, present: BoolArray) -> FloatArray:
+    """Absolute residuals of a robust fit to each neighbourhood, all of one variance under white noise, (k, n).
+
+    Points are weighed anew by how far they are off (Beaton and Tukey 1974): the fit would bend towards outliers, and
+    hide them, otherwise.
+    """
+    radius = np.sqrt(np.square(points[..., :2]).sum(axis=2).max(axis=1, keepdims=True))
     design = term_values(points[..., 0] / radius, points[..., 1] / radius)[..., : harmonic_basis().up_to(DEGREE)]
-    orthonormal = np.linalg.qr(design * present[..., np.newaxis])[0]
-    heights = points[..., 2:] * present[..., np.newaxis]
-    left = (heights - orthonormal @ (orthonormal.transpose(0, 2, 1) @ heights))[..., 0]
-    free = 1.0 - np.square(orthonormal).sum(axis=2)
-    result: FloatArray = np.abs(left) / np.sqrt(np.maximum(free, LEAST_FREEDOM))
+    heights: FloatArray = points[..., 2:]
+    weights = present.astype(np.float64)
+    ridge = RIDGE * np.eye(design.shape[2])
+    for _ in range(REWEIGHTED + 1):
+        weighted = weights[..., np.newaxis] * design
+        inverse = np.linalg.inv(weighted.transpose(0, 2, 1) @ design + ridge)
+        left = (heights - design @ (inverse @ (weighted.transpose(0, 2, 1) @ heights)))[..., 0]
+        free = 1.0 - np.einsum("kni,kni->kn", weighted @ inverse, design)
+        residuals: FloatArray = present * np.abs(left) / np.sqrt(np.maximum(free, LEAST_FREEDOM))
+        reach = REACH * _scales(residuals, present)
+        weights = np.square(np.maximum(1.0 - np.square(residuals / np.maximum(reach, TINY)), 0.0)) * present
+    return residuals
+
+
+def _scales(residuals: FloatArray, present: BoolArray) -> FloatArray:
+    """Standard deviation of the noise in each neighbourhood, (k, 1), of which outliers know nothing."""
+    result: FloatArray = np.nanmedian(np.where(present, residuals, np.nan), axis=1, keepdims=True) / MEDIAN
     return result
 
 
-def _nearest(points: FloatArray, present: FloatArray) -> IntArray:
+def _nearest(points: FloatArray, present: BoolArray) -> IntArray:
     """The nearest points of every point of a neighbourhood, (k, n, NEAREST)."""
     flat = points[..., :2]
     squares = np.square(flat).sum(axis=2)

@@ -120,6 +120,14 @@ def edge_lengths(mesh: TriangleMesh, adjacency: Adjacency) -> FloatArray:
     return lengths
 
 
+def from_middles(rows: Rows, points: FloatArray) -> FloatArray:
+    """How far points (n, 3) are from the middle of their neighbours."""
+    n, ones = len(points), np.ones(len(rows.indices))
+    sums = csr_array((ones, rows.indices, rows.indptr), shape=(n, n)) @ points
+    result: FloatArray = points - sums / np.maximum(rows.lengths, 1)[:, np.newaxis]
+    return result
+
+
 def mean_edge(mesh: TriangleMesh, adjacency: Adjacency) -> float:
     """Mean length of the edges; 0 if there are none."""
     lengths = edge_lengths(mesh, adjacency)

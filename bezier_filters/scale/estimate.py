@@ -9,7 +9,7 @@ import numpy as np
 
 from bezier_filters.arrays import Report
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.estimation.adaptive_fit import SurfaceFit, fit_parts
+from bezier_filters.estimation.adaptive_fit import SurfaceFit, fit_parts, measure_from, without_outliers
 from bezier_filters.estimation.fallbacks import fit_with_fallbacks
 from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, empty_geometry
 from bezier_filters.fields import CURVATURE, ESTIMATES, PREFIX, QUALITY, TORSION, Field, fields_of, values_of
@@ -195,6 +195,8 @@ def fit_tile(store: Store, fit: SurfaceFit, creases: bool, tile: int) -> tuple[V
     """Estimate the vertices of a tile as in the whole mesh; also the part of that which had to be read."""
     part = tile_part(store, tile, rings_needed(fit))
     arrays, _ = fitted_mesh(part.mesh, creases=creases)
+    if fit.cleaned:
+        arrays = without_outliers(arrays)
     if fit.steady:
         arrays = with_steady_normals(arrays)
     own = np.arange(part.own.start, part.own.stop, dtype=np.int32)
@@ -202,6 +204,8 @@ def fit_tile(store: Store, fit: SurfaceFit, creases: bool, tile: int) -> tuple[V
     geometry = empty_geometry(len(own))
     fit_with_fallbacks(arrays, own, fit.attempts, geometry, robust=fit.robust)
     choice = fit_parts(arrays, own, fit, geometry)
+    if fit.cleaned:
+        measure_from(part.mesh.vertices, arrays, own, geometry)
     return replace(geometry, fit=choice), part
 
 

@@ -87,7 +87,7 @@ def learn_fit(store: Store, options: FitOptions) -> SurfaceFit:
         return fit
     drawn = _draw(store, LOOKED_AT)
     known = np.union1d(learned.centers, drawn)
-    arrays, _, local = _fitted_around(store, options, known, _widest(fit.attempts), fit.steady)
+    arrays, _, local = _fitted_around(store, options, known, _widest(fit.attempts), fit.steady, fit.cleaned)
     geometry = empty_geometry(len(arrays.vertices))
     fit_with_fallbacks(arrays, local, fit.attempts, geometry, robust=fit.robust)
     features = first_features(geometry, local)
@@ -99,9 +99,9 @@ def learn_fit(store: Store, options: FitOptions) -> SurfaceFit:
     return with_parts(fit, learned, places)
 
 
-def learn_noise(store: Store) -> NoiseModel | None:
-    """The noise of a mesh along the normal; None if it is too small to learn it."""
-    _, leaf = learn_without_outliers(partial(_learn_surface, store, FitOptions()), Choices(only_noise=True))
+def learn_noise(store: Store, robust: bool | None = None) -> NoiseModel | None:
+    """The noise of a mesh along the normal, with its outliers if not `robust`; None if it is too small to learn it."""
+    _, leaf = learn_without_outliers(partial(_learn_surface, store, FitOptions()), Choices(only_noise=True), robust)
     return None if leaf is None else leaf.surface.noise
 
 
@@ -120,7 +120,8 @@ def rings_needed(fit: SurfaceFit) -> int:
     """How many rings around a vertex its values depend on."""
     parts = [] if fit.parts is None else leaves(fit.parts)
     attempts = [*fit.attempts, *(attempt for part in parts for attempt in part.attempts)]
-    return _widest(attempts) + CREASE_RINGS + (STEADY_ROUNDS if fit.steady else 0)
+    cleaned = OUTLIER_REACH if fit.cleaned else 0
+    return _widest(attempts) + CREASE_RINGS + cleaned + (STEADY_ROUNDS if fit.steady else 0)
 
 
 def _widest(attempts: Sequence[FitAttempt]) -> int:

@@ -10,10 +10,9 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, Report
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.estimation.adaptive_fit import OUTLIER_REACH, SurfaceFit, without_outliers
-from bezier_filters.estimation.noise_free import MOST_CLEANED
+from bezier_filters.estimation.adaptive_fit import OUTLIER_REACH, SurfaceFit
+from bezier_filters.estimation.noise_free import MOST_CLEANED, are_noise, cleaned
 from bezier_filters.fields import PREFIX, QUALITY
-from bezier_filters.kernels.kernel_input import fitted_mesh
 from bezier_filters.learning.noise_model import NoiseModel, known_noise
 from bezier_filters.meshes.adjacency import Adjacency, incoherent_vertices, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
@@ -53,6 +52,7 @@ from bezier_filters.smoothing.volume import (
 DISPLACEMENT, SHARPNESS = PREFIX + "displacement", PREFIX + "sharpness"
 PAPER = FitOptions(rings=2, alpha=0.8, smoothness="paper")  # as ``bezier_filters.smooth(..., method="paper")``
 IN_STORE = {"auto": (90, 56), "paper": (0, 64)}  # bytes per vertex in the store, once and for each iteration
+TIP_RINGS = 1  # around those in which creases are told, without vertices that stick out of their neighbours
 FINISH_RINGS = 8  # around a tile, in which faces may turn over for the same reason
 LARGEST_TILE = 5 << 18  # vertices: tiles of the automatic smoothing have many rings around them
 # what is told of the faces
@@ -168,7 +168,8 @@ def _automatic(
     for step in range(iterations):
         measured, given = current, noise if step == 0 else None
         here = known if step == 0 else _noise_of(run, current)
-        current, here = _without_outliers(run, current, here, given, results / f"clean-{step + 1}")
+        folder = results / f"clean-{step + 1}"
+        current, here = _without_outliers(run, current, here, folder, borders, detail, given, relax)
         impulses: Impulses | None = None
         before = np.zeros((0, 3))
         for k in range(1 + MOST_ROUNDS):
@@ -195,7 +196,7 @@ def _automatic(
                 break
             corrected = partial(correct_tile, measured, current, impulses)
             current, _ = _moved(run, "correct", results / f"correct-{name}", corrected)
-            here = _noise_of(run, current)
+            here = _noise_of(run, current, robust=False)
         folders.append(folder)
     steps, volume_before = None, None
     if components is not None:
@@ -224,22 +225,36 @@ def _automatic(
     }
 
 
-def _noise_of(run: Run, store: Store, sigma: float | None = None) -> NoiseModel | None:
-    """The noise, of a given strength if that is known."""
+def _noise_of(run: Run, store: Store, sigma: float | None = None, robust: bool | None = None) -> NoiseModel | None:
+    """The noise, of a given strength if that is known, with the outliers if not `robust`."""
     if sigma == 0.0:
         return NoiseModel(0.0)
     with run.stages.stage("learn"):
-        learned = learn_noise(store)
+        learned = learn_noise(store, robust)
+    if learned is not None and robust is False:
+        learned = replace(learned, outliers=0.0)
     return learned if sigma is None else known_noise(learned, sigma)
 
 
 def _without_outliers(
-    run: Run, store: Store, noise: NoiseModel | None, sigma: float | None, folder: Path
+    run: Run,
+    store: Store,
+    noise: NoiseModel | None,
+    folder: Path,
+    borders: SmoothedBorders,
+    detail: float | None,
+    sigma: float | None,
+    relax: bool,
 ) -> tuple[Store, NoiseModel | None]:
-    """A mesh without its outliers, which `denoised` takes off first, and the noise that it has then.
+    """A mesh without its outliers, if `denoised` takes them off first, and the noise that it has then.
 
     Each round has a folder of this name and its number.
     """
+    if noise is not None and noise.outliers:
+        with run.stages.stage("learn"):
+            counted = are_noise(sampled_parts_of(store), noise, borders, detail, sigma, relax)
+        if counted:
+            return store, _noise_of(run, store, sigma, robust=False)
     for k in range(MOST_CLEANED):
         if noise is None or not noise.outliers:
             break
@@ -306,9 +321,9 @@ def measure_tile(store: Store, sigma: float, tile: int) -> tuple[Values, TileRep
 
 def clean_tile(store: Store, tile: int) -> tuple[Values, TileReport]:
     """Where the vertices of a tile are without its outliers."""
-    part = tile_part(store, tile, OUTLIER_REACH + CREASE_RINGS)
-    arrays, _ = fitted_mesh(part.mesh, creases=True)
-    return table_of(without_outliers(arrays).vertices[part.own], {}), TileReport(tile, len(part.ids), {})
+    part = tile_part(store, tile, OUTLIER_REACH + CREASE_RINGS + TIP_RINGS)
+    points = cleaned(part.mesh, vertex_adjacency(part.mesh)).vertices
+    return table_of(points[part.own], {}), TileReport(tile, len(part.ids), {})
 
 
 def correct_tile(measured: Store, smoothed: Store, impulses: Impulses, tile: int) -> tuple[Values, TileReport]:

@@ -23,7 +23,7 @@ from bezier_filters.smoothing.noise import DETAIL
 PEAKED = 3.5  # fourth moment over the squared second one, below which there is one normal distribution, which has 3
 STEPS = 60  # of expectation and maximisation
 TOLD_APART = 0.05  # mean logarithm of the likelihood that a mixture must gain over one distribution
-ALIKE = 0.1  # correlation of neighbours' probabilities from which on they are not scattered
+ALIKE = 0.18  # correlation of neighbours' probabilities from which on they are not scattered
 MOST_ROUNDS = 4  # in which impulses and the surface are found anew,
 SETTLED = 0.1  # as long as it moves by more than this, times the standard deviation of the other vertices
 

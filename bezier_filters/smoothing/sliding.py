@@ -10,10 +10,9 @@ Faces that would turn over otherwise let their vertices slide in any case.
 from enum import IntEnum
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
-from bezier_filters.meshes.adjacency import Adjacency, longest_edges
+from bezier_filters.meshes.adjacency import Adjacency, from_middles, longest_edges
 from bezier_filters.meshes.frames import face_normal, tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.triangles import longest_squared
@@ -81,10 +80,7 @@ def _along_normals(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray)
 
 def _unevenness(smooth: TriangleMesh, adjacency: Adjacency, points: FloatArray) -> FloatArray:
     """How far points are from the middle of their neighbours along a surface, per direction, lengths (n,)."""
-    rows, normals = adjacency.vertices, tangent_planes(smooth, adjacency).normals
-    ones = np.ones(len(rows.indices))
-    sums = csr_array((ones, rows.indices, rows.indptr), shape=(len(points), len(points))) @ points
-    away = points - sums / np.maximum(rows.lengths, 1)[:, np.newaxis]
+    away, normals = from_middles(adjacency.vertices, points), tangent_planes(smooth, adjacency).normals
     away -= np.einsum("ij,ij->i", away, normals)[:, np.newaxis] * normals
     away[adjacency.on_boundary] = 0.0
     result: FloatArray = np.linalg.norm(away, axis=1) / np.sqrt(2.0)

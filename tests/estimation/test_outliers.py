@@ -1,13 +1,18 @@
-"""What is moved before a surface is learned from."""
+"""Vertices far off the surface, among others that are not: they are found, and come back to it."""
 
 import numpy as np
+import pytest
+from scanner_noise import mean_edge_of
 
-from bezier_filters import triangle_mesh
+from bezier_filters import estimate_vertex_geometry, smooth, triangle_mesh
 from bezier_filters.estimation.adaptive_fit import without_outliers
+from bezier_filters.estimation.noise_free import learn_noise
 from bezier_filters.kernels.kernel_input import kernel_mesh
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.frames import tangent_planes
-from bezier_filters.surfaces import torus
+from bezier_filters.meshes.tips import without_tips
+from bezier_filters.meshes.triangles import area_vectors
+from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, torus
 
 SIGMA = 0.0006
 
@@ -46,3 +51,119 @@ def test_outliers_come_back_to_the_surface_and_the_others_stay():
 def test_hardly_anything_is_far_off_in_gaussian_noise():
     surface, _, _, _, vertices = noisy_torus(0.0)
     assert (cleaned(vertices, surface.faces) != vertices).any(axis=1).mean() < 0.01
+
+
+def block():
+    """A block, its faces and vertex normals."""
+    vertices, faces = block_with_sharp_edges(resolution=30, jitter=0.25)
+    normals = np.zeros_like(vertices)
+    for k in range(3):
+        np.add.at(normals, faces[:, k], area_vectors(vertices, faces))
+    return vertices, faces, normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+def star():
+    surface = bumpy_star(resolution=24, jitter=0.2)
+    return surface.vertices, surface.faces, surface.normals
+
+
+def bent_torus():
+    surface = torus(resolution=30, jitter=0.2)
+    return surface.vertices, surface.faces, surface.normals
+
+
+def with_heights(shape, heights):
+    """A mesh with vertices off it by heights in mean edges."""
+    vertices, faces, normals = shape
+    return vertices + mean_edge_of(vertices, faces) * heights[:, np.newaxis] * normals, faces
+
+
+def spikes(count, share, size, seed=0):
+    """Heights of which a share is normally distributed, and which those are; the others are 0."""
+    random = np.random.default_rng(seed)
+    hit = random.random(count) < share
+    return hit * size * random.standard_normal(count), hit
+
+
+def height_errors(shape, vertices):
+    true, faces, normals = shape
+    return np.einsum("ij,ij->i", vertices - true, normals) / mean_edge_of(true, faces)
+
+
+@pytest.mark.parametrize("make", [star, bent_torus, block])
+@pytest.mark.parametrize("share", [0.03, 0.1])
+@pytest.mark.parametrize("size", [0.1, 1.0])
+def test_the_share_of_outliers_is_what_it_is(make, share, size):
+    shape = make()
+    mesh = triangle_mesh(*with_heights(shape, spikes(len(shape[0]), share, size)[0]))
+    noise = learn_noise(mesh, vertex_adjacency(mesh))
+    assert 0.4 * share < noise.outliers < 1.4 * share  # those of small heights are none
+    assert noise.sigma < 0.02 * mean_edge_of(mesh.vertices, mesh.faces)
+
+
+@pytest.mark.parametrize("make", [star, block])
+@pytest.mark.parametrize("draw", ["standard_normal", "uniform", "laplace", "standard_t"])
+def test_noise_that_all_vertices_have_has_no_outliers(make, draw):
+    shape, random = make(), np.random.default_rng(1)
+    n = len(shape[0])
+    heights = random.standard_t(5, n) if draw == "standard_t" else getattr(random, draw)(size=n)
+    mesh = triangle_mesh(*with_heights(shape, 0.1 * (heights - heights.mean()) / heights.std()))
+    assert learn_noise(mesh, vertex_adjacency(mesh)).outliers == 0.0
+
+
+@pytest.mark.parametrize(
+    ("make", "share", "size", "left"),
+    [(star, 0.03, 0.3, 0.1), (star, 0.03, 1.0, 0.1), (block, 0.03, 0.1, 0.7), (block, 0.03, 1.0, 0.5)],
+)
+def test_spikes_go_and_what_is_sharp_stays(make, share, size, left):
+    """Edges of a clean block are far off fits, too, and were taken for outliers: errors grew sevenfold."""
+    shape = make()
+    heights, hit = spikes(len(shape[0]), share, size)
+    found = smooth(*with_heights(shape, heights))
+    errors = height_errors(shape, found.vertices)
+    assert np.sqrt(np.square(errors).mean()) < left * np.sqrt(np.square(heights).mean())
+    assert (np.abs(errors[~hit]) > 0.05).mean() < 0.02
+
+
+def test_outliers_that_are_too_dense_are_noise():
+    """They hide each other, and what is taken off one by one leaves most of them."""
+    shape = star()
+    vertices, faces, _ = shape
+    random = np.random.default_rng(2)
+    hit = random.random((len(vertices), 1)) < 0.25
+    moved = vertices + 0.7 * mean_edge_of(vertices, faces) * hit * random.standard_normal(vertices.shape)
+    errors = height_errors(shape, smooth(moved, faces).vertices)
+    assert np.sqrt(np.square(errors).mean()) < 0.08
+
+
+@pytest.mark.parametrize("scale", [1e-30, 1.0, 1e30])
+def test_tips_are_lone_vertices(scale):
+    vertices, faces, _ = block()
+    mesh = triangle_mesh(scale * vertices, faces)
+    flat = without_tips(mesh, vertex_adjacency(mesh)).vertices
+    assert (flat != mesh.vertices).any(axis=1).sum() <= 2  # neither edges nor most of the corners
+    heights, hit = spikes(len(vertices), 0.03, 1.0)
+    spiky = triangle_mesh(*with_heights((scale * vertices, faces, block()[2]), heights))
+    moved = (without_tips(spiky, vertex_adjacency(spiky)).vertices != spiky.vertices).any(axis=1)
+    assert moved[hit & (np.abs(heights) > 0.5)].mean() > 0.6
+    assert moved[~hit].sum() <= 5
+
+
+@pytest.mark.parametrize(
+    ("make", "share", "base", "most"), [(bent_torus, 0.015, 0.0, 1.0), (bent_torus, 0.1, 0.02, 2.0)]
+)
+def test_patches_are_fitted_to_what_is_left_without_outliers(make, share, base, most):
+    """Where fits are narrow, spikes beside a vertex turned its normal, however little they weighed: 3 and 7 degrees."""
+    shape = make()
+    heights = spikes(len(shape[0]), share, 0.5)[0] + spikes(len(shape[0]), 1.0, base, 1)[0]
+    vertices, faces = with_heights(shape, heights)
+    found = estimate_vertex_geometry(vertices, faces)
+    cosines = np.einsum("ij,ij->i", found.normals, shape[2])
+    angles = np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))
+    assert np.sqrt(np.square(angles).mean()) < most
+    far = np.abs(heights) > 0.2
+    edge = mean_edge_of(shape[0], faces)
+    back = np.einsum("ij,ij->i", found.displacements, shape[2])[far] / edge
+    assert np.median(np.abs(back + heights[far])) < 0.05  # from where they were measured to the surface
+    again = estimate_vertex_geometry(vertices, faces)
+    assert np.array_equal(found.displacements, again.displacements)

@@ -70,12 +70,12 @@ def test_nothing_is_kept_of_what_is_given(nothing_known, mesh):
 def test_what_was_not_asked_for_longest_is_forgotten(nothing_known):
     fit = SurfaceFit(FitChoice(2, 3, None, None), ())
     for number in range(remembered.MOST + 1):
-        remembered.remember(number, remembered.LearnedFit(fit, np.zeros(3, bool), None))
+        remembered.remember(number, remembered.LearnedFit(fit, np.zeros(3, bool), None, None))
         assert remembered.recall(0) is not None or number == remembered.MOST
         remembered.recall(1)
     assert remembered.recall(2) is None
     assert len(remembered._recent) == remembered.MOST
-    large = remembered.LearnedFit(fit, np.zeros(remembered.LARGEST + 1, bool), None)
+    large = remembered.LearnedFit(fit, np.zeros(remembered.LARGEST + 1, bool), None, None)
     remembered.remember("large", large)
     assert remembered.recall("large") is None
 

@@ -1,0 +1,74 @@
+"""Lone vertices that stick out: what is around them is better told without them."""
+
+import numpy as np
+
+from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.meshes.adjacency import Adjacency
+from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.triangles import next_corner
+from bezier_filters.runtime.jit import jit
+from bezier_filters.runtime.parallel import run_kernel
+
+STEEP = 0.25  # times the distance of its neighbours from their middle: how far off that a tip is, at the least,
+ALONE = 8.0  # and times their own distance from a plane
+
+
+def without_tips(mesh: TriangleMesh, adjacency: Adjacency) -> TriangleMesh:
+    """The mesh with every vertex that sticks out of a plane of neighbours moved into their middle.
+
+    The edges around a tip are sharp, but no edges of the surface.
+
+    >>> from bezier_filters.meshes.adjacency import vertex_adjacency
+    >>> from bezier_filters.meshes.mesh import triangle_mesh
+    >>> from bezier_filters.surfaces import sphere
+    >>> ball = sphere(resolution=20)
+    >>> vertices = ball.vertices.copy()
+    >>> vertices[100] *= 1.1
+    >>> mesh = triangle_mesh(vertices, ball.faces)
+    >>> flat = without_tips(mesh, vertex_adjacency(mesh)).vertices
+    >>> np.flatnonzero((flat != vertices).any(axis=1)), bool(0.99 < np.linalg.norm(flat[100]) < 1.0)
+    (array([100]), True)
+    """
+    points, at_vertex = mesh.vertices.copy(), adjacency.faces
+    inside = np.flatnonzero(~adjacency.on_boundary).astype(np.int32)
+    run_kernel(_flatten, len(inside), mesh.vertices, mesh.faces, at_vertex.indptr, at_vertex.indices, inside, points)
+    return TriangleMesh(points, mesh.faces)
+
+
+@jit()
+def _flatten(
+    vertices: FloatArray,
+    faces: IntArray,
+    face_ptr: IntArray,
+    face_indices: IntArray,
+    ids: IntArray,
+    points: FloatArray,
+    start: int,
+    stop: int,
+) -> None:
+    """Write the middle of the neighbours of those of the vertices ids[start:stop] that are tips."""
+    for i in ids[start:stop]:
+        first, last = face_ptr[i], face_ptr[i + 1]
+        if first == last:
+            continue
+        mx = my = mz = nx = ny = nz = 0.0
+        for q in range(first, last):  # of the two other corners of a face, the first: every neighbour comes once
+            j = next_corner(faces, face_indices[q], i)
+            mx, my, mz = mx + vertices[j, 0], my + vertices[j, 1], mz + vertices[j, 2]
+        count = last - first
+        mx, my, mz = mx / count, my / count, mz / count
+        for q in range(first, last):
+            j = next_corner(faces, face_indices[q], i)
+            k = next_corner(faces, face_indices[q], j)
+            ux, uy, uz = vertices[j, 0] - mx, vertices[j, 1] - my, vertices[j, 2] - mz
+            vx, vy, vz = vertices[k, 0] - mx, vertices[k, 1] - my, vertices[k, 2] - mz
+            nx, ny, nz = nx + uy * vz - uz * vy, ny + uz * vx - ux * vz, nz + ux * vy - uy * vx
+        uneven = width = 0.0
+        for q in range(first, last):
+            j = next_corner(faces, face_indices[q], i)
+            ux, uy, uz = vertices[j, 0] - mx, vertices[j, 1] - my, vertices[j, 2] - mz
+            uneven += (ux * nx + uy * ny + uz * nz) ** 2 / count
+            width += (ux * ux + uy * uy + uz * uz) / count
+        height = ((vertices[i, 0] - mx) * nx + (vertices[i, 1] - my) * ny + (vertices[i, 2] - mz) * nz) ** 2
+        if height > ALONE**2 * uneven and height > STEEP**2 * width * (nx * nx + ny * ny + nz * nz):
+            points[i, 0], points[i, 1], points[i, 2] = mx, my, mz
