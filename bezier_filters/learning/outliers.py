@@ -75,7 +75,10 @@ def _residuals(points: FloatArray, present: BoolArray) -> FloatArray:
 
 def _scales(residuals: FloatArray, present: BoolArray) -> FloatArray:
     """Standard deviation of the noise in each neighbourhood, (k, 1), of which outliers know nothing."""
-    result: FloatArray = np.nanmedian(np.where(present, residuals, np.nan), axis=1, keepdims=True) / MEDIAN
+    ascending = np.sort(np.where(present, residuals, np.inf), axis=1)
+    counts = present.sum(axis=1, keepdims=True)
+    low, high = (np.take_along_axis(ascending, (counts - k) // 2, axis=1) for k in (1, 0))
+    result: FloatArray = 0.5 * (low + high) / MEDIAN
     return result
 
 
