@@ -32,9 +32,6 @@ MOST_NOISE = 0.5 * np.sqrt(np.pi)
 LEFT = 0.2
 KEPT = 0.1  # least sharpness of smoothing where it takes a line for an edge; round shapes have hardly any
 MOST_CLEANED = 3  # times that outliers are taken off
-MANY = (
-    0.035  # share of the vertices that are outliers, up to which there is no doubt that they are to be told one by one
-)
 
 
 def learn_noise(

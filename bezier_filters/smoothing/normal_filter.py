@@ -185,8 +185,8 @@ def _filter(
     pairs = np.uint32(len(rows) // (LANES * len(state.faces)))  # of rows for each face
     one, zero = spread(np.float32(1.0)), spread(np.float32(0.0))
     for f in range(np.uint32(start), np.uint32(stop)):
-        own, area = pairs * f, rows[EIGHT * pairs * f + AREA]
-        variance, here, count = rows[EIGHT * own + VARIANCE], load(rows, own), _faces_around(state, f, around)
+        own, count = pairs * f, _faces_around(state, f, around)
+        here, area, variance = load(rows, own), rows[EIGHT * own + AREA], rows[EIGHT * own + VARIANCE]
         normals = spread(area) * here
         for q in range(np.uint32(count)):
             g = pairs * np.uint32(around[q])
