@@ -5,10 +5,9 @@ Nothing else looks like that: at edges and where the noise is strong, what lies 
 
 import numpy as np
 
-from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample
 from bezier_filters.learning.ring_analysis import FEWEST_SAMPLES, term_values
-from bezier_filters.patches.harmonics import harmonic_basis
 
 RINGS, DEGREE = 3, 3  # of the fit whose residuals are looked at: as narrow as there are enough points
 INNER_RINGS = 2  # where they are looked at: the outermost points pull the fit towards them
@@ -23,6 +22,7 @@ TAIL, OF_NORMAL = 2.0, 0.0455  # standard deviations, and share of a normal dist
 MOST_OF = 0.5
 LEAST_FREEDOM = 0.05  # share of a point that a fit leaves free, at the least
 REWEIGHTED, REACH = 4, 6.0  # times that points are weighed anew; standard deviations from which on they weigh nothing
+SUSPICIOUS = 3.0  # standard deviations of a residual from which on there may be outliers around it
 RIDGE, TINY = 1e-12, 1e-300  # what keeps matrices and ratios finite
 
 
@@ -41,36 +41,42 @@ def outlier_share(sample: NeighbourhoodSample) -> float:
     sizes = sample.sizes[rows, RINGS]
     points = sample.points[rows, : sizes.max()]
     present = np.arange(points.shape[1]) < sizes[:, np.newaxis]
-    residuals = _residuals(points, present)
-    scales = _scales(residuals, present)
+    relative = _relative_residuals(points, present)
     inner = np.arange(points.shape[1]) < sample.sizes[rows, INNER_RINGS, np.newaxis]
-    around = np.median(np.take_along_axis(residuals[:, np.newaxis], _nearest(points, present), axis=2), axis=2)
-    outliers = inner & (residuals > FAR * scales) & (around < NEAR * scales)
+    outliers = inner & (relative > FAR)
+    outliers[outliers] = _medians_around(outliers, points, present, relative) < NEAR
     share, places = float(outliers.sum() / inner.sum()), float(outliers.any(axis=1).mean())
-    tail = float((inner & (residuals > TAIL * scales)).sum() / inner.sum()) - OF_NORMAL
+    tail = float((inner & (relative > TAIL)).sum() / inner.sum()) - OF_NORMAL
     return share if share > max(FEW, MOST_OF * tail) and places > RARE else 0.0
 
 
-def _residuals(points: FloatArray, present: BoolArray) -> FloatArray:
-    """Absolute residuals of a robust fit to each neighbourhood, all of one variance under white noise, (k, n).
+def _relative_residuals(points: FloatArray, present: BoolArray) -> FloatArray:
+    """Absolute residuals of a robust fit to each neighbourhood, in standard deviations of the noise there, (k, n).
 
-    Points are weighed anew by how far they are off (Beaton and Tukey 1974): the fit would bend towards outliers, and
-    hide them, otherwise.
+    Points are weighed anew by how far they are off (Beaton and Tukey 1974), where some are: the fit would bend towards
+    outliers, and hide them, otherwise.
     """
     radius = np.sqrt(np.square(points[..., :2]).sum(axis=2).max(axis=1, keepdims=True))
-    design = term_values(points[..., 0] / radius, points[..., 1] / radius)[..., : harmonic_basis().up_to(DEGREE)]
-    heights: FloatArray = points[..., 2:]
-    weights = present.astype(np.float64)
-    ridge = RIDGE * np.eye(design.shape[2])
+    design = term_values(points[..., 0] / radius, points[..., 1] / radius, DEGREE)
+    heights, weights = points[..., 2:], present.astype(np.float64)
+    result, rows = np.zeros(present.shape), np.arange(len(points))
     for _ in range(REWEIGHTED + 1):
-        weighted = weights[..., np.newaxis] * design
-        inverse = np.linalg.inv(weighted.transpose(0, 2, 1) @ design + ridge)
-        left = (heights - design @ (inverse @ (weighted.transpose(0, 2, 1) @ heights)))[..., 0]
-        free = 1.0 - np.einsum("kni,kni->kn", weighted @ inverse, design)
-        residuals: FloatArray = present * np.abs(left) / np.sqrt(np.maximum(free, LEAST_FREEDOM))
-        reach = REACH * _scales(residuals, present)
-        weights = np.square(np.maximum(1.0 - np.square(residuals / np.maximum(reach, TINY)), 0.0)) * present
-    return residuals
+        result[rows] = residuals = _residuals(design[rows], heights[rows], weights[rows], present[rows])
+        rows = rows[(residuals > SUSPICIOUS).any(axis=1)]
+        weights[rows] = present[rows] * np.square(np.maximum(1.0 - np.square(result[rows] / REACH), 0.0))
+    return result
+
+
+def _residuals(design: FloatArray, heights: FloatArray, weights: FloatArray, present: BoolArray) -> FloatArray:
+    """Absolute residuals of weighted fits in standard deviations, all of one variance under white noise, (k, n)."""
+    weighted = weights[..., np.newaxis] * design
+    transposed = weighted.transpose(0, 2, 1)
+    inverse = np.linalg.inv(transposed @ design + RIDGE * np.eye(design.shape[2]))
+    left = np.abs(heights - design @ (inverse @ (transposed @ heights)))[..., 0]
+    free = 1.0 - np.einsum("kni,kni->kn", weighted @ inverse, design)
+    residuals = present * left / np.sqrt(np.maximum(free, LEAST_FREEDOM))
+    result: FloatArray = residuals / np.maximum(_scales(residuals, present), TINY)
+    return result
 
 
 def _scales(residuals: FloatArray, present: BoolArray) -> FloatArray:
@@ -82,12 +88,12 @@ def _scales(residuals: FloatArray, present: BoolArray) -> FloatArray:
     return result
 
 
-def _nearest(points: FloatArray, present: BoolArray) -> IntArray:
-    """The nearest points of every point of a neighbourhood, (k, n, NEAREST)."""
-    flat = points[..., :2]
-    squares = np.square(flat).sum(axis=2)
-    distances = squares[:, np.newaxis] + squares[:, :, np.newaxis] - 2.0 * flat @ flat.transpose(0, 2, 1)
-    places = np.arange(points.shape[1])
-    distances[:, places, places] = np.inf
-    distances = np.where(present[:, np.newaxis], distances, np.inf)
-    return np.argpartition(distances, NEAREST, axis=2)[..., :NEAREST].astype(np.int32)
+def _medians_around(chosen: BoolArray, points: FloatArray, present: BoolArray, values: FloatArray) -> FloatArray:
+    """Median of the values (k, n) nearest to each of the chosen points, in the order of these, without their own."""
+    rows, places = np.nonzero(chosen)
+    apart = np.square(points[rows, :, :2] - points[rows, places, np.newaxis, :2]).sum(axis=2)
+    apart[~present[rows]] = np.inf
+    apart[np.arange(len(rows)), places] = np.inf
+    nearest = np.argpartition(apart, NEAREST, axis=1)[:, :NEAREST]
+    result: FloatArray = np.median(np.take_along_axis(values[rows], nearest, axis=1), axis=1)
+    return result

@@ -226,12 +226,12 @@ def analyse_rings(sample: NeighbourhoodSample, most: Mapping[int, int], *, verte
     return analyses
 
 
-def term_values(x: FloatArray, y: FloatArray) -> FloatArray:
-    """Values of the terms of `harmonic_basis` at points of any shape (...), (..., M)."""
-    exponents = total_degree_space(HIGHEST_DEGREE).exponents
-    powers_x, powers_y = (polyvander(axis, HIGHEST_DEGREE) for axis in (x, y))
+def term_values(x: FloatArray, y: FloatArray, degree: int = HIGHEST_DEGREE) -> FloatArray:
+    """Values of the terms of `harmonic_basis` up to a degree at points of any shape (...), (..., M)."""
+    exponents = total_degree_space(degree).exponents
+    powers_x, powers_y = (polyvander(axis, degree) for axis in (x, y))
     monomials = powers_x[..., exponents[:, 0]] * powers_y[..., exponents[:, 1]]
-    return monomials @ harmonic_basis().monomials
+    return monomials @ harmonic_basis().monomials[: len(exponents), : len(exponents)]
 
 
 def _prepare(sample: NeighbourhoodSample, rings: int, most: int, vertex_count: int) -> RingAnalysis | None:
