@@ -53,16 +53,17 @@ def outlier_share(sample: NeighbourhoodSample) -> float:
 def _relative_residuals(points: FloatArray, present: BoolArray) -> FloatArray:
     """Absolute residuals of a robust fit to each neighbourhood, in standard deviations of the noise there, (k, n).
 
-    Points are weighed anew by how far they are off (Beaton and Tukey 1974), where some are: the fit would bend towards
-    outliers, and hide them, otherwise.
+    Points are weighed anew by how far they are off (Beaton and Tukey 1974), and again where some are far off: the fit
+    would bend towards outliers, and hide them, otherwise.
     """
     radius = np.sqrt(np.square(points[..., :2]).sum(axis=2).max(axis=1, keepdims=True))
     design = term_values(points[..., 0] / radius, points[..., 1] / radius, DEGREE)
     heights, weights = points[..., 2:], present.astype(np.float64)
     result, rows = np.zeros(present.shape), np.arange(len(points))
-    for _ in range(REWEIGHTED + 1):
+    for k in range(REWEIGHTED + 1):
         result[rows] = residuals = _residuals(design[rows], heights[rows], weights[rows], present[rows])
-        rows = rows[(residuals > SUSPICIOUS).any(axis=1)]
+        if k > 0:  # outliers may hide from the first fit
+            rows = rows[(residuals > SUSPICIOUS).any(axis=1)]
         weights[rows] = present[rows] * np.square(np.maximum(1.0 - np.square(result[rows] / REACH), 0.0))
     return result
 
