@@ -11,16 +11,16 @@ from typing import Literal
 
 import numpy as np
 
-from bezier_filters.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from bezier_filters.arrays import ByteArray, FloatArray, IntArray
 from bezier_filters.estimation.fallbacks import (
-    MORE_RINGS,
     FitAttempt,
     fallback_chain,
     fit_with_fallbacks,
     overall_progress,
     planned_chain,
 )
-from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, arrays_of, empty_geometry
+from bezier_filters.estimation.outlier_removal import without_outliers
+from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, arrays_of
 from bezier_filters.kernels.graph_geometry import bound_errors
 from bezier_filters.kernels.kernel_input import KernelMesh, with_steady_normals
 from bezier_filters.learning.learn import CANDIDATE_RINGS, MOST_TURNED, learn_from_samples, learn_surface
@@ -49,10 +49,6 @@ from bezier_filters.runtime.parallel import Progress, run_kernel
 from bezier_filters.status import FitStatus
 
 RADIUS_SAMPLES = 150  # neighbourhoods whose radius is measured
-OUTLIER_RINGS = 3  # of the robust fit that tells what is far off: narrow, and without a model to be misled
-FAR = 5.0  # standard deviations of the noise around a vertex
-SPREADS = 2  # how many edges around a vertex its noise is told from
-OUTLIER_REACH = OUTLIER_RINGS + MORE_RINGS + SPREADS  # how many edges around a vertex decide whether it is far off
 # A small part of the surface that the fit for all of it does not follow hardly shows in the sample that this was
 # learned from: what is off by so many standard deviations of the noise, among more vertices, is learned by itself
 OFF, LOOKED_AT = 1.4, 2000
@@ -60,10 +56,7 @@ FEWEST_OFF, MOST_OFF = 40, 0.3  # vertices, and share of those looked at: more o
 WORTHWHILE_THERE = 0.2  # logarithm of the predicted error that this must save, unless the noise is correlated
 WORSE = 2.0  # times the standard error of a sound fit that one of the part may have instead
 AT_ONCE = 1 << 18  # vertices of a part of which both fits are kept
-ALIKE = 0.75  # of the distance of a vertex from its fit: how much that of a neighbour on the same edge differs
-OPPOSITE = 0.55  # length of the mean of the unit vectors towards such neighbours, if there are some on both sides
 RESIDUAL = 1  # place among the `first_features`
-GEOMETRIC_MEAN = np.exp(-0.5 * (np.euler_gamma + np.log(2.0)))  # of the absolute value of a standard normal variable
 
 # learns a surface, as `learning.learn_surface` does, as it is or without its outliers
 Learn = Callable[[Choices, bool], tuple[list[RingAnalysis], Leaf | None]]
@@ -374,54 +367,3 @@ def nearest_rings(mesh: KernelMesh, adjacency: Adjacency, radius: float) -> int:
         if difference < smallest:
             best, smallest = rings, difference
     return best
-
-
-def measure_from(points: FloatArray, mesh: KernelMesh, ids: IntArray, geometry: VertexGeometry) -> None:
-    """Let displacements of vertices `ids` of a cleaned mesh start from the points (n, 3) where they were measured."""
-    rows = mesh.origin[ids]
-    fitted = geometry.rings_used[rows] > 0
-    geometry.displacements[rows[fitted]] += (mesh.vertices - points)[ids[fitted]]
-
-
-def without_outliers(mesh: KernelMesh) -> KernelMesh:
-    """The mesh with every vertex that is far off its own robust patch moved onto it.
-
-    A surface is learned from that, as outliers would pass for noise and for shape.
-    """
-    n = len(mesh.vertices)
-    every = np.arange(n, dtype=np.int32)
-    own = mesh._replace(origin=every)
-    geometry = empty_geometry(n)
-    attempts = list(fallback_chain(OUTLIER_RINGS, PatchFit()))
-    fit_with_fallbacks(own, every, attempts, geometry, robust=True)
-    moves = geometry.displacements
-    distances = np.linalg.norm(moves, axis=1)
-    is_far = distances > FAR / GEOMETRIC_MEAN * _geometric_means(mesh, distances)
-    is_far &= ~(mesh.stops | _is_on_edge(mesh, moves))
-    return mesh._replace(vertices=np.where(is_far[:, np.newaxis], mesh.vertices + moves, mesh.vertices))
-
-
-def _is_on_edge(mesh: KernelMesh, moves: FloatArray) -> BoolArray:
-    """Whether vertices are off their fits as neighbours on both sides are, (n,): on an edge that fits reach across."""
-    n = len(moves)
-    starts = np.repeat(np.arange(n), np.diff(mesh.ring_ptr))
-    apart = np.linalg.norm(moves[mesh.ring_indices] - moves[starts], axis=1)
-    alike = apart < ALIKE * np.linalg.norm(moves, axis=1)[starts]
-    starts, ends = starts[alike], mesh.ring_indices[alike]
-    ways = mesh.vertices[ends] - mesh.vertices[starts]
-    ways /= np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), np.finfo(np.float64).tiny)
-    sums = np.column_stack([np.bincount(starts, way, n) for way in ways.T])
-    counts = np.bincount(starts, minlength=n)
-    result: BoolArray = (counts >= 2) & (np.linalg.norm(sums, axis=1) < OPPOSITE * counts)
-    return result
-
-
-def _geometric_means(mesh: KernelMesh, values: FloatArray) -> FloatArray:
-    """Of values (n,) around every vertex: few large ones among them do not matter much."""
-    valences = np.diff(mesh.ring_ptr)
-    rows = np.repeat(np.arange(len(values)), valences)
-    logarithms = np.log(np.maximum(values, np.finfo(np.float64).tiny))
-    for _ in range(SPREADS):
-        sums = logarithms + np.bincount(rows, weights=logarithms[mesh.ring_indices], minlength=len(values))
-        logarithms = sums / (1 + valences)
-    return np.exp(logarithms)

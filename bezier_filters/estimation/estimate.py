@@ -20,14 +20,13 @@ from bezier_filters.estimation.adaptive_fit import (
     fit_in_balls,
     fit_parts,
     learner,
-    measure_from,
     with_parts,
-    without_outliers,
 )
 from bezier_filters.estimation.fallbacks import Fallbacks, fallback_chain, fit_with_fallbacks, overall_progress
 from bezier_filters.estimation.first_call import first_call
 from bezier_filters.estimation.fit_options import Automatic, check_detail, check_fit_noise, check_radius, fit_options
 from bezier_filters.estimation.noise_free import hides_sharp_edges, noise_free_surface
+from bezier_filters.estimation.outlier_removal import measure_from, without_outliers
 from bezier_filters.estimation.point_cloud import point_cloud
 from bezier_filters.estimation.remembered import LARGEST, LearnedFit, key_of, recall, remember
 from bezier_filters.estimation.vertex_geometry import FitChoice, VertexGeometry, arrays_of, empty_geometry

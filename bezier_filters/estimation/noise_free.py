@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from bezier_filters.arrays import BoolArray
-from bezier_filters.estimation.adaptive_fit import learn_without_outliers, learner, without_outliers
+from bezier_filters.estimation.adaptive_fit import Learn, learn_without_outliers, learner
+from bezier_filters.estimation.outlier_removal import without_outliers
 from bezier_filters.kernels.kernel_input import fitted_mesh
 from bezier_filters.learning.noise_model import NoiseModel, known_noise
 from bezier_filters.learning.plans import Choices
@@ -16,10 +17,9 @@ from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.sharp_edges import may_have_sharp_edges, sharp_edges
 from bezier_filters.meshes.tips import without_tips
 from bezier_filters.runtime.parallel import Progress
-from bezier_filters.smoothing.denoise import Denoised, remove_noise
+from bezier_filters.smoothing.denoise import Denoised, SmoothingOptions, remove_noise
 from bezier_filters.smoothing.flipped_faces import repair_flipped_faces
 from bezier_filters.smoothing.impulses import MOST_ROUNDS, has_settled, learn_impulses, without_impulses
-from bezier_filters.smoothing.laplacian import Borders
 from bezier_filters.smoothing.mesh_parts import MeshPart, sampled_parts
 
 # times the mean edge: less noise turns a face by some 5 degrees at most, and no flat edge looks like a sharp one
@@ -41,13 +41,16 @@ def learn_noise(
 
     Outliers are no part of it, unless it is not to be `robust`: there are none then.
     """
+    arrays, fitted = fitted_mesh(mesh, adjacency=adjacency, creases=True)
+    return learned_noise(learner(arrays, fitted), sigma, robust, MOST_NOISE * mean_edge(mesh, adjacency))
+
+
+def learned_noise(learn: Learn, sigma: float | None, robust: bool | None, most: float = np.inf) -> NoiseModel | None:
+    """The noise of a mesh as `learn_noise` does, in memory or in tiles; what is more than the most is none."""
     if sigma == 0.0:
         return NoiseModel(0.0)
-    arrays, adjacency = fitted_mesh(mesh, adjacency=adjacency, creases=True)
-    _, leaf = learn_without_outliers(learner(arrays, adjacency), Choices(only_noise=True), robust)
-    learned = None if leaf is None else leaf.surface.noise
-    if learned is not None and learned.sigma > MOST_NOISE * mean_edge(mesh, adjacency):
-        learned = None
+    _, leaf = learn_without_outliers(learn, Choices(only_noise=True), robust)
+    learned = None if leaf is None or leaf.surface.noise.sigma > most else leaf.surface.noise
     if learned is not None and robust is False:
         learned = replace(learned, outliers=0.0)
     return learned if sigma is None else known_noise(learned, sigma)
@@ -57,34 +60,27 @@ def denoised(
     mesh: TriangleMesh,
     adjacency: Adjacency,
     noise: NoiseModel | None,
-    borders: Borders = "curve",
-    detail: float | None = None,
-    sigma: float | None = None,
-    relax: bool = False,
+    options: SmoothingOptions,
     *,
     progress: Progress | None = None,
 ) -> Denoised:
     """The mesh without its noise, see `remove_noise`, and without its outliers, which no filter takes for noise.
 
-    Among many outliers some look sound, so they are taken off as long as there are any, and the noise is learned again,
-    of which the standard deviation `sigma` may be known; where they are too dense for that, they are noise, too. If it
-    is not known, and where a smooth surface is tells which vertices were hit by impulses, that is found again without
-    these.
+    Among many outliers some look sound, so they are taken off as long as there are any, and the noise is learned again;
+    where they are too dense for that, they are noise, too. If its strength is not known, and where a smooth surface is
+    tells which vertices were hit by impulses, that is found again without these.
     """
-    options = borders, detail, sigma, relax
-    if noise is not None and noise.outliers and are_noise(sampled_parts(mesh, adjacency), noise, *options):
-        noise = learn_noise(mesh, adjacency, sigma, robust=False)
-    return _denoised(mesh, adjacency, noise, *options, progress=progress)
+    if noise is not None and noise.outliers and are_noise(sampled_parts(mesh, adjacency), noise, options):
+        noise = learn_noise(mesh, adjacency, options.sigma, robust=False)
+    return _denoised(mesh, adjacency, noise, options, progress=progress)
 
 
-def are_noise(
-    parts: MeshPart, noise: NoiseModel, borders: Borders, detail: float | None, sigma: float | None, relax: bool
-) -> bool:
+def are_noise(parts: MeshPart, noise: NoiseModel, options: SmoothingOptions) -> bool:
     """Whether outliers of a mesh, of which parts tell, are better taken for noise: the surface is smoother then."""
-    mesh, adjacency, options = parts.mesh, parts.adjacency, (borders, detail, sigma, relax)
+    mesh, adjacency = parts.mesh, parts.adjacency
     inside, unevenness = parts.core & ~adjacency.on_boundary, list[float]()
-    for one in (noise, learn_noise(mesh, adjacency, sigma, robust=False)):
-        points = _denoised(mesh, adjacency, one, *options).points
+    for one in (noise, learn_noise(mesh, adjacency, options.sigma, robust=False)):
+        points = _denoised(mesh, adjacency, one, options).points
         normals = tangent_planes(TriangleMesh(points, mesh.faces), adjacency).normals
         heights = np.einsum("ij,ij->i", from_middles(adjacency.vertices, points), normals)
         unevenness.append(float(np.abs(heights[inside]).sum()))
@@ -95,10 +91,7 @@ def _denoised(
     mesh: TriangleMesh,
     adjacency: Adjacency,
     noise: NoiseModel | None,
-    borders: Borders,
-    detail: float | None,
-    sigma: float | None,
-    relax: bool,
+    options: SmoothingOptions,
     *,
     progress: Progress | None = None,
 ) -> Denoised:
@@ -107,9 +100,9 @@ def _denoised(
         if noise is None or not noise.outliers:
             break
         mesh = cleaned(mesh, adjacency)
-        noise = learn_noise(mesh, adjacency, sigma)
-    found = remove_noise(mesh, adjacency, noise or NoiseModel(0.0), borders, detail, relax, progress=progress)
-    for _ in range(0 if sigma is not None else MOST_ROUNDS):
+        noise = learn_noise(mesh, adjacency, options.sigma)
+    found = remove_noise(mesh, adjacency, noise or NoiseModel(0.0), options, progress=progress)
+    for _ in range(0 if options.sigma is not None else MOST_ROUNDS):
         surface = TriangleMesh(found.points, mesh.faces)
         parts = sampled_parts(surface, adjacency)
         ids = parts.ids
@@ -118,7 +111,7 @@ def _denoised(
             break
         mesh = TriangleMesh(without_impulses(measured, surface, adjacency, impulses), mesh.faces)
         noise = learn_noise(mesh, adjacency, robust=False) or NoiseModel(0.0)
-        found = remove_noise(mesh, adjacency, noise, borders, detail, relax)
+        found = remove_noise(mesh, adjacency, noise, options)
         if has_settled(surface.vertices[ids], found.points[ids], impulses):
             break
     return found
@@ -147,7 +140,7 @@ def noise_free_surface(mesh: TriangleMesh, adjacency: Adjacency, noise: NoiseMod
     That is at vertices with two sharp edges or more, as long as edges that are sharp explain the mesh best there (see
     `smooth`): coarse round shapes have sharp edges, too, but no lines that fits should not reach across.
     """
-    found = denoised(mesh, adjacency, noise)
+    found = denoised(mesh, adjacency, noise, SmoothingOptions())
     points = repair_flipped_faces(mesh, adjacency, found.points)
     surface = TriangleMesh(points, mesh.faces)
     edges = mesh_edges(surface)

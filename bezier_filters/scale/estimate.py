@@ -9,8 +9,9 @@ import numpy as np
 
 from bezier_filters.arrays import Report
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.estimation.adaptive_fit import SurfaceFit, fit_parts, measure_from, without_outliers
+from bezier_filters.estimation.adaptive_fit import SurfaceFit, fit_parts
 from bezier_filters.estimation.fallbacks import fit_with_fallbacks
+from bezier_filters.estimation.outlier_removal import measure_from, without_outliers
 from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, empty_geometry
 from bezier_filters.fields import CURVATURE, ESTIMATES, PREFIX, QUALITY, TORSION, Field, fields_of, values_of
 from bezier_filters.kernels.kernel_input import fitted_mesh, with_steady_normals

@@ -11,17 +11,16 @@ from bezier_filters.arrays import BoolArray, IntArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.adaptive_fit import (
     LOOKED_AT,
-    OUTLIER_REACH,
     Places,
     SurfaceFit,
     choose_fit,
     first_features,
-    learn_without_outliers,
     with_parts,
-    without_outliers,
 )
 from bezier_filters.estimation.fallbacks import FitAttempt, fit_with_fallbacks
 from bezier_filters.estimation.fit_options import check_detail, check_fit_noise, fit_options
+from bezier_filters.estimation.noise_free import learned_noise
+from bezier_filters.estimation.outlier_removal import OUTLIER_REACH, without_outliers
 from bezier_filters.estimation.vertex_geometry import empty_geometry
 from bezier_filters.kernels.kernel_input import KernelMesh, fitted_mesh, with_steady_normals
 from bezier_filters.learning.learn import MOST_TURNED, learn_from_samples
@@ -99,10 +98,9 @@ def learn_fit(store: Store, options: FitOptions) -> SurfaceFit:
     return with_parts(fit, learned, places)
 
 
-def learn_noise(store: Store, robust: bool | None = None) -> NoiseModel | None:
-    """The noise of a mesh along the normal, with its outliers if not `robust`; None if it is too small to learn it."""
-    _, leaf = learn_without_outliers(partial(_learn_surface, store, FitOptions()), Choices(only_noise=True), robust)
-    return None if leaf is None else leaf.surface.noise
+def learn_noise(store: Store, sigma: float | None = None, robust: bool | None = None) -> NoiseModel | None:
+    """The noise of a mesh, as `noise_free.learn_noise` learns it in memory."""
+    return learned_noise(partial(_learn_surface, store, FitOptions()), sigma, robust)
 
 
 def _learn_surface(

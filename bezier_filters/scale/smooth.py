@@ -10,10 +10,11 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, Report
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.estimation.adaptive_fit import OUTLIER_REACH, SurfaceFit
+from bezier_filters.estimation.adaptive_fit import SurfaceFit
 from bezier_filters.estimation.noise_free import MOST_CLEANED, are_noise, cleaned
+from bezier_filters.estimation.outlier_removal import OUTLIER_REACH
 from bezier_filters.fields import PREFIX, QUALITY
-from bezier_filters.learning.noise_model import NoiseModel, known_noise
+from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.meshes.adjacency import Adjacency, incoherent_vertices, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.atomic import atomic_write
@@ -28,7 +29,7 @@ from bezier_filters.scale.scheduling import Scheduler
 from bezier_filters.scale.source import SourcePath, open_source
 from bezier_filters.scale.store import Store
 from bezier_filters.scale.tiles import Tile, TileReport, open_tile, table_of
-from bezier_filters.smoothing.denoise import SmoothingPlan, denoise, learn_plan, rings_around
+from bezier_filters.smoothing.denoise import SmoothingOptions, SmoothingPlan, denoise, learn_plan, rings_around
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.impulses import (
     MOST_ROUNDS,
@@ -146,30 +147,21 @@ def smooth_file(
     with file_run(opened, target, how, row_size=48, in_store=once + each * iterations) as run:
         if method == "paper":
             return _onto_patches(run, iterations, fit_options)
-        return _automatic(run, iterations, noise, borders, keep_volume is not False, detail, relax)
+        return _automatic(run, iterations, SmoothingOptions(borders, detail, relax, noise), keep_volume is not False)
 
 
-def _automatic(
-    run: Run,
-    iterations: int,
-    noise: float | None,
-    borders: SmoothedBorders,
-    keep_volume: bool,
-    detail: float | None,
-    relax: bool,
-) -> Report:
+def _automatic(run: Run, iterations: int, options: SmoothingOptions, keep_volume: bool) -> Report:
     """The automatic smoothing: a round that measures the mesh, one for every iteration, and one that ends it."""
-    options = {"iterations": iterations, "noise": noise, "borders": borders, "keep_volume": keep_volume}
-    options |= {"detail": detail, "relax": relax}
-    results, mesh = run.results({"quantity": "automatic smoothing"} | options), run.store
-    known = _noise_of(run, mesh, noise)
+    how = {"quantity": "automatic smoothing", "iterations": iterations, "keep_volume": keep_volume}
+    results, mesh, fixed = run.results(how | asdict(options)), run.store, options.borders == "fixed"
+    known = _noise_of(run, mesh, options.sigma)
     components: StoredComponents | None = None
-    current, folders = mesh, list[Path]()
+    current, here, folders = mesh, known, list[Path]()
     for step in range(iterations):
-        measured, given = current, noise if step == 0 else None
-        here = known if step == 0 else _noise_of(run, current)
-        folder = results / f"clean-{step + 1}"
-        current, here = _without_outliers(run, current, here, folder, borders, detail, given, relax)
+        measured = current
+        if step > 0:
+            options, here = replace(options, sigma=None), _noise_of(run, current)
+        current, here = _without_outliers(run, current, here, results / f"clean-{step + 1}", options)
         impulses: Impulses | None = None
         before = np.zeros((0, 3))
         for k in range(1 + MOST_ROUNDS):
@@ -183,13 +175,13 @@ def _automatic(
                 components = unite_components(mesh, done.tiles)
             with run.stages.stage("learn"):
                 parts = sampled_parts_of(current, around)
-                learned = learn_plan(parts, here, borders, detail, relax)
+                learned = learn_plan(parts, here, options)
                 plan = None if learned is None else learned[0]
             is_last = step + 1 == iterations
-            job = partial(smooth_tile, mesh, current, plan, borders == "fixed", components if is_last else None)
+            job = partial(smooth_tile, mesh, current, plan, fixed, components if is_last else None)
             folder = results / f"smooth-{name}"
             current, done = _moved(run, "smooth", folder, job)
-            if given is None:
+            if options.sigma is None:
                 with run.stages.stage("learn"):
                     impulses, before = _impulses_left(measured, current, impulses, before)
             if impulses is None or k == MOST_ROUNDS:
@@ -205,7 +197,7 @@ def _automatic(
         if keep_volume:
             steps = offset_steps(before - now, gains)
     of_steps = None if steps is None else saved_array(results / "steps.bin", steps)
-    finish = partial(finish_tile, mesh, current, folders, borders == "fixed", components, of_steps)
+    finish = partial(finish_tile, mesh, current, folders, fixed, components, of_steps)
     current, done = _moved(run, "finish", results / "finish", finish)
     left = _noise_of(run, current)
     run.write(done.tiles)
@@ -227,24 +219,12 @@ def _automatic(
 
 def _noise_of(run: Run, store: Store, sigma: float | None = None, robust: bool | None = None) -> NoiseModel | None:
     """The noise, of a given strength if that is known, with the outliers if not `robust`."""
-    if sigma == 0.0:
-        return NoiseModel(0.0)
     with run.stages.stage("learn"):
-        learned = learn_noise(store, robust)
-    if learned is not None and robust is False:
-        learned = replace(learned, outliers=0.0)
-    return learned if sigma is None else known_noise(learned, sigma)
+        return learn_noise(store, sigma, robust)
 
 
 def _without_outliers(
-    run: Run,
-    store: Store,
-    noise: NoiseModel | None,
-    folder: Path,
-    borders: SmoothedBorders,
-    detail: float | None,
-    sigma: float | None,
-    relax: bool,
+    run: Run, store: Store, noise: NoiseModel | None, folder: Path, options: SmoothingOptions
 ) -> tuple[Store, NoiseModel | None]:
     """A mesh without its outliers, if `denoised` takes them off first, and the noise that it has then.
 
@@ -252,15 +232,15 @@ def _without_outliers(
     """
     if noise is not None and noise.outliers:
         with run.stages.stage("learn"):
-            counted = are_noise(sampled_parts_of(store), noise, borders, detail, sigma, relax)
+            counted = are_noise(sampled_parts_of(store), noise, options)
         if counted:
-            return store, _noise_of(run, store, sigma, robust=False)
+            return store, _noise_of(run, store, options.sigma, robust=False)
     for k in range(MOST_CLEANED):
         if noise is None or not noise.outliers:
             break
         of_round = folder.with_name(f"{folder.name}-{k + 1}")
         store, _ = _moved(run, "clean", of_round, partial(clean_tile, store))
-        noise = _noise_of(run, store, sigma)
+        noise = _noise_of(run, store, options.sigma)
     return store, noise
 
 

@@ -72,6 +72,16 @@ STEPS = 6  # of the progress
 
 
 @dataclass(frozen=True)
+class SmoothingOptions:
+    """What a user may decide about how noise is taken off."""
+
+    borders: Borders = "curve"
+    detail: float | None = None  # length of the shortest waves that keep half of their height
+    relax: bool = False  # whether all vertices slide along the surface, see `sliding`
+    sigma: float | None = None  # standard deviation of the noise along the normal, a length, where that is known
+
+
+@dataclass(frozen=True)
 class Candidate:
     """An estimate of the surface."""
 
@@ -108,17 +118,11 @@ def remove_noise(
     mesh: TriangleMesh,
     adjacency: Adjacency,
     noise: NoiseModel,
-    borders: Borders,
-    detail: float | None = None,
-    relax: bool = False,
+    options: SmoothingOptions,
     *,
     progress: Progress | None = None,
 ) -> Denoised:
-    """Take the noise off a mesh in memory: learn a plan from parts of it, and denoise all of it.
-
-    The noise is that along the normal; `detail` is the length of the shortest waves that keep half of their height.
-    All vertices `relax`, that is slide along the surface, only on request (see `sliding`).
-    """
+    """Take the noise along the normal off a mesh in memory: learn a plan from parts of it, and denoise all of it."""
     whole, around, clusters = whole_mesh(mesh, adjacency), tuple[int, ...](), None
     if mesh.vertex_count > LARGEST_WHOLE and noise.sigma > 0.0:
         clusters = clusters_of(whole, PACE)
@@ -126,7 +130,7 @@ def remove_noise(
     parts = sampled_parts(mesh, adjacency, around)
     is_whole = parts.mesh is mesh
     shown = progress if is_whole else None
-    learned = learn_plan(parts, noise, borders, detail, relax, progress=shown)
+    learned = learn_plan(parts, noise, options, progress=shown)
     if learned is None:
         return Denoised(mesh.vertices.copy(), np.zeros(mesh.vertex_count))
     plan, result = learned
@@ -137,18 +141,11 @@ def remove_noise(
 
 
 def learn_plan(
-    parts: MeshPart,
-    noise: NoiseModel,
-    borders: Borders,
-    detail: float | None = None,
-    relax: bool = False,
-    *,
-    progress: Progress | None = None,
+    parts: MeshPart, noise: NoiseModel, options: SmoothingOptions, *, progress: Progress | None = None
 ) -> tuple[SmoothingPlan, Denoised] | None:
     """Learn what holds for a mesh as a whole, and what it makes of the parts; None if there is no noise to speak of.
 
-    One of the parts should be around the roughest place of the mesh, see `roughness`. The others are as for
-    `remove_noise`.
+    One of the parts should be around the roughest place of the mesh, see `roughness`.
     """
     vertices, unit = parts.mesh.vertices, mean_edge(parts.mesh, parts.adjacency)
     sigma = noise.sigma
@@ -165,8 +162,8 @@ def learn_plan(
     levels, at_vertices = learn_noise_levels(noisy, laplacian, sigma, unit, given=noise.given)
     noisy = replace(noisy, sigma=at_vertices)
     report(progress, 1, STEPS)
-    detail = None if detail is None else detail * scale
-    low_pass, filters = learn_low_pass(noisy, borders, unit, detail)
+    detail = None if options.detail is None else options.detail * scale
+    low_pass, filters = learn_low_pass(noisy, options.borders, unit, detail)
     # Filters of the normals do to hidden waves what a stronger low-pass filter does that may not be taken.
     stronger = STRENGTHS[low_pass.first + 1 : low_pass.first + 2]
     is_bounded = detail is not None and bool((stronger > strongest(detail / unit)).any())
@@ -191,7 +188,7 @@ def learn_plan(
     mesh, adjacency = parts.mesh, parts.adjacency
     result = _mixture(mesh, noisy, found, factor, overall, scale)
     sliding = Sliding.ALL
-    if not relax:
+    if not options.relax:
         sliding = sliding_of(parts, result.points, at_vertices / scale)
     plan = SmoothingPlan(center, scale, clusters.pace, levels, low_pass, kinds, factor, overall, sliding)
     report(progress, STEPS, STEPS)

@@ -18,6 +18,7 @@ from bezier_filters.meshes.half_edges import unclear_vertices
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
 from bezier_filters.meshes.spatial_order import with_near_neighbours
 from bezier_filters.runtime.parallel import Progress, on_threads
+from bezier_filters.smoothing.denoise import SmoothingOptions
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.volume import (
     ClosedComponents,
@@ -242,8 +243,8 @@ def smooth(
             current, part = TriangleMesh(points, mesh.faces), part_of(progress, k, iterations)
             if method == "auto":
                 here = known if k == 0 else learn_noise(current, adjacency)
-                options = borders, detail, noise if k == 0 else None, relax
-                found = denoised(current, adjacency, here, *options, progress=part)
+                options = SmoothingOptions(borders, detail, relax, noise if k == 0 else None)
+                found = denoised(current, adjacency, here, options, progress=part)
                 points, sharpness = found.points, np.maximum(sharpness, found.sharpness)
             else:
                 geometry = estimate_vertex_geometry(

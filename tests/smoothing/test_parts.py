@@ -8,7 +8,7 @@ from test_smoothing import edge_of, face_normals, with_noise
 from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
-from bezier_filters.smoothing.denoise import denoise, learn_plan, remove_noise, rings_around
+from bezier_filters.smoothing.denoise import SmoothingOptions, denoise, learn_plan, remove_noise, rings_around
 from bezier_filters.smoothing.flipped_faces import repair_flipped_faces
 from bezier_filters.smoothing.mesh_parts import MeshPart, sampled_parts, whole_mesh
 from bezier_filters.smoothing.noise import roughest, roughness
@@ -49,9 +49,9 @@ def test_parts_with_rings_around_are_smoothed_as_the_whole(make):
     mesh = triangle_mesh(*make())
     adjacency = vertex_adjacency(mesh)
     sigma = 0.2 * edge_of(mesh.vertices, mesh.faces)
-    plan, _ = learn_plan(sampled_parts(mesh, adjacency), NoiseModel(sigma**2), "curve")
+    plan, _ = learn_plan(sampled_parts(mesh, adjacency), NoiseModel(sigma**2), SmoothingOptions())
     whole = denoise(whole_mesh(mesh, adjacency), plan)
-    learned = remove_noise(mesh, adjacency, NoiseModel(sigma**2), "curve")
+    learned = remove_noise(mesh, adjacency, NoiseModel(sigma**2), SmoothingOptions())
     assert np.abs(learned.points - whole.points).max() < 1e-3 * sigma  # whose filters are series of other lengths
     squares = []
     low, high = np.quantile(mesh.vertices[:, 0], (0.1, 0.9))

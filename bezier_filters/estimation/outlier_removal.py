@@ -1,0 +1,68 @@
+"""Takes outliers off a mesh before it is fitted: single vertices that are far off the surface around them."""
+
+import numpy as np
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.estimation.fallbacks import MORE_RINGS, fallback_chain, fit_with_fallbacks
+from bezier_filters.estimation.vertex_geometry import VertexGeometry, empty_geometry
+from bezier_filters.kernels.kernel_input import KernelMesh
+from bezier_filters.patches.fitting import PatchFit
+
+RINGS = 3  # of the robust fit that tells what is far off: narrow, and without a model to be misled
+FAR = 5.0  # standard deviations of the noise around a vertex
+SPREADS = 2  # how many edges around a vertex its noise is told from
+OUTLIER_REACH = RINGS + MORE_RINGS + SPREADS  # how many edges around a vertex decide whether it is far off
+ALIKE = 0.75  # of the distance of a vertex from its fit: how much that of a neighbour on the same edge differs
+OPPOSITE = 0.55  # length of the mean of the unit vectors towards such neighbours, if there are some on both sides
+GEOMETRIC_MEAN = np.exp(-0.5 * (np.euler_gamma + np.log(2.0)))  # of the absolute value of a standard normal variable
+
+
+def without_outliers(mesh: KernelMesh) -> KernelMesh:
+    """The mesh with every vertex that is far off its own robust patch moved onto it.
+
+    A surface is learned from that, as outliers would pass for noise and for shape.
+    """
+    n = len(mesh.vertices)
+    every = np.arange(n, dtype=np.int32)
+    own = mesh._replace(origin=every)
+    geometry = empty_geometry(n)
+    attempts = list(fallback_chain(RINGS, PatchFit()))
+    fit_with_fallbacks(own, every, attempts, geometry, robust=True)
+    moves = geometry.displacements
+    distances = np.linalg.norm(moves, axis=1)
+    is_far = distances > FAR / GEOMETRIC_MEAN * _geometric_means(mesh, distances)
+    is_far &= ~(mesh.stops | _is_on_edge(mesh, moves))
+    return mesh._replace(vertices=np.where(is_far[:, np.newaxis], mesh.vertices + moves, mesh.vertices))
+
+
+def _is_on_edge(mesh: KernelMesh, moves: FloatArray) -> BoolArray:
+    """Whether vertices are off their fits as neighbours on both sides are, (n,): on an edge that fits reach across."""
+    n = len(moves)
+    starts = np.repeat(np.arange(n), np.diff(mesh.ring_ptr))
+    apart = np.linalg.norm(moves[mesh.ring_indices] - moves[starts], axis=1)
+    alike = apart < ALIKE * np.linalg.norm(moves, axis=1)[starts]
+    starts, ends = starts[alike], mesh.ring_indices[alike]
+    ways = mesh.vertices[ends] - mesh.vertices[starts]
+    ways /= np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), np.finfo(np.float64).tiny)
+    sums = np.column_stack([np.bincount(starts, way, n) for way in ways.T])
+    counts = np.bincount(starts, minlength=n)
+    result: BoolArray = (counts >= 2) & (np.linalg.norm(sums, axis=1) < OPPOSITE * counts)
+    return result
+
+
+def _geometric_means(mesh: KernelMesh, values: FloatArray) -> FloatArray:
+    """Of values (n,) around every vertex: few large ones among them do not matter much."""
+    valences = np.diff(mesh.ring_ptr)
+    rows = np.repeat(np.arange(len(values)), valences)
+    logarithms = np.log(np.maximum(values, np.finfo(np.float64).tiny))
+    for _ in range(SPREADS):
+        sums = logarithms + np.bincount(rows, weights=logarithms[mesh.ring_indices], minlength=len(values))
+        logarithms = sums / (1 + valences)
+    return np.exp(logarithms)
+
+
+def measure_from(points: FloatArray, mesh: KernelMesh, ids: IntArray, geometry: VertexGeometry) -> None:
+    """Let displacements of vertices `ids` of a cleaned mesh start from the points (n, 3) where they were measured."""
+    rows = mesh.origin[ids]
+    fitted = geometry.rings_used[rows] > 0
+    geometry.displacements[rows[fitted]] += (mesh.vertices - points)[ids[fitted]]
