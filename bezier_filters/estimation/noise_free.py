@@ -32,6 +32,7 @@ MOST_NOISE = 0.5 * np.sqrt(np.pi)
 LEFT = 0.2
 KEPT = 0.1  # least sharpness of smoothing where it takes a line for an edge; round shapes have hardly any
 MOST_CLEANED = 3  # times that outliers are taken off
+LEFT_OVER = 0.01  # share of the vertices up to which they may be left after that: touched edges look like them
 
 
 def learn_noise(
@@ -70,21 +71,42 @@ def denoised(
     where they are too dense for that, they are noise, too. If its strength is not known, and where a smooth surface is
     tells which vertices were hit by impulses, that is found again without these.
     """
-    if noise is not None and noise.outliers and are_noise(sampled_parts(mesh, adjacency), noise, options):
+    if noise is None or not noise.outliers:
+        return _denoised(mesh, adjacency, noise, options, progress=progress)
+    parts = sampled_parts(mesh, adjacency)
+    are_noise, found = with_outliers_as_noise(parts, noise, options, progress=progress)
+    if parts.mesh is mesh:
+        return found
+    if are_noise:
         noise = learn_noise(mesh, adjacency, options.sigma, robust=False)
     return _denoised(mesh, adjacency, noise, options, progress=progress)
 
 
-def are_noise(parts: MeshPart, noise: NoiseModel, options: SmoothingOptions) -> bool:
-    """Whether outliers of a mesh, of which parts tell, are better taken for noise: the surface is smoother then."""
+def with_outliers_as_noise(
+    parts: MeshPart, noise: NoiseModel, options: SmoothingOptions, *, progress: Progress | None = None
+) -> tuple[bool, Denoised]:
+    """Whether outliers of a mesh, of which there are parts, are better taken for noise, and these parts without them.
+
+    The better surface is smooth, but far from what was measured: one that follows outliers is neither.
+    """
     mesh, adjacency = parts.mesh, parts.adjacency
-    inside, unevenness = parts.core & ~adjacency.on_boundary, list[float]()
-    for one in (noise, learn_noise(mesh, adjacency, options.sigma, robust=False)):
-        points = _denoised(mesh, adjacency, one, options).points
-        normals = tangent_planes(TriangleMesh(points, mesh.faces), adjacency).normals
-        heights = np.einsum("ij,ij->i", from_middles(adjacency.vertices, points), normals)
-        unevenness.append(float(np.abs(heights[inside]).sum()))
-    return unevenness[1] < unevenness[0]
+    inside = parts.core & ~adjacency.on_boundary
+
+    def measures(found: Denoised) -> tuple[float, float]:
+        """How uneven a surface is, and how far it is off."""
+        normals = tangent_planes(TriangleMesh(found.points, mesh.faces), adjacency).normals
+        heights, distances = (
+            np.einsum("ij,ij->i", vectors[inside], normals[inside])
+            for vectors in (from_middles(adjacency.vertices, found.points), mesh.vertices - found.points)
+        )
+        return float(np.abs(heights).sum()), float(np.linalg.norm(distances))
+
+    taken_off = _denoised(mesh, adjacency, noise, options)
+    noise_with_them = learn_noise(mesh, adjacency, options.sigma, robust=False)
+    as_noise = _denoised(mesh, adjacency, noise_with_them, options, progress=progress)
+    (uneven, far), (other_uneven, other_far) = measures(as_noise), measures(taken_off)
+    are_noise = uneven * other_far < other_uneven * far
+    return are_noise, as_noise if are_noise else taken_off
 
 
 def _denoised(
@@ -96,11 +118,10 @@ def _denoised(
     progress: Progress | None = None,
 ) -> Denoised:
     measured = mesh.vertices
-    for _ in range(MOST_CLEANED):
-        if noise is None or not noise.outliers:
-            break
+    rounds = 0
+    while are_to_be_taken_off(noise, rounds):
         mesh = cleaned(mesh, adjacency)
-        noise = learn_noise(mesh, adjacency, options.sigma)
+        noise, rounds = learn_noise(mesh, adjacency, options.sigma), rounds + 1
     found = remove_noise(mesh, adjacency, noise or NoiseModel(0.0), options, progress=progress)
     for _ in range(0 if options.sigma is not None else MOST_ROUNDS):
         surface = TriangleMesh(found.points, mesh.faces)
@@ -115,6 +136,11 @@ def _denoised(
         if has_settled(surface.vertices[ids], found.points[ids], impulses):
             break
     return found
+
+
+def are_to_be_taken_off(noise: NoiseModel | None, rounds: int) -> bool:
+    """Whether there are outliers to be taken off, after some rounds of that."""
+    return noise is not None and rounds < MOST_CLEANED and noise.outliers > (LEFT_OVER if rounds else 0.0)
 
 
 def cleaned(mesh: TriangleMesh, adjacency: Adjacency) -> TriangleMesh:

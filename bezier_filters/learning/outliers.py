@@ -12,14 +12,15 @@ from bezier_filters.learning.ring_analysis import FEWEST_SAMPLES, term_values
 RINGS, DEGREE = 3, 3  # of the fit whose residuals are looked at: as narrow as there are enough points
 INNER_RINGS = 2  # where they are looked at: the outermost points pull the fit towards them
 PLACES = 150  # neighbourhoods that are looked at
-FAR, NEAR = 4.0, 2.0  # standard deviations from which on a residual is large, and up to which those around it are not
+FAR, NEAR = 5.0, 2.0  # standard deviations from which on a residual is large, and up to which those around it are not
 MEDIAN = 0.6745  # of the absolute value of a standard normal variable
 NEAREST = 5  # points around one
 # shares of the vertices that are outliers, and of the places that have one: up to either, chance may be why
-FEW, RARE = 0.008, 0.12
-TAIL, OF_NORMAL = 2.0, 0.0455  # standard deviations, and share of a normal distribution beyond them
+FEW, RARE = 0.003, 0.05
+# standard deviations, and share of white noise beyond them: as the few residuals of a place tell them, 0.012 more
+TAIL, OF_NORMAL = 2.0, 0.0575
 # share of what there is beyond that which must be outliers: else the noise is heavy everywhere, not outliers in it
-MOST_OF = 0.5
+MOST_OF = 0.45
 LEAST_FREEDOM = 0.05  # share of a point that a fit leaves free, at the least
 REWEIGHTED, REACH = 4, 6.0  # times that points are weighed anew; standard deviations from which on they weigh nothing
 SUSPICIOUS = 3.0  # standard deviations of a residual from which on there may be outliers around it

@@ -11,7 +11,7 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, Report
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.adaptive_fit import SurfaceFit
-from bezier_filters.estimation.noise_free import MOST_CLEANED, are_noise, cleaned
+from bezier_filters.estimation.noise_free import are_to_be_taken_off, cleaned, with_outliers_as_noise
 from bezier_filters.estimation.outlier_removal import OUTLIER_REACH
 from bezier_filters.fields import PREFIX, QUALITY
 from bezier_filters.learning.noise_model import NoiseModel
@@ -232,13 +232,13 @@ def _without_outliers(
     """
     if noise is not None and noise.outliers:
         with run.stages.stage("learn"):
-            counted = are_noise(sampled_parts_of(store), noise, options)
-        if counted:
+            are_noise, _ = with_outliers_as_noise(sampled_parts_of(store), noise, options)
+        if are_noise:
             return store, _noise_of(run, store, options.sigma, robust=False)
-    for k in range(MOST_CLEANED):
-        if noise is None or not noise.outliers:
-            break
-        of_round = folder.with_name(f"{folder.name}-{k + 1}")
+    rounds = 0
+    while are_to_be_taken_off(noise, rounds):
+        rounds += 1
+        of_round = folder.with_name(f"{folder.name}-{rounds}")
         store, _ = _moved(run, "clean", of_round, partial(clean_tile, store))
         noise = _noise_of(run, store, options.sigma)
     return store, noise

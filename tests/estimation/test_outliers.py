@@ -102,6 +102,15 @@ def test_the_share_of_outliers_is_what_it_is(make, share, size):
 
 
 @pytest.mark.parametrize("make", [star, block])
+@pytest.mark.parametrize(("share", "size", "base"), [(0.01, 0.5, 0.0), (0.01, 1.0, 0.05), (0.02, 1.0, 0.2)])
+def test_a_few_outliers_are_seen(make, share, size, base):
+    shape = make()
+    heights = spikes(len(shape[0]), share, size)[0] + spikes(len(shape[0]), 1.0, base, 1)[0]
+    mesh = triangle_mesh(*with_heights(shape, heights))
+    assert 0.2 * share < learn_noise(mesh, vertex_adjacency(mesh)).outliers < 1.2 * share  # small ones are none
+
+
+@pytest.mark.parametrize("make", [star, block])
 @pytest.mark.parametrize("draw", ["standard_normal", "uniform", "laplace", "standard_t"])
 def test_noise_that_all_vertices_have_has_no_outliers(make, draw):
     shape, random = make(), np.random.default_rng(1)
@@ -167,3 +176,21 @@ def test_patches_are_fitted_to_what_is_left_without_outliers(make, share, base, 
     assert np.median(np.abs(back + heights[far])) < 0.05  # from where they were measured to the surface
     again = estimate_vertex_geometry(vertices, faces)
     assert np.array_equal(found.displacements, again.displacements)
+
+
+def test_patches_end_at_sharp_edges_that_noise_and_outliers_hide():
+    """They reached across, and normals of flat faces were 10 degrees off."""
+    vertices, faces = block_with_sharp_edges(resolution=20, jitter=0.25)
+    of_faces = area_vectors(vertices, faces)
+    of_faces /= np.linalg.norm(of_faces, axis=1, keepdims=True)
+    normals = np.zeros_like(vertices)
+    for k in range(3):
+        np.add.at(normals, faces[:, k], of_faces)
+    lengths = np.linalg.norm(normals, axis=1)
+    is_flat = lengths > 0.999 * np.bincount(faces.ravel())
+    normals /= lengths[:, np.newaxis]
+    heights = spikes(len(vertices), 0.03, 1.0)[0] + spikes(len(vertices), 1.0, 0.1, 1)[0]
+    found = estimate_vertex_geometry(*with_heights((vertices, faces, normals), heights))
+    cosines = np.einsum("ij,ij->i", found.normals, normals)[is_flat]
+    angles = np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))
+    assert np.sqrt(np.square(angles).mean()) < 2.0
