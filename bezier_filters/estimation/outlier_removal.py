@@ -30,7 +30,7 @@ def without_outliers(mesh: KernelMesh) -> KernelMesh:
     fit_with_fallbacks(own, every, attempts, geometry, robust=True)
     moves = geometry.displacements
     distances = np.linalg.norm(moves, axis=1)
-    is_far = distances > FAR / GEOMETRIC_MEAN * _geometric_means(mesh, distances)
+    is_far = distances > FAR / GEOMETRIC_MEAN * _geometric_means(mesh, distances, geometry.rings_used > 0)
     is_far &= ~(mesh.stops | _is_on_edge(mesh, moves))
     return mesh._replace(vertices=np.where(is_far[:, np.newaxis], mesh.vertices + moves, mesh.vertices))
 
@@ -50,14 +50,17 @@ def _is_on_edge(mesh: KernelMesh, moves: FloatArray) -> BoolArray:
     return result
 
 
-def _geometric_means(mesh: KernelMesh, values: FloatArray) -> FloatArray:
-    """Of values (n,) around every vertex: few large ones among them do not matter much."""
-    valences = np.diff(mesh.ring_ptr)
-    rows = np.repeat(np.arange(len(values)), valences)
+def _geometric_means(mesh: KernelMesh, values: FloatArray, is_known: BoolArray) -> FloatArray:
+    """Of the values (n,) that are known around every vertex: few large ones among them do not matter much."""
+    n = len(values)
+    rows = np.repeat(np.arange(n), np.diff(mesh.ring_ptr))
     logarithms = np.log(np.maximum(values, np.finfo(np.float64).tiny))
     for _ in range(SPREADS):
-        sums = logarithms + np.bincount(rows, weights=logarithms[mesh.ring_indices], minlength=len(values))
-        logarithms = sums / (1 + valences)
+        sums, counts = (
+            own + np.bincount(rows, weights=own[mesh.ring_indices], minlength=n)
+            for own in (np.where(is_known, logarithms, 0.0), is_known.astype(np.float64))
+        )
+        is_known, logarithms = counts > 0.0, sums / np.maximum(counts, 1.0)
     return np.exp(logarithms)
 
 

@@ -15,8 +15,9 @@ PLACES = 150  # neighbourhoods that are looked at
 FAR, NEAR = 5.0, 2.0  # standard deviations from which on a residual is large, and up to which those around it are not
 MEDIAN = 0.6745  # of the absolute value of a standard normal variable
 NEAREST = 5  # points around one
-# shares of the vertices that are outliers, and of the places that have one: up to either, chance may be why
-FEW, RARE = 0.003, 0.05
+# shares of the vertices that are outliers, and of the places that have one: up to either, chance or borders of noise,
+# which are as few places, may be why
+FEW, RARE = 0.006, 0.09
 # standard deviations, and share of white noise beyond them: as the few residuals of a place tell them, 0.012 more
 TAIL, OF_NORMAL = 2.0, 0.0575
 # share of what there is beyond that which must be outliers: else the noise is heavy everywhere, not outliers in it
