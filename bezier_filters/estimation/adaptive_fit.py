@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from bezier_filters.arrays import ByteArray, FloatArray, IntArray
+from bezier_filters.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from bezier_filters.estimation.fallbacks import (
     FitAttempt,
     fallback_chain,
@@ -23,7 +23,7 @@ from bezier_filters.estimation.outlier_removal import without_outliers
 from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, arrays_of
 from bezier_filters.kernels.graph_geometry import bound_errors
 from bezier_filters.kernels.kernel_input import KernelMesh, with_steady_normals
-from bezier_filters.learning.learn import CANDIDATE_RINGS, MOST_TURNED, learn_from_samples, learn_surface
+from bezier_filters.learning.learn import CANDIDATE_RINGS, MOST_TURNED, View, learn_from_samples, learn_surface
 from bezier_filters.learning.model_tree import (
     DEEPEST,
     WORTHWHILE_IF_CORRELATED,
@@ -54,14 +54,15 @@ RADIUS_SAMPLES = 150  # neighbourhoods whose radius is measured
 OFF, LOOKED_AT = 1.4, 2000
 FEWEST_OFF, MOST_OFF = 40, 0.3  # vertices, and share of those looked at: more of them are in the sample, too
 WORTHWHILE_THERE = 0.2  # logarithm of the predicted error that this must save, unless the noise is correlated
+DENSE = 0.1  # share of outliers from which on they turn single normals anywhere, as heavy noise does
 WORSE = 2.0  # times the standard error of a sound fit that one of the part may have instead
 AT_ONCE = 1 << 18  # vertices of a part of which both fits are kept
 RESIDUAL = 1  # place among the `first_features`
 
 # learns a surface, as `learning.learn_surface` does, as it is or without its outliers
 Learn = Callable[[Choices, bool], tuple[list[RingAnalysis], Leaf | None]]
-# a mesh whose neighbourhoods end at the sharp edges that are told without its noise
-Refined = Callable[[KernelMesh, NoiseModel], KernelMesh]
+# the vertices (n,) at the sharp edges that are told without the noise; None if that is not to be asked
+FindEdges = Callable[[NoiseModel], BoolArray | None]
 
 
 @dataclass(frozen=True)
@@ -140,7 +141,8 @@ def choose_fit(
         if fixed is None:
             choice = _with_noise(FitChoice(chosen.rings, chosen.degree, None, None), noise)
             attempts = tuple(planned_chain(root.plans, chosen))
-            surface_fit = SurfaceFit(choice, attempts, noise.heavy, bool(robust), cleaned=bool(robust))
+            steady = noise.heavy or noise.outliers > DENSE
+            surface_fit = SurfaceFit(choice, attempts, steady, bool(robust), cleaned=bool(robust))
             return surface_fit, Learned(analyses, root, choices)
     if rings == "auto":
         rings = 2 if root is None else root.chosen.rings
@@ -178,7 +180,7 @@ def learner(mesh: KernelMesh, adjacency: Adjacency, cleaned: Callable[[], Kernel
     """What learns the surface of a mesh in memory, which may be known without its outliers."""
 
     def learn(choices: Choices, without: bool) -> tuple[list[RingAnalysis], Leaf | None]:
-        learned_from = (cleaned or partial(without_outliers, mesh))() if without else mesh
+        learned_from = (cleaned or partial(without_outliers, mesh, adjacency))() if without else mesh
         return learn_surface(learned_from, adjacency, choices)
 
     return learn
@@ -200,7 +202,7 @@ def _without_what_is_off(tree: Tree[Leaf], root: Leaf, choices: Choices, places:
     if not FEWEST_OFF <= len(off) <= MOST_OFF * len(places.drawn):
         return tree
 
-    def sample(rings: int, count: int, _: bool) -> NeighbourhoodSample:
+    def sample(rings: int, count: int, _: View) -> NeighbourhoodSample:
         return places.sample(off[:count], rings)
 
     vertex_count, noise = root.surface.by_rings[0].analysis.vertex_count, root.surface.noise
@@ -315,7 +317,7 @@ def fit_in_balls(
     *,
     sigma: float | None = None,
     robust: bool = False,
-    refined: Refined,
+    find_edges: FindEdges,
     progress: Progress | None = None,
 ) -> FitChoice:
     """Fit the vertices `ids` to what lies within a distance of each, a length.
@@ -325,8 +327,9 @@ def fit_in_balls(
     choices = Choices(None, degrees, sigma)
     leaf = None if fit else _learn_balls(mesh, adjacency, radius, choices, robust)
     if leaf is not None:
-        before, mesh = mesh, refined(mesh, leaf.surface.noise)
-        if (mesh.stops != before.stops).any():
+        edges = find_edges(leaf.surface.noise)
+        if edges is not None and (edges & ~mesh.stops).any():
+            mesh = mesh._replace(stops=mesh.stops | edges)
             leaf = _learn_balls(mesh, adjacency, radius, choices, robust)
     if leaf is None:
         fit = fit or PatchFit()
@@ -342,7 +345,7 @@ def fit_in_balls(
 
 def _learn_balls(mesh: KernelMesh, adjacency: Adjacency, radius: float, choices: Choices, robust: bool) -> Leaf | None:
     """Learn the surface; the chosen plan is that of the rings whose radius is nearest to the one given."""
-    mesh = without_outliers(mesh) if robust else mesh
+    mesh = without_outliers(mesh, adjacency) if robust else mesh
     wanted = nearest_rings(mesh, adjacency, radius)
     analyses, leaf = learn_surface(mesh, adjacency, replace(choices, rings=wanted))
     if not analyses:

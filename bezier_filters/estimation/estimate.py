@@ -36,9 +36,10 @@ from bezier_filters.kernels.kernel_input import (
     fitted_mesh,
     kernel_mesh,
     with_steady_normals,
+    with_vertices,
 )
-from bezier_filters.learning.learn import MOST_TURNED
-from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample, draw_from_mesh, sample_neighbourhoods
+from bezier_filters.learning.learn import viewed_sample
+from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample, draw_from_mesh
 from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
@@ -209,44 +210,45 @@ def estimate_vertex_geometry(
             geometry = replace(geometry, condition_number=np.zeros(mesh.vertex_count))
         surface: FloatArray | None = None
 
-        def at_sharp_edges(arrays: KernelMesh, noise: NoiseModel) -> KernelMesh:
+        def hidden_edges(noise: NoiseModel) -> BoolArray | None:
             nonlocal surface
             if robust or not given.face_count or not hides_sharp_edges(mesh, adjacency, noise):
-                return arrays
-            around = vertex_adjacency(given)
-            found, stops = noise_free_surface(given, around, noise)
+                return None
+            found, edges = noise_free_surface(given, vertex_adjacency(given), noise)
             surface = found.vertices
-            return arrays._replace(stops=arrays.stops | stops[order])
+            result: BoolArray = edges[order]
+            return result
 
         if radius is None:
             wanted = rings, fixed, degrees, robust, noise, detail
             is_learned = (fixed is None or rings == "auto") and given.vertex_count <= LARGEST
             key = key_of(given.vertices, given.faces, outside, fallbacks, *wanted) if is_learned else None
             known, learned = recall(key), None
-            cleaned = cache(partial(without_outliers, arrays))
             if known is not None:
-                fit, surface, arrays = known.fit, known.surface, arrays._replace(stops=known.stops)
+                fit, surface, fitted = known.fit, known.surface, arrays._replace(stops=known.stops)
+                if known.cleaned is not None:
+                    fitted = with_vertices(fitted, adjacency, known.cleaned)
             else:
+                cleaned = cache(partial(without_outliers, arrays, adjacency))
                 fit, learned = choose_fit(learner(arrays, adjacency, cleaned), *wanted)
+                fitted = cleaned() if fit.cleaned else arrays
             if fixed is not None and fallbacks != "sound":
                 fit = replace(fit, attempts=tuple(fallback_chain(fit.choice.rings, fixed, fallbacks=fallbacks)))
-            fitted = cleaned() if fit.cleaned and known is None else arrays
             # among heavy noise nothing is far off
-            if learned is not None and (fit.steady or _misses_edges(fitted, fit, learned.root.surface.sigma)):
-                before, arrays = arrays, at_sharp_edges(arrays, learned.root.surface.noise)
-                if (arrays.stops != before.stops).any():
-                    cleaned = cache(partial(without_outliers, arrays))
+            if learned is not None and (
+                fit.choice.noise_heavy or _misses_edges(fitted, fit, learned.root.surface.sigma)
+            ):
+                edges = hidden_edges(learned.root.surface.noise)
+                if edges is not None and (edges & ~fitted.stops).any():
+                    arrays = arrays._replace(stops=arrays.stops | edges)
+                    cleaned = cache(partial(without_outliers, arrays, adjacency, edges))
                     fit, learned = choose_fit(learner(arrays, adjacency, cleaned), *wanted)
-            fitted = arrays
-            if known is not None and known.cleaned is not None:
-                fitted = arrays._replace(vertices=known.cleaned)
-            elif fit.cleaned:
-                fitted = cleaned()
+                    fitted = cleaned() if fit.cleaned else arrays
             choice, fit = _fit(fitted, adjacency, ids, fit, learned, geometry, progress)
             if fit.cleaned:
                 measure_from(arrays.vertices, fitted, ids, geometry)
             if learned is not None:
-                remember(key, LearnedFit(fit, arrays.stops, surface, fitted.vertices if fit.cleaned else None))
+                remember(key, LearnedFit(fit, fitted.stops, surface, fitted.vertices if fit.cleaned else None))
         else:
             choice = fit_in_balls(
                 arrays,
@@ -258,7 +260,7 @@ def estimate_vertex_geometry(
                 geometry,
                 sigma=noise,
                 robust=bool(robust),
-                refined=at_sharp_edges,
+                find_edges=hidden_edges,
                 progress=progress,
             )
         if mask is not None:
@@ -308,7 +310,7 @@ def _fit(
             return first_features(geometry, arrays.origin[centers])
 
         def sample(centers: IntArray, rings: int) -> NeighbourhoodSample:
-            return sample_neighbourhoods(arrays, adjacency, centers, rings=rings, most_turned=MOST_TURNED)
+            return viewed_sample(arrays, adjacency, centers, rings, "plain")
 
         fit = with_parts(fit, learned, Places(drawn, features, sample))
     return fit_parts(arrays, ids, fit, geometry, progress=progress), fit

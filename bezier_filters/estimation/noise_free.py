@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from bezier_filters.arrays import BoolArray
+from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.estimation.adaptive_fit import Learn, learn_without_outliers, learner
 from bezier_filters.estimation.outlier_removal import without_outliers
 from bezier_filters.kernels.kernel_input import fitted_mesh
@@ -15,7 +15,7 @@ from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.half_edges import mesh_edges
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.sharp_edges import may_have_sharp_edges, sharp_edges
-from bezier_filters.meshes.tips import without_tips
+from bezier_filters.meshes.tips import unfolded
 from bezier_filters.runtime.parallel import Progress
 from bezier_filters.smoothing.denoise import Denoised, SmoothingOptions, remove_noise
 from bezier_filters.smoothing.flipped_faces import repair_flipped_faces
@@ -117,12 +117,13 @@ def _denoised(
     *,
     progress: Progress | None = None,
 ) -> Denoised:
-    measured = mesh.vertices
-    rounds = 0
+    measured, rounds = mesh.vertices, 0
     while are_to_be_taken_off(noise, rounds):
         mesh = cleaned(mesh, adjacency)
         noise, rounds = learn_noise(mesh, adjacency, options.sigma), rounds + 1
     found = remove_noise(mesh, adjacency, noise or NoiseModel(0.0), options, progress=progress)
+    if rounds:
+        found = replace(found, points=unfolded_surface(mesh, adjacency, found.points))
     for _ in range(0 if options.sigma is not None else MOST_ROUNDS):
         surface = TriangleMesh(found.points, mesh.faces)
         parts = sampled_parts(surface, adjacency)
@@ -133,6 +134,7 @@ def _denoised(
         mesh = TriangleMesh(without_impulses(measured, surface, adjacency, impulses), mesh.faces)
         noise = learn_noise(mesh, adjacency, robust=False) or NoiseModel(0.0)
         found = remove_noise(mesh, adjacency, noise, options)
+        found = replace(found, points=unfolded_surface(mesh, adjacency, found.points))
         if has_settled(surface.vertices[ids], found.points[ids], impulses):
             break
     return found
@@ -144,10 +146,18 @@ def are_to_be_taken_off(noise: NoiseModel | None, rounds: int) -> bool:
 
 
 def cleaned(mesh: TriangleMesh, adjacency: Adjacency) -> TriangleMesh:
-    """The mesh with its outliers moved onto the surface around them, whose creases are told without them."""
+    """The mesh with its outliers moved onto the surface around them."""
     arrays, _ = fitted_mesh(mesh, adjacency=adjacency, creases=False)
-    flat, _ = fitted_mesh(without_tips(mesh, adjacency), adjacency=adjacency, creases=True)
-    return TriangleMesh(without_outliers(arrays._replace(stops=flat.stops)).vertices, mesh.faces)
+    return TriangleMesh(without_outliers(arrays, adjacency).vertices, mesh.faces)
+
+
+def unfolded_surface(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray) -> FloatArray:
+    """Points (n, 3) that a mesh without its outliers was smoothed to, without folds that outliers left.
+
+    Where moves are taken back, as faces would turn over, it is not to the outliers.
+    """
+    surface = unfolded(TriangleMesh(points, mesh.faces), adjacency)
+    return repair_flipped_faces(mesh, adjacency, surface.vertices)
 
 
 def is_noisy(mesh: TriangleMesh, adjacency: Adjacency, sigma: float | None) -> bool:

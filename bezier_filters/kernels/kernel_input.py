@@ -10,6 +10,7 @@ from bezier_filters.meshes.frames import UNBOUNDED, TangentPlanes, steady_normal
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.sharp_edges import sharp_edge_vertices
 from bezier_filters.meshes.spatial_order import SpatialOrder
+from bezier_filters.meshes.tips import without_tips
 
 # Outcomes of one fit.
 FITTED = 0
@@ -75,6 +76,22 @@ def with_steady_normals(mesh: KernelMesh) -> KernelMesh:
     """A mesh whose frames come from averages of normals, for noise that leaves single ones without a meaning."""
     normals = steady_normals(mesh.normals, mesh.ring_ptr, mesh.ring_indices, mesh.stops)
     return mesh._replace(normals=normals, safe_cosine=np.full(len(normals), UNBOUNDED, dtype=np.float32))
+
+
+def with_edges_without_tips(mesh: KernelMesh, adjacency: Adjacency) -> KernelMesh:
+    """A mesh whose neighbourhoods end at the sharp edges that are there without lone tips."""
+    if not len(mesh.faces):
+        return mesh
+    flat = without_tips(TriangleMesh(mesh.vertices, mesh.faces), adjacency)
+    return mesh._replace(stops=sharp_edge_vertices(flat, adjacency, tangent_planes(flat, adjacency)))
+
+
+def with_vertices(mesh: KernelMesh, adjacency: Adjacency, vertices: FloatArray) -> KernelMesh:
+    """A mesh whose vertices are elsewhere, with the planes that it has there; a cloud of points keeps its planes."""
+    if not len(mesh.faces):
+        return mesh._replace(vertices=vertices)
+    planes = tangent_planes(TriangleMesh(vertices, mesh.faces), adjacency)
+    return mesh._replace(vertices=vertices, normals=planes.normals, safe_cosine=planes.safe_cosine)
 
 
 class KernelFit(NamedTuple):

@@ -2,14 +2,16 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
-from bezier_filters.kernels.kernel_input import KernelMesh, with_steady_normals
+from bezier_filters.arrays import IntArray
+from bezier_filters.kernels.kernel_input import KernelMesh, with_edges_without_tips, with_steady_normals
 from bezier_filters.learning.model_tree import Leaf, best_leaf, leaf_of
 from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample, draw_from_mesh, sample_neighbourhoods
 from bezier_filters.learning.noise_spectrum import learn_noise
-from bezier_filters.learning.outliers import outlier_share
+from bezier_filters.learning.outliers import RINGS, outlier_share
 from bezier_filters.learning.plans import Choices
 from bezier_filters.learning.ring_analysis import RingAnalysis, analyse_rings
 from bezier_filters.learning.surface_model import RingModel, white_noise
@@ -20,6 +22,8 @@ NEAR_RINGS = 5  # most meshes need no wider rings than these, of which many neig
 # neighbourhoods analysed per ring: the wider, the more points each has
 SAMPLES = {1: 300, 2: 400, 3: 400, 4: 240, 5: 180, 6: 200, 8: 160, 10: 120}
 MOST_TURNED = 0.02  # share of the vertices of a neighbourhood whose normals noise may turn away from its plane
+MAY_TURN = 0.25  # the same where outliers are looked for, which turn more
+MANY_UNUSABLE = 0.05  # share of the neighbourhoods
 USABLE_SHARE = 0.8  # a ring that folds at more than the rest of the sampled vertices is too wide
 HOPELESS = 10.0  # wider rings are not tried once the predicted error has grown by this factor
 
@@ -28,8 +32,11 @@ OFTEN_TURNED, MANY_TURNED = 0.03, 0.0015
 # if most places are so rough, too: heights of the neighbours over their distances. At knife edges only few are.
 ROUGH = 0.25
 
-# gives neighbourhoods out to some rings of some number of vertices, of a mesh as it is or with steady normals
-Sampler = Callable[[int, int, bool], NeighbourhoodSample]
+# how neighbourhoods are looked at: as the mesh is; with steady normals; or without the sharp edges around lone tips,
+# and where outliers turn normals away, too
+View = Literal["plain", "steady", "tolerant"]
+# gives neighbourhoods out to some rings of some number of vertices
+Sampler = Callable[[int, int, View], NeighbourhoodSample]
 
 
 def learn_surface(mesh: KernelMesh, adjacency: Adjacency, choices: Choices) -> tuple[list[RingAnalysis], Leaf | None]:
@@ -39,18 +46,26 @@ def learn_surface(mesh: KernelMesh, adjacency: Adjacency, choices: Choices) -> t
     usable neighbourhoods, and no model if they allow no plan.
     """
 
-    def sample(rings: int, count: int, steady: bool) -> NeighbourhoodSample:
-        ids = draw_from_mesh(mesh, count)
-        seen = with_steady_normals(mesh) if steady else mesh
-        return sample_neighbourhoods(seen, adjacency, ids, rings=rings, most_turned=MOST_TURNED)
+    def sample(rings: int, count: int, view: View) -> NeighbourhoodSample:
+        return viewed_sample(mesh, adjacency, draw_from_mesh(mesh, count), rings, view)
 
     return learn_from_samples(sample, len(mesh.vertices), choices)
+
+
+def viewed_sample(mesh: KernelMesh, adjacency: Adjacency, ids: IntArray, rings: int, view: View) -> NeighbourhoodSample:
+    """The neighbourhoods of vertices `ids`, looked at in some way."""
+    most_turned = MOST_TURNED
+    if view == "steady":
+        mesh = with_steady_normals(mesh)
+    if view == "tolerant":
+        mesh, most_turned = with_edges_without_tips(mesh, adjacency), MAY_TURN
+    return sample_neighbourhoods(mesh, adjacency, ids, rings=rings, most_turned=most_turned)
 
 
 def learn_from_samples(sampler: Sampler, vertex_count: int, choices: Choices) -> tuple[list[RingAnalysis], Leaf | None]:
     """The same for a mesh of which only samples are known.
 
-    ``sampler(rings, count, steady)`` gives neighbourhoods, the same vertices for the same count.
+    ``sampler(rings, count, view)`` gives neighbourhoods, the same vertices for the same count.
     """
     rings = sorted({*CANDIDATE_RINGS, *(() if choices.rings is None else (choices.rings,))})
     stages = [[k for k in rings if k <= NEAR_RINGS], *([k] for k in rings if k > NEAR_RINGS)]
@@ -64,9 +79,9 @@ def learn_from_samples(sampler: Sampler, vertex_count: int, choices: Choices) ->
         if not promising and choices.rings not in stage:
             continue
         count = SAMPLES[2] if stage is stages[0] else SAMPLES[6]
-        sample = sampler(stage[-1], count, heavy)
+        sample = sampler(stage[-1], count, "steady" if heavy else "plain")
         if stage is stages[0] and _turns_normals(sample):
-            steady = sampler(stage[-1], count, True)
+            steady = sampler(stage[-1], count, "steady")
             heavy = _is_rough(steady) and not _turns_normals(steady)
             sample = steady if heavy else sample
         most: dict[int, int] = {}
@@ -79,7 +94,7 @@ def learn_from_samples(sampler: Sampler, vertex_count: int, choices: Choices) ->
             continue
         analyses += found
         if stage is stages[0]:
-            correlated, outliers = learn_noise(analyses), outlier_share(sample)
+            correlated, outliers = learn_noise(analyses), _outliers(sample, sampler, count)
         # by itself first: what wider rings say of narrower ones does not matter for how far to go on
         alone = leaf_of(found, any_rings, correlated or white_noise(analyses), heavy=heavy, outliers=outliers)
         if alone is not None:
@@ -94,6 +109,13 @@ def learn_from_samples(sampler: Sampler, vertex_count: int, choices: Choices) ->
     if leaf is None or len(leaf.surface.by_rings) < len(analyses):
         leaf = leaf_of(analyses, any_rings, correlated, heavy=heavy, outliers=outliers, known=known)
     return analyses, None if leaf is None else best_leaf(leaf.surface, leaf.plans, choices)
+
+
+def _outliers(sample: NeighbourhoodSample, sampler: Sampler, count: int) -> float:
+    """The `outlier_share`; where many neighbourhoods are not usable, which outliers may be why for, of these, too."""
+    if (~sample.usable[:, RINGS]).mean() > MANY_UNUSABLE:
+        sample = sampler(RINGS, count, "tolerant")
+    return outlier_share(sample)
 
 
 def _turns_normals(sample: NeighbourhoodSample) -> bool:

@@ -25,6 +25,7 @@ MOST_OF = 0.45
 LEAST_FREEDOM = 0.05  # share of a point that a fit leaves free, at the least
 REWEIGHTED, REACH = 4, 6.0  # times that points are weighed anew; standard deviations from which on they weigh nothing
 SUSPICIOUS = 3.0  # standard deviations of a residual from which on there may be outliers around it
+LEAST_NOISE = 3e-4  # times the radius of a neighbourhood: what is off by less than 0.005 edges hardly matters
 RIDGE, TINY = 1e-12, 1e-300  # what keeps matrices and ratios finite
 
 
@@ -63,22 +64,28 @@ def _relative_residuals(points: FloatArray, present: BoolArray) -> FloatArray:
     heights, weights = points[..., 2:], present.astype(np.float64)
     result, rows = np.zeros(present.shape), np.arange(len(points))
     for k in range(REWEIGHTED + 1):
-        result[rows] = residuals = _residuals(design[rows], heights[rows], weights[rows], present[rows])
+        found = design[rows], heights[rows], weights[rows], present[rows], LEAST_NOISE * radius[rows]
+        result[rows] = residuals = _residuals(*found)
         if k > 0:  # outliers may hide from the first fit
             rows = rows[(residuals > SUSPICIOUS).any(axis=1)]
         weights[rows] = present[rows] * np.square(np.maximum(1.0 - np.square(result[rows] / REACH), 0.0))
     return result
 
 
-def _residuals(design: FloatArray, heights: FloatArray, weights: FloatArray, present: BoolArray) -> FloatArray:
-    """Absolute residuals of weighted fits in standard deviations, all of one variance under white noise, (k, n)."""
+def _residuals(
+    design: FloatArray, heights: FloatArray, weights: FloatArray, present: BoolArray, least: FloatArray
+) -> FloatArray:
+    """Absolute residuals of weighted fits in standard deviations, all of one variance under white noise, (k, n).
+
+    Those are some length (k, 1) at the least.
+    """
     weighted = weights[..., np.newaxis] * design
     transposed = weighted.transpose(0, 2, 1)
     inverse = np.linalg.inv(transposed @ design + RIDGE * np.eye(design.shape[2]))
     left = np.abs(heights - design @ (inverse @ (transposed @ heights)))[..., 0]
     free = 1.0 - np.einsum("kni,kni->kn", weighted @ inverse, design)
     residuals = present * left / np.sqrt(np.maximum(free, LEAST_FREEDOM))
-    result: FloatArray = residuals / np.maximum(_scales(residuals, present), TINY)
+    result: FloatArray = residuals / np.maximum(_scales(residuals, present), np.maximum(least, TINY))
     return result
 
 

@@ -195,9 +195,9 @@ def estimate_tile(
 def fit_tile(store: Store, fit: SurfaceFit, creases: bool, tile: int) -> tuple[VertexGeometry, TilePart]:
     """Estimate the vertices of a tile as in the whole mesh; also the part of that which had to be read."""
     part = tile_part(store, tile, rings_needed(fit))
-    arrays, _ = fitted_mesh(part.mesh, creases=creases)
+    arrays, adjacency = fitted_mesh(part.mesh, creases=creases)
     if fit.cleaned:
-        arrays = without_outliers(arrays)
+        arrays = without_outliers(arrays, adjacency)
     if fit.steady:
         arrays = with_steady_normals(arrays)
     own = np.arange(part.own.start, part.own.stop, dtype=np.int32)

@@ -23,13 +23,12 @@ from bezier_filters.estimation.noise_free import learned_noise
 from bezier_filters.estimation.outlier_removal import OUTLIER_REACH, without_outliers
 from bezier_filters.estimation.vertex_geometry import empty_geometry
 from bezier_filters.kernels.kernel_input import KernelMesh, fitted_mesh, with_steady_normals
-from bezier_filters.learning.learn import MOST_TURNED, learn_from_samples
+from bezier_filters.learning.learn import View, learn_from_samples, viewed_sample
 from bezier_filters.learning.model_tree import Leaf, leaves
 from bezier_filters.learning.neighbourhood_samples import (
     NeighbourhoodSample,
     Population,
     draw_vertices,
-    sample_neighbourhoods,
 )
 from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.learning.plans import Choices
@@ -43,6 +42,7 @@ from bezier_filters.scale.store import Store
 from bezier_filters.smoothing.mesh_parts import PART, MeshPart, grow, mesh_part, next_unseen, sampled_vertices
 
 CREASE_RINGS = 2  # around a vertex, within which faces decide about its plane and its creases
+MORE_FOR: dict[View, int] = {"plain": 0, "steady": STEADY_ROUNDS, "tolerant": 1}  # rings, to look that way
 
 MOST_RINGS = 100  # that tiles may be asked to have around them
 # that are read around a vertex, and around those where there was nothing more to grow to; more if that is too few
@@ -86,13 +86,16 @@ def learn_fit(store: Store, options: FitOptions) -> SurfaceFit:
         return fit
     drawn = _draw(store, LOOKED_AT)
     known = np.union1d(learned.centers, drawn)
-    arrays, _, local = _fitted_around(store, options, known, _widest(fit.attempts), fit.steady, fit.cleaned)
+    view: View = "steady" if fit.steady else "plain"
+    reach = _reach(_widest(fit.attempts), view, fit.cleaned)
+    arrays, _, local = _fitted_around(store, options, known, reach, fit.cleaned)
+    arrays = with_steady_normals(arrays) if fit.steady else arrays
     geometry = empty_geometry(len(arrays.vertices))
     fit_with_fallbacks(arrays, local, fit.attempts, geometry, robust=fit.robust)
     features = first_features(geometry, local)
 
     def sample(centers: IntArray, rings: int) -> NeighbourhoodSample:
-        return _sample_at(store, options, centers, rings, fit.steady)
+        return _sample_at(store, options, centers, rings, view)
 
     places = Places(drawn, lambda centers: features[np.searchsorted(known, centers)], sample)
     return with_parts(fit, learned, places)
@@ -108,8 +111,8 @@ def _learn_surface(
 ) -> tuple[list[RingAnalysis], Leaf | None]:
     """What is learned of a mesh in memory, as it is or without its outliers."""
 
-    def sample(rings: int, count: int, steady: bool) -> NeighbourhoodSample:
-        return _sample_at(store, options, _draw(store, count), rings, steady, without)
+    def sample(rings: int, count: int, view: View) -> NeighbourhoodSample:
+        return _sample_at(store, options, _draw(store, count), rings, view, without)
 
     return learn_from_samples(sample, store.layout.vertex_count, choices)
 
@@ -118,8 +121,12 @@ def rings_needed(fit: SurfaceFit) -> int:
     """How many rings around a vertex its values depend on."""
     parts = [] if fit.parts is None else leaves(fit.parts)
     attempts = [*fit.attempts, *(attempt for part in parts for attempt in part.attempts)]
-    cleaned = OUTLIER_REACH if fit.cleaned else 0
-    return _widest(attempts) + CREASE_RINGS + cleaned + (STEADY_ROUNDS if fit.steady else 0)
+    return _reach(_widest(attempts), "steady" if fit.steady else "plain", fit.cleaned)
+
+
+def _reach(rings: int, view: View, without: bool) -> int:
+    """How many rings around a vertex decide about what is seen of some, maybe without outliers."""
+    return rings + CREASE_RINGS + (OUTLIER_REACH if without else 0) + MORE_FOR[view]
 
 
 def _widest(attempts: Sequence[FitAttempt]) -> int:
@@ -138,25 +145,21 @@ def _draw(store: Store, count: int) -> IntArray:
 
 
 def _sample_at(
-    store: Store, options: FitOptions, centers: IntArray, rings: int, steady: bool, without: bool = False
+    store: Store, options: FitOptions, centers: IntArray, rings: int, view: View, without: bool = False
 ) -> NeighbourhoodSample:
     """The neighbourhoods of some vertices."""
-    around = _fitted_around(store, options, centers, rings, steady, without)
-    sample = sample_neighbourhoods(*around, rings=rings, most_turned=MOST_TURNED)
-    return sample._replace(centers=centers)
+    around = _fitted_around(store, options, centers, _reach(rings, view, without), without)
+    return viewed_sample(*around, rings, view)._replace(centers=centers)
 
 
 def _fitted_around(
-    store: Store, options: FitOptions, centers: IntArray, rings: int, steady: bool, without: bool = False
+    store: Store, options: FitOptions, centers: IntArray, reach: int, without: bool
 ) -> tuple[KernelMesh, Adjacency, IntArray]:
     """What is around some vertices, with or without its outliers, ready to be fitted, and their numbers there."""
-    reach = rings + CREASE_RINGS + (OUTLIER_REACH if without else 0) + (STEADY_ROUNDS if steady else 0)
     part = part_around_samples(store, centers, reach)
     arrays, adjacency = fitted_mesh(part.mesh, creases=options.creases)
     if without:
-        arrays = without_outliers(arrays)
-    if steady:
-        arrays = with_steady_normals(arrays)
+        arrays = without_outliers(arrays, adjacency)
     return arrays, adjacency, part.local(centers)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, Report
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.adaptive_fit import SurfaceFit
-from bezier_filters.estimation.noise_free import are_to_be_taken_off, cleaned, with_outliers_as_noise
+from bezier_filters.estimation.noise_free import are_to_be_taken_off, cleaned, unfolded_surface, with_outliers_as_noise
 from bezier_filters.estimation.outlier_removal import OUTLIER_REACH
 from bezier_filters.fields import PREFIX, QUALITY
 from bezier_filters.learning.noise_model import NoiseModel
@@ -23,7 +23,7 @@ from bezier_filters.scale.array_file import ArrayFile, Values, saved_array
 from bezier_filters.scale.components import StoredComponents, labelled_vertices, unite_components
 from bezier_filters.scale.estimate import fit_tile
 from bezier_filters.scale.halo import TilePart, tile_part
-from bezier_filters.scale.learn import CREASE_RINGS, FitOptions, learn_fit, learn_noise, rings_needed, sampled_parts_of
+from bezier_filters.scale.learn import FitOptions, learn_fit, learn_noise, rings_needed, sampled_parts_of
 from bezier_filters.scale.run import Round, Run, RunOptions, StageProgress, TileTask, file_run
 from bezier_filters.scale.scheduling import Scheduler
 from bezier_filters.scale.source import SourcePath, open_source
@@ -53,8 +53,7 @@ from bezier_filters.smoothing.volume import (
 DISPLACEMENT, SHARPNESS = PREFIX + "displacement", PREFIX + "sharpness"
 PAPER = FitOptions(rings=2, alpha=0.8, smoothness="paper")  # as ``bezier_filters.smooth(..., method="paper")``
 IN_STORE = {"auto": (90, 56), "paper": (0, 64)}  # bytes per vertex in the store, once and for each iteration
-TIP_RINGS = 1  # around those in which creases are told, without vertices that stick out of their neighbours
-FINISH_RINGS = 8  # around a tile, in which faces may turn over for the same reason
+FINISH_RINGS = 8  # around a tile, in which faces may turn over because others do
 LARGEST_TILE = 5 << 18  # vertices: tiles of the automatic smoothing have many rings around them
 # what is told of the faces
 COUNTS = ("flipped before", "flipped after", "degenerate before", "degenerate after", "new")
@@ -178,7 +177,10 @@ def _automatic(run: Run, iterations: int, options: SmoothingOptions, keep_volume
                 learned = learn_plan(parts, here, options)
                 plan = None if learned is None else learned[0]
             is_last = step + 1 == iterations
-            job = partial(smooth_tile, mesh, current, plan, fixed, components if is_last else None)
+            is_cleaned = current is not measured
+            reach = rings_around(plan) + (FINISH_RINGS if is_cleaned else 0)
+            last = components if is_last else None
+            job = partial(smooth_tile, mesh, current, plan, reach, fixed, is_cleaned, last)
             folder = results / f"smooth-{name}"
             current, done = _moved(run, "smooth", folder, job)
             if options.sigma is None:
@@ -213,7 +215,7 @@ def _automatic(run: Run, iterations: int, options: SmoothingOptions, keep_volume
         },
         "volume": {"before": volume_before, "after": None if volume_before is None else float(done.sums("volume")[0])},
         "faces": dict(zip(COUNTS, done.sums("faces").astype(int).tolist(), strict=True)),
-        "halo_rings": rings_around(plan),
+        "halo_rings": reach,
     }
 
 
@@ -301,7 +303,7 @@ def measure_tile(store: Store, sigma: float, tile: int) -> tuple[Values, TileRep
 
 def clean_tile(store: Store, tile: int) -> tuple[Values, TileReport]:
     """Where the vertices of a tile are without its outliers."""
-    part = tile_part(store, tile, OUTLIER_REACH + CREASE_RINGS + TIP_RINGS)
+    part = tile_part(store, tile, OUTLIER_REACH)
     points = cleaned(part.mesh, vertex_adjacency(part.mesh)).vertices
     return table_of(points[part.own], {}), TileReport(tile, len(part.ids), {})
 
@@ -321,19 +323,30 @@ def _mesh_part(store: Store, part: TilePart, adjacency: Adjacency) -> MeshPart:
 
 
 def smooth_tile(
-    first: Store, current: Store, plan: SmoothingPlan | None, fixed: bool, stored: StoredComponents | None, tile: int
+    first: Store,
+    current: Store,
+    plan: SmoothingPlan | None,
+    reach: int,
+    fixed: bool,
+    is_cleaned: bool,
+    stored: StoredComponents | None,
+    tile: int,
 ) -> tuple[Values, TileReport]:
     """Where the vertices of a tile move to in an iteration, and how sharp edges are there.
 
-    `first` and `current` are the mesh before all iterations and before this one. There is no plan if there is no noise
-    to speak of. Borders that are fixed stay. Volumes of closed components are told if these are given.
+    `first` and `current` are the mesh before all iterations and before this one, which may be without its outliers.
+    There is no plan if there is no noise to speak of. `reach` rings around the tile decide. Borders that
+    are fixed stay. Volumes of closed components are told if these are given.
     """
-    part = tile_part(current, tile, rings_around(plan))
+    part = tile_part(current, tile, reach)
     mesh, own, adjacency = part.mesh, part.own, vertex_adjacency(part.mesh)
     movable, points, sharpness = _movable(adjacency, fixed), mesh.vertices, np.zeros(len(part.ids))
     if plan is not None:
         found = denoise(_mesh_part(current, part, adjacency), plan)
-        points, sharpness = np.where(movable[:, np.newaxis], found.points, points), found.sharpness
+        points, sharpness = found.points, found.sharpness
+    if is_cleaned:
+        points = unfolded_surface(mesh, adjacency, points)
+    points = np.where(movable[:, np.newaxis], points, mesh.vertices)
     rows = table_of(points[own], {SHARPNESS: sharpness[own]})
     sums: dict[str, list[float]] = {}
     if stored is not None:

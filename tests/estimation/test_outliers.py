@@ -10,7 +10,7 @@ from bezier_filters.estimation.outlier_removal import _geometric_means, without_
 from bezier_filters.kernels.kernel_input import kernel_mesh
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.frames import tangent_planes
-from bezier_filters.meshes.tips import without_tips
+from bezier_filters.meshes.tips import unfolded, without_tips
 from bezier_filters.meshes.triangles import area_vectors
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, sphere, torus
 
@@ -22,7 +22,7 @@ def cleaned(vertices, faces):
     mesh = triangle_mesh(vertices, faces)
     adjacency = vertex_adjacency(mesh)
     arrays = kernel_mesh(mesh, adjacency, tangent_planes(mesh, adjacency))
-    return without_outliers(arrays).vertices
+    return without_outliers(arrays, adjacency).vertices
 
 
 def noisy_torus(far_share):
@@ -96,6 +96,12 @@ def spikes(count, share, size, seed=0):
     return hit * size * random.standard_normal(count), hit
 
 
+def with_spikes(shape, share, size, seed=77):
+    """A mesh of which some vertices are off along the normal, and which those are."""
+    heights, hit = spikes(len(shape[0]), share, size, seed)
+    return with_heights(shape, heights)[0], hit
+
+
 def height_errors(shape, vertices):
     true, faces, normals = shape
     return np.einsum("ij,ij->i", vertices - true, normals) / mean_edge_of(true, faces)
@@ -118,7 +124,7 @@ def test_a_few_outliers_are_seen(make, share, size, base):
     shape = make()
     heights = spikes(len(shape[0]), share, size)[0] + spikes(len(shape[0]), 1.0, base, 1)[0]
     mesh = triangle_mesh(*with_heights(shape, heights))
-    assert 0.2 * share < learn_noise(mesh, vertex_adjacency(mesh)).outliers < 1.2 * share  # small ones are none
+    assert 0.2 * share < learn_noise(mesh, vertex_adjacency(mesh)).outliers < 1.4 * share  # small ones are none
 
 
 @pytest.mark.parametrize("make", [star, block])
@@ -128,6 +134,16 @@ def test_noise_that_all_vertices_have_has_no_outliers(make, draw):
     n = len(shape[0])
     heights = random.standard_t(5, n) if draw == "standard_t" else getattr(random, draw)(size=n)
     mesh = triangle_mesh(*with_heights(shape, 0.1 * (heights - heights.mean()) / heights.std()))
+    assert learn_noise(mesh, vertex_adjacency(mesh)).outliers == 0.0
+
+
+@pytest.mark.parametrize("make", [star, block])
+@pytest.mark.parametrize("size", [0.3, 0.5])
+def test_noise_in_all_directions_has_no_outliers(make, size):
+    """It folds neighbourhoods as outliers do, and those are looked at, too."""
+    vertices, faces, _ = make()
+    noise = np.random.default_rng(1).standard_normal(vertices.shape)
+    mesh = triangle_mesh(vertices + size * mean_edge_of(vertices, faces) * noise, faces)
     assert learn_noise(mesh, vertex_adjacency(mesh)).outliers == 0.0
 
 
@@ -165,6 +181,46 @@ def test_outliers_that_are_too_dense_are_noise():
     assert np.sqrt(np.square(errors).mean()) < 0.08
 
 
+def off_in_all_directions(shape, share, size, seed=77):
+    """A mesh of which some vertices are off in all directions, and which those are."""
+    vertices, faces, _ = shape
+    random = np.random.default_rng(seed)
+    hit = random.random((len(vertices), 1)) < share
+    return vertices + size * mean_edge_of(vertices, faces) * hit * random.standard_normal(vertices.shape), hit[:, 0]
+
+
+@pytest.mark.parametrize("make", [star, bent_torus, block])
+def test_outliers_in_all_directions_come_back(make):
+    """They fold the mesh: neighbourhoods that fold were not looked at, nor fitted, and faces stayed turned over."""
+    shape = make()
+    moved, _ = off_in_all_directions(shape, 0.03, 1.0)
+    truth = area_vectors(shape[0], shape[1])
+    errors, turned = [], []
+    for vertices in (moved, smooth(moved, shape[1]).vertices):
+        errors.append(np.sqrt(np.square(height_errors(shape, vertices)).mean()))
+        turned.append((np.einsum("ij,ij->i", area_vectors(vertices, shape[1]), truth) < 0.0).mean())
+    assert errors[1] < 0.5 * errors[0]
+    assert turned[1] < 0.15 * turned[0]
+
+
+@pytest.mark.parametrize("scale", [1e-30, 1.0, 1e30])
+def test_vertices_outside_of_their_neighbours_come_back_between_them(scale):
+    vertices, faces, _ = block()
+    clean = triangle_mesh(scale * vertices, faces)
+    adjacency = vertex_adjacency(clean)
+    assert np.array_equal(unfolded(clean, adjacency).vertices, clean.vertices)
+    inside = np.flatnonzero((np.abs(np.abs(vertices) - np.abs(vertices).max(axis=0)) > 0.15).sum(axis=1) == 2)
+    k = inside[0]  # on one of the sides, and not near its edges
+    ring = adjacency.vertices.indices[adjacency.vertices.indptr[k] : adjacency.vertices.indptr[k + 1]]
+    outside = clean.vertices.copy()
+    outside[k] += 3.0 * (clean.vertices[ring[0]] - clean.vertices[k])
+    moved = unfolded(triangle_mesh(outside, faces), adjacency).vertices
+    assert np.flatnonzero((moved != outside).any(axis=1)).tolist() == [k]
+    assert np.allclose(moved[k], clean.vertices[ring].mean(axis=0), rtol=1e-12)
+    areas = area_vectors(moved, clean.faces), area_vectors(clean.vertices, clean.faces)
+    assert (np.einsum("ij,ij->i", *areas) > 0.0).all()
+
+
 @pytest.mark.parametrize("scale", [1e-30, 1.0, 1e30])
 def test_tips_are_lone_vertices(scale):
     vertices, faces, _ = block()
@@ -196,6 +252,18 @@ def test_patches_are_fitted_to_what_is_left_without_outliers(make, share, base, 
     assert np.median(np.abs(back + heights[far])) < 0.05  # from where they were measured to the surface
     again = estimate_vertex_geometry(vertices, faces)
     assert np.array_equal(found.displacements, again.displacements)
+    assert np.array_equal(found.normals, again.normals)
+
+
+@pytest.mark.parametrize("make", [star, bent_torus])
+@pytest.mark.parametrize("move", [with_spikes, off_in_all_directions])
+def test_frames_do_not_lean_towards_outliers(make, move):
+    """Normals beside spikes turned the planes that patches were fitted over: 5 and 18 degrees."""
+    shape = make()
+    moved, hit = move(shape, 0.03, 1.0)
+    found = estimate_vertex_geometry(moved, shape[1])
+    cosines = np.einsum("ij,ij->i", found.normals, shape[2])[~hit]
+    assert np.sqrt(np.square(np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))).mean()) < 2.0
 
 
 def test_patches_end_at_sharp_edges_that_noise_and_outliers_hide():
