@@ -16,7 +16,7 @@ from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.status import FitStatus
 
 RINGS = 3  # of the robust fit that tells what is far off: narrow, and without a model to be misled
-FAR = 5.0  # standard deviations of the noise around a vertex
+FAR = 3.5  # standard deviations of the noise around a vertex: those that are moved for nothing hardly move
 SPREADS = 2  # how many edges around a vertex its noise is told from
 EDGE_RINGS = 3  # within which faces decide about a sharp edge, without tips
 OUTLIER_REACH = RINGS + MORE_RINGS + SPREADS + EDGE_RINGS  # how many edges around a vertex decide where it is moved to
