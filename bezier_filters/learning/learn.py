@@ -23,7 +23,7 @@ NEAR_RINGS = 5  # most meshes need no wider rings than these, of which many neig
 SAMPLES = {1: 300, 2: 400, 3: 400, 4: 240, 5: 180, 6: 200, 8: 160, 10: 120}
 MOST_TURNED = 0.02  # share of the vertices of a neighbourhood whose normals noise may turn away from its plane
 MAY_TURN = 0.25  # the same where outliers are looked for, which turn more
-MANY_UNUSABLE = 0.05  # share of the neighbourhoods
+MANY_UNUSABLE = 0.05  # share of the neighbourhoods from which on they are looked at for outliers, too
 USABLE_SHARE = 0.8  # a ring that folds at more than the rest of the sampled vertices is too wide
 HOPELESS = 10.0  # wider rings are not tried once the predicted error has grown by this factor
 
@@ -112,7 +112,7 @@ def learn_from_samples(sampler: Sampler, vertex_count: int, choices: Choices) ->
 
 
 def _outliers(sample: NeighbourhoodSample, sampler: Sampler, count: int) -> float:
-    """The `outlier_share`; where many neighbourhoods are not usable, which outliers may be why for, of these, too."""
+    """The `outlier_share`; of neighbourhoods that are not usable, too, if these are many: outliers may be why."""
     if (~sample.usable[:, RINGS]).mean() > MANY_UNUSABLE:
         sample = sampler(RINGS, count, "tolerant")
     return outlier_share(sample)

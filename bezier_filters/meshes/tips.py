@@ -1,4 +1,4 @@
-"""Lone vertices that stick out: what is around them is better told without them."""
+"""Lone vertices that stick out, or lie outside of their neighbours: what is around is better told without them."""
 
 import numpy as np
 

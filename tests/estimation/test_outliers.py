@@ -121,10 +121,13 @@ def test_the_share_of_outliers_is_what_it_is(make, share, size):
 @pytest.mark.parametrize("make", [star, block])
 @pytest.mark.parametrize(("share", "size", "base"), [(0.01, 0.5, 0.0), (0.01, 1.0, 0.05), (0.03, 1.0, 0.2)])
 def test_a_few_outliers_are_seen(make, share, size, base):
-    shape = make()
-    heights = spikes(len(shape[0]), share, size)[0] + spikes(len(shape[0]), 1.0, base, 1)[0]
-    mesh = triangle_mesh(*with_heights(shape, heights))
-    assert 0.2 * share < learn_noise(mesh, vertex_adjacency(mesh)).outliers < 1.4 * share  # small ones are none
+    shape, found = make(), []
+    for seed in range(4):  # of one draw, some 28 outliers are looked at
+        heights = spikes(len(shape[0]), share, size, seed)[0] + spikes(len(shape[0]), 1.0, base, seed + 1)[0]
+        mesh = triangle_mesh(*with_heights(shape, heights))
+        found.append(learn_noise(mesh, vertex_adjacency(mesh)).outliers)
+    assert found[0] > 0.2 * share
+    assert 0.2 * share < np.mean(found) < 1.2 * share  # small ones are none
 
 
 @pytest.mark.parametrize("make", [star, block])
