@@ -9,6 +9,7 @@ from scipy.spatial import Delaunay
 from bezier_filters import FitStatus, triangle_mesh, vertex_adjacency
 from bezier_filters.estimation.fallbacks import FitAttempt, fit_with_fallbacks
 from bezier_filters.estimation.vertex_geometry import empty_geometry
+from bezier_filters.kernels import fit_workspace as places
 from bezier_filters.kernels import graph_geometry as kernel
 from bezier_filters.kernels.kernel_input import FITTED, kernel_mesh
 from bezier_filters.meshes.frames import TangentPlanes
@@ -30,7 +31,7 @@ def fit_over_plane_z(x, y, z, fit, rings, ids=None, noise=(0.0, 0.0)):
 
 def geometry_of_graph(jet):
     """What the kernel makes of the derivatives jet[r, q], r times by x and q times by y, at one point of a graph."""
-    jets, frame, outputs = (np.zeros((count, LANES)) for count in (16, 9, 20))
+    jets, frame, outputs = (np.zeros((count, LANES)) for count in (16, 9, places.OUTPUTS))
     jets[:] = np.reshape(jet, (16, 1))
     frame[[0, 4, 8]] = 1.0
     flat = [aligned(len(table)) for table in (jets, frame, outputs)]
@@ -39,11 +40,11 @@ def geometry_of_graph(jet):
     from_python(kernel.graph_geometry)(*flat[:2], True, flat[2])
     found = flat[2][::LANES]
     return SimpleNamespace(
-        normal=found[kernel.NORMAL : kernel.NORMAL + 3],
-        k_min=found[kernel.K_MIN],
-        k_max=found[kernel.K_MAX],
-        direction_min=found[kernel.ALONG_MIN : kernel.ALONG_MIN + 3],
-        direction_max=found[kernel.ALONG_MAX : kernel.ALONG_MAX + 3],
-        extremality_min=found[kernel.EXTREMALITY_MIN],
-        extremality_max=found[kernel.EXTREMALITY_MAX],
+        normal=found[places.NORMAL : places.NORMAL + 3],
+        k_min=found[places.K_MIN],
+        k_max=found[places.K_MAX],
+        direction_min=found[places.ALONG_MIN : places.ALONG_MIN + 3],
+        direction_max=found[places.ALONG_MAX : places.ALONG_MAX + 3],
+        extremality_min=found[places.EXTREMALITY_MIN],
+        extremality_max=found[places.EXTREMALITY_MAX],
     )

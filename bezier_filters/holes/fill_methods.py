@@ -133,7 +133,7 @@ def _paper(task: FillTask) -> Iterator[Attempt]:
     fill_part = partial(paper_fill, alpha=task.mesh.alpha, correction=task.mesh.correction)
     if task.mesh.creases:
         for attempt in crease_attempts(task.region, noisy=task.noisy, fill_part=fill_part):
-            yield replace(attempt, method="paper")
+            yield replace(attempt, kind="paper")
     fill = fill_part(task.region)
     yield Attempt("paper", None, fill) if isinstance(fill, str) else Attempt("paper", fill)
     yield from smooth_attempts(task.region, task.normals, noisy=task.noisy)
@@ -227,18 +227,18 @@ def _first_without_cuts(
             if cuts == 0:
                 break
             problem = f"{cuts} of its faces would cut others"
-        reasons.append((attempt, f"{attempt.method}: {problem}"))
+        reasons.append((attempt, f"{attempt.kind}: {problem}"))
     if taken is None or placed is None or (least and not task.intersecting):
         told = [CUTTING] if least else []
         told += [text for _, text in reasons]
         return replace(report, reason="; ".join(dict.fromkeys(told)), self_intersections=least), None
     told = [text for attempt, text in reasons if attempt is not taken]
     if least:
-        told.append(f"{taken.method}: taken, though {least} of its faces cut others, the fewest")
+        told.append(f"{taken.kind}: taken, though {least} of its faces cut others, the fewest")
     return replace(
         report,
         filled=True,
-        method=taken.method,
+        method=taken.kind,
         reason="; ".join(dict.fromkeys(told)),
         parts=taken.parts,
         creases=report.creases if taken.creases is None else taken.creases,

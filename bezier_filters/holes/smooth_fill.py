@@ -24,7 +24,7 @@ ROUNDS = 3  # of flips and relaxation on the surface
 class Attempt:
     """A fill, or why there is none."""
 
-    method: str  # its name; see `HoleReport.method`
+    kind: str  # see `HoleReport.method`
     fill: Fill | None  # triangles on the rim and new vertices
     reason: str = ""  # what went wrong, if there is no fill
     parts: int = 1  # sub-holes

@@ -10,7 +10,11 @@ from bezier_filters.kernels.lane_algebra import GROUP
 from bezier_filters.runtime.lanes import LANES, aligned
 
 CHUNK = 32  # most points whose powers are held at a time: they fit into the nearest cache
-OUTPUTS = 20  # numbers that every fit gives: see `graph_geometry`
+# Places of what every fit gives, see `graph_geometry`; of vectors and of the three standard errors, the first.
+NORMAL, ALONG_MIN, ALONG_MAX = 0, 3, 6
+K_MIN, K_MAX, EXTREMALITY_MIN, EXTREMALITY_MAX, RESIDUAL = 9, 10, 11, 12, 13
+STANDARD_ERRORS, DISPLACEMENT = 14, 17
+OUTPUTS = DISPLACEMENT + 3  # how many numbers these are: compiled code does not notice if there is one more
 
 
 class FitWorkspace(NamedTuple):

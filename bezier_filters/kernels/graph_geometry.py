@@ -5,7 +5,19 @@ from typing import TypeAlias
 import numpy as np
 
 from bezier_filters.arrays import ByteArray, FloatArray, IntArray
-from bezier_filters.kernels.fit_workspace import FitWorkspace
+from bezier_filters.kernels.fit_workspace import (
+    ALONG_MAX,
+    ALONG_MIN,
+    DISPLACEMENT,
+    EXTREMALITY_MAX,
+    EXTREMALITY_MIN,
+    K_MAX,
+    K_MIN,
+    NORMAL,
+    RESIDUAL,
+    STANDARD_ERRORS,
+    FitWorkspace,
+)
 from bezier_filters.kernels.kernel_input import (
     FITTED,
     ILL_POSED,
@@ -19,10 +31,6 @@ from bezier_filters.meshes.triangles import area_vector, longest_squared
 from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.lanes import LANES, Lanes, load, multiply_add, spread, square_root, store, where_greater
 
-# Places among the outputs; those of vectors are the first of three.
-NORMAL, ALONG_MIN, ALONG_MAX = 0, 3, 6
-K_MIN, K_MAX, EXTREMALITY_MIN, EXTREMALITY_MAX, RESIDUAL = 9, 10, 11, 12, 13
-STANDARD_ERRORS, DISPLACEMENT = 14, 17
 ROUNDED = 1e-6  # of the longest edge of a face: a smaller height is rounding
 SEEN = 5  # coefficients of which the geometry is a function: those of x, y, x^2, x y and y^2, eliminated last
 Gradient: TypeAlias = tuple[Lanes, Lanes, Lanes, Lanes, Lanes]  # derivatives by these

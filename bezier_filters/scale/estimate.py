@@ -11,15 +11,14 @@ from bezier_filters.arrays import Report
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.adaptive_fit import SurfaceFit, fit_parts
 from bezier_filters.estimation.fallbacks import fit_with_fallbacks
-from bezier_filters.estimation.outlier_removal import measure_from, without_outliers
+from bezier_filters.estimation.outlier_removal import measure_from
 from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, empty_geometry
 from bezier_filters.fields import CURVATURE, ESTIMATES, PREFIX, QUALITY, TORSION, Field, fields_of, values_of
-from bezier_filters.kernels.kernel_input import fitted_mesh, with_steady_normals
 from bezier_filters.learning.model_tree import leaves
 from bezier_filters.runtime.parallel import one_thread_for_matrices
 from bezier_filters.scale.array_file import Values
 from bezier_filters.scale.halo import TilePart, tile_part
-from bezier_filters.scale.learn import FitOptions, learn_fit, rings_needed
+from bezier_filters.scale.learn import FitOptions, learn_fit, mesh_to_fit, rings_needed
 from bezier_filters.scale.run import Round, RunOptions, StageProgress, file_run
 from bezier_filters.scale.scheduling import Scheduler, dashboard
 from bezier_filters.scale.source import SourcePath, open_source
@@ -195,11 +194,7 @@ def estimate_tile(
 def fit_tile(store: Store, fit: SurfaceFit, creases: bool, tile: int) -> tuple[VertexGeometry, TilePart]:
     """Estimate the vertices of a tile as in the whole mesh; also the part of that which had to be read."""
     part = tile_part(store, tile, rings_needed(fit))
-    arrays, adjacency = fitted_mesh(part.mesh, creases=creases)
-    if fit.cleaned:
-        arrays = without_outliers(arrays, adjacency)
-    if fit.steady:
-        arrays = with_steady_normals(arrays)
+    arrays, _ = mesh_to_fit(part.mesh, creases, fit.cleaned, fit.steady)
     own = np.arange(part.own.start, part.own.stop, dtype=np.int32)
     arrays = arrays._replace(origin=np.arange(len(part.ids), dtype=np.int32) - own[0])
     geometry = empty_geometry(len(own))

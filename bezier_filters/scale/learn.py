@@ -35,6 +35,7 @@ from bezier_filters.learning.plans import Choices
 from bezier_filters.learning.ring_analysis import RingAnalysis
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.frames import STEADY_ROUNDS, tangent_planes
+from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.scale.halo import Part, in_source_order, part_around, part_around_samples, tile_part
@@ -42,7 +43,8 @@ from bezier_filters.scale.store import Store
 from bezier_filters.smoothing.mesh_parts import PART, MeshPart, grow, mesh_part, next_unseen, sampled_vertices
 
 CREASE_RINGS = 2  # around a vertex, within which faces decide about its plane and its creases
-MORE_FOR: dict[View, int] = {"plain": 0, "steady": STEADY_ROUNDS, "tolerant": 1}  # rings, to look that way
+# rings, to look that way; learning alone looks at samples the tolerant way
+MORE_FOR: dict[View, int] = {"plain": 0, "steady": STEADY_ROUNDS, "tolerant": 1}
 
 MOST_RINGS = 100  # that tiles may be asked to have around them
 # that are read around a vertex, and around those where there was nothing more to grow to; more if that is too few
@@ -88,8 +90,9 @@ def learn_fit(store: Store, options: FitOptions) -> SurfaceFit:
     known = np.union1d(learned.centers, drawn)
     view: View = "steady" if fit.steady else "plain"
     reach = _reach(_widest(fit.attempts), view, fit.cleaned)
-    arrays, _, local = _fitted_around(store, options, known, reach, fit.cleaned)
-    arrays = with_steady_normals(arrays) if fit.steady else arrays
+    part = part_around_samples(store, known, reach)
+    local = part.local(known)
+    arrays, _ = mesh_to_fit(part.mesh, options.creases, fit.cleaned, fit.steady)
     geometry = empty_geometry(len(arrays.vertices))
     fit_with_fallbacks(arrays, local, fit.attempts, geometry, robust=fit.robust)
     features = first_features(geometry, local)
@@ -148,19 +151,17 @@ def _sample_at(
     store: Store, options: FitOptions, centers: IntArray, rings: int, view: View, without: bool = False
 ) -> NeighbourhoodSample:
     """The neighbourhoods of some vertices."""
-    around = _fitted_around(store, options, centers, _reach(rings, view, without), without)
-    return viewed_sample(*around, rings, view)._replace(centers=centers)
+    part = part_around_samples(store, centers, _reach(rings, view, without))
+    arrays, adjacency = mesh_to_fit(part.mesh, options.creases, without)
+    return viewed_sample(arrays, adjacency, part.local(centers), rings, view)._replace(centers=centers)
 
 
-def _fitted_around(
-    store: Store, options: FitOptions, centers: IntArray, reach: int, without: bool
-) -> tuple[KernelMesh, Adjacency, IntArray]:
-    """What is around some vertices, with or without its outliers, ready to be fitted, and their numbers there."""
-    part = part_around_samples(store, centers, reach)
-    arrays, adjacency = fitted_mesh(part.mesh, creases=options.creases)
+def mesh_to_fit(mesh: TriangleMesh, creases: bool, without: bool, steady: bool = False) -> tuple[KernelMesh, Adjacency]:
+    """What the kernels fit of a part of a mesh, maybe without its outliers, with averages of normals: see `_reach`."""
+    arrays, adjacency = fitted_mesh(mesh, creases=creases)
     if without:
         arrays = without_outliers(arrays, adjacency)
-    return arrays, adjacency, part.local(centers)
+    return with_steady_normals(arrays) if steady else arrays, adjacency
 
 
 def _have_normals(part: Part) -> BoolArray:

@@ -53,7 +53,8 @@ from bezier_filters.smoothing.volume import (
 DISPLACEMENT, SHARPNESS = PREFIX + "displacement", PREFIX + "sharpness"
 PAPER = FitOptions(rings=2, alpha=0.8, smoothness="paper")  # as ``bezier_filters.smooth(..., method="paper")``
 IN_STORE = {"auto": (90, 56), "paper": (0, 64)}  # bytes per vertex in the store, once and for each iteration
-FINISH_RINGS = 8  # around a tile, in which faces may turn over because others do
+# around a tile, in which faces may turn over because others do: a few times `REACH` of `smoothing.flipped_faces`
+FINISH_RINGS = 8
 LARGEST_TILE = 5 << 18  # vertices: tiles of the automatic smoothing have many rings around them
 # what is told of the faces
 COUNTS = ("flipped before", "flipped after", "degenerate before", "degenerate after", "new")

@@ -65,7 +65,8 @@ PAIRS_SAMPLED = 30_000  # about so many vertices times pairs of samples of the n
 GAIN = 1e-3  # times sigma^2: mean decrease of the risk around a vertex below which a further estimate is left out
 SUPERFLUOUS = 3e-4  # the same for one that sharper ones may have replaced
 # around a tile there are the rings in which a low-pass filter fades by so many powers of e, those over which risks
-# are averaged, and those that a round of filtering the normals reaches across: measured, for a hundredth of the noise
+# are averaged (`SURROUNDINGS` of clusters), and those that a round of filtering the normals reaches across: measured,
+# for a hundredth of the noise
 FADED, AVERAGED, RINGS_PER_ROUND = 7.5, 14, 1.25
 HINT = GENTLE + 1  # kind of estimate that may not gain though sharper ones do: strong noise goes in more rounds
 STEPS = 6  # of the progress
@@ -267,7 +268,7 @@ def candidates(
     del filtered, leverages  # for large meshes, memory counts
     sharp = {kind: FILTER_ROUNDS[kind] for kind in KINDS[GENTLE + 1 :] if kind in kinds}
     if GENTLE in kinds:
-        begun = [_begun(noisy, filters.weaker(), signs)]  # lists hand over what they hold: nothing else keeps it
+        begun = [_begun(noisy, filters.next_weaker(), signs)]  # lists hand over what they hold: nothing else keeps it
         yield from _sharp(noisy, begun.pop(), squares, {GENTLE: 1}, GENTLE_TOLERANCE, progress)
     if sharp:
         weak = filters.weak(umbrella_laplacian(part, filters.borders))

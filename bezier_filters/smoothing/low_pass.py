@@ -19,17 +19,18 @@ from bezier_filters.smoothing.mesh_parts import MeshPart
 from bezier_filters.smoothing.noise import NoisyMesh
 from bezier_filters.smoothing.risk import Estimates, local_risks, local_shares, overall_risks
 
-# of the filters; 0 leaves everything as it is
+# of the filters; 0 leaves everything as it is. The steps below go from one to the next
 STRENGTHS: FloatArray = np.concatenate([[0.0], 10.0 ** np.arange(-1.0, 6.1, 0.5)])
 POWERS = (0.0, 0.5, 1.0)  # of cotangent Laplacians, see `cotangent_laplacian`
 # of filters: steeper ones suit surfaces whose detail ends at some size, as that of analytic surfaces does
 ORDERS = (ORDER, 6)
 AROUND = 3  # strengths on both sides of the one that is best for the mesh as a whole that its parts may take
-STRONGER = 6  # steps of the strength beyond that of the umbrella Laplacian up to which others are tried
+BEYOND = 6  # steps of the strength beyond that of the umbrella Laplacian up to which others are tried
 RARE = 1e-3  # mean share of a strength up to which it is left out if it is stronger than all others that are not
 SELDOM = 1e-3  # share of the vertices that prefer the weakest strength, above which weaker ones are tried
 SPARSE = 2  # of these weaker ones, every other one is
-WEAKER = 2  # steps of the strength by which a filter that another one follows is weaker
+HEAD_START = 2  # steps of the strength by which a filter is weaker that only shows another one what to go by
+PREFERRED = 0.5  # share of a strength above which a vertex prefers it
 ENOUGH = 10_000.0  # strength of a filter whose normals need no stronger one
 FARTHEST = 3.8  # phase between the ends of an edge, beyond which waves are shorter than a mesh shows
 FEW = 20_000  # vertices; on smaller meshes, leverages are averaged over more probes
@@ -67,7 +68,7 @@ class LowPass:
         """Filter signals (n, c)."""
         return low_pass(self.laplacian, signals, self.strengths, self.shares, self.order)
 
-    def weaker(self) -> "LowPass":
+    def next_weaker(self) -> "LowPass":
         """The next weaker filters, for where another one follows that takes off noise, too."""
         shares = np.roll(self.shares, -1, axis=1)
         shares[:, -1] = 0.0
@@ -76,7 +77,7 @@ class LowPass:
 
     def weak(self, umbrella: Laplacian) -> "LowPass":
         """Filters that take off just enough noise for another filter to know signals by."""
-        strengths = self.strengths * (STRENGTHS[1] / STRENGTHS[1 + WEAKER])
+        strengths = self.strengths * (STRENGTHS[1] / STRENGTHS[1 + HEAD_START])
         return replace(self, laplacian=umbrella, order=ORDER, strengths=strengths)
 
 
@@ -117,7 +118,7 @@ def learn_low_pass(
     allowed = STRENGTHS if detail is None else STRENGTHS[strongest(detail / unit) >= STRENGTHS]
     first = int(_estimates(noisy, umbrella, ORDER, allowed, rough).mean_risks(core).argmin())
     smooth, normals = _smooth_shape(part, umbrella, first)
-    strengths = allowed[: first + STRONGER + 1]
+    strengths = allowed[: first + BEYOND + 1]
 
     def tried(power: float | None, laplacian: Laplacian, order: int) -> _Kind:
         estimates = _estimates(noisy, laplacian, order, strengths, normals)
@@ -138,7 +139,7 @@ def learn_low_pass(
         estimates = chosen.estimates.among(near)
         overall = overall_risks(estimates, core)
         shares = shares_of(noisy, estimates, overall)
-        if near[0] == 0 or (shares[:, 0] > 0.5).mean() <= SELDOM:
+        if near[0] == 0 or (shares[:, 0] > PREFERRED).mean() <= SELDOM:
             break  # else even weaker filters may be better there
         near = [*range(max(near[0] - 2 * AROUND, 0), max(near[0] - 1, 1), SPARSE), *near]
     used = int(np.flatnonzero(shares.mean(axis=0, dtype=np.float64) > RARE)[-1]) + 1
@@ -208,7 +209,7 @@ def _smooth_shape(part: MeshPart, umbrella: Laplacian, best: int) -> tuple[MeshP
     Without the steps along the surface, which would give the triangles other angles.
     """
     vertices, faces = part.mesh.vertices, part.mesh.faces
-    strength = np.array([min(float(STRENGTHS[max(best - WEAKER, 0)]), ENOUGH)])
+    strength = np.array([min(float(STRENGTHS[max(best - HEAD_START, 0)]), ENOUGH)])
     smooth = low_pass(umbrella, vertices, strength)
     normals = tangent_planes(TriangleMesh(smooth, faces), part.adjacency).normals
     heights = np.einsum("ij,ij->i", smooth - vertices, normals)

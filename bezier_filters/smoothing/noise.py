@@ -20,7 +20,7 @@ from bezier_filters.smoothing.random_noise import (
     white_noise,
 )
 
-WEAK, STRONGER = np.array([1.0]), np.array([10.0])  # strengths of the filters that residuals and normals are taken from
+WEAK, MEDIUM = np.array([1.0]), np.array([10.0])  # strengths of the filters that residuals and normals are taken from
 STRONG = np.array([100.0])  # strength of the filter that rough places do not follow
 ROUGHNESS_RINGS = 32  # around a tile, within which something may be rough
 # of clusters, see there, where no mesh tells: on triangles of about one size it is within some hundredths of that
@@ -165,7 +165,7 @@ def _taken_off(
     part: MeshPart, clusters: Clusters, laplacian: Laplacian, share: float
 ) -> tuple[FloatArray, SingleArray]:
     """What a weak filter takes off every vertex, over its share of the noise, lengths, and mean roots of it, (n,)."""
-    heights = np.abs(_heights(part, laplacian, STRONGER)[1] / share)
+    heights = np.abs(_heights(part, laplacian, MEDIUM)[1] / share)
     return heights, np.maximum(clusters.around([np.sqrt(heights)])[:, 0], np.float32(0.0))
 
 

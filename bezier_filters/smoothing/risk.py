@@ -24,6 +24,8 @@ DOUBT = 1.5  # times its variance: up to that squared deviation from the mesh as
 # times sigma^2, divided by the square root of the number of vertices: difference of risks at which the larger one's
 # share is exp(-1) times the other's. The overall difference of two risks is known about that well.
 TEMPERATURE = 0.3
+LEAST_FREE = 1e-3  # of an estimate: below, it follows the data so closely that its residuals say nothing of the noise
+LEAST_FACTOR = 1e-3  # by which the noise may be less than was thought
 
 
 @dataclass(frozen=True)
@@ -115,5 +117,5 @@ def noise_factor(estimates: Estimates, rows: BoolArray | slice) -> float:
     """
     squares, leverages = estimates.means(rows)
     free = 1.0 - leverages
-    best = np.argmin(squares / np.maximum(free, 1e-3) ** 2)
-    return max(min(float(np.sqrt(squares[best] / max(free[best], 1e-3))), 1.0), 1e-3)
+    best = np.argmin(squares / np.maximum(free, LEAST_FREE) ** 2)
+    return max(min(float(np.sqrt(squares[best] / max(free[best], LEAST_FREE))), 1.0), LEAST_FACTOR)

@@ -1,3 +1,5 @@
+import re
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -7,11 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.sparse.csgraph import connected_components
 
+from bezier_filters.cli.console import FILLS
+from bezier_filters.holes import fill_methods
 from bezier_filters.holes.fill_methods import (
     FILL_METHODS,
     MOST_FREED,
     FaceSet,
     FillingMethod,
+    HoleReport,
     _cuts,
     _with_fewer_cuts,
     groups_of_boxes,
@@ -118,6 +123,13 @@ def test_the_angle_along_the_rim_is_that_of_the_result():
 
 def test_the_table_has_all_methods():
     assert tuple(FILL_METHODS) == get_args(FillingMethod)
+
+
+def test_every_kind_of_fill_is_described():
+    tried = "".join(path.read_text() for path in Path(fill_methods.__file__).parent.glob("*.py"))
+    kinds = set(re.findall(r'(?:Attempt\(|attempt, kind=)"(\w+)"', tried))
+    assert kinds == set(FILLS)
+    assert all(f'``"{kind}"``' in HoleReport.__doc__ for kind in kinds)
 
 
 def test_a_further_method_is_a_function_and_a_line_in_the_table(monkeypatch):
