@@ -1,5 +1,6 @@
 """Differential geometry at every vertex of a mesh: the function that users call."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
 from typing import get_args
@@ -12,6 +13,8 @@ from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.adaptive_fit import (
     LOOKED_AT,
     OFF,
+    FindEdges,
+    Learn,
     Learned,
     Places,
     SurfaceFit,
@@ -229,21 +232,11 @@ def estimate_vertex_geometry(
                 if known.cleaned is not None:
                     fitted = with_vertices(fitted, adjacency, known.cleaned)
             else:
-                cleaned = cache(partial(without_outliers, arrays, adjacency))
-                fit, learned = choose_fit(learner(arrays, adjacency, cleaned), *wanted)
-                fitted = cleaned() if fit.cleaned else arrays
+                fit, learned, fitted = _choose(
+                    arrays, adjacency, lambda learn: choose_fit(learn, *wanted), hidden_edges
+                )
             if fixed is not None and fallbacks != "sound":
                 fit = replace(fit, attempts=tuple(fallback_chain(fit.choice.rings, fixed, fallbacks=fallbacks)))
-            # among heavy noise nothing is far off
-            if learned is not None and (
-                fit.choice.noise_heavy or _misses_edges(fitted, fit, learned.root.surface.sigma)
-            ):
-                edges = hidden_edges(learned.root.surface.noise)
-                if edges is not None and (edges & ~fitted.stops).any():
-                    arrays = arrays._replace(stops=arrays.stops | edges)
-                    cleaned = cache(partial(without_outliers, arrays, adjacency, edges))
-                    fit, learned = choose_fit(learner(arrays, adjacency, cleaned), *wanted)
-                    fitted = cleaned() if fit.cleaned else arrays
             choice, fit = _fit(fitted, adjacency, ids, fit, learned, geometry, progress)
             if fit.cleaned:
                 measure_from(arrays.vertices, fitted, ids, geometry)
@@ -266,6 +259,31 @@ def estimate_vertex_geometry(
         if mask is not None:
             _clear(geometry, ~mask & (geometry.status != FitStatus.SKIPPED))
         return replace(geometry, fit=choice, noise_free=surface)
+
+
+def _choose(
+    arrays: KernelMesh,
+    adjacency: Adjacency,
+    choose: Callable[[Learn], tuple[SurfaceFit, Learned | None]],
+    find_edges: FindEdges,
+) -> tuple[SurfaceFit, Learned | None, KernelMesh]:
+    """Choose how to fit a mesh, again if sharp edges come to light; also what of the mesh is fitted."""
+
+    def chosen(arrays: KernelMesh, edges: BoolArray | None = None) -> tuple[SurfaceFit, Learned | None, KernelMesh]:
+        cleaned = cache(partial(without_outliers, arrays, adjacency, edges))
+        fit, learned = choose(learner(arrays, adjacency, cleaned))
+        return fit, learned, cleaned() if fit.cleaned else arrays
+
+    fit, learned, fitted = chosen(arrays)
+    if learned is None:
+        return fit, learned, fitted
+    surface = learned.root.surface
+    # among heavy noise nothing is far off
+    if fit.choice.noise_heavy or _misses_edges(fitted, fit, surface.sigma):
+        edges = find_edges(surface.noise)
+        if edges is not None and (edges & ~fitted.stops).any():
+            return chosen(arrays._replace(stops=arrays.stops | edges), edges)
+    return fit, learned, fitted
 
 
 def _misses_edges(arrays: KernelMesh, fit: SurfaceFit, sigma: float) -> bool:
