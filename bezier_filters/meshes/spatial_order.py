@@ -12,7 +12,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.meshes.adjacency import vertex_adjacency
+from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import run_kernel
@@ -65,20 +65,26 @@ class SpatialOrder:
 
 
 def with_near_neighbours(mesh: TriangleMesh) -> SpatialOrder:
-    """The mesh as it is, unless many neighbours are far from each other in memory; then level by level from an end.
+    """The mesh as it is, unless many neighbours are far from each other in memory; then `by_levels`.
 
-    The order in which scanners and programs write vertices is as good as any, that of subdivision is not. For means
-    over neighbours, again and again, levels (Cuthill and McKee 1969) suit better than cells: they are read in turn.
+    The order in which scanners and programs write vertices is as good as any, that of subdivision is not.
     """
-    n, corners = mesh.vertex_count, mesh.faces
-    if not mesh.face_count or (np.abs(corners[:, 0] - corners[:, 1]) > FAR).mean() <= MOST_FAR:
-        return SpatialOrder(mesh, np.arange(n, dtype=np.int32))
-    rows = vertex_adjacency(mesh).vertices
+    if not mesh.face_count or (np.abs(mesh.faces[:, 0] - mesh.faces[:, 1]) > FAR).mean() <= MOST_FAR:
+        return SpatialOrder(mesh, np.arange(mesh.vertex_count, dtype=np.int32))
+    return by_levels(mesh, vertex_adjacency(mesh))
+
+
+def by_levels(mesh: TriangleMesh, adjacency: Adjacency) -> SpatialOrder:
+    """The mesh level by level from an end (Cuthill and McKee 1969).
+
+    For means over neighbours, again and again, that suits better than cells: levels are read in turn.
+    """
+    n, rows = mesh.vertex_count, adjacency.vertices
     graph = csr_array((np.ones(len(rows.indices), dtype=np.int8), rows.indices, rows.indptr), shape=(n, n))
     order = reverse_cuthill_mckee(graph, symmetric_mode=True).astype(np.int32)
     rank = np.empty(n, dtype=np.int32)
     rank[order] = np.arange(n, dtype=np.int32)
-    faces = rank[corners]
+    faces = rank[mesh.faces]
     return SpatialOrder(TriangleMesh(mesh.vertices[order], faces[np.argsort(faces[:, 0], kind="stable")]), order)
 
 

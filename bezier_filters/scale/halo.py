@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bezier_filters.arrays import BoolArray, IntArray
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.runtime.jit import jit
+from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import thread_count
 from bezier_filters.scale.store import Store
 
@@ -73,31 +73,55 @@ def part_around(store: Store, seeds: IntArray, rings: int) -> Part:
         layer_of[places(layers[k])] = k
         if k < rings:
             ahead = np.concatenate([ahead, *store.faces_of(blocks, ptr)])
-            nearest = np.empty(len(ahead), dtype=np.int32)
-            _nearest_layers(ahead, bits, slots, layer_of, nearest)
+            nearest, beyond = np.empty(len(ahead), dtype=np.int32), np.empty(3 * len(ahead), dtype=np.int32)
+            count = _sort_out(ahead, bits, slots, layer_of, k, nearest, beyond)
             found.append(ahead.take(np.flatnonzero(nearest == k), axis=0))
             ahead = ahead.take(np.flatnonzero(nearest == FAR), axis=0)  # others were found before, in another block
-            corners = found[k][:, 1:]
-            layers.append(np.unique(corners[layer_of[places(corners)] == FAR]))
+            layers.append(np.unique(beyond[:count]))
     ids = np.sort(np.concatenate(layers))
     numbers = np.zeros_like(layer_of)
     numbers[places(ids)] = np.arange(len(ids), dtype=np.int32)
     faces = np.concatenate(found)
-    corners, vertices = numbers[places(faces[:, 1:])], store.coordinates_of(ids)
+    corners, vertices = np.empty((len(faces), 3), dtype=np.int32), store.coordinates_of(ids)
+    _renumber(faces, bits, slots, numbers, corners)
     cells = store.layout.grid.cells(vertices)[corners[:, 0]]
     # faces of several blocks come several times
     keys, first = np.unique(cells.astype(np.int64) << 32 | faces[:, 0], return_index=True)
     return Part(ids, TriangleMesh(vertices, corners[first]), keys, layer_of[places(ids)] == rings)
 
 
+@inner_jit()
+def _place(i: int, bits: int, slots: IntArray) -> int:
+    return int((slots[i >> bits] << bits) + (i & (1 << bits) - 1))
+
+
 @jit()
-def _nearest_layers(faces: IntArray, bits: int, slots: IntArray, layer_of: IntArray, nearest: IntArray) -> None:
-    """Write the layer of each face's nearest corner, see `part_around`."""
+def _sort_out(
+    faces: IntArray, bits: int, slots: IntArray, layer_of: IntArray, layer: int, nearest: IntArray, beyond: IntArray
+) -> int:
+    """Write the layer of each face's nearest corner, see `part_around`, and which corners are beyond the last layer.
+
+    These are corners of its faces, some several times; how many is returned.
+    """
+    count = 0
     for f in range(len(faces)):
         nearest[f] = FAR
         for c in range(1, 4):
-            i = faces[f, c]
-            nearest[f] = min(nearest[f], layer_of[(slots[i >> bits] << bits) + (i & (1 << bits) - 1)])
+            nearest[f] = min(nearest[f], layer_of[_place(faces[f, c], bits, slots)])
+        if nearest[f] == layer:
+            for c in range(1, 4):
+                if layer_of[_place(faces[f, c], bits, slots)] == FAR:
+                    beyond[count] = faces[f, c]
+                    count += 1
+    return count
+
+
+@jit()
+def _renumber(faces: IntArray, bits: int, slots: IntArray, numbers: IntArray, corners: IntArray) -> None:
+    """Write the numbers that the corners of faces have in the part."""
+    for f in range(len(faces)):
+        for c in range(3):
+            corners[f, c] = numbers[_place(faces[f, c + 1], bits, slots)]
 
 
 def part_around_samples(store: Store, samples: IntArray, rings: int) -> Part:

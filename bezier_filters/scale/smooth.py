@@ -17,6 +17,7 @@ from bezier_filters.fields import PREFIX, QUALITY
 from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.meshes.adjacency import Adjacency, incoherent_vertices, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.spatial_order import by_levels
 from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.runtime.parallel import one_thread_for_matrices
 from bezier_filters.scale.array_file import ArrayFile, Values, saved_array
@@ -38,7 +39,7 @@ from bezier_filters.smoothing.impulses import (
     learn_impulses,
     without_impulses,
 )
-from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, MeshPart
+from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, MeshPart, renumbered
 from bezier_filters.smoothing.noise import ROUGHNESS_RINGS, roughest, roughness
 from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, check_smoothing, sound_displacements
 from bezier_filters.smoothing.volume import (
@@ -323,6 +324,16 @@ def _mesh_part(store: Store, part: TilePart, adjacency: Adjacency) -> MeshPart:
     return MeshPart(part.mesh, adjacency, store.sources(part.ids), part.cut, core, store.layout.vertex_count)
 
 
+def _denoised(store: Store, part: TilePart, plan: SmoothingPlan) -> tuple[FloatArray, FloatArray]:
+    """Where the vertices of a part are without their noise, (k, 3), and how sharp edges are there, (k,)."""
+    adjacency = vertex_adjacency(part.mesh)
+    ordered = by_levels(part.mesh, adjacency)  # cell by cell, as a tile is, filters take half as long again
+    piece = renumbered(_mesh_part(store, part, adjacency), ordered)
+    del adjacency  # memory counts
+    found = denoise(piece, plan)
+    return ordered.back(found.points), ordered.back(found.sharpness)
+
+
 def smooth_tile(
     first: Store,
     current: Store,
@@ -340,11 +351,12 @@ def smooth_tile(
     are fixed stay. Volumes of closed components are told if these are given.
     """
     part = tile_part(current, tile, reach)
-    mesh, own, adjacency = part.mesh, part.own, vertex_adjacency(part.mesh)
-    movable, points, sharpness = _movable(adjacency, fixed), mesh.vertices, np.zeros(len(part.ids))
+    mesh, own = part.mesh, part.own
+    points, sharpness = mesh.vertices, np.zeros(len(part.ids))
     if plan is not None:
-        found = denoise(_mesh_part(current, part, adjacency), plan)
-        points, sharpness = found.points, found.sharpness
+        points, sharpness = _denoised(current, part, plan)
+    adjacency = vertex_adjacency(mesh)
+    movable = _movable(adjacency, fixed)
     if is_cleaned:
         points = unfolded_surface(mesh, adjacency, points)
     points = np.where(movable[:, np.newaxis], points, mesh.vertices)

@@ -9,6 +9,7 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, IntArray
 from bezier_filters.meshes.adjacency import Adjacency, Rows, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.spatial_order import SpatialOrder
 from bezier_filters.runtime.jit import jit
 
 LARGEST_WHOLE = 60_000  # vertices up to which the sample is the whole mesh
@@ -34,6 +35,12 @@ def whole_mesh(mesh: TriangleMesh, adjacency: Adjacency) -> MeshPart:
     n = mesh.vertex_count
     cut, core = np.zeros(n, dtype=np.bool_), np.ones(n, dtype=np.bool_)
     return MeshPart(mesh, adjacency, np.arange(n, dtype=np.int32), cut, core, n)
+
+
+def renumbered(part: MeshPart, ordered: SpatialOrder) -> MeshPart:
+    """A part whose mesh is in another order."""
+    mesh, order = ordered.mesh, ordered.order
+    return MeshPart(mesh, vertex_adjacency(mesh), part.ids[order], part.cut[order], part.core[order], part.vertex_count)
 
 
 def sampled_parts(mesh: TriangleMesh, adjacency: Adjacency, around: Sequence[int] = ()) -> MeshPart:
