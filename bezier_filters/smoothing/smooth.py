@@ -16,7 +16,7 @@ from bezier_filters.estimation.noise_free import denoised, learn_noise
 from bezier_filters.meshes.adjacency import Adjacency, longest_edges, mean_edge, vertex_adjacency
 from bezier_filters.meshes.half_edges import unclear_vertices
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
-from bezier_filters.meshes.spatial_order import with_near_neighbours
+from bezier_filters.meshes.spatial_order import read_in_turn
 from bezier_filters.runtime.parallel import Progress, on_threads
 from bezier_filters.smoothing.denoise import SmoothingOptions
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
@@ -229,9 +229,11 @@ def smooth(
     given = triangle_mesh(vertices, faces)
     check_smoothing(method, iterations, noise, borders, detail, relax, rings, alpha)
     rings, alpha = 2 if rings is None else rings, 0.8 if alpha is None else alpha
-    ordered = with_near_neighbours(given)
+    adjacency = vertex_adjacency(given)
+    ordered = read_in_turn(given, adjacency)
     mesh = ordered.mesh
-    adjacency = vertex_adjacency(mesh)
+    if mesh is not given:
+        adjacency = vertex_adjacency(mesh)
     n = mesh.vertex_count
     movable = np.ones(n, dtype=np.bool_) if selected is None else checked_selection(selected, n)[ordered.order]
     if borders == "fixed":

@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.meshes import spatial_order
+from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
-from bezier_filters.meshes.spatial_order import in_spatial_order, with_near_neighbours
+from bezier_filters.meshes.spatial_order import in_spatial_order, read_in_turn
 from bezier_filters.runtime.parallel import use_threads
 from bezier_filters.smoothing.smooth import smooth
 from bezier_filters.surfaces import torus
@@ -78,14 +79,18 @@ def test_turning_a_mesh_changes_nothing_that_is_learned_from_it():
     np.testing.assert_allclose(turned.normals, plain.normals @ turn.T, atol=1e-8)
 
 
+def in_turn(mesh):
+    return read_in_turn(mesh, vertex_adjacency(mesh))
+
+
 def test_vertices_are_put_level_by_level_only_where_neighbours_are_far_apart(monkeypatch):
-    monkeypatch.setattr(spatial_order, "FAR", 200)
+    monkeypatch.setattr(spatial_order, "LARGE", 200)
     surface = torus(resolution=30)
     vertices, faces, _ = shuffled(surface.vertices, surface.faces)
     for kept in (triangle_mesh(surface.vertices, surface.faces), triangle_mesh(vertices, [])):
-        assert with_near_neighbours(kept).mesh is kept
+        assert in_turn(kept).mesh is kept
     mesh = triangle_mesh(vertices, faces)
-    ordered = with_near_neighbours(mesh)
+    ordered = in_turn(mesh)
     assert as_set(ordered.mesh.vertices, ordered.mesh.faces) == as_set(mesh.vertices, mesh.faces)
     np.testing.assert_array_equal(ordered.back(ordered.mesh.vertices), mesh.vertices)
     # no face is wider than two levels, each twice around the tube at most
@@ -94,7 +99,7 @@ def test_vertices_are_put_level_by_level_only_where_neighbours_are_far_apart(mon
 
 
 def test_smoothing_does_not_depend_on_the_order(monkeypatch):
-    monkeypatch.setattr(spatial_order, "FAR", 200)
+    monkeypatch.setattr(spatial_order, "LARGE", 200)
     surface = torus(resolution=30)
     noise = 0.01 * np.random.default_rng(0).standard_normal((len(surface.vertices), 1))
     noisy = surface.vertices + noise * surface.normals
