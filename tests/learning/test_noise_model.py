@@ -47,7 +47,7 @@ def bent(steep):
 
 
 def dense_covariance(noise, points):
-    """Entry by entry, for points (n, 3) whose slopes are those of the quadratic through them.
+    """For points (n, 3) whose slopes are those of the quadratic through them.
 
     Distances are those after a stretch that makes the neighbourhood as wide in all directions.
     """
@@ -60,15 +60,12 @@ def dense_covariance(noise, points):
     ]
     normals = np.column_stack([-slopes[0], -slopes[1], np.ones(len(points))])
     heights = np.linalg.norm(normals, axis=1)  # of a unit of length along the normal, over the plane
-    result = np.empty((len(points), len(points)))
     moments = points[:, :2].T @ points[:, :2]
     stretch = np.sqrt(0.5 * np.trace(moments)) * np.linalg.inv(sqrtm(moments))
     stretched = np.column_stack([points[:, :2] @ stretch, points[:, 2]])
-    for i, p in enumerate(stretched):
-        for j, q in enumerate(stretched):
-            alike = [sill * np.exp(-((p - q) @ (p - q)) / (2.0 * length**2)) for sill, length in parts_of(noise)]
-            result[i, j] = heights[i] * heights[j] * (sum(alike) + (noise.white if i == j else 0.0))
-    return result
+    squares = np.square(stretched[:, np.newaxis] - stretched).sum(axis=2)
+    alike = sum(sill * np.exp(-squares / (2.0 * length**2)) for sill, length in parts_of(noise))
+    return np.outer(heights, heights) * (alike + noise.white * np.eye(len(points)))
 
 
 def parts_of(noise):
