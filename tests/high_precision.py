@@ -125,7 +125,11 @@ def shape(vertices, faces, vertex, local):
 
 
 def condition_number(matrix):
-    """sqrt(m sum_ij (L^-1)_ij^2 D_j) = sqrt(m sum_j (G^-1)_jj G_jj)."""
-    inverse = matrix**-1
-    order = matrix.rows
-    return mpmath.sqrt(order * mpmath.fsum(inverse[j, j] * matrix[j, j] for j in range(order)))
+    """sqrt(m sum_ij (L^-1)_ij^2 G_jj), where L is the lower triangle with L L^T = G."""
+    order, lower, total = matrix.rows, mpmath.cholesky(matrix).tolist(), mpf(0)
+    for j in range(order):
+        column = [mpf(0)] * order  # of the inverse of L
+        for i in range(j, order):
+            column[i] = (int(i == j) - mpmath.fdot(lower[i][j:i], column[j:i])) / lower[i][i]
+        total += matrix[j, j] * dot(column, column)
+    return mpmath.sqrt(order * total)
