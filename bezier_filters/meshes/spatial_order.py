@@ -67,8 +67,7 @@ class SpatialOrder:
 def read_in_turn(mesh: TriangleMesh, adjacency: Adjacency) -> SpatialOrder:
     """The mesh as it is, unless it is large and neighbours of successive vertices often far apart; then `by_levels`.
 
-    Vertices row by row, as scanners write them, are as good. Those of octrees and of subdivision are not: filters took
-    half as long again for vertices in the order of cells.
+    Vertices row by row, as scanners write them, are as good. Those of octrees and of subdivision are not.
     """
     rows = adjacency.vertices
     last = rows.indices[rows.indptr[1:][rows.lengths > 0] - 1]

@@ -327,7 +327,7 @@ def _mesh_part(store: Store, part: TilePart, adjacency: Adjacency) -> MeshPart:
 def _denoised(store: Store, part: TilePart, plan: SmoothingPlan) -> tuple[FloatArray, FloatArray]:
     """Where the vertices of a part are without their noise, (k, 3), and how sharp edges are there, (k,)."""
     adjacency = vertex_adjacency(part.mesh)
-    ordered = by_levels(part.mesh, adjacency)  # cell by cell, as a tile is, filters take half as long again
+    ordered = by_levels(part.mesh, adjacency)  # filters read it again and again, and a tile is cell by cell
     piece = renumbered(_mesh_part(store, part, adjacency), ordered)
     del adjacency  # memory counts
     found = denoise(piece, plan)
