@@ -18,7 +18,7 @@ from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import run_kernel
 
 PER_CELL = 32  # vertices of a closed surface in a cell of the grid, roughly
-LARGE = 1 << 17  # vertices: what is known of those of smaller meshes fits into a cache, in any order
+LARGE = 1 << 16  # vertices: what is known of those of smaller meshes fits into a cache, in any order
 JUMP, MOST_JUMPS = 256, 0.05  # from the last neighbour of a vertex to that of the next, and share of longer ones
 MOST_BITS = 8  # of the number of cells along an axis
 

@@ -92,6 +92,7 @@ def part_around(store: Store, seeds: IntArray, rings: int) -> Part:
 
 @inner_jit()
 def _place(i: int, bits: int, slots: IntArray) -> int:
+    """Where a vertex is in what is known by blocks: `places` of `part_around` for one, compiled."""
     return int((slots[i >> bits] << bits) + (i & (1 << bits) - 1))
 
 
@@ -99,9 +100,9 @@ def _place(i: int, bits: int, slots: IntArray) -> int:
 def _sort_out(
     faces: IntArray, bits: int, slots: IntArray, layer_of: IntArray, layer: int, nearest: IntArray, beyond: IntArray
 ) -> int:
-    """Write the layer of each face's nearest corner, see `part_around`, and which corners are beyond the last layer.
+    """Write the layer of each face's nearest corner, see `part_around`, and the corners that make the next layer.
 
-    These are corners of its faces, some several times; how many is returned.
+    These are corners of faces nearest to the layer that were not reached, some several times; returns how many.
     """
     count = 0
     for f in range(len(faces)):
