@@ -96,6 +96,10 @@ def run_in_chunks(
     """
     threads = thread_count()
     chunk = chunk or max(CHUNK, min(total // (PER_THREAD * threads), LONGEST))
+    if 0 < total <= chunk:  # nothing to share: many loops over small meshes take no longer than all that is below
+        make_task()(0, total)
+        report(progress, total, total)
+        return
     starts = iter(range(0, total, chunk))  # next() on an iterator of ints is atomic: the threads share it
     threads = max(1, min(threads, -(-total // chunk)))
     done = [0] * threads

@@ -41,6 +41,7 @@ from bezier_filters.smoothing.impulses import (
 )
 from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, MeshPart, renumbered
 from bezier_filters.smoothing.noise import ROUGHNESS_RINGS, roughest, roughness
+from bezier_filters.smoothing.sliding import REACH as SLIDING_REACH
 from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, check_smoothing, sound_displacements
 from bezier_filters.smoothing.volume import (
     component_gains,
@@ -312,10 +313,9 @@ def clean_tile(store: Store, tile: int) -> tuple[Values, TileReport]:
 
 def correct_tile(measured: Store, smoothed: Store, impulses: Impulses, tile: int) -> tuple[Values, TileReport]:
     """Where the vertices of a tile were measured, as far as they were not hit by impulses."""
-    part = tile_part(smoothed, tile, 1)
-    heights = measured.coordinates_of(part.ids), part.mesh, vertex_adjacency(part.mesh)
-    points = without_impulses(*heights, impulses)[part.own]
-    return table_of(points, {}), TileReport(tile, len(part.ids), {})
+    part = tile_part(smoothed, tile, SLIDING_REACH)
+    points = without_impulses(measured.coordinates_of(part.ids), part.mesh, vertex_adjacency(part.mesh), impulses)
+    return table_of(points[part.own], {}), TileReport(tile, len(part.ids), {})
 
 
 def _mesh_part(store: Store, part: TilePart, adjacency: Adjacency) -> MeshPart:

@@ -14,16 +14,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
-from bezier_filters.meshes.adjacency import Adjacency, mean_edge
+from bezier_filters.meshes.adjacency import Adjacency, from_middles, mean_edge
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.smoothing.mesh_parts import MeshPart
 from bezier_filters.smoothing.noise import DETAIL
+from bezier_filters.smoothing.sliding import Sliding, held_back
 
 PEAKED = 3.5  # fourth moment over the squared second one, below which there is one normal distribution, which has 3
 STEPS = 60  # of expectation and maximisation
 TOLD_APART = 0.05  # mean logarithm of the likelihood that a mixture must gain over one distribution
 ALIKE = 0.18  # correlation of neighbours' probabilities from which on they are not scattered
+ALONG_NORMALS = (
+    0.5  # times their heights, below which impulses go along the normals only: measured .0 to .14, or .73 and more
+)
 MOST_ROUNDS = 4  # in which impulses and the surface are found anew,
 SETTLED = 0.1  # as long as it moves by more than this, times the standard deviation of the other vertices
 
@@ -35,6 +39,9 @@ class Impulses:
     share: float  # of the vertices that are hit
     hit: float  # standard deviation of their heights, a length,
     others: float  # and of those of the others
+    sideways: float = (
+        0.0  # standard deviation, per direction, of how far vertices that are hit are off along the surface
+    )
 
     def sound(self, heights: FloatArray) -> FloatArray:
         """Probability of vertices not to be hit, by their heights, (n,)."""
@@ -53,7 +60,9 @@ def learn_impulses(measured: FloatArray, smoothed: MeshPart) -> Impulses | None:
     """
     mesh, adjacency = smoothed.mesh, smoothed.adjacency
     unit = mean_edge(mesh, adjacency)
-    every = _heights(measured, mesh, adjacency)[0] / max(unit, np.finfo(np.float64).tiny)
+    smallest = np.finfo(np.float64).tiny
+    every, normals = _heights(measured, mesh, adjacency)
+    every /= max(unit, smallest)
     heights = every[smoothed.core]
     square = float(np.square(heights).mean()) if len(heights) else 0.0
     if not square > DETAIL**2 or not np.mean(heights**4) > PEAKED * square**2:
@@ -70,21 +79,35 @@ def learn_impulses(measured: FloatArray, smoothed: MeshPart) -> Impulses | None:
         weight / deviation * np.exp(-0.5 * np.square(heights / deviation))
         for weight, deviation in ((found.share, found.hit), (1.0 - found.share, found.others))
     )
-    gain = float(np.log(np.maximum(densities, np.finfo(np.float64).tiny)).mean()) + 0.5 + 0.5 * np.log(square)
+    gain = float(np.log(np.maximum(densities, smallest)).mean()) + 0.5 + 0.5 * np.log(square)
     sound, rows = found.sound(every), adjacency.vertices
     alike = np.corrcoef(np.repeat(sound, rows.lengths), sound[rows.indices])[0, 1]
     if not (found.hit > found.others and gain > TOLD_APART and alike < ALIKE):
         return None
-    return Impulses(found.share, found.hit * unit, found.others * unit)
+    # What is off along the surface goes by the middle of the neighbours, which triangles that are uneven are off, too.
+    away = (measured - mesh.vertices + from_middles(rows, mesh.vertices)) / unit
+    away -= np.einsum("ij,ij->i", away, normals)[:, np.newaxis] * normals
+    inside = smoothed.core & ~adjacency.on_boundary & (rows.lengths > 0)
+    squares, sound = 0.5 * np.square(away[inside]).sum(axis=1), sound[inside]
+    of_hit, of_others = (squares @ weights / max(float(weights.sum()), smallest) for weights in (1.0 - sound, sound))
+    sideways = float(max(of_hit - of_others, 0.0)) ** 0.5
+    return Impulses(found.share, found.hit * unit, found.others * unit, sideways * unit)
 
 
 def without_impulses(
     measured: FloatArray, smooth: TriangleMesh, adjacency: Adjacency, impulses: Impulses
 ) -> FloatArray:
-    """Vertices of a smoothed mesh with their measured heights, as far as these are sound, (n, 3)."""
+    """Where vertices were measured, as far as that is sound, or else on the smoothed surface, (n, 3).
+
+    If impulses are along the normals, that is where their normals lead to, which are known the better, the better the
+    surface is. Others are off along the surface, too, and lie where smoothing has moved them to.
+    """
     heights, normals = _heights(measured, smooth, adjacency)
-    result: FloatArray = smooth.vertices + (impulses.sound(heights) * heights)[:, np.newaxis] * normals
-    return result
+    sound, surface = impulses.sound(heights)[:, np.newaxis], smooth.vertices
+    if impulses.sideways < ALONG_NORMALS * impulses.hit:
+        surface = held_back(TriangleMesh(measured, smooth.faces), adjacency, surface, Sliding.NARROW)
+        return np.asarray(surface + sound * (measured - surface))
+    return np.asarray(surface + sound * heights[:, np.newaxis] * normals)
 
 
 def _heights(measured: FloatArray, smooth: TriangleMesh, adjacency: Adjacency) -> tuple[FloatArray, FloatArray]:

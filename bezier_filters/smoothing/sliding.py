@@ -27,6 +27,7 @@ UNEVEN = 0.8
 # height of a face over its longest edge from which down it is narrow, if filters would make it wider by a factor
 NARROW, WIDER = 0.05, 2.0
 SLIDING_STEPS = 4  # in which the vertices of narrow faces slide ever farther, up to where filters take them
+REACH = SLIDING_STEPS + 2  # rings around a vertex that decide how far it slides
 FARTHEST = 2.0  # times the longest edge at a vertex: what would go farther has not been estimated but flung
 MANY = 0.05  # share of the vertices at narrow faces beyond which there is noise in all directions everywhere
 

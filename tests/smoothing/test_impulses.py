@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scanner_noise import along_normals, mean_edge_of
+from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 
 from bezier_filters import smooth
@@ -87,12 +88,43 @@ def test_vertices_that_were_hit_go_onto_the_surface(ball):
     heights, is_hit = mixture(mesh.vertex_count, 0.1, 0.5, 0.001)
     is_hit &= np.abs(heights) > 0.1
     points = mesh.vertices + heights[:, np.newaxis] * surface.normals
-    found = without_impulses(points, mesh, adjacency, Impulses(0.1, 0.5, 0.001))
+    found = without_impulses(points, mesh, adjacency, Impulses(0.1, 0.5, 0.001, sideways=0.5))
     assert np.abs(found - mesh.vertices)[is_hit].max() < 1e-12
     sound = np.abs(heights) < 0.002
     assert np.abs(found - points)[sound].max() < 0.001
     assert has_settled(mesh.vertices, mesh.vertices + 1e-5, Impulses(0.1, 0.5, 0.001))
     assert not has_settled(mesh.vertices, points, Impulses(0.1, 0.5, 0.001))
+
+
+@pytest.mark.parametrize(("along", "least", "most"), [(True, 0.0, 0.25), (False, 0.75, 1.25)])
+def test_impulses_along_the_normals_are_told_from_others(ball, along, least, most):
+    surface, mesh, adjacency = ball
+    edge, (heights, is_hit) = mean_edge_of(mesh.vertices, mesh.faces), mixture(mesh.vertex_count, 0.2, 0.5, 0.02)
+    moves = heights[:, np.newaxis] * surface.normals
+    if not along:
+        moves = np.where(is_hit[:, np.newaxis], np.random.default_rng(2).normal(scale=0.5, size=moves.shape), moves)
+    found = learn_impulses(mesh.vertices + edge * moves, sampled_parts(mesh, adjacency))
+    assert least <= found.sideways / found.hit < most
+
+
+def test_impulses_along_the_normals_do_not_slide(ball):
+    """On a smooth mesh that has slid away they go back to where their normals lead; sound vertices stay."""
+    surface, mesh, adjacency = ball
+    edge, (heights, is_hit) = mean_edge_of(mesh.vertices, mesh.faces), mixture(mesh.vertex_count, 0.1, 0.5, 0.001)
+    is_hit &= np.abs(heights) > 0.1
+    points = mesh.vertices + (edge * heights)[:, np.newaxis] * surface.normals
+    slid = Rotation.from_rotvec([0.0, 0.0, 0.3 * edge]).apply(mesh.vertices)
+    found = without_impulses(points, TriangleMesh(slid, mesh.faces), adjacency, Impulses(0.1, 0.5 * edge, 0.01 * edge))
+
+    def along_surface(where):
+        off = (where - mesh.vertices)[is_hit]
+        off -= np.einsum("ij,ij->i", off, surface.normals[is_hit])[:, np.newaxis] * surface.normals[is_hit]
+        return np.sqrt(np.square(off).sum(axis=1).mean()) / edge
+
+    assert along_surface(slid) > 0.2
+    assert along_surface(found) < 0.1
+    assert np.abs(np.linalg.norm(found, axis=1) - 1.0)[is_hit].max() < 0.1 * edge
+    assert np.abs(found - points)[np.abs(heights) < 0.002].max() < 0.1 * edge
 
 
 @pytest.mark.parametrize(("share", "size", "base", "left"), [(0.6, 0.6, 0.0, 0.055), (0.1, 0.5, 0.1, 0.033)])
