@@ -25,9 +25,9 @@ PEAKED = 3.5  # fourth moment over the squared second one, below which there is 
 STEPS = 60  # of expectation and maximisation
 TOLD_APART = 0.05  # mean logarithm of the likelihood that a mixture must gain over one distribution
 ALIKE = 0.18  # correlation of neighbours' probabilities from which on they are not scattered
-ALONG_NORMALS = (
-    0.5  # times their heights, below which impulses go along the normals only: measured .0 to .14, or .73 and more
-)
+# times their heights: impulses that are off along the surface by less go along the normals. Those that do measure .00
+# to .14, others .49 and more
+ALONG_NORMALS = 0.3
 MOST_ROUNDS = 4  # in which impulses and the surface are found anew,
 SETTLED = 0.1  # as long as it moves by more than this, times the standard deviation of the other vertices
 
