@@ -39,9 +39,8 @@ class Impulses:
     share: float  # of the vertices that are hit
     hit: float  # standard deviation of their heights, a length,
     others: float  # and of those of the others
-    sideways: float = (
-        0.0  # standard deviation, per direction, of how far vertices that are hit are off along the surface
-    )
+    # standard deviation, per direction, of how far vertices that are hit are off along the surface, a length
+    sideways: float = 0.0
 
     def sound(self, heights: FloatArray) -> FloatArray:
         """Probability of vertices not to be hit, by their heights, (n,)."""
