@@ -28,7 +28,7 @@ SMALLEST_VARIANCE = 1e-12  # of a normal, radians^2: below that everything agree
 SQUARINGS = 5
 POWER = 2**SQUARINGS  # weights are (1 - x / power)^power, nearly exp(-x) and soon computed
 UPDATE_ROUNDS = 20  # more would fit the normals better, but let the vertices drift away from where they were measured
-ONE, EIGHT = np.uint32(1), np.uint32(LANES)  # for places without a sign, see `lanes.Place`
+ONE, FOUR, EIGHT = np.uint32(1), np.uint32(NUMBERS), np.uint32(LANES)  # for places without a sign, see `lanes.Place`
 AREA, VARIANCE = np.uint32(3), np.uint32(7)  # where these are in the lanes of a face, see `NoisyNormals`
 TERMS = 10  # of the polynomial that does as much as all rounds
 
@@ -84,33 +84,32 @@ def filter_normals(state: NoisyNormals, rounds: int, tolerance: float) -> NoisyN
     True
     """
     most = 1 + 3 * int(np.diff(state.face_ptr).max(initial=0))
-    means = np.empty_like(state.rows)
+    means, squares, factor = np.empty_like(state.rows), np.empty(len(state.faces), np.float32), np.float32(tolerance**2)
+    run_kernel(_mean_squares, len(state.faces), state.rows, factor, squares)
     for _ in range(rounds):
-        _write_variances(state, tolerance)
+        _write_variances(state, squares, np.float32(SMALLEST_VARIANCE) * factor)
 
         def make_task(state: NoisyNormals = state, means: SingleArray = means) -> RangeTask:
             around, weights = np.empty(most, dtype=np.int32), np.empty(LANES * most, dtype=np.float32)
-            return partial(_filter, state, state.rows.ravel(), means.ravel(), around, weights)
+            return partial(_filter, state, state.rows.ravel(), means.ravel(), factor, squares, around, weights)
 
         run_in_chunks(make_task, len(state.faces))
         state, means = state._replace(rows=means), state.rows
     return state
 
 
-def _write_variances(state: NoisyNormals, tolerance: float) -> None:
-    """Write the mean squared change of the normals around each face, times the squared tolerance."""
+def _write_variances(state: NoisyNormals, squares: SingleArray, least: np.float32) -> None:
+    """Write means of the mean squared changes of the normals, (m,), around each face; they are overwritten, too."""
     m, at_vertices = len(state.faces), np.zeros(len(state.face_ptr) - 1, dtype=np.float32)
-    squared, of_faces = np.float32(tolerance**2), np.empty(m, dtype=np.float32)
-    least = np.float32(SMALLEST_VARIANCE) * squared
-    run_kernel(_mean_squares, m, state.rows, squared, of_faces)
-    for _ in range(2):
-        run_kernel(_to_vertices, len(at_vertices), state.face_ptr, state.face_indices, of_faces, at_vertices)
-        run_kernel(_to_faces, m, state.faces, at_vertices, least, of_faces)
-    state.rows.reshape(m, -1)[:, VARIANCE] = of_faces
+    rows = state.rows.ravel()
+    for result, stride, first in ((squares, 1, 0), (rows, len(rows) // max(m, 1), int(VARIANCE))):
+        run_kernel(_to_vertices, len(at_vertices), state.face_ptr, state.face_indices, squares, at_vertices)
+        run_kernel(_to_faces, m, state.faces, at_vertices, least, result, stride, first)
 
 
 @jit()
 def _mean_squares(rows: SingleArray, factor: np.float32, of_faces: SingleArray, start: int, stop: int) -> None:
+    """Write the mean squared change of the normals of faces start .. stop-1 by the samples, times a factor."""
     stride = rows.shape[0] // of_faces.shape[0]
     for f in range(start, stop):
         total = np.float32(0.0)
@@ -123,20 +122,29 @@ def _mean_squares(rows: SingleArray, factor: np.float32, of_faces: SingleArray, 
 def _to_vertices(
     face_ptr: IntArray, face_indices: IntArray, of_faces: SingleArray, at_vertices: SingleArray, start: int, stop: int
 ) -> None:
-    for i in range(start, stop):
-        total = np.float32(0.0)
-        for q in range(face_ptr[i], face_ptr[i + 1]):
-            total += of_faces[face_indices[q]]
-        at_vertices[i] = total / np.float32(max(face_ptr[i + 1] - face_ptr[i], 1))
+    for i in range(np.uint32(start), np.uint32(stop)):
+        total, first, after = np.float32(0.0), np.uint32(face_ptr[i]), np.uint32(face_ptr[i + ONE])
+        for q in range(first, after):
+            total += of_faces[np.uint32(face_indices[q])]
+        at_vertices[i] = total / np.float32(max(after - first, ONE))
 
 
 @jit()
 def _to_faces(
-    faces: IntArray, at_vertices: SingleArray, least: np.float32, of_faces: SingleArray, start: int, stop: int
+    faces: IntArray,
+    at_vertices: SingleArray,
+    least: np.float32,
+    result: SingleArray,
+    stride: int,
+    first: int,
+    start: int,
+    stop: int,
 ) -> None:
-    for f in range(start, stop):
-        mean = (at_vertices[faces[f, 0]] + at_vertices[faces[f, 1]] + at_vertices[faces[f, 2]]) / np.float32(3.0)
-        of_faces[f] = max(mean, least)
+    """Write means over the corners of faces start .. stop-1 to every so many places of a flat array."""
+    for f in range(np.uint32(start), np.uint32(stop)):
+        a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
+        mean = (at_vertices[a] + at_vertices[b] + at_vertices[c]) / np.float32(3.0)
+        result[stride * f + first] = max(mean, least)
 
 
 @jit()
@@ -173,6 +181,8 @@ def _filter(
     state: NoisyNormals,
     rows: SingleArray,
     means: SingleArray,
+    factor: np.float32,
+    squares: SingleArray,
     around: IntArray,
     weights: SingleArray,
     start: int,
@@ -180,7 +190,8 @@ def _filter(
 ) -> None:
     """Write the means of faces start .. stop-1 with the faces that share a vertex with them.
 
-    Rows and means are flat; lanes hold two rows. Work space for the faces around one and the lanes of their weights.
+    Rows and means are flat; lanes hold two rows. `squares` get the mean squared changes of the normals, times a factor.
+    Work space for the faces around one and the lanes of their weights.
     """
     pairs = np.uint32(len(rows) // (LANES * len(state.faces)))  # of rows for each face
     one, zero = spread(np.float32(1.0)), spread(np.float32(0.0))
@@ -204,12 +215,18 @@ def _filter(
         store(means, own, normals)
         means[EIGHT * own + AREA] = area
         normal, inverse = first_twice(normals), first_twice(where_greater(lengths, zero, one / lengths, zero))
+        total = np.float32(0.0)
         for k in range(ONE, pairs):
             samples = spread(area) * load(rows, own + k)
             for q in range(np.uint32(count)):
                 samples = multiply_add(load(weights, q), load(rows, pairs * np.uint32(around[q]) + k), samples)
             samples = inverse * samples
-            store(means, own + k, samples - inner_products(samples, normal) * normal)
+            samples = samples - inner_products(samples, normal) * normal
+            store(means, own + k, samples)
+            store(weights, count, inner_products(samples, samples))  # beyond the weights
+            total += weights[EIGHT * count]
+            total += weights[EIGHT * count + FOUR]
+        squares[f] = factor * total / np.float32(2 * (pairs - 1))
 
 
 @inner_jit()
@@ -265,14 +282,15 @@ def _first_step(
 ) -> None:
     """Write how far vertices start .. stop-1 move in the first round."""
     vertices, faces, face_ptr, face_indices = mesh
-    for i in range(start, stop):
+    for i in range(np.uint32(start), np.uint32(stop)):
         if not movable[i]:
             continue
         x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
         sx, sy, sz = 0.0, 0.0, 0.0
-        for q in range(face_ptr[i], face_ptr[i + 1]):
-            f = face_indices[q]
-            a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        first, after = np.uint32(face_ptr[i]), np.uint32(face_ptr[i + ONE])
+        for q in range(first, after):
+            f = np.uint32(face_indices[q])
+            a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
             nx, ny, nz = planes[f, 0], planes[f, 1], planes[f, 2]
             height = (
                 ((vertices[a, 0] - x) + (vertices[b, 0] - x) + (vertices[c, 0] - x)) * nx
@@ -280,7 +298,7 @@ def _first_step(
                 + ((vertices[a, 2] - z) + (vertices[b, 2] - z) + (vertices[c, 2] - z)) * nz
             ) / 3.0
             sx, sy, sz = sx + height * nx, sy + height * ny, sz + height * nz
-        count = max(face_ptr[i + 1] - face_ptr[i], 1)
+        count = max(after - first, ONE)
         moves[i, 0], moves[i, 1], moves[i, 2] = sx / count, sy / count, sz / count
 
 
@@ -288,8 +306,8 @@ def _first_step(
 def _heights(faces: IntArray, moves: SingleArray, planes: SingleArray, start: int, stop: int) -> None:
     """Write how far the centers of faces start .. stop-1 move along their normals."""
     third = np.float32(1.0 / 3.0)
-    for f in range(start, stop):
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+    for f in range(np.uint32(start), np.uint32(stop)):
+        a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
         planes[f, 3] = third * (
             (moves[a, 0] + moves[b, 0] + moves[c, 0]) * planes[f, 0]
             + (moves[a, 1] + moves[b, 1] + moves[c, 1]) * planes[f, 1]
@@ -311,20 +329,21 @@ def _advance(
     """Overwrite T_k-1 by T_k+1 = 2 (2 A - 1) T_k - T_k-1, or T_1; add it to the result. Factor 0 leaves T_0."""
     face_ptr, face_indices = mesh.face_ptr, mesh.face_indices
     double, factor, before, current = step
-    for i in range(start, stop):
+    for i in range(np.uint32(start), np.uint32(stop)):
         if not movable[i]:
             continue
         x, y, z = current[i, 0], current[i, 1], current[i, 2]
         if factor > np.float32(0.0):
             sx = sy = sz = np.float32(0.0)
-            for q in range(face_ptr[i], face_ptr[i + 1]):
-                f = face_indices[q]
+            begin, after = np.uint32(face_ptr[i]), np.uint32(face_ptr[i + ONE])
+            for q in range(begin, after):
+                f = np.uint32(face_indices[q])
                 nx, ny, nz = planes[f, 0], planes[f, 1], planes[f, 2]
                 height = x * nx + y * ny + z * nz - planes[f, 3]
                 sx += height * nx
                 sy += height * ny
                 sz += height * nz
-            scale = double * factor / np.float32(max(face_ptr[i + 1] - face_ptr[i], 1))
+            scale = double * factor / np.float32(max(after - begin, ONE))
             kept = factor - np.float32(1.0)
             x = before[i, 0] = scale * sx - factor * x - kept * before[i, 0]
             y = before[i, 1] = scale * sy - factor * y - kept * before[i, 1]

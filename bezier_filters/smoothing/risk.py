@@ -11,11 +11,11 @@ several estimates to trust there.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import chain
 
 import numpy as np
 
-from bezier_filters.arrays import BoolArray, FloatArray, SingleArray
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
+from bezier_filters.runtime.jit import jit
 from bezier_filters.smoothing.clusters import SURROUNDINGS, Clusters
 
 # vertices over which risks are averaged, on a regular mesh: the reciprocal of the sum of their squared weights
@@ -65,13 +65,10 @@ def local_risks(clusters: Clusters, estimates: Estimates, overall: FloatArray, a
     Where the local difference deviates from the overall one, (s,) from `overall_risks`, by no more than noise may make
     it do, the latter is taken (after James and Stein). So many vertices are `alike` that they tell no more than one.
     """
-    best, count, residuals = int(overall.argmin()), len(overall), estimates.residuals
-    # of the risk, plus 1, of each estimate; then of its squared distance from the best one
-    of_risks = (
-        np.square(r) + 2.0 * h.astype(np.float64) for r, h in zip(residuals.T, estimates.leverages.T, strict=True)
-    )
-    apart = (np.square(r - residuals[:, best]) for r in residuals.T)
-    means = clusters.means(chain(of_risks, apart))
+    best, count = int(overall.argmin()), len(overall)
+    means = np.zeros((len(clusters.sizes), 2 * count))
+    _sum_risks(estimates.residuals, estimates.leverages, best, clusters.of_vertex, means)
+    means /= clusters.sizes[:, np.newaxis]
     means[:, :count] -= means[:, [best]]
     around = clusters.diffuse(means)
     local = around[:, :count] - overall
@@ -83,6 +80,18 @@ def local_risks(clusters: Clusters, estimates: Estimates, overall: FloatArray, a
     )
     result: FloatArray = overall + believed * local
     return result
+
+
+@jit()
+def _sum_risks(residuals: SingleArray, leverages: SingleArray, best: int, cluster: IntArray, sums: FloatArray) -> None:
+    """Add up, over each cluster, the risk, plus 1, of each estimate; then its squared distance from the best one."""
+    count = residuals.shape[1]
+    for i in range(len(cluster)):
+        k = cluster[i]
+        for s in range(count):
+            residual, apart = residuals[i, s], residuals[i, s] - residuals[i, best]
+            sums[k, s] += residual * residual + 2.0 * leverages[i, s]
+            sums[k, count + s] += apart * apart
 
 
 def gain_of(clusters: Clusters, risks: FloatArray, number: int) -> float:
