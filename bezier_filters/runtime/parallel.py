@@ -100,7 +100,7 @@ def run_in_chunks(
         make_task()(0, total)
         report(progress, total, total)
         return
-    each = max(1, -(-total // (chunk * threads)))  # chunks, so that no thread waits for the last one of another
+    each = max(1, -(-total // (chunk * threads)))  # chunks for every thread, lest it wait for the last one of another
     chunk = min(chunk, max(1, -(-total // (each * threads))))
     starts = iter(range(0, total, chunk))  # next() on an iterator of ints is atomic: the threads share it
     threads = max(1, min(threads, -(-total // chunk)))
