@@ -44,11 +44,13 @@ from bezier_filters.smoothing.noise import ROUGHNESS_RINGS, roughest, roughness
 from bezier_filters.smoothing.sliding import REACH as SLIDING_REACH
 from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, check_smoothing, sound_displacements
 from bezier_filters.smoothing.volume import (
-    component_gains,
+    STEPS,
     component_volumes,
+    moved_by,
     movement_around,
-    offset_along_normals,
-    offset_steps,
+    outward_moves,
+    steps_to,
+    volumes_along,
 )
 
 # columns: how far smoothing moved each vertex, and how sharp it kept edges
@@ -197,10 +199,10 @@ def _automatic(run: Run, iterations: int, options: SmoothingOptions, keep_volume
         folders.append(folder)
     steps, volume_before = None, None
     if components is not None:
-        before, now, gains = _component_sums(done.tiles, ("before", "now", "gains"), components.count)
-        volume_before = float(before.sum())
+        sums = _component_sums(done.tiles, components.count)
+        volume_before = float(sums[:, 0].sum())
         if keep_volume:
-            steps = offset_steps(before - now, gains)
+            steps = steps_to(sums[:, 0], sums[:, 1:])
     of_steps = None if steps is None else saved_array(results / "steps.bin", steps)
     finish = partial(finish_tile, mesh, current, folders, fixed, components, of_steps)
     current, done = _moved(run, "finish", results / "finish", finish)
@@ -274,12 +276,11 @@ def _moved(run: Run, stage: str, folder: Path, move: TileTask) -> tuple[Store, R
     return replace(run.store, vertices=ArrayFile(path, np.dtype(("f8", 3)), n)), done
 
 
-def _component_sums(tiles: Sequence[Tile], names: Sequence[str], count: int) -> list[FloatArray]:
-    """Sums over all tiles of what these tell of the components that they have faces of."""
-    result = [np.zeros(count) for _ in names]
+def _component_sums(tiles: Sequence[Tile], count: int) -> FloatArray:
+    """Volumes of components before, and along their moves, (c, 5), from those of the faces of all tiles."""
+    result = np.zeros((count, 1 + len(STEPS)))
     for sums in (tile.report.sums for tile in tiles):
-        for name, total in zip(names, result, strict=True):
-            total[np.array(sums["components"], dtype=np.int64)] += sums[name]
+        result[np.array(sums["components"], dtype=np.int64)] += np.reshape(sums["volumes"], (-1, 1 + len(STEPS)))
     return result
 
 
@@ -365,15 +366,11 @@ def smooth_tile(
     if stored is not None:
         before = TriangleMesh(first.coordinates_of(part.ids), mesh.faces)
         components, numbers = stored.at(part.ids)
-        amounts = np.zeros(len(points))
-        amounts[own] = (movement_around(before, adjacency, points) * movable)[own]
+        moves = outward_moves(TriangleMesh(points, mesh.faces), movement_around(before, adjacency, points) * movable)
         of_tile = mesh.faces[part.faces_of_tile()]
-        sums |= {
-            "components": numbers.tolist(),
-            "before": component_volumes(components, TriangleMesh(before.vertices, of_tile)).tolist(),
-            "now": component_volumes(components, TriangleMesh(points, of_tile)).tolist(),
-            "gains": component_gains(components, TriangleMesh(points, mesh.faces), amounts).tolist(),
-        }
+        volumes = component_volumes(components, TriangleMesh(before.vertices, of_tile))
+        along = volumes_along(components, TriangleMesh(points, of_tile), moves)
+        sums |= {"components": numbers.tolist(), "volumes": np.column_stack([volumes, along]).ravel().tolist()}
     return rows, TileReport(tile, len(part.ids), sums)
 
 
@@ -403,7 +400,7 @@ def finish_tile(
     if components is not None and steps is not None and components.count:
         amounts = movement_around(mesh, adjacency, points) * _movable(adjacency, fixed)
         of_components = np.array(steps.mapped()[numbers])
-        points = offset_along_normals(components, TriangleMesh(points, mesh.faces), of_components, amounts)
+        points = moved_by(components, points, of_components, outward_moves(TriangleMesh(points, mesh.faces), amounts))
     points = repair_flipped_faces(mesh, adjacency, points)
     of_tile = part.faces_of_tile()
     volume = 0.0

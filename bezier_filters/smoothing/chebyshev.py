@@ -25,9 +25,11 @@ from bezier_filters.smoothing.laplacian import Laplacian
 
 SIDE_BY_SIDE = 4  # signals that run side by side
 ORDER = 4  # of the filters, where nothing else is said
+GENTLE = 2  # order of those that fall off least steeply
 # of a series, times the square root of half the range of the eigenvalues over the end of the pass band, over the sine
 # of half the angle at which the poles of the filter lie: series converge the slower, the nearer these are
 TERMS = 4.6
+GENTLE_TERMS = 6.5  # the same for filters of order 2: with more of a step, more is cut off
 
 FASTER = {"contract", "reassoc"}  # products may be added without being rounded first, and in any order
 
@@ -57,6 +59,13 @@ def coefficients(response: Callable[[FloatArray], FloatArray], bound: float, ter
     return result
 
 
+def series_terms(strength: float, bound: float, order: int) -> int:
+    """Length of the Chebyshev series of filters up to some strength, on [0, bound]."""
+    per_root = (TERMS if order > GENTLE else GENTLE_TERMS) / np.sin(0.5 * np.pi / order)
+    edge = max(strength, 1.0) ** -0.25
+    return max(8, int(np.ceil(per_root * np.sqrt(bound / (2.0 * edge)))))
+
+
 def low_pass_series(strengths: FloatArray, bound: float, order: int = ORDER) -> FloatArray:
     """Chebyshev coefficients, (terms, strengths), of (1 - f(x)) / x on [0, bound] for the filters f.
 
@@ -64,8 +73,7 @@ def low_pass_series(strengths: FloatArray, bound: float, order: int = ORDER) -> 
     >>> bool(np.allclose(rows.sum(axis=0), [0.0, 0.5 * (1.0 - 1.0 / 161.0)], atol=1e-3))
     True
     """
-    edge = max(float(strengths.max()), 1.0) ** -0.25
-    terms = max(8, int(np.ceil(TERMS / np.sin(0.5 * np.pi / order) * np.sqrt(bound / (2.0 * edge)))))
+    terms = series_terms(float(strengths.max()), bound, order)
     scales = strengths**0.25
 
     def taken(x: FloatArray) -> FloatArray:

@@ -19,9 +19,9 @@ Borders = Literal["curve", "fixed", "free"]
 LEAST_COTANGENT, LARGEST_COTANGENT = 0.05, 3.0
 # times a squared mean edge: a vertex with less area counts as having this, lest the Laplacian grow without bound
 LEAST_AREA = 0.2
-# rate of a vertex, at the most: a few faster ones would cost all the others many steps, and a low-pass filter takes
-# off what varies so fast in any case
-FASTEST = 8.0
+# rate of a vertex, at the most, and quantile of the rates beyond which they all are the same: a few faster ones would
+# cost all the others many steps, and a low-pass filter takes off what varies so fast in any case
+FASTEST, FAST = 8.0, 0.95
 
 
 class MeshStars(NamedTuple):
@@ -64,8 +64,8 @@ def cotangent_laplacian(
     """Differences from the mean with cotangent weights, which vanish on planes: they move vertices along the normal.
 
     A power of 0 means one rate for all, which goes by edges; 1 the Laplace-Beltrami operator, which goes by lengths, in
-    units of the mean edge, `unit`. Rates are kept within `fastest`, which bounds the eigenvalues; by default
-    within `FASTEST`, and the largest rate that there is bounds them. Vertices where the part was cut out stay.
+    units of the mean edge, `unit`. Rates are kept within `fastest`, which bounds the eigenvalues, by default
+    the quantile `FAST` of them. Vertices where the part was cut out stay.
     The means are plain ones if the unit is 0.
     """
     rows, n = part.adjacency.vertices, len(part.ids)
@@ -73,8 +73,10 @@ def cotangent_laplacian(
     options = unit, power, FASTEST if fastest is None else fastest, {"curve": 1, "fixed": 0, "free": 2}[borders]
     run_kernel(_write_rows, n, mesh_stars(part.mesh, part.adjacency), *options, result)
     result.rates[part.cut] = 0.0
-    largest = float(result.rates.max(initial=0.5)) if fastest is None else fastest
-    return result._replace(bound=2.0 * largest)
+    if fastest is None:
+        fastest = max(float(np.quantile(result.rates, FAST)), 0.5) if n else 0.5
+        np.minimum(result.rates, fastest, out=result.rates)
+    return result._replace(bound=2.0 * fastest)
 
 
 @jit()

@@ -20,10 +20,13 @@ from bezier_filters.smoothing.noise import NoisyMesh
 from bezier_filters.smoothing.risk import Estimates, local_risks, local_shares, overall_risks
 
 # of the filters; 0 leaves everything as it is. The steps below go from one to the next
-STRENGTHS: FloatArray = np.concatenate([[0.0], 10.0 ** np.arange(-1.0, 6.1, 0.5)])
+STRENGTHS: FloatArray = np.concatenate([[0.0], 10.0 ** np.arange(-1.0, 8.1, 0.5)])
 POWERS = (0.0, 0.5, 1.0)  # of cotangent Laplacians, see `cotangent_laplacian`
-# of filters: steeper ones suit surfaces whose detail ends at some size, as that of analytic surfaces does
-ORDERS = (ORDER, 6)
+# of filters: steeper ones suit surfaces whose detail ends at some size, as that of analytic surfaces does, gentle ones
+# noise that is as long as detail
+ORDERS = (ORDER, 6, 2)
+# by order: stronger ones would do round shapes good, but their series are longer, and tiles need more rings
+STRONGEST = {2: 1e8, 4: 1e7, 6: 1e6}
 AROUND = 3  # strengths on both sides of the one that is best for the mesh as a whole that its parts may take
 BEYOND = 6  # steps of the strength beyond that of the umbrella Laplacian up to which others are tried
 RARE = 1e-3  # mean share of a strength up to which it is left out if it is stronger than all others that are not
@@ -87,6 +90,7 @@ class _Kind(NamedTuple):
     power: float | None  # of the Laplacian, see `LowPassPlan`
     laplacian: Laplacian
     order: int
+    strengths: FloatArray  # (s,)
     estimates: Estimates
     risks: FloatArray  # (s,)
 
@@ -116,13 +120,15 @@ def learn_low_pass(
     umbrella = umbrella_laplacian(part, borders)
     rough = tangent_planes(part.mesh, part.adjacency).normals
     allowed = STRENGTHS if detail is None else STRENGTHS[strongest(detail / unit) >= STRENGTHS]
-    first = int(_estimates(noisy, umbrella, ORDER, allowed, rough).mean_risks(core).argmin())
+    usual = allowed[allowed <= STRONGEST[ORDER]]
+    first = int(_estimates(noisy, umbrella, ORDER, usual, rough).mean_risks(core).argmin())
     smooth, normals = _smooth_shape(part, umbrella, first)
-    strengths = allowed[: first + BEYOND + 1]
+    beyond = allowed[: first + BEYOND + 1]
 
     def tried(power: float | None, laplacian: Laplacian, order: int) -> _Kind:
+        strengths = beyond[beyond <= STRONGEST[order]]
         estimates = _estimates(noisy, laplacian, order, strengths, normals)
-        return _Kind(power, laplacian, order, estimates, estimates.mean_risks(core))
+        return _Kind(power, laplacian, order, strengths, estimates, estimates.mean_risks(core))
 
     def least_risk(kind: _Kind) -> float:
         return float(kind.risks.min())
@@ -133,7 +139,7 @@ def learn_low_pass(
         chosen = min(chosen, tried(power, laplacian, ORDER), key=least_risk)
     for order in ORDERS[1:]:
         chosen = min(chosen, tried(chosen.power, chosen.laplacian, order), key=least_risk)
-    laplacian, best = chosen.laplacian, int(chosen.risks.argmin())
+    laplacian, strengths, best = chosen.laplacian, chosen.strengths, int(chosen.risks.argmin())
     near = list(range(max(best - AROUND, 0), min(best + AROUND + 1, len(strengths))))
     while True:
         estimates = chosen.estimates.among(near)
@@ -143,8 +149,8 @@ def learn_low_pass(
             break  # else even weaker filters may be better there
         near = [*range(max(near[0] - 2 * AROUND, 0), max(near[0] - 1, 1), SPARSE), *near]
     used = int(np.flatnonzero(shares.mean(axis=0, dtype=np.float64) > RARE)[-1]) + 1
-    if used < len(near):
-        near = near[:used]  # of weaker filters the series are shorter: as `fit_low_pass` will have them
+    near = near[:used]
+    if near[-1] + 1 < len(strengths):  # of weaker filters the series are shorter: as `fit_low_pass` will have them
         estimates = _estimates(noisy, laplacian, chosen.order, strengths[near], normals)
         overall = overall_risks(estimates, core)
         shares = shares_of(noisy, estimates, overall)

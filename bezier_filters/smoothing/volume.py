@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval, polyvander
 from scipy.sparse import csr_array
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
@@ -13,9 +14,9 @@ from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.triangles import area_vectors
 from bezier_filters.runtime.jit import jit
 
-NEWTON_STEPS = 4  # of Newton's method; the volume is a polynomial that is nearly linear in a small offset
+STEPS = (-1.0, 0.0, 1.0, 2.0)  # times the moves of vertices, at which volumes tell the polynomial that they follow
+NEWTON_STEPS = 6  # of Newton's method; that polynomial is nearly linear
 LOST = 0.05  # part of its volume by which a component with its volume restored may still differ
-EXACT = 1e-13  # relative error at which it ends early
 FLAT = 1e-9  # where the vector area around a vertex is so small a part of the area, there is no outside
 
 
@@ -66,15 +67,9 @@ def restore_volumes(
 
     A component whose amounts are all 0 stays as it is.
     """
-    points = mesh.vertices
-    for _ in range(NEWTON_STEPS):
-        current = TriangleMesh(points, mesh.faces)
-        wanted = volumes - component_volumes(components, current)
-        if not (np.abs(wanted) > EXACT * np.abs(volumes)).any():
-            break
-        steps = offset_steps(wanted, component_gains(components, current, amounts))
-        points = offset_along_normals(components, current, steps, amounts)
-    return points
+    moves = outward_moves(mesh, amounts)
+    steps = steps_to(volumes, volumes_along(components, mesh, moves))
+    return moved_by(components, mesh.vertices, steps, moves)
 
 
 def unlike_before(components: ClosedComponents, mesh: TriangleMesh, smoothed: TriangleMesh, sigma: float) -> BoolArray:
@@ -91,29 +86,51 @@ def unlike_before(components: ClosedComponents, mesh: TriangleMesh, smoothed: Tr
     return np.append(is_unlike & (np.abs(before) > sigma * area), False)[components.of_vertex]
 
 
-def offset_steps(wanted: FloatArray, gained: FloatArray) -> FloatArray:
-    """How far components move out, times their amounts, to gain volumes (c,), from what they gain per unit.
+def outward_moves(mesh: TriangleMesh, amounts: FloatArray) -> FloatArray:
+    """Moves of amounts (n,) along the normals, (n, 3), by which the volume grows fastest; 0 where there is no outside.
 
-    Nothing moves farther than its amount: where that does not give the volume, faces nearly cancel, as those of a
-    double sheet do, and there is none to restore.
+    That is where the faces around a vertex cancel, as those of both sides of a sheet do.
     """
-    steps = np.divide(wanted, gained, out=np.zeros(len(wanted)), where=gained > 0.0)
-    return np.clip(steps, -1.0, 1.0)
+    gradient, areas = np.zeros_like(mesh.vertices), np.zeros(mesh.vertex_count)
+    _add_gradient(mesh.vertices, mesh.faces, gradient, areas)
+    lengths = np.sqrt(np.einsum("ij,ij->i", gradient, gradient))
+    factors = np.divide(amounts, lengths, out=np.zeros(len(lengths)), where=lengths > FLAT * areas)
+    gradient *= factors[:, np.newaxis]
+    return gradient
 
 
-def component_gains(components: ClosedComponents, mesh: TriangleMesh, amounts: FloatArray) -> FloatArray:
-    """What every component gains, per unit, by moving out in proportion to amounts at vertices, (c,)."""
-    return components.sums(components.of_vertex, _gradient(mesh)[1] * amounts)
+def volumes_along(components: ClosedComponents, mesh: TriangleMesh, moves: FloatArray) -> FloatArray:
+    """Volumes of components after `STEPS` times the moves (n, 3) of their vertices, (c, 4).
+
+    Those of some of the faces add up to that of all.
+    """
+    moved = (TriangleMesh(mesh.vertices + step * moves, mesh.faces) for step in STEPS)
+    return np.column_stack([component_volumes(components, one) for one in moved])
 
 
-def offset_along_normals(
-    components: ClosedComponents, mesh: TriangleMesh, steps: FloatArray, amounts: FloatArray
-) -> FloatArray:
-    """Vertices moved out by the step of their component (c,) times their amount (n,)."""
-    gradient, lengths = _gradient(mesh)
-    distances = np.append(steps, 0.0)[components.of_vertex] * amounts
-    factors = np.divide(distances, lengths, out=np.zeros(len(lengths)), where=lengths > 0.0)
-    result: FloatArray = mesh.vertices + factors[:, np.newaxis] * gradient
+def steps_to(volumes: FloatArray, along: FloatArray) -> FloatArray:
+    """How many times its moves every component has to go for its volume, (c,), from `volumes_along`.
+
+    The volume is a polynomial of degree 3 in the step, which four values tell, and Newton's method finds the step.
+    Nothing moves farther than once its moves: where that does not give the volume, faces nearly cancel, as those of a
+    double sheet do, and there is none to restore.
+
+    >>> steps_to(np.array([1.331]), np.array([[0.0, 1.0, 8.0, 27.0]])).round(6)  # of a cube that grows
+    array([0.1])
+    """
+    cubic = np.linalg.solve(polyvander(STEPS, 3), along.T)
+    slope, steps = polyder(cubic), np.zeros(len(volumes))
+    for _ in range(NEWTON_STEPS):
+        gained = polyval(steps, slope, tensor=False)
+        wanted = volumes - polyval(steps, cubic, tensor=False)
+        steps += np.divide(wanted, gained, out=np.zeros(len(volumes)), where=gained > 0.0)
+        steps = np.clip(steps, -1.0, 1.0)
+    return steps
+
+
+def moved_by(components: ClosedComponents, points: FloatArray, steps: FloatArray, moves: FloatArray) -> FloatArray:
+    """Vertices after as many of their moves (n, 3) as the step of their component is, (c,)."""
+    result: FloatArray = points + np.append(steps, 0.0)[components.of_vertex][:, np.newaxis] * moves
     return result
 
 
@@ -126,14 +143,6 @@ def movement_around(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray
     means: FloatArray = np.sqrt((neighbours @ squares + squares) / (rows.lengths + 1.0))
     bounded: FloatArray = np.minimum(means, longest_edges(mesh, adjacency))
     return bounded
-
-
-def _gradient(mesh: TriangleMesh) -> tuple[FloatArray, FloatArray]:
-    """Derivative of the volume by every vertex, (n, 3), and its length, (n,), 0 where the faces around it cancel."""
-    gradient, areas = np.zeros_like(mesh.vertices), np.zeros(mesh.vertex_count)
-    _add_gradient(mesh.vertices, mesh.faces, gradient, areas)
-    lengths = np.sqrt(np.einsum("ij,ij->i", gradient, gradient))
-    return gradient, np.where(lengths > FLAT * areas, lengths, 0.0)
 
 
 @jit()
