@@ -140,7 +140,8 @@ def estimate_vertex_geometry(
     noise : float, optional
         Standard deviation of the noise along the normal, a length, if it is known better than it can be learned: what
         is chosen and the standard errors follow from it, everywhere on the mesh. How far it is correlated is learned
-        all the same. 0 takes all that there is for shape. Not where both the neighbourhood and `alpha` are given.
+        all the same, and what is much more than can be learned counts as longer. 0 takes all that there is for shape.
+        Not where both the neighbourhood and `alpha` are given.
     detail : float, optional
         Size of the smallest detail to keep, a length: rings whose radius is more than half of it are not chosen,
         unless there are no narrower ones. Not where the neighbourhood is given.

@@ -15,6 +15,9 @@ from bezier_filters.learning.ring_analysis import RingAnalysis
 from bezier_filters.patches.harmonics import harmonic_basis
 
 STEEP = 1.02  # mean of 1 / cos^2 of the slopes, below which white noise along the normal counts as that of the heights
+# times the standard deviation of correlated noise that was learned: most that it is mistaken by. If it is known to be
+# stronger, the rest has so many times the length of what was learned
+MISTAKEN, UNSEEN = 2.5, 4.0
 FEWEST_RINGS_FOR_SLOPES = 3  # narrower ones have too few points to tell slopes from noise, and count as flat
 
 
@@ -76,13 +79,22 @@ class NoiseModel:
 def known_noise(learned: NoiseModel | None, sigma: float) -> NoiseModel:
     """Noise of a given standard deviation: how alike neighbouring vertices are is learned all the same.
 
+    If it is correlated, and much more than could be learned, the rest has not been seen, so it is as long as shape.
+
     >>> known_noise(NoiseModel(1.0, (3.0,), (0.5,)), 1.0)
     NoiseModel(white=0.25, sills=(0.75,), lengths=(0.5,), heavy=False, outliers=0.0, given=True)
+    >>> known_noise(NoiseModel(1.0, (3.0,), (0.5,)), 10.0)
+    NoiseModel(white=6.25, sills=(18.75, 75.0), lengths=(0.5, 2.0), heavy=False, outliers=0.0, given=True)
     """
     known = replace(learned or NoiseModel(0.0), given=True)
     if not known.sills or sigma == 0.0:
         return replace(known, white=sigma**2, sills=(), lengths=())
-    return known.times(sigma**2 / known.variance)
+    seen = min(sigma, MISTAKEN * known.sigma)
+    known = known.times(seen**2 / known.variance)
+    if seen == sigma:
+        return known
+    rest = sigma**2 - seen**2
+    return replace(known, sills=(*known.sills, rest), lengths=(*known.lengths, UNSEEN * max(known.lengths)))
 
 
 def squared_distances(points: FloatArray) -> FloatArray:

@@ -177,7 +177,8 @@ def smooth(
         How many times, at least 1; once is enough for ``"auto"``.
     noise : float, optional
         Standard deviation of the noise along the normal, a length, if it is known better than it can
-        be learned; 0 leaves the mesh as it is. For ``"auto"`` only.
+        be learned; 0 leaves the mesh as it is. What is much more than the correlated noise that can be learned counts
+        as longer, as the waves of depth cameras are, which pass for shape otherwise. For ``"auto"`` only.
     borders : {"curve", "fixed"}
         Whether border vertices are smoothed along the border, or stay; with ``"paper"`` they move to their patches
         unless they are fixed.
