@@ -39,8 +39,8 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=True,
     pretty_exceptions_enable=False,
-    rich_markup_mode="markdown",
-    context_settings={"help_option_names": ["-h", "--help"]},
+    rich_markup_mode=None,  # panels of rich take as long to import as all else
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 120},
 )
 
 
@@ -80,10 +80,10 @@ def _to_pipe(context: typer.Context, target: Path) -> Path:
     if target != PIPE:
         return target
     path = Path(context.with_resource(TemporaryDirectory(prefix="bezier_filters_"))) / "stdout.ply"
-    console.out.stderr = True
+    console.out().stderr = True
 
     def send() -> None:
-        console.out.stderr = False
+        console.out().stderr = False
         if path.exists():
             with path.open("rb") as stream:
                 shutil.copyfileobj(stream, sys.stdout.buffer)

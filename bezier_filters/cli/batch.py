@@ -113,7 +113,7 @@ def batch(
         except KeyboardInterrupt:
             there = sum(item.result in ("done", "skipped") for item in items)
             told = f"{there:,} of {len(items):,} results are in {out}; the same command goes on"
-            console.err.print(told, markup=False)
+            console.err().print(told, markup=False)
             raise
     summary = summarize(command, items, time.perf_counter() - start)
     if json:

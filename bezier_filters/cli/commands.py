@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.markup import escape
 
 from bezier_filters.cli import batch, console, filters, pictures, scale
 from bezier_filters.cli.app import (
@@ -68,7 +67,7 @@ def watch(
         if target.exists() and source.exists() and target.samefile(source):
             seen = _stamp(source)  # this save was ours
         told = f"done: reload {target} in MeshLab" if status in (0, NEEDS_A_LOOK) else "could not be run"
-        console.out.print(f"{time.strftime('%X')}  {command} {told}; waiting for {source} to be saved", markup=False)
+        console.out().print(f"{time.strftime('%X')}  {command} {told}; waiting for {source} to be saved", markup=False)
 
 
 def _next_stamp(path: Path, seen: Stamp | None) -> Stamp:
@@ -135,8 +134,8 @@ def report(
         console.print_json({"input": str(source), "output": str(page), **shown})
     elif not quiet:
         for note in made.notes:
-            console.out.print(note)
-        console.out.print(f"wrote [bold]{escape(str(page))}[/]; open it in a browser")
+            console.out().print(note)
+        console.out().print(f"wrote [bold]{console.escape(str(page))}[/]; open it in a browser")
 
 
 def _inspected(source: Path, stage: console.Stage) -> tuple["CurrentMesh", "Report"]:
@@ -210,7 +209,7 @@ def demo(
     if json:
         console.print_json({"files": files, "picture": str(picture)})
     elif not quiet:
-        console.out.print(f"wrote [bold]{escape(str(picture))}[/]; open the PLY files in MeshLab")
+        console.out().print(f"wrote [bold]{console.escape(str(picture))}[/]; open the PLY files in MeshLab")
 
 
 def serve_command_line() -> None:

@@ -1,4 +1,7 @@
-"""What the command line prints: reports as text or JSON, and the progress bar."""
+"""What the command line prints: reports as text or JSON, and what is being done.
+
+Rich is imported when something is printed: that takes longer than all of the help.
+"""
 
 from __future__ import annotations  # what they name costs time to import
 
@@ -6,22 +9,19 @@ import json
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
-
-from rich.console import Console
-from rich.markup import escape
-from rich.padding import Padding
-from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskProgressColumn, TextColumn
-from rich.table import Table
-from rich.text import Text
+from functools import cache
+from typing import TYPE_CHECKING, Any
 
 from bezier_filters.display import noise_in_words, noise_level
 from bezier_filters.fields import CURVATURE, qualities
-from bezier_filters.runtime.parallel import Progress as ProgressCallback
 from bezier_filters.status import FitStatus
 
 if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
     from bezier_filters.arrays import Report
+    from bezier_filters.runtime.parallel import Progress as ProgressCallback
 
 MOST_HOLES = 20  # that are listed one by one
 FILLS = {
@@ -32,21 +32,39 @@ FILLS = {
     "paper": "on bicubic patches over the plane of the hole",
 }
 
-err = Console(stderr=True, highlight=False, soft_wrap=True)
-out = Console(highlight=False, soft_wrap=True)
+
+@cache
+def out() -> Console:
+    """Where reports go: stdout."""
+    return _console(stderr=False)
 
 
-class _Time(ProgressColumn):
-    """How long a stage will still take, where that is known, or how long it has taken."""
-
-    def render(self, task: Task) -> Text:
-        """In words: a number alone could be either."""
-        left = task.time_remaining
-        seconds, word = (task.elapsed or 0.0, "so far") if left is None or task.finished else (left, "left")
-        return Text(f"{int(seconds) // 60}:{int(seconds) % 60:02} {word}", style="progress.remaining")
+@cache
+def err() -> Console:
+    """Where remarks and the progress go: stderr."""
+    return _console(stderr=True)
 
 
-Stage = Callable[[str], ProgressCallback | None]
+def _console(*, stderr: bool) -> Console:
+    from rich.console import Console
+
+    return Console(stderr=stderr, highlight=False, soft_wrap=True)
+
+
+def escape(text: str) -> str:
+    """Text that is printed as it is."""
+    from rich.markup import escape
+
+    return escape(text)
+
+
+def _table(*columns: str, **options: Any) -> Table:
+    from rich.table import Table
+
+    return Table(*columns, box=None, **options)
+
+
+Stage = Callable[[str], "ProgressCallback | None"]  # begins one, see `stages`
 
 
 @contextmanager
@@ -56,36 +74,23 @@ def stages(*, quiet: bool) -> Iterator[Stage]:
     The function that it gives begins a stage, with its name, and gives the callback that moves the bar, or None where
     nobody looks.
     """
-    if quiet or not err.is_terminal:
+    if quiet or not err().is_terminal:
         yield lambda name: None
         return
-    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), _Time())
-    with Progress(*columns, console=err, transient=True) as bar:
+    from bezier_filters.cli.progress import progress_bar
 
-        def begin(name: str) -> ProgressCallback:
-            def move(done: int, total: int) -> None:
-                if done < total:
-                    bar.update(bar.task_ids[0], completed=done, total=total)
-                elif bar.tasks[0].total is not None:  # what comes after the last step has no number
-                    begin(name)
-
-            for task in bar.task_ids:
-                bar.remove_task(task)
-            bar.add_task(name, total=None)
-            bar.refresh()  # libraries may not let the bar move by itself
-            return move
-
+    with progress_bar(err()) as begin:
         yield begin
 
 
 def print_json(data: Report) -> None:
     """Print a report as JSON on stdout, or where text goes instead."""
-    print(json.dumps(data, indent=2, ensure_ascii=False), file=out.file)
+    print(json.dumps(data, indent=2, ensure_ascii=False), file=out().file)
 
 
 def print_status(report: Report, source: str) -> None:
     """Say how the fits of a mesh went."""
-    out.print(f"[bold]{escape(source)}[/]: {sum(report['status'].values()):,} vertices")
+    out().print(f"[bold]{escape(source)}[/]: {sum(report['status'].values()):,} vertices")
     fit = report["fit"]
     weight = "weights learned from the mesh" if fit["alpha"] is None else f"alpha {fit['alpha']:g}"
     noise = ""
@@ -93,21 +98,21 @@ def print_status(report: Report, source: str) -> None:
         edge = report.get("mean_edge")
         noise = f"; {noise_in_words(fit['noise_sigma'], fit['noise_length'], fit['noise_heavy'], edge)}"
     where = f"on {fit['rings']} rings" if fit["radius"] is None else f"within a radius of {fit['radius']:.4g} (length)"
-    out.print(f"  fitted {where}, degree {fit['degree']}, {weight}{noise}")
+    out().print(f"  fitted {where}, degree {fit['degree']}, {weight}{noise}")
     for name, count in report["status"].items():
-        out.print(f"  {count:>9,}  {FitStatus[name].message} ({name})")
+        out().print(f"  {count:>9,}  {FitStatus[name].message} ({name})")
 
 
 def print_tiles(report: Report) -> None:
     """Say how the tiles of a large mesh went."""
     there = report["tiles"] * report["rounds"] - report["computed_tiles"]
     rounds = f" in {report['rounds']} rounds" if report["rounds"] > 1 else ""
-    out.print(
+    out().print(
         f"  {report['tiles']:,} tiles of {report['tile_vertices']:,} vertices{rounds}, {report['halo']:.0%} read "
         f"around them; {there:,} were there already; {report['peak_bytes']['worker'] / 1e9:.2f} GB per worker at most"
     )
     if report["damaged_tiles"]:
-        out.print(f"  damaged, and computed again: tiles {', '.join(map(str, report['damaged_tiles']))}")
+        out().print(f"  damaged, and computed again: tiles {', '.join(map(str, report['damaged_tiles']))}")
 
 
 def print_noise(report: Report) -> None:
@@ -116,7 +121,7 @@ def print_noise(report: Report) -> None:
         return
     noise = report["noise"]
     before, after = noise_in_words(noise["before"], noise["length"], noise["heavy"]), noise_level(noise["after"])
-    out.print(f"  {before}; {after} after; {report['faces']['new']:,} new wrong faces")
+    out().print(f"  {before}; {after} after; {report['faces']['new']:,} new wrong faces")
 
 
 def _smoothed_noise(report: Report) -> str:
@@ -132,7 +137,7 @@ def print_smoothing(report: Report, source: str) -> None:
     def edges(length: float | None) -> str:
         return "unknown" if length is None else f"{length / report['mean_edge']:.3g}"
 
-    table = Table(show_header=False, box=None, padding=(0, 2, 0, 2))
+    table = _table(show_header=False, padding=(0, 2, 0, 2))
     table.add_row("noise", _smoothed_noise(report).removeprefix("noise "))
     moved = ", ".join(f"{name} {edges(value)}" for name, value in report["displacement"].items())
     table.add_row("displacement", f"{moved} \\[mean edges]; {report['moved']:,} vertices moved")
@@ -143,8 +148,8 @@ def print_smoothing(report: Report, source: str) -> None:
         table.add_row("volume", f"{report['volume_ratio']:.6f} times as before")
     for kind in ("flipped", "degenerate"):
         table.add_row(f"{kind} faces", f"{report[f'{kind}_before']:,} before, {report[f'{kind}_after']:,} after")
-    out.print(f"[bold]{escape(source)}[/]")
-    out.print(table)
+    out().print(f"[bold]{escape(source)}[/]")
+    out().print(table)
 
 
 def in_words_of_the_shell(text: str) -> str:
@@ -158,42 +163,44 @@ def in_words_of_the_shell(text: str) -> str:
 
 def print_holes(report: Report, source: str) -> None:
     """Say what was done to the holes of a mesh."""
-    out.print(f"[bold]{escape(source)}[/]")
+    from rich.padding import Padding
+
+    out().print(f"[bold]{escape(source)}[/]")
     changes = {name.replace("_", " "): count for name, count in (report["repaired"] or {}).items() if count}
     if changes:
-        out.print("  repaired: " + ", ".join(f"{count:,} {name}" for name, count in changes.items()))
+        out().print("  repaired: " + ", ".join(f"{count:,} {name}" for name, count in changes.items()))
     if not report["holes"]:
-        out.print("  no holes")
+        out().print("  no holes")
         return
-    out.print("    edges  diameter [length]  fill         new faces  rim angle [degrees]", markup=False)
+    out().print("    edges  diameter [length]  fill         new faces  rim angle [degrees]", markup=False)
     for hole in sorted(report["holes"], key=lambda hole: -hole["edge_count"])[:MOST_HOLES]:
         angle = f"{hole['rim_dihedral']:.1f}" if hole["filled"] else ""
         method = hole["method"] or "left open"
         size = f"{hole['edge_count']:>9,}  {hole['diameter']:>17.3g}"
-        out.print(f"{size}  {method:<11}  {hole['new_faces']:>9,}  {angle:>19}".rstrip())
+        out().print(f"{size}  {method:<11}  {hole['new_faces']:>9,}  {angle:>19}".rstrip())
         if hole["reason"]:
             remark = "tried before: " * hole["filled"] + in_words_of_the_shell(hole["reason"])
-            out.print(Padding(escape(remark), (0, 2, 0, 11), expand=False), soft_wrap=False)
+            out().print(Padding(escape(remark), (0, 2, 0, 11), expand=False), soft_wrap=False)
     if len(report["holes"]) > MOST_HOLES:
-        out.print(f"  and {len(report['holes']) - MOST_HOLES:,} smaller ones")
+        out().print(f"  and {len(report['holes']) - MOST_HOLES:,} smaller ones")
     used = {hole["method"] for hole in report["holes"] if hole["filled"]}
     for method, meaning in FILLS.items():
         if method in used:
-            out.print(f"  {method + ':':<12} {meaning}")
+            out().print(f"  {method + ':':<12} {meaning}")
     if used:
-        out.print("  rim angle:   between old and new faces, the mean; small is smooth")
-    out.print(
+        out().print("  rim angle:   between old and new faces, the mean; small is smooth")
+    out().print(
         f"  {report['closed_holes']:,} filled with {report['new_faces']:,} faces, {report['open_holes']:,} left open"
     )
     others = sum(hole["filled"] and hole["reason"].startswith("paper: ") for hole in report["holes"])
     if others:
-        out.print(f"  {others:,} of them by another method than the paper's, which does not work there")
+        out().print(f"  {others:,} of them by another method than the paper's, which does not work there")
 
 
 def print_creases(report: Report, source: str) -> None:
     """Say how many lines there are of each kind, how long they are, and how strong."""
-    out.print(f"[bold]{escape(source)}[/]")
-    table = Table(box=None, padding=(0, 2, 0, 2))
+    out().print(f"[bold]{escape(source)}[/]")
+    table = _table(padding=(0, 2, 0, 2))
     for column in ("", "lines", "length", "strongest", "least certain"):
         table.add_column(column, justify="right" if column else "left")
     for kind in ("ridge", "ravine"):
@@ -204,21 +211,21 @@ def print_creases(report: Report, source: str) -> None:
             certain = f"{min(line['certainty'] for line in lines):.1%}" if lines else ""
             name = f"{'sharp ' * is_sharp}{kind}s"
             table.add_row(name, f"{len(lines):,}", f"{length:.4g}", f"{strongest:.3g}", certain)
-    out.print(table)
+    out().print(table)
     if not report["crest_lines_told"]:
-        out.print("  ridges and ravines that are not sharp need patches of degree 3; these have 2")
+        out().print("  ridges and ravines that are not sharp need patches of degree 3; these have 2")
 
 
 def print_statistics(report: Report, label: str) -> None:
     """Say what the values of a quality are."""
     unit = f" [{report['unit']}]" if report["unit"] else ""
     numbers = ", ".join(f"{name} {value:.4g}" for name, value in report["statistics"].items())
-    out.print(f"{label}{escape(unit)}: {numbers}")
+    out().print(f"{label}{escape(unit)}: {numbers}")
 
 
 def print_written(report: Report, target: str) -> None:
     """Say which file was written and how long the filter took."""
-    out.print(f"wrote [bold]{escape(target)}[/] ({sum(report['seconds'].values()):.2f} s)")
+    out().print(f"wrote [bold]{escape(target)}[/] ({sum(report['seconds'].values()):.2f} s)")
 
 
 def print_batch(summary: Report) -> None:
@@ -227,9 +234,9 @@ def print_batch(summary: Report) -> None:
     for file in summary["files"]:
         seconds = "" if file["result"] == "skipped" else f"{file['seconds']:.2f} s"
         remark = file["error"] or _remark(file["report"] or {})
-        out.print(f"{file['input']:<{width}}  {file['result']:<7}  {seconds:>9}  {remark}".rstrip(), markup=False)
+        out().print(f"{file['input']:<{width}}  {file['result']:<7}  {seconds:>9}  {remark}".rstrip(), markup=False)
     numbers = ", ".join(f"{summary[result]:,} {result}" for result in ("done", "skipped", "failed"))
-    out.print(f"{summary['command']}: {numbers} ({summary['seconds']:.1f} s)")
+    out().print(f"{summary['command']}: {numbers} ({summary['seconds']:.1f} s)")
 
 
 def _remark(report: Report) -> str:
@@ -275,14 +282,14 @@ def summary_rows(summary: Report) -> list[tuple[str, str]]:
 
 def print_mesh_summary(summary: Report, source: str) -> None:
     """Say what is in a mesh and whether it can be fitted."""
-    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    table = _table(show_header=False, padding=(0, 2, 0, 0))
     for row in summary_rows(summary):
         table.add_row(*map(escape, row))
-    out.print(f"[bold]{escape(source)}[/]")
-    out.print(table)
+    out().print(f"[bold]{escape(source)}[/]")
+    out().print(table)
     if not summary["findings"]:
-        out.print("Fit for fitting: nothing stands in the way.")
+        out().print("Fit for fitting: nothing stands in the way.")
         return
-    out.print("Fit for fitting, but note:" if summary["fit_for_fitting"] else "[bold]Not fit for fitting:[/]")
+    out().print("Fit for fitting, but note:" if summary["fit_for_fitting"] else "[bold]Not fit for fitting:[/]")
     for finding in summary["findings"]:
-        out.print(f"  - {finding}")
+        out().print(f"  - {finding}")

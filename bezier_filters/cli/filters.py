@@ -86,16 +86,16 @@ def filter_command(
                     console.print_statistics(report, qualities(name)[report["quality"]].label)
                 console.print_written(report, str(target))
             for remark in remarks:
-                console.err.print(f"note: {target.name} is {remark}", markup=False)
+                console.err().print(f"note: {target.name} is {remark}", markup=False)
             for remark in report.get("remarks", []):
-                console.err.print(f"note: {in_the_shell(remark)}", markup=False)
+                console.err().print(f"note: {in_the_shell(remark)}", markup=False)
             if report.get("quality") and suffix != WITH_FIELDS:
-                console.err.print(
+                console.err().print(
                     f"note: {target.suffix} files hold no quality and no bz_* columns; write a PLY file to keep them"
                 )
             if report.get("warnings"):
                 warnings = console.in_words_of_the_shell("; ".join(report["warnings"]))
-                console.err.print(f"look at {target}: {warnings}", markup=False)
+                console.err().print(f"look at {target}: {warnings}", markup=False)
                 raise typer.Exit(NEEDS_A_LOOK)
 
         return described
@@ -228,7 +228,7 @@ def creases(
         console.print_creases(report, str(source))
         console.print_written(report, str(target))
         if picture is not None:
-            console.out.print(f"wrote [bold]{picture}[/]")
+            console.out().print(f"wrote [bold]{picture}[/]")
 
 
 @app.command(epilog="Example: bezier-filters run repair.mlx scan.ply clean.ply")
@@ -260,12 +260,12 @@ def run(
         stage(f"writing {target.name}")
         remarks = bf.save_mesh(ms, target)
     for remark in remarks:
-        console.err.print(f"note: {target.name} is {remark}", markup=False)
+        console.err().print(f"note: {target.name} is {remark}", markup=False)
     if json:
         summary = {"script": str(script), "input": str(source), "output": str(target)}
         console.print_json(summary | {"steps": [asdict(report) for report in done]})
     elif not quiet:
         width = max(map(len, names), default=0)
         for report in done:
-            console.out.print(f"{report.filter:<{width}}  {report.by:<14}  {report.seconds:7.2f} s", markup=False)
+            console.out().print(f"{report.filter:<{width}}  {report.by:<14}  {report.seconds:7.2f} s", markup=False)
         console.print_written({"seconds": dict(enumerate(report.seconds for report in done))}, str(target))

@@ -111,7 +111,7 @@ def render(
         inputs = [str(source) for source in sources]
         console.print_json({"inputs": inputs, "output": str(picture), "views": views, "panels": shown})
     elif not quiet:
-        console.out.print(f"wrote [bold]{picture}[/]")
+        console.out().print(f"wrote [bold]{picture}[/]")
 
 
 @app.command(epilog=examples("view curved.ply --field quality --field bz_shape_index"))
@@ -172,4 +172,4 @@ def qmap(
         report = {"field": field, "label": shown.label, "unit": shown.unit, "limits": [low, high], "colormap": name}
         console.print_json({"input": str(source), "output": str(target), **report})
     elif not quiet:
-        console.out.print(f"wrote [bold]{target}[/]: {name}, {low:g} to {high:g} \\[{shown.unit}]")
+        console.out().print(f"wrote [bold]{target}[/]: {name}, {low:g} to {high:g} \\[{shown.unit}]")

@@ -22,7 +22,7 @@ scale_app = typer.Typer(
     help="Meshes of any size, in tiles on Dask: one machine or a cluster.",
     epilog="Example: bezier-filters scale curvature statue.ply curved.ply --memory-limit 2GB",
     no_args_is_help=True,
-    rich_markup_mode="markdown",
+    rich_markup_mode=None,
 )
 app.add_typer(scale_app, name="scale")
 

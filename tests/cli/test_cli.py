@@ -18,6 +18,7 @@ from rich.progress import Progress
 from bezier_filters import estimate_vertex_geometry, read_fields
 from bezier_filters._version import __version__
 from bezier_filters.cli import console
+from bezier_filters.cli.progress import TimeColumn
 from bezier_filters.surfaces import sphere
 
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
@@ -470,7 +471,7 @@ def save(path, vertices, faces):
 
 def test_stages_say_what_is_done(monkeypatch):
     screen = StringIO()
-    monkeypatch.setattr(console, "err", Console(file=screen, force_terminal=True, width=100))
+    monkeypatch.setattr(console, "err", lambda: Console(file=screen, force_terminal=True, width=100))
     with console.stages(quiet=False) as stage:
         stage("reading")
         move = stage("fitting")
@@ -489,12 +490,12 @@ def test_stages_tell_the_time_that_is_left():
     for second in range(1, 5):
         clock[0] = 10.0 * second
         bar.update(task, completed=10 * second)
-    assert console._Time().render(bar.tasks[0]).plain == "1:00 left"
+    assert TimeColumn().render(bar.tasks[0]).plain == "1:00 left"
 
 
 def test_stages_are_for_terminals(monkeypatch):
     screen = StringIO()
-    monkeypatch.setattr(console, "err", Console(file=screen))
+    monkeypatch.setattr(console, "err", lambda: Console(file=screen))
     with console.stages(quiet=False) as stage:
         assert stage("reading") is None
     assert screen.getvalue() == ""

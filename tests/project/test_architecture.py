@@ -98,9 +98,9 @@ def test_estimating_loads_no_pymeshlab():
     assert "pymeshlab" not in run(code).split()
 
 
-def test_help_loads_no_numpy():
+def test_help_loads_neither_numpy_nor_rich():
     code = "import sys; from bezier_filters.cli import commands; print(*sys.modules)"
-    assert "numpy" not in run(code).split()
+    assert not {"numpy", "rich"} & set(run(code).split())
 
 
 def test_every_public_name_exists():

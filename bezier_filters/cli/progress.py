@@ -1,0 +1,42 @@
+"""The bar that shows what is being done."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskProgressColumn, TextColumn
+from rich.text import Text
+
+from bezier_filters.runtime.parallel import Progress as ProgressCallback
+
+
+class TimeColumn(ProgressColumn):
+    """How long a stage will still take, where that is known, or how long it has taken."""
+
+    def render(self, task: Task) -> Text:
+        """In words: a number alone could be either."""
+        left = task.time_remaining
+        seconds, word = (task.elapsed or 0.0, "so far") if left is None or task.finished else (left, "left")
+        return Text(f"{int(seconds) // 60}:{int(seconds) % 60:02} {word}", style="progress.remaining")
+
+
+@contextmanager
+def progress_bar(console: Console) -> Iterator[Callable[[str], ProgressCallback]]:
+    """A bar that is gone afterwards: gives what begins a stage, by its name, and returns what moves the bar."""
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeColumn())
+    with Progress(*columns, console=console, transient=True) as bar:
+
+        def begin(name: str) -> ProgressCallback:
+            def move(done: int, total: int) -> None:
+                if done < total:
+                    bar.update(bar.task_ids[0], completed=done, total=total)
+                elif bar.tasks[0].total is not None:  # what comes after the last step has no number
+                    begin(name)
+
+            for task in bar.task_ids:
+                bar.remove_task(task)
+            bar.add_task(name, total=None)
+            bar.refresh()  # libraries may not let the bar move by itself
+            return move
+
+        yield begin
