@@ -13,10 +13,10 @@ from bezier_filters.cli.app import Json, Overwrite, Quiet, app, check_target, op
 from bezier_filters.errors import CancelledError
 from bezier_filters.fields import CURVATURE
 from bezier_filters.parameters import FIT, QUALITY_OF, SMOOTHING, Parameter, parameters
-from bezier_filters.runtime.parallel import Progress
 
 if TYPE_CHECKING:
     from bezier_filters.arrays import Report
+    from bezier_filters.runtime.parallel import Progress
 
 scale_app = typer.Typer(
     help="Meshes of any size, in tiles on Dask: one machine or a cluster.",
