@@ -169,9 +169,11 @@ def _cut_ears(
 
 def _forbidden(ids: IntArray, existing: AbstractSet[tuple[int, int]]) -> BoolArray:
     """Which corners of a loop must not be joined by a chord, (k, k); its own edges may be."""
-    count = len(ids)
-    names = ids.tolist()
-    result = np.array([[a == b or (min(a, b), max(a, b)) in existing for b in names] for a in names])
+    count, names = len(ids), ids.astype(np.int64)
+    joined = np.array(list(existing), dtype=np.int64).reshape(-1, 2)
+    base = 1 + max(int(names.max()), int(joined.max(initial=0)))
+    pairs = np.minimum.outer(names, names) * base + np.maximum.outer(names, names)
+    result: BoolArray = np.equal.outer(names, names) | np.isin(pairs, joined @ [base, 1])
     corner = np.arange(count)
     result[corner, (corner + 1) % count] = result[(corner + 1) % count, corner] = False
     return result
