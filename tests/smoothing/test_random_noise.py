@@ -1,12 +1,14 @@
 """Noise made by heat flow is as alike as the model says, and what smoothing leaves of noise that is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numba import config
 from scanner_noise import along_normals, averaged_noise, in_all_directions, mean_edge_of, ring_means
 
 from bezier_filters import smooth
-from bezier_filters.learning.noise_model import NoiseModel, known_noise
+from bezier_filters.learning.noise_model import MISTAKEN, UNSEEN, NoiseModel, known_noise
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import triangle_mesh
@@ -102,11 +104,16 @@ def test_white_noise_is_made_of_signs_alone():
 
 
 def test_noise_of_known_strength_is_as_alike_as_was_learned():
+    """Up to what may be a mistake; beyond it the shape of what was seen stays, and the rest is longer."""
     learned = NOISES["two parts"]
-    found = known_noise(learned, 3.0)
-    assert found.sigma == pytest.approx(3.0)
-    assert found.lengths == learned.lengths
-    assert found.white / found.variance == pytest.approx(learned.white / learned.variance)
+    for strength in (0.1, 1.0, MISTAKEN, 2.0 * MISTAKEN):
+        found = known_noise(learned, strength * learned.sigma)
+        assert found.sigma == pytest.approx(strength * learned.sigma)
+        assert found.lengths[:2] == learned.lengths
+        seen = replace(found, sills=found.sills[:2], lengths=found.lengths[:2])
+        assert seen.white / seen.variance == pytest.approx(learned.white / learned.variance)
+        assert seen.sigma == pytest.approx(min(strength, MISTAKEN) * learned.sigma)
+        assert found.lengths[2:] == ((UNSEEN * max(learned.lengths),) if strength > MISTAKEN else ())
     assert known_noise(NoiseModel(2.0), 3.0) == known_noise(None, 3.0) == NoiseModel(9.0, given=True)
 
 
