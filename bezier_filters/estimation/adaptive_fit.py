@@ -224,7 +224,8 @@ def _part_fit(root: Leaf, leaf: Leaf) -> PartFit:
     before, plan, there = root.chosen, leaf.chosen, plan_for(root.chosen, leaf.surface)
     sigma = leaf.surface.sigma
     ratios = np.inf, np.inf
-    if there is not None:
+    # Where the whole is exact, its standard errors are 0, and tell nothing of those of a part that is not.
+    if there is not None and before.normal_noise > 0.0 and before.curvature_noise > 0.0:
         ratios = there.normal_noise / before.normal_noise, there.curvature_noise / before.curvature_noise
         if there.error <= plan.error * (1.0 + (plan.cost - plan.overhead) / there.cost) ** THRIFT:
             return PartFit(there.rings, there.degree, sigma, (), ratios)
