@@ -58,10 +58,10 @@ def escape(text: str) -> str:
     return escape(text)
 
 
-def _table(*columns: str, **options: Any) -> Table:
+def _table(**options: Any) -> Table:
     from rich.table import Table
 
-    return Table(*columns, box=None, **options)
+    return Table(box=None, **options)
 
 
 Stage = Callable[[str], "ProgressCallback | None"]  # begins one, see `stages`

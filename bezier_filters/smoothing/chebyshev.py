@@ -25,11 +25,11 @@ from bezier_filters.smoothing.laplacian import Laplacian
 
 SIDE_BY_SIDE = 4  # signals that run side by side
 ORDER = 4  # of the filters, where nothing else is said
-GENTLE = 2  # order of those that fall off least steeply
+LOWEST = 2  # order of those that fall off least steeply
 # of a series, times the square root of half the range of the eigenvalues over the end of the pass band, over the sine
 # of half the angle at which the poles of the filter lie: series converge the slower, the nearer these are
 TERMS = 4.6
-GENTLE_TERMS = 6.5  # the same for filters of order 2: with more of a step, more is cut off
+MORE_TERMS = 6.5  # the same for filters of the lowest order, which would be several times less exact
 
 FASTER = {"contract", "reassoc"}  # products may be added without being rounded first, and in any order
 
@@ -61,7 +61,7 @@ def coefficients(response: Callable[[FloatArray], FloatArray], bound: float, ter
 
 def series_terms(strength: float, bound: float, order: int) -> int:
     """Length of the Chebyshev series of filters up to some strength, on [0, bound]."""
-    per_root = (TERMS if order > GENTLE else GENTLE_TERMS) / np.sin(0.5 * np.pi / order)
+    per_root = (TERMS if order > LOWEST else MORE_TERMS) / np.sin(0.5 * np.pi / order)
     edge = max(strength, 1.0) ** -0.25
     return max(8, int(np.ceil(per_root * np.sqrt(bound / (2.0 * edge)))))
 

@@ -13,7 +13,15 @@ from scipy.special import j0
 from bezier_filters.arrays import FloatArray, SingleArray
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.smoothing.chebyshev import ORDER, SIDE_BY_SIDE, Signals, add_heights, low_pass, low_pass_series
+from bezier_filters.smoothing.chebyshev import (
+    LOWEST,
+    ORDER,
+    SIDE_BY_SIDE,
+    Signals,
+    add_heights,
+    low_pass,
+    low_pass_series,
+)
 from bezier_filters.smoothing.laplacian import Borders, Laplacian, cotangent_laplacian, umbrella_laplacian
 from bezier_filters.smoothing.mesh_parts import MeshPart
 from bezier_filters.smoothing.noise import NoisyMesh
@@ -24,9 +32,9 @@ STRENGTHS: FloatArray = np.concatenate([[0.0], 10.0 ** np.arange(-1.0, 8.1, 0.5)
 POWERS = (0.0, 0.5, 1.0)  # of cotangent Laplacians, see `cotangent_laplacian`
 # of filters: steeper ones suit surfaces whose detail ends at some size, as that of analytic surfaces does, gentle ones
 # noise that is as long as detail
-ORDERS = (ORDER, 6, 2)
+ORDERS = (ORDER, 6, LOWEST)
 # by order: stronger ones would do round shapes good, but their series are longer, and tiles need more rings
-STRONGEST = {2: 1e8, 4: 1e7, 6: 1e6}
+STRONGEST = {LOWEST: 1e8, ORDER: 1e7, 6: 1e6}
 AROUND = 3  # strengths on both sides of the one that is best for the mesh as a whole that its parts may take
 BEYOND = 6  # steps of the strength beyond that of the umbrella Laplacian up to which others are tried
 RARE = 1e-3  # mean share of a strength up to which it is left out if it is stronger than all others that are not

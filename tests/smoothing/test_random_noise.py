@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numba import config
 from scanner_noise import along_normals, averaged_noise, in_all_directions, mean_edge_of, ring_means
+from test_smoothing import mean_angle
 
 from bezier_filters import smooth
 from bezier_filters.learning.noise_model import MISTAKEN, UNSEEN, NoiseModel, known_noise
@@ -16,7 +17,7 @@ from bezier_filters.smoothing.laplacian import umbrella_laplacian
 from bezier_filters.smoothing.mesh_parts import whole_mesh
 from bezier_filters.smoothing.noise import NoisyMesh
 from bezier_filters.smoothing.random_noise import WHITE, Correlation, random_signs
-from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, ellipsoid, torus, waves
+from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, ellipsoid, sphere, torus, waves
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
 
@@ -115,6 +116,23 @@ def test_noise_of_known_strength_is_as_alike_as_was_learned():
         assert seen.sigma == pytest.approx(min(strength, MISTAKEN) * learned.sigma)
         assert found.lengths[2:] == ((UNSEEN * max(learned.lengths),) if strength > MISTAKEN else ())
     assert known_noise(NoiseModel(2.0), 3.0) == known_noise(None, 3.0) == NoiseModel(9.0, given=True)
+
+
+def test_noise_of_many_lengths_goes_once_its_strength_is_known():
+    """Of which less than a third can be told from shape: the rest is longer."""
+    ball, parts = sphere(resolution=40, jitter=0.2), {0: 0.05, 2: 0.1, 7: 0.15, 27: 0.3, 110: 0.5}  # by passes
+    noise = sum(
+        strength * averaged_noise(ball.faces, len(ball.vertices), passes, seed=passes)
+        for passes, strength in parts.items()
+    )
+    sigma = 0.6 * mean_edge_of(ball.vertices, ball.faces)
+    noisy = ball.vertices + sigma / noise.std() * noise * ball.normals
+    learned, known = smooth(noisy, ball.faces), smooth(noisy, ball.faces, noise=sigma)
+    assert learned.noise_before < sigma / 3
+    assert known.noise_before == pytest.approx(sigma)
+    assert known.noise_length > 2.0 * learned.noise_length > 0.0
+    errors = [mean_angle(result.vertices, ball.vertices, ball.faces) for result in (learned, known)]
+    assert errors[1] < 0.5 * errors[0]
 
 
 def height_error(surface, vertices):

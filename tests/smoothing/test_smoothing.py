@@ -187,28 +187,6 @@ def test_known_noise_takes_the_place_of_the_learned_one(coarse_block):
     assert result.noise_before == 0.0
 
 
-def test_noise_of_many_lengths_goes_once_its_strength_is_known():
-    """Of which less than a third can be told from shape: the rest is longer."""
-    ball, rng = sphere(resolution=40, jitter=0.2), np.random.default_rng(0)
-    unit, n = edge_of(ball.vertices, ball.faces), len(ball.vertices)
-    rows = vertex_adjacency(triangle_mesh(ball.vertices, ball.faces)).vertices
-    links = csr_array((np.ones(len(rows.indices)), rows.indices, rows.indptr), shape=(n, n))
-    noise = np.zeros(n)
-    for rounds, strength in ((0, 0.05), (1, 0.1), (4, 0.15), (16, 0.3), (64, 0.5)):
-        part = rng.standard_normal(n)
-        for _ in range(rounds):
-            part = (part + links @ part) / (1.0 + rows.lengths)
-        noise += strength * part / part.std()
-    sigma = 0.6 * unit
-    noisy = ball.vertices + (sigma / noise.std() * noise)[:, np.newaxis] * ball.normals
-    learned, known = smooth(noisy, ball.faces), smooth(noisy, ball.faces, noise=sigma)
-    assert learned.noise_before < sigma / 3
-    assert known.noise_before == pytest.approx(sigma)
-    assert known.noise_length > 2.0 * learned.noise_length > 0.0
-    errors = [mean_angle(result.vertices, ball.vertices, ball.faces) for result in (learned, known)]
-    assert errors[1] < 0.5 * errors[0]
-
-
 @pytest.mark.parametrize(
     ("sigma", "blurred", "in_all_directions", "words"),
     [
