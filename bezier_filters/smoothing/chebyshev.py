@@ -59,13 +59,6 @@ def coefficients(response: Callable[[FloatArray], FloatArray], bound: float, ter
     return result
 
 
-def series_terms(strength: float, bound: float, order: int) -> int:
-    """Length of the Chebyshev series of filters up to some strength, on [0, bound]."""
-    per_root = (TERMS if order > LOWEST else MORE_TERMS) / np.sin(0.5 * np.pi / order)
-    edge = max(strength, 1.0) ** -0.25
-    return max(8, int(np.ceil(per_root * np.sqrt(bound / (2.0 * edge)))))
-
-
 def low_pass_series(strengths: FloatArray, bound: float, order: int = ORDER) -> FloatArray:
     """Chebyshev coefficients, (terms, strengths), of (1 - f(x)) / x on [0, bound] for the filters f.
 
@@ -73,7 +66,9 @@ def low_pass_series(strengths: FloatArray, bound: float, order: int = ORDER) -> 
     >>> bool(np.allclose(rows.sum(axis=0), [0.0, 0.5 * (1.0 - 1.0 / 161.0)], atol=1e-3))
     True
     """
-    terms = series_terms(float(strengths.max()), bound, order)
+    edge = max(float(strengths.max()), 1.0) ** -0.25
+    per_root = (TERMS if order > LOWEST else MORE_TERMS) / np.sin(0.5 * np.pi / order)
+    terms = max(8, int(np.ceil(per_root * np.sqrt(bound / (2.0 * edge)))))
     scales = strengths**0.25
 
     def taken(x: FloatArray) -> FloatArray:
