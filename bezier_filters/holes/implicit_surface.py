@@ -7,20 +7,24 @@ to the variation of the field have the largest restricted likelihood (REML), so 
 fitted and not followed.
 """
 
-from dataclasses import dataclass
 from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.linalg.lapack import dgeqrf, dpotrf
 
 from bezier_filters.arrays import BoolArray, FloatArray
+from bezier_filters.holes.restricted_likelihood import (
+    FAST,
+    TERMS,
+    reflections_of,
+    restricted_likelihood,
+    subtract_contrasts,
+    turn,
+)
 from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import run_kernel
 
-TERMS = 10  # of a quadratic
-FAST = {"contract", "reassoc", "nsz", "arcp"}
 POWERS = (3, 5)
 PILOT = 3  # one of so many points is enough to tell the power if that makes each value there more likely by e^(1/2)
 CLEAN = 1e-13  # errors over variation where there is no noise: as little as the arithmetic can take
@@ -72,43 +76,33 @@ def fit_implicit_surface(
     The function is told its values at the offset, a length of about an edge, from the surface. Points that are not
     noisy are interpolated. `others` (k, 3) are further points, with unknown normals.
     """
+    further = np.empty((0, 3)) if others is None else others
     powers: tuple[int, ...] = POWERS
     if not noisy:
-        pilot = _fits(points[::PILOT], normals[::PILOT], offset, POWERS, noisy=False, others=None)
+        pilot = _fits(points[::PILOT], normals[::PILOT], further[:0], offset, POWERS, noisy=False)
         if len(pilot) == len(POWERS) and abs(pilot[0][0] - pilot[1][0]) > 3 * len(points[::PILOT]):
             powers = (min(pilot, key=itemgetter(0))[1].power,)
-    fits = _fits(points, normals, offset, powers, noisy=noisy, others=others)
+    fits = _fits(points, normals, further, offset, powers, noisy=noisy)
     return min(fits, key=itemgetter(0))[1] if fits else None
 
 
 def _fits(
-    points: FloatArray,
-    normals: FloatArray,
-    offset: float,
-    powers: tuple[int, ...],
-    *,
-    noisy: bool,
-    others: FloatArray | None,
+    points: FloatArray, normals: FloatArray, others: FloatArray, offset: float, powers: tuple[int, ...], *, noisy: bool
 ) -> list[tuple[float, ImplicitSurface]]:
     """Surfaces with each of some powers, as far as possible, and -2 log of their likelihoods."""
     if 3 * len(points) < 20:
         return []
-    origin = points.mean(axis=0)
-    scale = float(np.sqrt(np.square(points - origin).sum(axis=1).max()))
+    count = 3 * len(points) + len(others)
+    origin, centers, values, quadratics = np.empty(3), np.empty((3, count)), np.empty(count), np.empty((TERMS, count))
+    scale = _place_values(points, normals, others, offset, origin, centers, values, quadratics)
     if not scale > 0.0:
         return []
-    step = offset / scale
-    surface = (points - origin) / scale
-    further = np.empty((0, 3)) if others is None else (others - origin) / scale
-    points = np.vstack([surface, surface + step * normals, surface - step * normals, further])
-    centers = np.ascontiguousarray(points.T)
-    values = np.concatenate([np.repeat([0.0, step, -step], len(surface)), np.zeros(len(further))])
-    reflections = reflections_of(_quadratics(points))
-    if np.abs(np.diag(reflections.triangle)).min() < 1e-12:
+    reflections = reflections_of(quadratics)
+    if np.abs(reflections.triangle.diagonal()).min() < 1e-12:
         return []
-    turned = np.zeros((len(points), len(points)))  # of which the lower triangle is written
-    factor = np.empty((len(points) - TERMS, len(points) - TERMS))
-    errors = _error_covariance(len(surface), len(further)) if noisy else np.empty((0, 0))
+    turned = np.zeros((count, count))  # of which the lower triangle is written
+    factor = np.empty((count - TERMS, count - TERMS))
+    errors = _error_covariance(len(points), len(others)) if noisy else np.empty((0, 0))
     if noisy:
         turn(errors, reflections)
     target = reflections.applied(values)
@@ -116,18 +110,18 @@ def _fits(
     for power in powers:
         _write_kernel(centers, power, turned)
         size = turn(turned, reflections)
-        best: tuple[float, ImplicitSurface] | None = None
+        best: tuple[float, FloatArray, float] | None = None
         for ratio in NOISE_RATIOS if noisy else (CLEAN,):
             solved = restricted_likelihood(turned, target[TERMS:], errors, ratio * size, factor)
-            if solved is None or (best is not None and solved[0] >= best[0]):
-                continue
-            across = turned[TERMS:, :TERMS] + (ratio * size * errors[TERMS:, :TERMS] if noisy else 0.0)
-            right = target[:TERMS] - solved[1] @ across
-            quadratic = np.asarray(np.linalg.solve(reflections.triangle, right), dtype=np.float64)
-            weights = reflections.undone(np.concatenate([np.zeros(TERMS), solved[1]]))
-            best = solved[0], ImplicitSurface(origin, scale, centers, weights, quadratic, power, float(ratio))
-        if best is not None:
-            result.append(best)
+            if solved is not None and (best is None or solved[0] < best[0]):
+                best = *solved, float(ratio)
+        if best is None:
+            continue
+        measure, contrasts, ratio = best
+        quadratic = target[:TERMS].copy()
+        subtract_contrasts(turned, errors, ratio * size, contrasts, reflections.triangle, quadratic)
+        weights = reflections.undone(np.concatenate([np.zeros(TERMS), contrasts]))
+        result.append((measure, ImplicitSurface(origin, scale, centers, weights, quadratic, power, ratio)))
     return result
 
 
@@ -137,10 +131,47 @@ def _error_covariance(count: int, others: int) -> FloatArray:
     return np.asarray(common + SIDE_ERRORS * np.eye(3 * count + others), dtype=np.float64)
 
 
-def _quadratics(points: FloatArray) -> FloatArray:
-    """Monomials up to degree 2 at points (n, 3), shape (n, 10)."""
-    x, y, z = points.T
-    return np.stack([np.ones(len(points)), x, y, z, x * x, x * y, x * z, y * y, y * z, z * z], axis=1)
+@jit(fastmath=FAST)
+def _place_values(
+    points: FloatArray,
+    normals: FloatArray,
+    others: FloatArray,
+    offset: float,
+    origin: FloatArray,
+    centers: FloatArray,
+    values: FloatArray,
+    quadratics: FloatArray,
+) -> float:
+    """Write where values are known, scaled, and these: on the points, outside, inside, on the others; return the scale.
+
+    `quadratics` (10, n) receives the monomials up to degree 2 there. Nothing but the origin is written for scale 0.
+    """
+    count, square = points.shape[0], 0.0
+    for axis in range(3):
+        origin[axis] = 0.0
+        for i in range(count):
+            origin[axis] += points[i, axis] / count
+    for i in range(count):
+        x, y, z = points[i, 0] - origin[0], points[i, 1] - origin[1], points[i, 2] - origin[2]
+        square = max(square, x * x + y * y + z * z)
+    scale = np.sqrt(square)
+    if not scale > 0.0:
+        return float(scale)
+    for j in range(centers.shape[1]):
+        side = 0.0
+        for axis in range(3):
+            if j < 3 * count:
+                side = 0.0 if j < count else 1.0 if j < 2 * count else -1.0
+                x = points[j % count, axis] + side * offset * normals[j % count, axis]
+            else:
+                x = others[j - 3 * count, axis]
+            centers[axis, j] = (x - origin[axis]) / scale
+        values[j] = side * offset / scale
+        x, y, z = centers[0, j], centers[1, j], centers[2, j]
+        quadratics[0, j], quadratics[1, j], quadratics[2, j], quadratics[3, j] = 1.0, x, y, z
+        quadratics[4, j], quadratics[5, j], quadratics[6, j] = x * x, x * y, x * z
+        quadratics[7, j], quadratics[8, j], quadratics[9, j] = y * y, y * z, z * z
+    return float(scale)
 
 
 @jit(fastmath=FAST)
@@ -202,116 +233,3 @@ def _value_and_gradient(surface: ImplicitSurface, x: float, y: float, z: float) 
         gy += power * slope * dy
         gz += power * slope * dz
     return value, gx, gy, gz
-
-
-@dataclass(frozen=True)
-class Reflections:
-    """Q = I - V T V^T, reflections that turn k columns (n, k) into a triangle.
-
-    In the directions that the first k axes do not take, polynomials vanish: the contrasts of REML.
-    """
-
-    vectors: FloatArray  # (n, k): V
-    weights: FloatArray  # (k, k): T
-    triangle: FloatArray  # (k, k): the first k rows that result
-
-    def applied(self, column: FloatArray) -> FloatArray:
-        """Q a of a column (n,)."""
-        return column - self.vectors @ (self.weights @ (column @ self.vectors))
-
-    def undone(self, column: FloatArray) -> FloatArray:
-        """Q^T a of a column (n,)."""
-        return column - self.vectors @ ((column @ self.vectors) @ self.weights)
-
-
-def reflections_of(columns: FloatArray) -> Reflections:
-    """The reflections of some columns (n, k)."""
-    factored, scales, _, _ = dgeqrf(columns)
-    vectors = np.tril(factored, -1)
-    np.fill_diagonal(vectors, 1.0)
-    # T is the inverse of the upper triangle of V^T V with the diagonal 1 / tau (Puglisi 1992).
-    inverse = np.triu(vectors.T @ vectors, 1)
-    np.fill_diagonal(inverse, 1.0 / np.maximum(scales, 1e-300))
-    count = columns.shape[1]
-    return Reflections(vectors, np.linalg.inv(inverse).T, np.triu(factored[:count]))
-
-
-def turn(matrix: FloatArray, reflections: Reflections) -> float:
-    """Replace the lower triangle of a symmetric matrix K (n, n) by that of Q K Q^T; return the norm of the contrasts.
-
-    Q K Q^T is K - V B^T - B V^T for B = A - V (T V^T A) / 2, where A = K V T^T.
-    """
-    vectors, weights = reflections.vectors, reflections.weights
-    half, columns = np.zeros((TERMS, len(matrix))), np.ascontiguousarray((vectors @ weights.T).T)
-    _multiply(matrix, columns, half)
-    half -= 0.5 * ((half @ vectors) @ weights.T) @ vectors.T
-    return float(np.sqrt(_subtract_products(np.ascontiguousarray(vectors.T), half, matrix)))
-
-
-def restricted_likelihood(
-    turned: FloatArray, target: FloatArray, errors: FloatArray, variance: float, factor: FloatArray
-) -> tuple[float, FloatArray] | None:
-    """-2 log of the restricted likelihood, up to a constant, and the weights.
-
-    Errors, independent ones if no covariance is given, are added with their variance, and with up to a thousand times
-    as much if the matrix is not positive definite otherwise; None if it still is not. `factor` is overwritten.
-    """
-    for _ in range(4):
-        np.copyto(factor, turned[TERMS:, TERMS:])
-        if len(errors):
-            factor += variance * errors[TERMS:, TERMS:]
-        else:
-            factor[np.diag_indices(len(factor))] += variance
-        # LAPACK's rows are columns here: its upper triangle is the lower one, and nothing is copied.
-        if dpotrf(factor.T, lower=0, clean=0, overwrite_a=1)[1] == 0:
-            weights = target.copy()
-            log_determinant, energy = _solve_factored(factor, weights)
-            return log_determinant + len(target) * float(np.log(energy)), weights
-        variance *= 10.0
-    return None
-
-
-@jit(fastmath=FAST)
-def _multiply(matrix: FloatArray, columns: FloatArray, products: FloatArray) -> None:
-    """Add a symmetric matrix, of which the lower triangle is read, times columns (k, n) to `products` (k, n)."""
-    for i in range(matrix.shape[0]):
-        row = matrix[i]
-        for c in range(columns.shape[0]):
-            column, product, x, total = columns[c], products[c], columns[c, i], 0.0
-            for j in range(i):
-                total += row[j] * column[j]
-                product[j] += row[j] * x
-            product[i] += total + row[i] * x
-
-
-@jit(fastmath=FAST)
-def _subtract_products(v: FloatArray, b: FloatArray, matrix: FloatArray) -> float:
-    """Subtract V^T B + B^T V of (10, n) from the lower triangle; return the sum of squares of all from row 10 on."""
-    squares = 0.0
-    for i in range(matrix.shape[0]):
-        row = matrix[i]
-        for j in range(i + 1):
-            for c in range(TERMS):
-                row[j] -= v[c, i] * b[c, j] + b[c, i] * v[c, j]
-        for j in range(TERMS, i + 1):
-            squares += (1.0 if i == j else 2.0) * row[j] * row[j]
-    return squares
-
-
-@jit(fastmath=FAST)
-def _solve_factored(factor: FloatArray, right: FloatArray) -> tuple[float, float]:
-    """Solve L L^T x = b in place, lower triangular; return log det L L^T and b^T x, which is positive."""
-    log_determinant, energy = 0.0, 0.0
-    for i in range(right.shape[0]):
-        row = factor[i]
-        log_determinant += 2.0 * np.log(row[i])
-        for j in range(i):
-            right[i] -= row[j] * right[j]
-        right[i] /= row[i]
-        energy += right[i] * right[i]
-    for i in range(right.shape[0] - 1, -1, -1):
-        row = factor[i]
-        right[i] /= row[i]
-        for j in range(i):
-            right[j] -= row[j] * right[i]
-    return log_determinant, max(energy, np.finfo(np.float64).tiny)
