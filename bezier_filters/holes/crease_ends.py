@@ -253,18 +253,25 @@ def border(cut: CutHole, paths: list[IntArray], part: int) -> IntArray:
 
 
 def sub_hole(
-    cut: CutHole, part: int, points: FloatArray, sizes: FloatArray, loop: IntArray, taken: set[tuple[int, int]]
+    cut: CutHole, part: int, points: FloatArray, sizes: FloatArray, loop: IntArray, taken: IntArray
 ) -> InfluenceRegion:
-    """InfluenceRegion of a part: the faces on its side. Its `ids` are rows of `points`, then places in the region."""
+    """InfluenceRegion of a part: the faces on its side. Its `ids` are rows of `points`, then places in the region.
+
+    Pairs (p, 2) of rows that are taken are joined already.
+    """
     region, mine = cut.region, cut.part_of_face == part
-    others = np.setdiff1d(region.faces[mine], loop)
+    # Rows of `points` and places in the region are the same on the rim only: other places get names beyond all rows.
+    beyond = len(points) - region.rim_count
+    faces = region.faces[mine]
+    names = np.where(faces < region.rim_count, faces, faces + beyond)
+    ids = np.concatenate([loop, np.setdiff1d(names, loop)])
+    place = np.full(len(points) + len(region.ids), -1, dtype=np.int32)
+    place[ids] = np.arange(len(ids), dtype=np.int32)
+    others = np.where(ids < len(points), ids, ids - beyond)[len(loop) :]
     ids = np.concatenate([loop, others]).astype(np.int32)
     rings = np.concatenate([np.zeros(len(loop)), np.maximum(region.rings[others], 1)]).astype(np.int32)
-    place = {vertex: k for k, vertex in enumerate(ids.tolist())}
-    faces = np.array([place[v] for v in region.faces[mine].ravel().tolist()], dtype=np.int32).reshape(-1, 3)
-    joined = frozenset(
-        (min(place[a], place[b]), max(place[a], place[b])) for a, b in taken if a in place and b in place
-    )
-    vertices = np.vstack([points[loop], region.vertices[others]])
+    joined = place[taken]
+    joined = joined[(joined >= 0).all(axis=1)]
+    vertices = np.concatenate([points[loop], region.vertices[others]])
     rim = np.arange(len(loop), dtype=np.int32)
-    return InfluenceRegion(ids, rings, vertices, faces, (rim,), joined, wanted_sizes=sizes[loop])
+    return InfluenceRegion(ids, rings, vertices, place[names], (rim,), joined, wanted_sizes=sizes[loop])

@@ -185,7 +185,7 @@ def _with_parts(
         first = inner.stop
     shared = len(points)
     faces: list[IntArray] = []
-    taken = set(region.rim_edges)
+    taken = region.rim_edges
     for part, fill_part in enumerate(fillers):
         loop = border(cut, paths, part)
         if len(np.unique(loop)) < len(loop) or len(loop) < 3:
@@ -198,7 +198,7 @@ def _with_parts(
         faces.append(np.concatenate([side.ids[: fill.rim_count], new])[fill.faces].astype(np.int32))
         points = np.vstack([points, fill.points[fill.rim_count :]])
         sizes = np.concatenate([sizes, fill.sizes[fill.rim_count :]])
-        taken |= vertex_pairs(faces[-1], shared)
+        taken = np.concatenate([taken, vertex_pairs(faces[-1], shared)])
     creases = np.vstack([np.stack([path[:-1], path[1:]], axis=1) for path in paths])
     fill = Fill(points, sizes, np.vstack(faces), region.rim_count)
     return Attempt("creases", fill, parts=len(cut.sectors), creases=creases)

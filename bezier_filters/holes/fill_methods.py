@@ -21,10 +21,9 @@ from bezier_filters.holes.planar_fill import Correction, paper_fill
 from bezier_filters.holes.polyharmonic_fairing import polyharmonic_continuation
 from bezier_filters.holes.smooth_fill import Attempt, smooth_attempts
 from bezier_filters.meshes.adjacency import Rows
-from bezier_filters.meshes.frames import unit_face_normals
-from bezier_filters.meshes.half_edges import dihedral_angles, faces_at_edges
+from bezier_filters.meshes.half_edges import dihedral_angles, half_edge_lists, normals_at_edges
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.self_intersections import cut_faces, faces_in_boxes, meeting_box
+from bezier_filters.meshes.self_intersections import cut_faces, faces_in_boxes
 
 FillingMethod = Literal["auto", "paper"]
 
@@ -182,20 +181,19 @@ def fill_group(task: OpenMesh, group: Iterable[int]) -> list[tuple[HoleReport, F
     the creases only, by their places in the fill.
     """
     placed: dict[int, FaceSet] = {}
-    joined: dict[int, set[int]] = {}
+    joined = np.empty((0, 2), dtype=np.int32)  # vertices of the mesh that fills join
     result = []
     next_vertex = task.mesh.vertex_count
     for number in group:
-        region = task.known.regions[number].with_joined(joined)
+        region = task.known.regions[number]
+        region = region.with_joined(joined) if placed else region
         hole = FillTask(task, region, task.known.normals[region.ids], region.is_noisy(task.known.noise))
         report, fill = _first_without_cuts(hole, number, placed, next_vertex)
         result.append((report, fill))
         if fill is not None:
             placed[number] = fill
             next_vertex += len(fill.ids) - region.rim_count
-            for a, b in vertex_pairs(fill.ids[fill.faces], task.mesh.vertex_count):
-                joined.setdefault(a, set()).add(b)
-                joined.setdefault(b, set()).add(a)
+            joined = np.concatenate([joined, vertex_pairs(fill.ids[fill.faces], task.mesh.vertex_count)])
     return result
 
 
@@ -273,22 +271,16 @@ def _with_fewer_cuts(placed: FaceSet, rim_count: int, others: Sequence[FaceSet])
 
 def _cuts(placed: FaceSet, others: Sequence[FaceSet]) -> BoolArray:
     """Which faces of a fill cut one of the others or each other."""
-    low, high = placed.points.min(axis=0), placed.points.max(axis=0)
-    near = [other.faces[meeting_box(other.points, other.faces, low, high)] for other in others]
-    corners = [
-        (p.ids[f].ravel(), p.points[f.ravel()]) for p, f in zip((*others, placed), (*near, placed.faces), strict=True)
-    ]
-    ids, points = (np.concatenate(parts) for parts in zip(*corners, strict=True))
-    _, first, faces = np.unique(ids, return_index=True, return_inverse=True)
-    return cut_faces(points[first], faces.reshape(-1, 3).astype(np.int32), len(placed.faces))
+    sets = (*others, placed)
+    first = np.cumsum([0, *(len(part.points) for part in others)], dtype=np.int32)
+    faces = np.concatenate([part.faces + start for part, start in zip(sets, first, strict=True)])
+    names = np.concatenate([part.ids[part.faces] for part in sets])
+    return cut_faces(np.concatenate([part.points for part in sets]), faces, len(placed.faces), names)
 
 
 def _rim_dihedral(fill: FaceSet, region: InfluenceRegion) -> float:
     """Mean angle between the faces on both sides of the rim, in degrees."""
-    at_rim = fill.faces[np.count_nonzero(fill.faces < region.rim_count, axis=1) > 1]
-    normals = unit_face_normals(fill.points, at_rim)
-    angles: list[float] = []
-    for loop in region.loops:
-        own = normals[faces_at_edges(at_rim, loop, np.roll(loop, -1))]
-        angles += dihedral_angles(own, region.normals_beyond(loop)).tolist()
-    return degrees(float(np.mean(angles)))
+    lists = half_edge_lists(fill.faces, len(fill.points))
+    own = [normals_at_edges(fill.points, fill.faces, lists, loop, np.roll(loop, -1)) for loop in region.loops]
+    beyond = [region.normals_beyond(loop) for loop in region.loops]
+    return degrees(float(dihedral_angles(np.concatenate(own), np.concatenate(beyond)).mean()))

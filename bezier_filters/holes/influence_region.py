@@ -1,7 +1,6 @@
 """The influence region of a hole: rings of the mesh around it as a small mesh of its own, and what is known there."""
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import pi
 
@@ -9,12 +8,12 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
-from bezier_filters.holes.loops import angle_sums
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.frames import unit_face_normals
-from bezier_filters.meshes.half_edges import faces_at_edges
+from bezier_filters.meshes.half_edges import HalfEdgeLists, face_at_edge, half_edge_lists, normals_at_edges
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.neighbourhoods import rings_around
+from bezier_filters.meshes.triangles import angle_parts, edge_length
 from bezier_filters.runtime.jit import jit
 
 RINGS = 5  # around a hole, from which its fill follows
@@ -36,8 +35,8 @@ class InfluenceRegion:
     faces: IntArray  # (m, 3): faces with a vertex less than the largest number of rings away
     # each (k,): the rims of the hole and of its islands, in the direction of the faces that fill it
     loops: tuple[IntArray, ...]
-    # pairs of rim vertices that are joined outside these faces, by the fill of another hole; the smaller first
-    joined: frozenset[tuple[int, int]] = frozenset()
+    # (p, 2): pairs of rim vertices that are joined outside these faces, by the fill of another hole
+    joined: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int32))
     # (r,): edge lengths that are wanted at the rim vertices, if not those of the faces
     wanted_sizes: FloatArray | None = None
     noise_free: FloatArray | None = None  # (b, 3): the coordinates without their noise, if that hides sharp edges
@@ -47,7 +46,7 @@ class InfluenceRegion:
         """Coordinates by which edges are sharp or not, (b, 3)."""
         return self.vertices if self.noise_free is None else self.noise_free
 
-    @property
+    @cached_property
     def rim_count(self) -> int:
         """Number of vertices of all rims."""
         return int(np.count_nonzero(self.rings == 0))
@@ -63,33 +62,30 @@ class InfluenceRegion:
         return len(self.loops) == 1 and len(self.loops[0]) == self.rim_count
 
     @cached_property
-    def rim_edges(self) -> frozenset[tuple[int, int]]:
-        """Edges between rim vertices that are there already, the smaller vertex first: no fill may join them again."""
-        return self.joined | vertex_pairs(self.faces, self.rim_count)
+    def rim_edges(self) -> IntArray:
+        """Edges between rim vertices that are there already, (p, 2): no fill may join them again."""
+        return np.concatenate([self.joined, vertex_pairs(self.faces, self.rim_count)])
 
     @cached_property
-    def _faces_at_rim(self) -> IntArray:
-        """Numbers of the faces with a vertex on the rim."""
-        return np.flatnonzero(self.faces.min(axis=1, initial=self.rim_count) < self.rim_count).astype(np.int32)
+    def _half_edges(self) -> HalfEdgeLists:
+        return half_edge_lists(self.faces, len(self.ids))
 
     @cached_property
+    def _at_rim(self) -> tuple[FloatArray, FloatArray]:
+        """Gap and mean length of the edges of each rim vertex."""
+        gaps, sizes = np.full(self.rim_count, 2.0 * pi), np.zeros(self.rim_count)
+        _measure_rim(self.vertices, self.faces, self._half_edges, gaps, sizes, np.zeros(self.rim_count))
+        return gaps, sizes
+
+    @property
     def gaps(self) -> FloatArray:
         """Angle that is left for the hole at each rim vertex: 2 pi less those of the faces, in radians."""
-        return 2.0 * pi - angle_sums(self.vertices, self.faces[self._faces_at_rim], self.rim_count)
+        return self._at_rim[0]
 
-    @cached_property
+    @property
     def sizes(self) -> FloatArray:
         """Edge length that is wanted at each rim vertex: the mean of its edges."""
-        if self.wanted_sizes is not None:
-            return self.wanted_sizes
-        faces, points, n = self.faces[self._faces_at_rim], self.vertices, self.rim_count
-        here, after, before = (faces[:, k].ravel() for k in ([0, 1, 2], [1, 2, 0], [2, 0, 1]))
-        # Each edge is met once: as that to the corner after this one, and before it if it has no other face.
-        is_lone = faces_at_edges(faces, here, before) < 0
-        lengths = np.linalg.norm(points[[after, before]] - points[here], axis=2) * [np.ones(len(here)), is_lone]
-        total = np.bincount(np.repeat(here, 2), weights=lengths.T.ravel(), minlength=n)[:n]
-        count = np.bincount(here, weights=1.0 + is_lone, minlength=n)[:n]
-        return np.asarray(total / np.maximum(count, 1.0), dtype=np.float64)
+        return self._at_rim[1] if self.wanted_sizes is None else self.wanted_sizes
 
     @cached_property
     def face_normals(self) -> FloatArray:
@@ -98,26 +94,19 @@ class InfluenceRegion:
 
     def normals_beyond(self, loop: IntArray) -> FloatArray:
         """Unit normal of the face beyond the edge that begins at each vertex of a rim, zero without one, (k, 3)."""
-        at_rim = self._faces_at_rim
-        beyond = faces_at_edges(self.faces[at_rim], np.roll(loop, -1), loop)
-        result = np.zeros((len(loop), 3))
-        result[beyond >= 0] = self.face_normals[at_rim[beyond[beyond >= 0]]]
-        return result
+        return normals_at_edges(self.vertices, self.faces, self._half_edges, np.roll(loop, -1), loop)
 
     def is_noisy(self, noise: float | None) -> bool:
         """Whether noise of that size, a length, is so large that points around the hole are fitted."""
         return noise is not None and noise > NOISE * float(self.sizes.mean())
 
-    def with_joined(self, joined: Mapping[int, Iterable[int]]) -> "InfluenceRegion":
-        """The same where some pairs of vertices of the mesh are joined outside; `joined` lists each both ways."""
-        place_of = {vertex: k for k, vertex in enumerate(self.ids[: self.rim_count].tolist())}
-        pairs = frozenset(
-            (k, place_of[other])
-            for vertex, k in place_of.items()
-            for other in joined.get(vertex, ())
-            if place_of.get(other, -1) > k
-        )
-        return replace(self, joined=pairs) if pairs else self
+    def with_joined(self, joined: IntArray) -> "InfluenceRegion":
+        """The same where some pairs of vertices of the mesh, (p, 2), are joined outside."""
+        rim = self.ids[: self.rim_count]
+        pairs = joined[np.isin(joined, rim).all(axis=1)]
+        by_id = np.argsort(rim)
+        places = by_id[np.searchsorted(rim, pairs, sorter=by_id)].astype(np.int32)
+        return replace(self, joined=places) if len(pairs) else self
 
 
 def influence_region(
@@ -136,11 +125,44 @@ def influence_region(
     return InfluenceRegion(ids, ring, mesh.vertices[ids], places(faces), tuple(places(loop) for loop in loops))
 
 
-def vertex_pairs(faces: IntArray, limit: int) -> frozenset[tuple[int, int]]:
-    """Edges of faces (m, 3) between vertices below a limit, as pairs, the smaller first."""
-    ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    ends = np.sort(ends[(ends < limit).all(axis=1)], axis=1)
-    return frozenset((a, b) for a, b in ends.tolist())
+def vertex_pairs(faces: IntArray, limit: int) -> IntArray:
+    """Edges of faces (m, 3) between vertices below a limit, (p, 2); those of two faces are there twice."""
+    pairs = np.empty((faces.size, 2), dtype=np.int32)
+    return pairs[: _write_pairs(faces, limit, pairs)]
+
+
+@jit()
+def _write_pairs(faces: IntArray, limit: int, pairs: IntArray) -> int:
+    count = 0
+    for f in range(faces.shape[0]):
+        for k in range(3):
+            a, b = faces[f, k], faces[f, (k + 1) % 3]
+            if a < limit and b < limit:
+                pairs[count, 0], pairs[count, 1] = a, b
+                count += 1
+    return count
+
+
+@jit()
+def _measure_rim(
+    points: FloatArray, faces: IntArray, lists: HalfEdgeLists, gaps: FloatArray, sizes: FloatArray, edges: FloatArray
+) -> None:
+    """Subtract the angles at the first vertices from gaps, and write the mean lengths of their edges; others are 0."""
+    for f in range(faces.shape[0]):
+        for k in range(3):
+            here, after, before = faces[f, k], faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
+            if here >= gaps.shape[0]:
+                continue
+            cosine, sine = angle_parts(points, here, after, before)
+            gaps[here] -= np.arctan2(sine, cosine)
+            # Each edge is met once: as that to the corner after this one, and before it if it has no other face.
+            sizes[here] += edge_length(points, here, after)
+            edges[here] += 1.0
+            if face_at_edge(faces, lists, here, before) < 0:
+                sizes[here] += edge_length(points, here, before)
+                edges[here] += 1.0
+    for i in range(sizes.shape[0]):
+        sizes[i] /= max(edges[i], 1.0)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ ears are cut off first, the shortest chords before the others, until they are sm
 """
 
 import heapq
-from collections.abc import Set as AbstractSet
 from math import pi
 
 import numpy as np
@@ -106,38 +105,47 @@ def _side(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
 
 
 def triangulate_loop(
-    points: FloatArray, ids: IntArray, rim_normals: FloatArray, gaps: FloatArray, existing: AbstractSet[tuple[int, int]]
+    points: FloatArray, ids: IntArray, rim_normals: FloatArray, gaps: FloatArray, existing: IntArray
 ) -> IntArray | None:
     """Triangulate a closed loop.
 
     `points` (k, 3) run in the direction of the triangles, `rim_normals` (k, 3) are those of the faces beyond the edges
     that begin there, zero where there is none, and `gaps` (k,) are the angles of the hole, in radians. A loop that
-    reaches islands over bridges names the ends of the bridges twice, by `ids` (k,). Pairs of ids that exist, the
-    smaller first, are not joined again: None if every triangulation would, otherwise triangles of ids (k - 2, 3).
+    reaches islands over bridges names the ends of the bridges twice, by `ids` (k,). Pairs of ids that exist, (p, 2), or
+    that the loop itself joins, are not joined again: None if every triangulation would, otherwise triangles of ids
+    (k - 2, 3).
 
     >>> square = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
     >>> flat = np.tile([0.0, 0.0, 1.0], (4, 1))
-    >>> triangulate_loop(square, np.arange(4), flat, np.full(4, pi / 2), {(0, 2)}).tolist()
+    >>> triangulate_loop(square, np.arange(4), flat, np.full(4, pi / 2), np.array([[0, 2]])).tolist()
     [[0, 1, 3], [1, 2, 3]]
     """
-    rest, ears = _cut_ears(points, ids, gaps, existing)
+    joined = np.concatenate([existing, np.stack([ids, np.concatenate([ids[1:], ids[:1]])], axis=1)])
+    rest, ears = _cut_ears(points, ids, gaps, joined)
     normals = rim_normals[rest]
-    normals[np.roll(rest, -1) != (rest + 1) % len(points)] = 0.0  # chords of ears
-    split = np.full((len(rest), len(rest)), -1, dtype=np.int32)
-    worst, area = np.zeros((2, len(rest), len(rest)))
-    _search(points[rest], normals, _forbidden(ids[rest], existing), worst, area, split)
-    inner = _triangles(split)
-    if inner is None:
+    if ears:
+        normals[np.roll(rest, -1) != (rest + 1) % len(points)] = 0.0  # chords of ears
+    count = len(rest)
+    split, forbidden = np.full((count, count), -1, dtype=np.int32), np.zeros((count, count), dtype=np.bool_)
+    inner = np.empty((count - 2, 3), dtype=np.int32)
+    _forbid(ids[rest], joined, forbidden)
+    worst, area = np.zeros((2, count, count))
+    _search(points[rest], normals, forbidden, worst, area, split)
+    if count > 2 and split[0, count - 1] < 0:
         return None
-    positions = np.vstack([np.array(ears, dtype=np.int32).reshape(-1, 3), rest[inner]])
-    return ids[positions].astype(np.int32)
+    _collect(split, np.empty((count, 2), dtype=np.int32), inner)
+    positions = np.concatenate([np.array(ears, dtype=np.int32).reshape(-1, 3), rest[inner]])
+    return np.asarray(ids[positions], dtype=np.int32)
 
 
 def _cut_ears(
-    points: FloatArray, ids: IntArray, gaps: FloatArray, existing: AbstractSet[tuple[int, int]]
+    points: FloatArray, ids: IntArray, gaps: FloatArray, joined: IntArray
 ) -> tuple[IntArray, list[tuple[int, int, int]]]:
     """Positions that are left when enough ears have been cut, and the ears."""
     count = len(points)
+    if count <= LARGEST_EXACT:
+        return np.arange(count, dtype=np.int32), []
+    existing = {(a, b) for a, b in np.sort(joined, axis=1).tolist()}
     after, before = np.roll(np.arange(count), -1), np.roll(np.arange(count), 1)
     gaps, alive, version = gaps.copy(), np.ones(count, dtype=np.bool_), np.zeros(count, dtype=np.int32)
     ears: list[tuple[int, int, int]] = []
@@ -150,9 +158,8 @@ def _cut_ears(
             chord = float(np.linalg.norm(points[before[k]] - points[after[k]]))
             heapq.heappush(queue, (chord, k, int(version[k])))
 
-    if count > LARGEST_EXACT:
-        for k in range(count):
-            consider(k)
+    for k in range(count):
+        consider(k)
     while queue and count - len(ears) > LARGEST_EXACT:
         _, k, stamp = heapq.heappop(queue)
         if stamp != version[k] or not alive[k]:
@@ -167,31 +174,39 @@ def _cut_ears(
     return np.flatnonzero(alive).astype(np.int32), ears
 
 
-def _forbidden(ids: IntArray, existing: AbstractSet[tuple[int, int]]) -> BoolArray:
-    """Which corners of a loop must not be joined by a chord, (k, k); its own edges may be."""
-    count, names = len(ids), ids.astype(np.int64)
-    joined = np.array(list(existing), dtype=np.int64).reshape(-1, 2)
-    base = 1 + max(int(names.max()), int(joined.max(initial=0)))
-    pairs = np.minimum.outer(names, names) * base + np.maximum.outer(names, names)
-    result: BoolArray = np.equal.outer(names, names) | np.isin(pairs, joined @ [base, 1])
-    corner = np.arange(count)
-    result[corner, (corner + 1) % count] = result[(corner + 1) % count, corner] = False
-    return result
+@jit()
+def _forbid(ids: IntArray, joined: IntArray, forbidden: BoolArray) -> None:
+    """Mark which corners of a loop must not be joined by a chord, (k, k); its own edges may be."""
+    count = ids.shape[0]
+    for i in range(count):
+        for j in range(count):
+            forbidden[i, j] = ids[i] == ids[j]
+    for p in range(joined.shape[0]):
+        for i in range(count):
+            if ids[i] == joined[p, 0]:
+                for j in range(count):
+                    if ids[j] == joined[p, 1]:
+                        forbidden[i, j] = forbidden[j, i] = True
+    for i in range(count):
+        j = (i + 1) % count
+        forbidden[i, j] = forbidden[j, i] = False
 
 
-def _triangles(split: IntArray) -> IntArray | None:
-    """Triangles of the search: below the edge from i to k lies the one with the corner split[i, k]."""
-    last = len(split) - 1
-    if last > 1 and split[0, last] < 0:
-        return None
-    triangles, waiting = [], [(0, last)]
-    while waiting:
-        i, k = waiting.pop()
+@jit()
+def _collect(split: IntArray, waiting: IntArray, triangles: IntArray) -> None:
+    """Write the triangles of the search: below the edge from i to k lies the one with the corner split[i, k]."""
+    count, depth = 0, 1
+    waiting[0, 0], waiting[0, 1] = 0, split.shape[0] - 1
+    while depth > 0:
+        depth -= 1
+        i, k = waiting[depth, 0], waiting[depth, 1]
         if k - i > 1:
-            m = int(split[i, k])
-            triangles.append((i, m, k))
-            waiting += [(m, k), (i, m)]
-    return np.array(triangles, dtype=np.int32).reshape(-1, 3)
+            m = split[i, k]
+            triangles[count, 0], triangles[count, 1], triangles[count, 2] = i, m, k
+            count += 1
+            waiting[depth, 0], waiting[depth, 1] = m, k
+            waiting[depth + 1, 0], waiting[depth + 1, 1] = i, m
+            depth += 2
 
 
 @jit()

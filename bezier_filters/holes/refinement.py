@@ -4,7 +4,6 @@ Triangles are split until their edges are as long as those of the surroundings, 
 are locally Delaunay (P. Liepa, "Filling holes in meshes", SGP 2003). The edges at the rim stay as they are.
 """
 
-from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -37,23 +36,17 @@ class Fill:
     rim_count: int  # number of vertices of the rim
 
 
-def refine(fill: Fill, existing: AbstractSet[tuple[int, int]]) -> Fill:
-    """Split triangles that are too large, and flip edges; pairs of rim vertices that exist are not joined again."""
-    pairs = _as_rows(existing)
+def refine(fill: Fill, existing: IntArray) -> Fill:
+    """Split triangles that are too large, and flip edges; pairs (p, 2) of rim vertices are not joined again."""
     points, sizes, faces = fill.points, fill.sizes, fill.faces
     neighbours = face_neighbours(faces)
-    n, m = len(points), len(faces)
+    counts = np.array([len(points), len(faces), 0])
     most = FEW_FACES + fill.rim_count**2
-    for _ in range(MOST_PASSES):
-        if m > most:
-            break
-        if len(faces) < 3 * m:  # each face may become three
-            points, sizes = _with_room(points, GROWTH * m), _with_room(sizes, GROWTH * m)
-            faces, neighbours = _with_room(faces, GROWTH * m), _with_room(neighbours, GROWTH * m)
-        added = _split(points, sizes, faces, neighbours, n, m)
-        n, m = n + added, m + 2 * added
-        if _flip(points, faces[:m], neighbours, pairs, fill.rim_count) == added == 0:
-            break
+    while not _refine(points, sizes, faces, neighbours, existing, fill.rim_count, most, counts):
+        room = GROWTH * int(counts[1])
+        points, sizes = _with_room(points, room), _with_room(sizes, room)
+        faces, neighbours = _with_room(faces, room), _with_room(neighbours, room)
+    n, m, _ = counts
     return Fill(points[:n].copy(), sizes[:n].copy(), faces[:m].copy(), fill.rim_count)
 
 
@@ -62,16 +55,11 @@ def _with_room(part: Values, count: int) -> Values:
     return np.concatenate([part, np.zeros((count - len(part), *part.shape[1:]), dtype=part.dtype)])
 
 
-def flip_edges(fill: Fill, existing: AbstractSet[tuple[int, int]]) -> Fill:
-    """Flip edges until all are locally Delaunay, without joining rim vertices again."""
+def flip_edges(fill: Fill, existing: IntArray) -> Fill:
+    """Flip edges until all are locally Delaunay, without joining pairs (p, 2) of rim vertices again."""
     faces = fill.faces.copy()
-    _flip(fill.points, faces, face_neighbours(faces), _as_rows(existing), fill.rim_count)
+    _flip(fill.points, faces, face_neighbours(faces), existing, fill.rim_count)
     return replace(fill, faces=faces)
-
-
-def _as_rows(pairs: AbstractSet[tuple[int, int]]) -> IntArray:
-    """Pairs as an array (p, 2)."""
-    return np.array(list(pairs), dtype=np.int32).reshape(-1, 2)
 
 
 def relax_tangentially(fill: Fill) -> Fill:
@@ -87,6 +75,33 @@ def relax_tangentially(fill: Fill) -> Fill:
 
 
 @jit()
+def _refine(
+    points: FloatArray,
+    sizes: FloatArray,
+    faces: IntArray,
+    neighbours: IntArray,
+    existing: IntArray,
+    rim_count: int,
+    most: int,
+    counts: IntArray,
+) -> bool:
+    """Split and flip in passes; return whether that has come to an end, or else there must be more room.
+
+    `counts` are those of vertices, faces and passes.
+    """
+    while counts[2] < MOST_PASSES and counts[1] <= most:
+        n, m = counts[0], counts[1]
+        if faces.shape[0] < 3 * m:  # each face may become three
+            return False
+        added = _split(points, sizes, faces, neighbours, n, m)
+        counts[0], counts[1], counts[2] = n + added, m + 2 * added, counts[2] + 1
+        flips = _flip(points, faces[: m + 2 * added], neighbours, existing, rim_count)
+        if flips == 0 and added == 0:
+            break
+    return True
+
+
+@inner_jit()
 def _split(points: FloatArray, sizes: FloatArray, faces: IntArray, neighbours: IntArray, n: int, m: int) -> int:
     """Split those of the first m faces that are too large at their centroids; return how many."""
     added = 0
@@ -144,7 +159,7 @@ def _flip(points: FloatArray, faces: IntArray, neighbours: IntArray, existing: I
                 if (
                     c == d
                     or not _is_better_flipped(points, a, b, c, d)
-                    or (c < rim_count and d < rim_count and _is_listed(existing, min(c, d), max(c, d)))
+                    or (c < rim_count and d < rim_count and _is_listed(existing, c, d))
                     or _are_joined(faces, neighbours, f, g, c, d, rim_count)
                 ):
                     continue
@@ -181,10 +196,11 @@ def _is_better_flipped(points: FloatArray, a: int, b: int, c: int, d: int) -> bo
 
 @inner_jit()
 def _is_listed(pairs: IntArray, a: int, b: int) -> bool:
-    """Whether (a, b) is among pairs."""
+    """Whether (a, b) or (b, a) is among pairs."""
     listed = False
     for p in range(pairs.shape[0]):
-        listed = listed or (pairs[p, 0] == a and pairs[p, 1] == b)
+        i, j = pairs[p, 0], pairs[p, 1]
+        listed = listed or (i == a and j == b) or (i == b and j == a)
     return listed
 
 

@@ -78,11 +78,10 @@ def _triangulated(region: InfluenceRegion) -> Fill | None:
     """Join the vertices of the rim, or join them to one more vertex if they are joined elsewhere already."""
     polygon, normals, gaps = _polygon(region)
     points = region.rim_vertices
-    own = zip(polygon.tolist(), np.roll(polygon, -1).tolist(), strict=True)  # edges of the rim, and bridges
-    joined = region.rim_edges | {(min(a, b), max(a, b)) for a, b in own}
-    faces = triangulate_loop(points[polygon], polygon, normals, gaps, joined)
+    faces = triangulate_loop(points[polygon], polygon, normals, gaps, region.rim_edges)
     sizes = region.sizes
-    if faces is not None and not _is_manifold(faces):  # where islands touch, two triangles may want one edge
+    # Where islands touch, two triangles may want one edge.
+    if faces is not None and not region.has_simple_rim and not _is_manifold(faces):
         faces = None
     if faces is None and len(polygon) > region.rim_count:
         return None

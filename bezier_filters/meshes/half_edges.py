@@ -4,6 +4,7 @@ Half-edge 3 f + k runs from corner k of face f to the next corner.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -12,8 +13,8 @@ from scipy.spatial import cKDTree
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.triangles import area_vectors
-from bezier_filters.runtime.jit import jit
+from bezier_filters.meshes.triangles import area_vectors, unit_normal
+from bezier_filters.runtime.jit import inner_jit, jit
 
 COINCIDENT = 1e-4  # of the longest border edge at a vertex: others nearer than that lie at the same place
 UNCLEAR = -2  # in the place of the opposite half-edge, where there is not just one
@@ -53,35 +54,80 @@ def faces_at_edges(faces: IntArray, starts: IntArray, ends: IntArray) -> IntArra
     array([ 1,  0, -1], dtype=int32)
     """
     n = 1 + max(int(faces.max(initial=0)), int(starts.max(initial=0)))
-    first, following = np.full(n, -1, dtype=np.int32), np.empty(faces.size, dtype=np.int32)
     found = np.empty(len(starts), dtype=np.int32)
-    _find_faces(faces, first, following, starts, ends, found)
+    _find_faces(faces, half_edge_lists(faces, n), starts, ends, found)
     return found
-
-
-@jit()
-def _find_faces(
-    faces: IntArray, first: IntArray, following: IntArray, starts: IntArray, ends: IntArray, found: IntArray
-) -> None:
-    """Look the edges up in lists of half-edges by the vertex where they start: for few faces faster than sorting.
-
-    `first` (n,) is -1 at first, and `following` (3 m,) is room for the half-edge after each.
-    """
-    for f in range(faces.shape[0] - 1, -1, -1):
-        for k in range(2, -1, -1):
-            following[3 * f + k] = first[faces[f, k]]
-            first[faces[f, k]] = 3 * f + k
-    for q in range(starts.shape[0]):
-        place = first[starts[q]]
-        while place >= 0 and faces[place // 3, (place + 1) % 3] != ends[q]:
-            place = following[place]
-        found[q] = place // 3 if place >= 0 else -1
 
 
 def face_neighbours(faces: IntArray) -> IntArray:
     """Face beyond the edge from corner k to the next, -1 at the border, (m, 3), of manifold, oriented faces."""
-    starts, ends = ends_of_half_edges(faces)
-    return faces_at_edges(faces, ends, starts).reshape(-1, 3)
+    found = np.empty_like(faces)
+    _find_neighbours(faces, half_edge_lists(faces, 1 + int(faces.max(initial=0))), found)
+    return found
+
+
+class HalfEdgeLists(NamedTuple):
+    """Half-edges by the vertex where they start: to look up edges of few faces faster than by sorting."""
+
+    first: IntArray  # (n,): the first half-edge of each vertex, -1 if there is none
+    following: IntArray  # (3 m,): the one after each
+
+
+def half_edge_lists(faces: IntArray, n: int) -> HalfEdgeLists:
+    """The half-edges of faces (m, 3) between n vertices."""
+    lists = HalfEdgeLists(np.full(n, -1, dtype=np.int32), np.empty(faces.size, dtype=np.int32))
+    _link(faces, lists)
+    return lists
+
+
+@jit()
+def _link(faces: IntArray, lists: HalfEdgeLists) -> None:
+    for f in range(faces.shape[0] - 1, -1, -1):
+        for k in range(2, -1, -1):
+            lists.following[3 * f + k] = lists.first[faces[f, k]]
+            lists.first[faces[f, k]] = 3 * f + k
+
+
+@inner_jit()
+def face_at_edge(faces: IntArray, lists: HalfEdgeLists, start: int, end: int) -> int:
+    """The face along an edge from start to end, -1 if there is none."""
+    place = lists.first[start]
+    while place >= 0 and faces[place // 3, (place + 1) % 3] != end:
+        place = lists.following[place]
+    return place // 3 if place >= 0 else -1
+
+
+@jit()
+def _find_faces(faces: IntArray, lists: HalfEdgeLists, starts: IntArray, ends: IntArray, found: IntArray) -> None:
+    for q in range(starts.shape[0]):
+        found[q] = face_at_edge(faces, lists, starts[q], ends[q])
+
+
+@jit()
+def _find_neighbours(faces: IntArray, lists: HalfEdgeLists, found: IntArray) -> None:
+    for f in range(faces.shape[0]):
+        for k in range(3):
+            found[f, k] = face_at_edge(faces, lists, faces[f, (k + 1) % 3], faces[f, k])
+
+
+def normals_at_edges(
+    points: FloatArray, faces: IntArray, lists: HalfEdgeLists, starts: IntArray, ends: IntArray
+) -> FloatArray:
+    """Unit normal of the face along each edge from start to end, zero where there is none, (k, 3)."""
+    normals = np.zeros((len(starts), 3))
+    _write_normals(points, faces, lists, starts, ends, normals)
+    return normals
+
+
+@jit()
+def _write_normals(
+    points: FloatArray, faces: IntArray, lists: HalfEdgeLists, starts: IntArray, ends: IntArray, normals: FloatArray
+) -> None:
+    for k in range(starts.shape[0]):
+        f = face_at_edge(faces, lists, starts[k], ends[k])
+        if f >= 0:
+            x, y, z, _ = unit_normal(points, faces[f, 0], faces[f, 1], faces[f, 2])
+            normals[k, 0], normals[k, 1], normals[k, 2] = x, y, z
 
 
 def half_edge_twins(faces: IntArray, n: int) -> IntArray:

@@ -69,16 +69,11 @@ def _bounds(vertices: FloatArray, faces: IntArray, f: int, axis: int) -> tuple[f
     return min(x, y, z), max(x, y, z)
 
 
-def meeting_box(vertices: FloatArray, faces: IntArray, low: FloatArray, high: FloatArray) -> BoolArray:
-    """Whether the bounding boxes of faces meet the box between two corners, each (3,), (m,)."""
-    corners = vertices[faces]
-    return np.asarray(((corners.min(axis=1) <= high) & (corners.max(axis=1) >= low)).all(axis=1), dtype=np.bool_)
-
-
-def cut_faces(vertices: FloatArray, faces: IntArray, new: int) -> BoolArray:
+def cut_faces(vertices: FloatArray, faces: IntArray, new: int, names: IntArray | None = None) -> BoolArray:
     """Which of the last `new` faces cut any other face, or lie folded on one that shares an edge, (new,).
 
-    Faces that only touch do not cut.
+    Faces that only touch do not cut. Where vertices are there several times, `names` (m, 3) tell which corners of faces
+    are the same.
 
     >>> points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, -1], [0.2, 0.2, 1], [2, 2, 0]])
     >>> cut_faces(points, np.array([[0, 1, 2], [3, 4, 5]], dtype=np.int32), 1)
@@ -88,56 +83,61 @@ def cut_faces(vertices: FloatArray, faces: IntArray, new: int) -> BoolArray:
     result = np.zeros(new, dtype=np.bool_)
     corners = vertices[faces[first:]]
     near = faces_in_boxes(vertices, faces, corners.min(axis=1), corners.max(axis=1))
-    _find_cuts(vertices, faces, near.indptr, near.indices, first, result)
+    _find_cuts(vertices, faces, faces if names is None else names, near.indptr, near.indices, first, result)
     return result
 
 
 @jit()
 def _find_cuts(
-    vertices: FloatArray, faces: IntArray, near_ptr: IntArray, near: IntArray, first: int, result: BoolArray
+    vertices: FloatArray,
+    faces: IntArray,
+    names: IntArray,
+    near_ptr: IntArray,
+    near: IntArray,
+    first: int,
+    result: BoolArray,
 ) -> None:
     """Mark the faces from the first on that cut another one among those near them."""
     for q in range(result.shape[0]):
         for p in range(near_ptr[q], near_ptr[q + 1]):
-            if near[p] != first + q and _cut(vertices, faces, first + q, near[p]):
+            if near[p] != first + q and _cut(vertices, faces, names, first + q, near[p]):
                 result[q] = True
                 break
 
 
 @inner_jit()
-def _cut(vertices: FloatArray, faces: IntArray, f: int, g: int) -> bool:
+def _cut(vertices: FloatArray, faces: IntArray, names: IntArray, f: int, g: int) -> bool:
     """Whether two faces cut each other."""
     shared = 0
     for k in range(3):
         for j in range(3):
-            shared += faces[f, k] == faces[g, j]
+            shared += names[f, k] == names[g, j]
     if shared == 3:
         return True
     if shared == 2:
-        return _lie_on_each_other(vertices, faces, f, g)
-    return _edge_pierces(vertices, faces, f, g) or _edge_pierces(vertices, faces, g, f)
+        return _lie_on_each_other(vertices, faces, names, f, g)
+    return _edge_pierces(vertices, faces, names, f, g) or _edge_pierces(vertices, faces, names, g, f)
 
 
 @inner_jit()
-def _edge_pierces(vertices: FloatArray, faces: IntArray, f: int, g: int) -> bool:
+def _edge_pierces(vertices: FloatArray, faces: IntArray, names: IntArray, f: int, g: int) -> bool:
     """Whether an edge of face f that does not touch face g goes through it."""
     for k in range(3):
-        a, b = faces[f, k], faces[f, (k + 1) % 3]
-        if has_corner(faces, g, a) or has_corner(faces, g, b):
+        if has_corner(names, g, names[f, k]) or has_corner(names, g, names[f, (k + 1) % 3]):
             continue
-        if _pierces(vertices, a, b, faces[g, 0], faces[g, 1], faces[g, 2]):
+        if _pierces(vertices, faces[f, k], faces[f, (k + 1) % 3], faces[g, 0], faces[g, 1], faces[g, 2]):
             return True
     return False
 
 
 @inner_jit()
-def _lie_on_each_other(vertices: FloatArray, faces: IntArray, f: int, g: int) -> bool:
+def _lie_on_each_other(vertices: FloatArray, faces: IntArray, names: IntArray, f: int, g: int) -> bool:
     """Whether two faces on one edge are folded on each other."""
     a, b, c, d = 0, 0, 0, 0
     for k in range(3):
-        if not has_corner(faces, g, faces[f, k]):
+        if not has_corner(names, g, names[f, k]):
             a, b, c = faces[f, (k + 1) % 3], faces[f, (k + 2) % 3], faces[f, k]
-        if not has_corner(faces, f, faces[g, k]):
+        if not has_corner(names, f, names[g, k]):
             d = faces[g, k]
     return bool(cosine_between(vertices, a, b, c, b, a, d, 1.0) < FOLDED)
 

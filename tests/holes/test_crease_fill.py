@@ -3,7 +3,7 @@ import pytest
 from hole_cases import assert_filled, sheet, without_faces_near
 
 from bezier_filters import fill_holes
-from bezier_filters.holes.crease_ends import CreaseEnd, crease_ends, creases_around
+from bezier_filters.holes.crease_ends import CreaseEnd, border, crease_ends, creases_around, cut_hole, sub_hole
 from bezier_filters.holes.crease_fill import (
     LEAVING,
     bending_energy,
@@ -409,13 +409,19 @@ def test_no_curves_to_a_corner_far_away():
     assert result.vertices[:, 2].max() < 2.0
 
 
-def ends_at_hole(vertices, faces):
-    """Crease ends at the only hole of a mesh, where they are, and the edges of the rim that creases run along."""
+def region_and_creases(vertices, faces):
+    """What surrounds the only hole of a mesh, and the creases there."""
     mesh = triangle_mesh(vertices, faces)
     adjacency = vertex_adjacency(mesh)
     (hole,) = find_holes(mesh, adjacency)
     region = influence_region(mesh, adjacency, hole.loops)
-    ends, along_rim = crease_ends(region, creases_around(region))
+    return region, creases_around(region)
+
+
+def ends_at_hole(vertices, faces):
+    """Crease ends at the only hole of a mesh, where they are, and the edges of the rim that creases run along."""
+    region, creases = region_and_creases(vertices, faces)
+    ends, along_rim = crease_ends(region, creases)
     return ends, region.vertices[region.loops[0][[end.position for end in ends]]], along_rim
 
 
@@ -452,3 +458,28 @@ def test_crease_leaves_a_corner_of_the_rim():
     hole = filled_hole(result)
     assert (hole.method, hole.parts, hole.self_intersections) == ("creases", 2, 0)
     assert off_the_cube(result.vertices[len(vertices) :]).max() < 1e-6
+
+
+def test_surroundings_of_a_part_are_those_of_the_hole():
+    """Points of a curve through the hole have rows of their own, which are no vertices around it."""
+    vertices, faces = cube()
+    region, creases = region_and_creases(
+        vertices, without_faces_near(vertices, faces, np.array([-0.5, -0.5, 0.0]), 0.2)
+    )
+    ends, along_rim = crease_ends(region, creases)
+    cut = cut_hole(region, creases, ends, along_rim, [(0, 1)])
+    start, stop = (int(region.loops[0][end.position]) for end in ends)
+    count = region.rim_count
+    curve = np.linspace(region.vertices[start], region.vertices[stop], 7)[1:-1]
+    path = np.array([start, *range(count, count + len(curve)), stop], dtype=np.int32)
+    points, sizes = np.vstack([region.rim_vertices, curve]), np.ones(count + len(curve))
+    for part in (0, 1):
+        loop = border(cut, [path], part)
+        side = sub_hole(cut, part, points, sizes, loop, region.rim_edges)
+        around = region.vertices[region.faces[cut.part_of_face == part]]
+        np.testing.assert_array_equal(side.vertices[side.faces], around)
+        np.testing.assert_array_equal(side.rim_vertices, points[loop])
+        assert side.faces.min() < side.rim_count < side.faces.max()
+        rows = side.ids[side.joined]
+        assert len(rows) > 10
+        assert {tuple(row) for row in rows.tolist()} <= {tuple(row) for row in region.rim_edges.tolist()}

@@ -8,10 +8,14 @@ from bezier_filters.holes.loops import LARGEST_EXACT, WIDEST_EAR, _cut_ears, enc
 from bezier_filters.holes.refinement import Fill, refine
 
 
-def triangulated(points, existing=frozenset()):
+def as_pairs(chords):
+    return np.array(sorted(chords), dtype=np.int32).reshape(-1, 2)
+
+
+def triangulated(points, existing=()):
     count = len(points)
     unknown, flat = np.zeros((count, 3)), np.full(count, 1.0)
-    return triangulate_loop(points, np.arange(count, dtype=np.int32), unknown, flat, existing)
+    return triangulate_loop(points, np.arange(count, dtype=np.int32), unknown, flat, as_pairs(existing))
 
 
 def ring(count, radius=1.0):
@@ -87,7 +91,7 @@ def test_ears_are_cut_where_the_chord_is_shortest_until_few_vertices_are_left(co
     points = np.column_stack([2.0 * np.cos(turn), np.sin(turn), np.zeros(count)])
     more = rng.choice([0.0, 0.6, 3.0], count)
     existing = {(k, k + 2) for k in range(0, count - 2, 3)}
-    rest, ears = _cut_ears(points, np.arange(count), angles_and_chords(points)[0] + more, existing)
+    rest, ears = _cut_ears(points, np.arange(count), angles_and_chords(points)[0] + more, as_pairs(existing))
     left = list(range(count))
     for a, k, b in ears:
         angles, chords = angles_and_chords(points[left])
@@ -123,7 +127,7 @@ def test_a_fold_of_the_surroundings_goes_on():
     points = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 1], [2, 1, 1], [1, 1, 0], [0, 1, 0]])
     flat, leaning = np.array([0.0, 0, 1]), np.array([-1.0, 0, 1]) / np.sqrt(2)
     normals = np.array([flat, leaning, leaning, leaning, flat, flat])
-    faces = triangulate_loop(points, np.arange(6, dtype=np.int32), normals, np.ones(6), frozenset())
+    faces = triangulate_loop(points, np.arange(6, dtype=np.int32), normals, np.ones(6), as_pairs(()))
     assert [1, 4] in np.sort(directed_edges(faces), axis=1).tolist()
     of_each = area_vectors(points, faces)
     of_each /= np.linalg.norm(of_each, axis=1, keepdims=True)
@@ -134,7 +138,7 @@ def test_a_fold_of_the_surroundings_goes_on():
 def test_refined_polygons_are_delaunay_and_fine_enough(count, seed):
     points = ring(count) * np.random.default_rng(seed).uniform(0.5, 1.0, count)[:, np.newaxis]
     sizes = np.full(count, 0.25)
-    fill = refine(Fill(points, sizes, triangulated(points), count), frozenset())
+    fill = refine(Fill(points, sizes, triangulated(points), count), as_pairs(()))
     assert_disk(fill.faces, count)
     areas = area_vectors(fill.points, fill.faces)[:, 2]
     assert (areas > 0.0).all()
