@@ -113,16 +113,27 @@ def influence_region(
     mesh: TriangleMesh, adjacency: Adjacency, loops: tuple[IntArray, ...], rings: int = RINGS
 ) -> InfluenceRegion:
     """Collect some rings, one or more, around loops of vertices."""
-    levels = rings_around(adjacency.vertices, np.unique(np.concatenate(loops)), rings)
-    ids = np.concatenate(levels)
-    ring = np.repeat(np.arange(len(levels), dtype=np.int32), [len(level) for level in levels])
-    faces = mesh.faces[np.unique(adjacency.faces.of(ids[ring < rings]))]
-    by_id = np.argsort(ids)
+    ids, ring = rings_around(adjacency.vertices, np.unique(np.concatenate(loops)), rings)
+    inner, rows = ids[ring < rings], adjacency.faces
+    met = np.empty(rows.lengths_of(inner).sum(), dtype=np.int32)
+    # Of work space for the whole mesh no more is touched than what the region needs.
+    place, is_met = np.empty(mesh.vertex_count, dtype=np.int32), np.zeros(mesh.face_count, dtype=np.bool_)
+    place[ids] = np.arange(len(ids), dtype=np.int32)
+    met = np.sort(met[: _meet_faces(rows.indptr, rows.indices, inner, is_met, met)])
+    return InfluenceRegion(ids, ring, mesh.vertices[ids], place[mesh.faces[met]], tuple(place[loop] for loop in loops))
 
-    def places(vertices: IntArray) -> IntArray:
-        return by_id[np.searchsorted(ids, vertices, sorter=by_id)].astype(np.int32)
 
-    return InfluenceRegion(ids, ring, mesh.vertices[ids], places(faces), tuple(places(loop) for loop in loops))
+@jit()
+def _meet_faces(indptr: IntArray, indices: IntArray, vertices: IntArray, is_met: BoolArray, met: IntArray) -> int:
+    """Write the faces at some vertices, each once; return how many they are."""
+    count = 0
+    for i in vertices:
+        for q in range(indptr[i], indptr[i + 1]):
+            if not is_met[indices[q]]:
+                is_met[indices[q]] = True
+                met[count] = indices[q]
+                count += 1
+    return count
 
 
 def vertex_pairs(faces: IntArray, limit: int) -> IntArray:

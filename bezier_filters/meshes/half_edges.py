@@ -15,6 +15,7 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.triangles import area_vectors, unit_normal
 from bezier_filters.runtime.jit import inner_jit, jit
+from bezier_filters.runtime.parallel import run_kernel
 
 COINCIDENT = 1e-4  # of the longest border edge at a vertex: others nearer than that lie at the same place
 UNCLEAR = -2  # in the place of the opposite half-edge, where there is not just one
@@ -210,9 +211,22 @@ class BorderEdges:
     unclear: BoolArray  # (n,): vertices of edges at the border with three faces or more, or with two that disagree
 
 
+def faces_at(faces: IntArray, marked: BoolArray) -> IntArray:
+    """Numbers of the faces with a marked vertex."""
+    found = np.empty(len(faces), dtype=np.bool_)
+    run_kernel(_touch, len(faces), faces, marked, found)
+    return np.flatnonzero(found).astype(np.int32)
+
+
+@jit()
+def _touch(faces: IntArray, marked: BoolArray, found: BoolArray, start: int, stop: int) -> None:
+    for f in range(start, stop):
+        found[f] = marked[faces[f, 0]] or marked[faces[f, 1]] or marked[faces[f, 2]]
+
+
 def border_edges(mesh: TriangleMesh, on_boundary: BoolArray) -> BorderEdges:
     """The border of a mesh, found among the faces at the boundary, with the `on_boundary` of `Adjacency`."""
-    faces = proper_faces(mesh.faces[on_boundary[mesh.faces].any(axis=1)])
+    faces = proper_faces(mesh.faces[faces_at(mesh.faces, on_boundary)])
     twin = half_edge_twins(faces, mesh.vertex_count)
     start, end = ends_of_half_edges(faces)
     # Where the other face of an edge was left out, one of its ends is not on the boundary.

@@ -45,20 +45,38 @@ def k_rings(adjacency: Adjacency, rings: int) -> Rows:
     return Rows(indptr, np.concatenate(found))
 
 
-def rings_around(neighbours: Rows, seeds: IntArray, rings: int) -> list[IntArray]:
-    """Some vertices, those one edge away, and so on: each ring in the order in which it is met from the one before.
+def rings_around(neighbours: Rows, seeds: IntArray, rings: int) -> tuple[IntArray, IntArray]:
+    """Some vertices, those one edge away, and so on, and how many edges each is away.
+
+    Each ring is in the order in which it is met from the one before.
 
     >>> path = Rows(np.array([0, 1, 3, 4], np.int32), np.array([1, 0, 2, 1], np.int32))
-    >>> [ring.tolist() for ring in rings_around(path, np.array([0], np.int32), 2)]
-    [[0], [1], [2]]
+    >>> members, distances = rings_around(path, np.array([1], np.int32), 2)
+    >>> members.tolist(), distances.tolist()
+    ([1, 0, 2], [0, 1, 1])
     """
-    result = [np.empty(0, dtype=np.int32), np.asarray(seeds, dtype=np.int32)]
-    for _ in range(rings):
-        met = neighbours.of(result[-1])
-        # A neighbour of a ring is in it, in the one before or in the one after.
-        met = met[~np.isin(met, np.concatenate(result[-2:]))]
-        result.append(met[np.sort(np.unique(met, return_index=True)[1])])
-    return result[1:]
+    n = len(neighbours)
+    members, ends = np.empty(n + 1, dtype=np.int32), np.zeros(rings + 1, dtype=np.int32)
+    members[: len(seeds)], ends[0] = seeds, len(seeds)
+    _spread(neighbours.indptr, neighbours.indices, np.zeros(n, dtype=np.bool_), members, ends)
+    sizes = np.diff(ends, prepend=0)
+    return members[: ends[-1]].copy(), np.repeat(np.arange(rings + 1, dtype=np.int32), sizes)
+
+
+@jit()
+def _spread(indptr: IntArray, indices: IntArray, visited: BoolArray, members: IntArray, ends: IntArray) -> None:
+    """Write ring after ring behind the members before the first end, and where each ends."""
+    for a in range(ends[0]):
+        visited[members[a]] = True
+    start = variable(0)
+    for ring in range(1, ends.shape[0]):
+        count = ends[ring - 1]
+        for a in range(start, ends[ring - 1]):
+            for q in range(indptr[members[a]], indptr[members[a] + 1]):
+                members[count] = indices[q]
+                count += not visited[indices[q]]
+                visited[indices[q]] = True
+        start, ends[ring] = ends[ring - 1], count
 
 
 @jit()

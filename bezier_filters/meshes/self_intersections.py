@@ -8,6 +8,7 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.adjacency import Rows
 from bezier_filters.meshes.triangles import area_vector, cosine_between, has_corner
 from bezier_filters.runtime.jit import inner_jit, jit
+from bezier_filters.runtime.parallel import run_kernel
 
 FOLDED = -0.9999  # cosine of the angle between two faces on one edge from which down they lie on each other
 
@@ -21,12 +22,14 @@ def faces_in_boxes(vertices: FloatArray, faces: IntArray, low: FloatArray, high:
     order = low[:, axes[0]].argsort().astype(np.int32)
     low, high = low[order][:, axes], high[order][:, axes]
     boxes = _Boxes(low, high, np.maximum.accumulate(high[:, 0]), order, axes)
-    # Twice: first the faces of each box are counted, then those that were met, few of many, are written.
-    counts, is_met = np.zeros(count, dtype=np.int32), np.zeros(len(faces), dtype=np.bool_)
-    _collect(vertices, faces, boxes, is_met, counts, nothing)
+    is_met, counts = np.zeros(len(faces), dtype=np.bool_), np.zeros(count, dtype=np.int32)
+    run_kernel(_meet, len(faces), vertices, faces, boxes, is_met)
+    found = np.flatnonzero(is_met).astype(np.int32)  # few of many
+    near = faces[found]
+    _collect(vertices, near, boxes, counts, nothing)
     indptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
-    found, indices = np.flatnonzero(is_met).astype(np.int32), np.empty(indptr[-1], dtype=np.int32)
-    _collect(vertices, faces[found], boxes, is_met, indptr[:-1].copy(), indices)
+    indices = np.empty(indptr[-1], dtype=np.int32)
+    _collect(vertices, near, boxes, indptr[:-1].copy(), indices)
     return Rows(indptr, found[indices])
 
 
@@ -41,25 +44,39 @@ class _Boxes(NamedTuple):
 
 
 @jit()
-def _collect(
-    vertices: FloatArray, faces: IntArray, boxes: _Boxes, is_met: BoolArray, places: IntArray, indices: IntArray
-) -> None:
-    """Mark the faces in any box, and list those in each from `places` on; without room for them, count them only."""
+def _meet(vertices: FloatArray, faces: IntArray, boxes: _Boxes, is_met: BoolArray, start: int, stop: int) -> None:
+    """Mark those of the faces start .. stop-1 that meet any box."""
+    for f in range(start, stop):
+        is_met[f] = _next_box(vertices, faces, f, boxes, -1) >= 0
+
+
+@jit()
+def _collect(vertices: FloatArray, faces: IntArray, boxes: _Boxes, places: IntArray, indices: IntArray) -> None:
+    """List the faces in each box from `places` on; without room for them, count them only."""
     for f in range(faces.shape[0]):
-        x, end_x = _bounds(vertices, faces, f, boxes.axes[0])
-        y, end_y = _bounds(vertices, faces, f, boxes.axes[1])
-        z, end_z = _bounds(vertices, faces, f, boxes.axes[2])
-        # Those before the first end before the face begins.
-        for box in range(np.searchsorted(boxes.reach, x), boxes.low.shape[0]):
-            low, high = boxes.low[box], boxes.high[box]
-            if low[0] > end_x:
-                break
-            if x <= high[0] and low[1] <= end_y and y <= high[1] and low[2] <= end_z and z <= high[2]:
-                row = boxes.row[box]
-                is_met[f] = True
-                if indices.shape[0] > 0:
-                    indices[places[row]] = f
-                places[row] += 1
+        box = _next_box(vertices, faces, f, boxes, -1)
+        while box >= 0:
+            row = boxes.row[box]
+            if indices.shape[0] > 0:
+                indices[places[row]] = f
+            places[row] += 1
+            box = _next_box(vertices, faces, f, boxes, box)
+
+
+@inner_jit(inline="always")
+def _next_box(vertices: FloatArray, faces: IntArray, f: int, boxes: _Boxes, last: int) -> int:
+    """The next box after the last one that a face meets, -1 if there is none."""
+    x, end_x = _bounds(vertices, faces, f, boxes.axes[0])
+    y, end_y = _bounds(vertices, faces, f, boxes.axes[1])
+    z, end_z = _bounds(vertices, faces, f, boxes.axes[2])
+    # Those before the first end before the face begins.
+    for box in range(np.searchsorted(boxes.reach, x) if last < 0 else last + 1, boxes.low.shape[0]):
+        low, high = boxes.low[box], boxes.high[box]
+        if low[0] > end_x:
+            break
+        if x <= high[0] and low[1] <= end_y and y <= high[1] and low[2] <= end_z and z <= high[2]:
+            return box
+    return -1
 
 
 @inner_jit()
