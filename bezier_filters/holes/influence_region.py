@@ -14,7 +14,7 @@ from bezier_filters.meshes.half_edges import HalfEdgeLists, face_at_edge, half_e
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.neighbourhoods import rings_around
 from bezier_filters.meshes.triangles import angle_parts, edge_length
-from bezier_filters.runtime.jit import jit
+from bezier_filters.runtime.jit import jit, short_jit
 
 RINGS = 5  # around a hole, from which its fill follows
 # of an edge, from which on points are fitted rather than interpolated: face normals are some 4 degrees off then
@@ -142,7 +142,7 @@ def vertex_pairs(faces: IntArray, limit: int) -> IntArray:
     return pairs[: _write_pairs(faces, limit, pairs)]
 
 
-@jit()
+@short_jit()
 def _write_pairs(faces: IntArray, limit: int, pairs: IntArray) -> int:
     count = 0
     for f in range(faces.shape[0]):
@@ -154,7 +154,7 @@ def _write_pairs(faces: IntArray, limit: int, pairs: IntArray) -> int:
     return count
 
 
-@jit()
+@short_jit()
 def _measure_rim(
     points: FloatArray, faces: IntArray, lists: HalfEdgeLists, gaps: FloatArray, sizes: FloatArray, edges: FloatArray
 ) -> None:

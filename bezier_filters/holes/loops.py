@@ -13,7 +13,7 @@ from scipy.spatial.distance import cdist
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.triangles import unit_normal
-from bezier_filters.runtime.jit import inner_jit, jit
+from bezier_filters.runtime.jit import inner_jit, jit, short_jit
 
 DISTANCES_AT_ONCE = 512  # points whose distances to all others are computed together
 LARGEST_EXACT = 160  # most vertices of a loop that is triangulated in cubic time
@@ -128,8 +128,8 @@ def triangulate_loop(
     count = len(rest)
     split, forbidden = np.full((count, count), -1, dtype=np.int32), np.zeros((count, count), dtype=np.bool_)
     inner = np.empty((count - 2, 3), dtype=np.int32)
-    _forbid(ids[rest], joined, forbidden)
     worst, area = np.zeros((2, count, count))
+    _forbid(ids[rest], joined, forbidden)
     _search(points[rest], normals, forbidden, worst, area, split)
     if count > 2 and split[0, count - 1] < 0:
         return None
@@ -174,7 +174,7 @@ def _cut_ears(
     return np.flatnonzero(alive).astype(np.int32), ears
 
 
-@jit()
+@short_jit()
 def _forbid(ids: IntArray, joined: IntArray, forbidden: BoolArray) -> None:
     """Mark which corners of a loop must not be joined by a chord, (k, k); its own edges may be."""
     count = ids.shape[0]
@@ -192,7 +192,7 @@ def _forbid(ids: IntArray, joined: IntArray, forbidden: BoolArray) -> None:
         forbidden[i, j] = forbidden[j, i] = False
 
 
-@jit()
+@short_jit()
 def _collect(split: IntArray, waiting: IntArray, triangles: IntArray) -> None:
     """Write the triangles of the search: below the edge from i to k lies the one with the corner split[i, k]."""
     count, depth = 0, 1

@@ -10,7 +10,6 @@ from scipy.sparse.linalg import splu
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.meshes.triangles import cotangent_and_area
-from bezier_filters.runtime.cholesky import factorise
 from bezier_filters.runtime.jit import inner_jit, jit
 
 MOST_DENSE = 300  # vertices up to which matrices are dense
@@ -19,6 +18,7 @@ MOST_DENSE = 300  # vertices up to which matrices are dense
 FULL = 0.1
 # bounds of the weights: slivers do not rule, and there is always one solution, as all are positive
 LEAST_COTANGENT, LARGEST_COTANGENT = 0.02, 5.0
+FAST = {"contract", "reassoc", "nsz", "arcp"}
 SMALLEST_AREA = 1e-3  # of the mean, that a vertex counts with
 
 
@@ -63,37 +63,37 @@ def cotangent_matrix(points: FloatArray, faces: IntArray) -> tuple[csr_matrix, F
 def _continued_densely(points: FloatArray, faces: IntArray, values: FloatArray, order: int) -> FloatArray:
     """The same as with sparse matrices, in a tenth of the time where they are small."""
     n, first = len(points), len(values)
-    areas, weights = np.zeros(n), np.zeros((len(faces), 3))
-    stiffness, rows, weighted = np.zeros((n, n)), np.empty((n - first, n)), np.empty(n)
-    matrix, result = np.empty((n - first, n - first)), np.concatenate([values, np.zeros((n - first, values.shape[1]))])
-    _measure(points, faces, areas, weights)
-    _write_dense(faces, weights, areas, order, stiffness, rows, weighted, matrix, result)
-    factor = matrix.copy()
-    if factorise(factor):
-        _substitute(factor, result[first:])
-    else:  # slivers, whose third power rounding makes indefinite
+    stiffness, matrix = np.zeros((n, n)), np.empty((n - first, n - first))
+    result = np.concatenate([values, np.zeros((n - first, values.shape[1]))])
+    room = np.zeros(n), np.empty((len(faces), 3)), np.empty((n - first, n)), np.empty(n), np.empty_like(matrix)
+    if not _continue_densely(points, faces, order, stiffness, matrix, result, *room):
+        # slivers, whose third power rounding makes indefinite
         result[first:] = np.linalg.solve(matrix, result[first:])
     return result
 
 
-@jit()
-def _write_dense(
+@jit(fastmath=FAST)
+def _continue_densely(
+    points: FloatArray,
     faces: IntArray,
-    weights: FloatArray,
-    areas: FloatArray,
     order: int,
     stiffness: FloatArray,
-    rows: FloatArray,
-    weighted: FloatArray,
     matrix: FloatArray,
     result: FloatArray,
-) -> None:
-    """Write the last rows of the power (u, u), and what they must give in place of the last values.
+    areas: FloatArray,
+    weights: FloatArray,
+    rows: FloatArray,
+    weighted: FloatArray,
+    factor: FloatArray,
+) -> bool:
+    """Solve for the last values, zero at first like the cotangent matrix (n, n) and the areas (n,).
 
-    The cotangent matrix (n, n) and the last values are zero at first; `rows` (u, n) and `weighted` (n,) are room.
+    If the matrix (u, u) is not positive definite, it is left with what it must give, in place of the last values. The
+    last arrays, (m, 3), (u, n), (n,), and (u, u), are room.
     """
     n, free = stiffness.shape[0], rows.shape[0]
     first = n - free
+    _measure(points, faces, areas, weights)
     for f in range(faces.shape[0]):
         for k in range(3):
             i, j = faces[f, k], faces[f, (k + 1) % 3]
@@ -122,27 +122,47 @@ def _write_dense(
         for k in range(first):
             if rows[i, k] != 0.0:
                 _add_row(result[first + i], -rows[i, k], result[k])
+    return _factorise(matrix, factor) and _substitute(factor, result, first)
 
 
-@inner_jit()
+@inner_jit(fastmath=FAST)
+def _factorise(matrix: FloatArray, factor: FloatArray) -> bool:
+    """Write Cholesky's factor of a small matrix; False if it is not positive definite."""
+    for i in range(matrix.shape[0]):
+        row, square = factor[i], matrix[i, i]
+        for j in range(i):
+            other, total = factor[j], matrix[i, j]
+            for k in range(j):
+                total -= row[k] * other[k]
+            row[j] = total / other[j]
+            square -= row[j] * row[j]
+        if not square > 0.0:
+            return False
+        row[i] = np.sqrt(square)
+    return True
+
+
+@inner_jit(fastmath=FAST)
+def _substitute(factor: FloatArray, result: FloatArray, first: int) -> bool:
+    """Solve L L^T X = B in place, for columns of B (u, c) side by side, which begin at a row of the result."""
+    count = factor.shape[0]
+    for i in range(count):
+        for j in range(i):
+            _add_row(result[first + i], -factor[i, j], result[first + j])
+        for c in range(result.shape[1]):
+            result[first + i, c] /= factor[i, i]
+    for i in range(count - 1, -1, -1):
+        for c in range(result.shape[1]):
+            result[first + i, c] /= factor[i, i]
+        for j in range(i):
+            _add_row(result[first + j], -factor[i, j], result[first + i])
+    return True
+
+
+@inner_jit(fastmath=FAST)
 def _add_row(total: FloatArray, factor: float, row: FloatArray) -> None:
     for j in range(total.shape[0]):
         total[j] += factor * row[j]
-
-
-@jit()
-def _substitute(factor: FloatArray, right: FloatArray) -> None:
-    """Solve L L^T X = B in place, for columns of B (u, c) side by side."""
-    for i in range(right.shape[0]):
-        for j in range(i):
-            _add_row(right[i], -factor[i, j], right[j])
-        for c in range(right.shape[1]):
-            right[i, c] /= factor[i, i]
-    for i in range(right.shape[0] - 1, -1, -1):
-        for c in range(right.shape[1]):
-            right[i, c] /= factor[i, i]
-        for j in range(i):
-            _add_row(right[j], -factor[i, j], right[i])
 
 
 @jit()

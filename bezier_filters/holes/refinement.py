@@ -5,14 +5,14 @@ are locally Delaunay (P. Liepa, "Filling holes in meshes", SGP 2003). The edges 
 """
 
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.meshes.half_edges import face_neighbours
+from bezier_filters.meshes.half_edges import HalfEdgeLists, face_neighbours, find_neighbours, room_for_half_edges
 from bezier_filters.meshes.triangles import angle_parts, area_vector, cosine_between, has_corner
-from bezier_filters.runtime.jit import inner_jit, jit
+from bezier_filters.runtime.jit import inner_jit, jit, short_jit
 
 # triangles are split while their centroid is farther from their corners than the wanted edge length over this
 DENSITY = float(np.sqrt(2.0))
@@ -58,7 +58,7 @@ def _with_room(part: Values, count: int) -> Values:
 def flip_edges(fill: Fill, existing: IntArray) -> Fill:
     """Flip edges until all are locally Delaunay, without joining pairs (p, 2) of rim vertices again."""
     faces = fill.faces.copy()
-    _flip(fill.points, faces, face_neighbours(faces), existing, fill.rim_count)
+    _flip_all(fill.points, faces, _room(fill), existing, fill.rim_count)
     return replace(fill, faces=faces)
 
 
@@ -67,11 +67,46 @@ def relax_tangentially(fill: Fill) -> Fill:
 
     On a fill that is projected to its surface again this moves vertices along the surface only.
     """
-    n = len(fill.points)
-    goals, counts, moving = np.zeros((n, 3)), np.zeros(n), np.arange(n) >= fill.rim_count
     points = fill.points.copy()
-    _move_to_means(fill.points, fill.faces, goals, counts, moving, points)
+    _move_to_means(points, fill.faces, _room(fill), fill.rim_count)
     return replace(fill, points=points)
+
+
+def even_out(fill: Fill, existing: IntArray) -> Fill:
+    """Flip edges, and then relax what results."""
+    points, faces = fill.points.copy(), fill.faces.copy()
+    _even_out(points, faces, _room(fill), existing, fill.rim_count)
+    return replace(fill, points=points, faces=faces)
+
+
+class _Room(NamedTuple):
+    """Work space for a fill of n points and m faces."""
+
+    lists: HalfEdgeLists
+    neighbours: IntArray  # (m, 3)
+    before: FloatArray  # (n, 3)
+    goals: FloatArray  # (n, 3)
+    counts: FloatArray  # (n,)
+    moving: BoolArray  # (n,)
+
+
+def _room(fill: Fill) -> _Room:
+    n, m = len(fill.points), len(fill.faces)
+    before, goals = np.empty((2, n, 3))
+    neighbours, lists = np.empty((m, 3), dtype=np.int32), room_for_half_edges(3 * m, n)
+    return _Room(lists, neighbours, before, goals, np.empty(n), np.empty(n, dtype=np.bool_))
+
+
+@jit()
+def _even_out(points: FloatArray, faces: IntArray, room: _Room, existing: IntArray, rim_count: int) -> None:
+    _flip_all(points, faces, room, existing, rim_count)
+    _move_to_means(points, faces, room, rim_count)
+
+
+@short_jit()
+def _flip_all(points: FloatArray, faces: IntArray, room: _Room, existing: IntArray, rim_count: int) -> None:
+    find_neighbours(faces, room.lists, room.neighbours)
+    _flip(points, faces, room.neighbours, existing, rim_count)
 
 
 @jit()
@@ -142,7 +177,7 @@ def _relink(faces: IntArray, neighbours: IntArray, f: int, start: int, new: int)
         neighbours[f, k] = new
 
 
-@jit()
+@inner_jit()
 def _flip(points: FloatArray, faces: IntArray, neighbours: IntArray, existing: IntArray, rim_count: int) -> int:
     """Flip edges that are not locally Delaunay, in passes over all faces; return how many."""
     flips = 0
@@ -230,14 +265,14 @@ def _are_joined(faces: IntArray, neighbours: IntArray, f: int, g: int, c: int, d
     return True
 
 
-@jit()
-def _move_to_means(
-    before: FloatArray, faces: IntArray, goals: FloatArray, counts: FloatArray, moving: BoolArray, points: FloatArray
-) -> None:
-    """Write the new points; those of turned triangles, and of triangles that turn because they stay, keep their places.
-
-    `goals` and `counts` are zero at first.
-    """
+@short_jit()
+def _move_to_means(points: FloatArray, faces: IntArray, room: _Room, rim_count: int) -> None:
+    """Move the points; those of turned triangles, and of triangles that turn because they stay, keep their places."""
+    before, goals, counts, moving = room.before, room.goals, room.counts, room.moving
+    for i in range(points.shape[0]):
+        counts[i], moving[i] = 0.0, i >= rim_count
+        for axis in range(3):
+            before[i, axis], goals[i, axis] = points[i, axis], 0.0
     for k in range(3):
         for f in range(faces.shape[0]):
             i, j = faces[f, k], faces[f, (k + 1) % 3]

@@ -10,7 +10,7 @@ from bezier_filters.holes.implicit_surface import ImplicitSurface, fit_implicit_
 from bezier_filters.holes.influence_region import InfluenceRegion, fitted_points
 from bezier_filters.holes.loops import triangulate_loop
 from bezier_filters.holes.polyharmonic_fairing import polyharmonic_continuation
-from bezier_filters.holes.refinement import Fill, flip_edges, refine, relax_tangentially
+from bezier_filters.holes.refinement import Fill, even_out, refine
 from bezier_filters.meshes.half_edges import ends_of_half_edges
 
 FEWEST_POINTS = 16  # with known normals, for a surface
@@ -155,7 +155,7 @@ def project_to_surface(fill: Fill, region: InfluenceRegion, surface: ImplicitSur
             return None
         fill = replace(fill, points=points)
         if round_ < ROUNDS:
-            fill = relax_tangentially(flip_edges(fill, region.rim_edges))
+            fill = even_out(fill, region.rim_edges)
     return fill
 
 

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.triangles import area_vectors, unit_normal
-from bezier_filters.runtime.jit import inner_jit, jit
+from bezier_filters.runtime.jit import inner_jit, jit, short_jit
 from bezier_filters.runtime.parallel import run_kernel
 
 COINCIDENT = 1e-4  # of the longest border edge at a vertex: others nearer than that lie at the same place
@@ -63,7 +63,7 @@ def faces_at_edges(faces: IntArray, starts: IntArray, ends: IntArray) -> IntArra
 def face_neighbours(faces: IntArray) -> IntArray:
     """Face beyond the edge from corner k to the next, -1 at the border, (m, 3), of manifold, oriented faces."""
     found = np.empty_like(faces)
-    _find_neighbours(faces, half_edge_lists(faces, 1 + int(faces.max(initial=0))), found)
+    find_neighbours(faces, room_for_half_edges(faces.size, 1 + int(faces.max(initial=0))), found)
     return found
 
 
@@ -76,13 +76,20 @@ class HalfEdgeLists(NamedTuple):
 
 def half_edge_lists(faces: IntArray, n: int) -> HalfEdgeLists:
     """The half-edges of faces (m, 3) between n vertices."""
-    lists = HalfEdgeLists(np.full(n, -1, dtype=np.int32), np.empty(faces.size, dtype=np.int32))
+    lists = room_for_half_edges(faces.size, n)
     _link(faces, lists)
     return lists
 
 
-@jit()
+def room_for_half_edges(count: int, n: int) -> HalfEdgeLists:
+    """Lists of so many half-edges between n vertices, to be written."""
+    return HalfEdgeLists(np.empty(n, dtype=np.int32), np.empty(count, dtype=np.int32))
+
+
+@short_jit()
 def _link(faces: IntArray, lists: HalfEdgeLists) -> None:
+    for i in range(lists.first.shape[0]):
+        lists.first[i] = -1
     for f in range(faces.shape[0] - 1, -1, -1):
         for k in range(2, -1, -1):
             lists.following[3 * f + k] = lists.first[faces[f, k]]
@@ -98,14 +105,16 @@ def face_at_edge(faces: IntArray, lists: HalfEdgeLists, start: int, end: int) ->
     return place // 3 if place >= 0 else -1
 
 
-@jit()
+@short_jit()
 def _find_faces(faces: IntArray, lists: HalfEdgeLists, starts: IntArray, ends: IntArray, found: IntArray) -> None:
     for q in range(starts.shape[0]):
         found[q] = face_at_edge(faces, lists, starts[q], ends[q])
 
 
-@jit()
-def _find_neighbours(faces: IntArray, lists: HalfEdgeLists, found: IntArray) -> None:
+@short_jit()
+def find_neighbours(faces: IntArray, lists: HalfEdgeLists, found: IntArray) -> None:
+    """Write `face_neighbours`; the lists are work space."""
+    _link(faces, lists)
     for f in range(faces.shape[0]):
         for k in range(3):
             found[f, k] = face_at_edge(faces, lists, faces[f, (k + 1) % 3], faces[f, k])
@@ -120,7 +129,7 @@ def normals_at_edges(
     return normals
 
 
-@jit()
+@short_jit()
 def _write_normals(
     points: FloatArray, faces: IntArray, lists: HalfEdgeLists, starts: IntArray, ends: IntArray, normals: FloatArray
 ) -> None:

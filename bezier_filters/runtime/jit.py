@@ -19,6 +19,11 @@ Function = TypeVar("Function", bound=Callable[..., object])
 
 def jit(**options: object) -> Callable[[Function], Function]:
     """`numba.njit`, cached and without the interpreter lock, for functions that create no arrays."""
+    return _compiler(cache=True, nogil=True, **options)
+
+
+def short_jit(**options: object) -> Callable[[Function], Function]:
+    """The same for work of some microseconds, which keeps the lock: taking it again takes threads as long."""
     return _compiler(cache=True, **options)
 
 
@@ -35,7 +40,7 @@ def inner_jit(**options: object) -> Callable[[Function], Function]:
 
 def _compiler(**options: object) -> Callable[[Function], Function]:
     compiler = cast("Callable[..., Callable[[Function], Function]]", njit)  # whose types do not know of `_nrt`
-    return compiler(nogil=True, _nrt=False, error_model="numpy", **options)
+    return compiler(_nrt=False, error_model="numpy", **options)
 
 
 @inner_jit()
