@@ -22,7 +22,7 @@ from bezier_filters.holes.restricted_likelihood import (
     subtract_contrasts,
     turn,
 )
-from bezier_filters.runtime.jit import inner_jit, jit
+from bezier_filters.runtime.jit import inner_jit, jit, short_jit
 from bezier_filters.runtime.parallel import run_kernel
 
 POWERS = (3, 5)
@@ -100,7 +100,7 @@ def _fits(
     reflections = reflections_of(quadratics)
     if np.abs(reflections.triangle.diagonal()).min() < 1e-12:
         return []
-    turned = np.zeros((count, count))  # of which the lower triangle is written
+    turned = np.empty((count, count))  # of which the lower triangle is written
     factor = np.empty((count - TERMS, count - TERMS))
     errors = _error_covariance(len(points), len(others)) if noisy else np.empty((0, 0))
     if noisy:
@@ -131,7 +131,7 @@ def _error_covariance(count: int, others: int) -> FloatArray:
     return np.asarray(common + SIDE_ERRORS * np.eye(3 * count + others), dtype=np.float64)
 
 
-@jit(fastmath=FAST)
+@short_jit(fastmath=FAST)
 def _place_values(
     points: FloatArray,
     normals: FloatArray,
@@ -174,7 +174,7 @@ def _place_values(
     return float(scale)
 
 
-@jit(fastmath=FAST)
+@short_jit(fastmath=FAST)
 def _write_kernel(centers: FloatArray, power: int, matrix: FloatArray) -> None:
     """Write the lower triangle of |x_i - x_j|^p, with the sign that makes it conditionally positive definite."""
     xs, ys, zs = centers[0], centers[1], centers[2]

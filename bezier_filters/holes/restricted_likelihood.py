@@ -9,7 +9,7 @@ import numpy as np
 
 from bezier_filters.arrays import FloatArray
 from bezier_filters.runtime.cholesky import factorise
-from bezier_filters.runtime.jit import inner_jit, jit
+from bezier_filters.runtime.jit import inner_jit, jit, short_jit
 
 TERMS = 10  # of a quadratic
 FAST = {"contract", "reassoc", "nsz", "arcp"}
@@ -42,7 +42,7 @@ def reflections_of(columns: FloatArray) -> Reflections:
     return Reflections(columns, weights, triangle)
 
 
-@jit(fastmath=FAST)
+@short_jit(fastmath=FAST)
 def _reflect(vectors: FloatArray, weights: FloatArray, triangle: FloatArray) -> None:
     """Replace columns, given as rows (k, n), by the vectors of Householder's reflections, one after the other.
 
@@ -87,11 +87,9 @@ def turn(matrix: FloatArray, reflections: Reflections) -> float:
 
     Q K Q^T is K - V B^T - B V^T for B = A - V (T V^T A) / 2, where A = K V T^T.
     """
-    vectors, weighted = reflections.vectors, reflections.weights @ reflections.vectors
-    half = np.zeros_like(vectors)
-    _multiply(matrix, weighted, half)
-    half -= 0.5 * (half @ weighted.T) @ vectors
-    return float(np.sqrt(_subtract_products(vectors, half, matrix)))
+    vectors = reflections.vectors
+    weighted, products = np.zeros((2, *vectors.shape))
+    return float(np.sqrt(_turn(matrix, vectors, reflections.weights, weighted, products, np.empty(len(vectors)))))
 
 
 def restricted_likelihood(
@@ -112,7 +110,7 @@ def restricted_likelihood(
     return None
 
 
-@jit(fastmath=FAST)
+@short_jit(fastmath=FAST)
 def _add_errors(turned: FloatArray, errors: FloatArray, variance: float, total: FloatArray) -> None:
     """Write the lower triangle of the covariance of the contrasts; errors without a covariance are independent."""
     for i in range(total.shape[0]):
@@ -128,6 +126,34 @@ def _add_errors(turned: FloatArray, errors: FloatArray, variance: float, total: 
 
 
 @jit(fastmath=FAST)
+def _turn(
+    matrix: FloatArray,
+    vectors: FloatArray,
+    weights: FloatArray,
+    weighted: FloatArray,
+    products: FloatArray,
+    along: FloatArray,
+) -> float:
+    """Turn a matrix; return the sum of squares of its contrasts. Room (k, n), (k, n) and (k,), the first two zero."""
+    for c in range(vectors.shape[0]):
+        for d in range(c + 1):
+            _add_row(weighted[c], weights[c, d], vectors[d])
+    _multiply(matrix, weighted, products)
+    for c in range(vectors.shape[0]):
+        for d in range(vectors.shape[0]):
+            along[d] = _dot(products[c], weighted[d], 0)
+        for d in range(vectors.shape[0]):
+            _add_row(products[c], -0.5 * along[d], vectors[d])
+    return _subtract_products(vectors, products, matrix)
+
+
+@inner_jit(fastmath=FAST)
+def _add_row(total: FloatArray, factor: float, row: FloatArray) -> None:
+    for j in range(total.shape[0]):
+        total[j] += factor * row[j]
+
+
+@inner_jit(fastmath=FAST)
 def _multiply(matrix: FloatArray, columns: FloatArray, products: FloatArray) -> None:
     """Add a symmetric matrix, of which the lower triangle is read, times columns (k, n) to `products` (k, n)."""
     for i in range(matrix.shape[0]):
@@ -140,7 +166,7 @@ def _multiply(matrix: FloatArray, columns: FloatArray, products: FloatArray) -> 
             product[i] += total + row[i] * x
 
 
-@jit(fastmath=FAST)
+@inner_jit(fastmath=FAST)
 def _subtract_products(v: FloatArray, b: FloatArray, matrix: FloatArray) -> float:
     """Subtract V^T B + B^T V of (10, n) from the lower triangle; return the sum of squares of all from row 10 on."""
     squares = 0.0
@@ -154,7 +180,7 @@ def _subtract_products(v: FloatArray, b: FloatArray, matrix: FloatArray) -> floa
     return squares
 
 
-@jit(fastmath=FAST)
+@short_jit(fastmath=FAST)
 def _solve_factored(factor: FloatArray, right: FloatArray) -> tuple[float, float]:
     """Solve L L^T x = b in place, lower triangular; return log det L L^T and b^T x, which is positive."""
     log_determinant, energy = 0.0, 0.0
@@ -173,7 +199,7 @@ def _solve_factored(factor: FloatArray, right: FloatArray) -> tuple[float, float
     return log_determinant, max(energy, np.finfo(np.float64).tiny)
 
 
-@jit(fastmath=FAST)
+@short_jit(fastmath=FAST)
 def subtract_contrasts(
     turned: FloatArray,
     errors: FloatArray,

@@ -18,10 +18,7 @@ def faces_in_boxes(vertices: FloatArray, faces: IntArray, low: FloatArray, high:
     count, nothing = len(low), np.empty(0, dtype=np.int32)
     if count == 0 or len(faces) == 0:
         return Rows(np.zeros(count + 1, dtype=np.int32), nothing)
-    axes = np.ptp(low, axis=0).argsort()[::-1].astype(np.int32)  # the longest first
-    order = low[:, axes[0]].argsort().astype(np.int32)
-    low, high = low[order][:, axes], high[order][:, axes]
-    boxes = _Boxes(low, high, np.maximum.accumulate(high[:, 0]), order, axes)
+    boxes = _sorted_boxes(low, high)
     is_met, counts = np.zeros(len(faces), dtype=np.bool_), np.zeros(count, dtype=np.int32)
     run_kernel(_meet, len(faces), vertices, faces, boxes, is_met)
     found = np.flatnonzero(is_met).astype(np.int32)  # few of many
@@ -41,6 +38,13 @@ class _Boxes(NamedTuple):
     reach: FloatArray  # how far along that axis each, or one before it, reaches
     row: IntArray  # the number of each before they were sorted
     axes: IntArray
+
+
+def _sorted_boxes(low: FloatArray, high: FloatArray) -> _Boxes:
+    axes = np.ptp(low, axis=0).argsort()[::-1].astype(np.int32)  # the longest first
+    order = low[:, axes[0]].argsort().astype(np.int32)
+    low, high = low[order][:, axes], high[order][:, axes]
+    return _Boxes(low, high, np.maximum.accumulate(high[:, 0]), order, axes)
 
 
 @jit()
@@ -99,8 +103,9 @@ def cut_faces(vertices: FloatArray, faces: IntArray, new: int, names: IntArray |
     first = len(faces) - new
     result = np.zeros(new, dtype=np.bool_)
     corners = vertices[faces[first:]]
-    near = faces_in_boxes(vertices, faces, corners.min(axis=1), corners.max(axis=1))
-    _find_cuts(vertices, faces, faces if names is None else names, near.indptr, near.indices, first, result)
+    if new:
+        boxes = _sorted_boxes(corners.min(axis=1), corners.max(axis=1))
+        _find_cuts(vertices, faces, faces if names is None else names, boxes, first, result)
     return result
 
 
@@ -109,17 +114,17 @@ def _find_cuts(
     vertices: FloatArray,
     faces: IntArray,
     names: IntArray,
-    near_ptr: IntArray,
-    near: IntArray,
+    boxes: _Boxes,
     first: int,
     result: BoolArray,
 ) -> None:
-    """Mark the faces from the first on that cut another one among those near them."""
-    for q in range(result.shape[0]):
-        for p in range(near_ptr[q], near_ptr[q + 1]):
-            if near[p] != first + q and _cut(vertices, faces, names, first + q, near[p]):
-                result[q] = True
-                break
+    """Mark the faces from the first on that cut another one; the boxes are theirs."""
+    for f in range(faces.shape[0]):
+        box = _next_box(vertices, faces, f, boxes, -1)
+        while box >= 0:
+            q = boxes.row[box]
+            result[q] = result[q] or (f != first + q and _cut(vertices, faces, names, first + q, f))
+            box = _next_box(vertices, faces, f, boxes, box)
 
 
 @inner_jit()
