@@ -7,6 +7,7 @@ to the variation of the field have the largest restricted likelihood (REML), so 
 fitted and not followed.
 """
 
+from collections.abc import Callable
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -28,7 +29,7 @@ from bezier_filters.runtime.parallel import run_kernel
 POWERS = (3, 5)
 PILOT = 3  # one of so many points is enough to tell the power if that makes each value there more likely by e^(1/2)
 CLEAN = 1e-13  # errors over variation where there is no noise: as little as the arithmetic can take
-NOISE_RATIOS = 10.0 ** np.arange(-8.0, 1.0)  # the same for noisy points, of which one is chosen
+NOISE_RATIOS = tuple(10.0**power for power in range(-8, 1))  # the same for noisy points, of which one is chosen
 SMALLEST_SLOPE = 0.3  # of f, which changes by one per unit of length at the points: with less slope there is no surface
 # most steps to the surface, and the length of one, in scaled coordinates, after which it is reached
 STEPS, SHORT_STEP = 8, 1e-4
@@ -106,23 +107,41 @@ def _fits(
     if noisy:
         turn(errors, reflections)
     target = reflections.applied(values)
-    result = []
+    ratios, start, result = NOISE_RATIOS if noisy else (CLEAN,), len(NOISE_RATIOS) // 2 if noisy else 0, []
     for power in powers:
         _write_kernel(centers, power, turned)
         size = turn(turned, reflections)
-        best: tuple[float, FloatArray, float] | None = None
-        for ratio in NOISE_RATIOS if noisy else (CLEAN,):
-            solved = restricted_likelihood(turned, target[TERMS:], errors, ratio * size, factor)
-            if solved is not None and (best is None or solved[0] < best[0]):
-                best = *solved, float(ratio)
-        if best is None:
+
+        def solved(place: int, size: float = size) -> tuple[float, FloatArray]:
+            return restricted_likelihood(turned, target[TERMS:], errors, ratios[place] * size, factor)
+
+        start, (measure, contrasts) = _least(solved, len(ratios), start)
+        if not np.isfinite(measure):
             continue
-        measure, contrasts, ratio = best
-        quadratic = target[:TERMS].copy()
+        quadratic, ratio = target[:TERMS].copy(), ratios[start]
         subtract_contrasts(turned, errors, ratio * size, contrasts, reflections.triangle, quadratic)
         weights = reflections.undone(np.concatenate([np.zeros(TERMS), contrasts]))
         result.append((measure, ImplicitSurface(origin, scale, centers, weights, quadratic, power, ratio)))
     return result
+
+
+def _least(
+    solved: Callable[[int], tuple[float, FloatArray]], count: int, start: int
+) -> tuple[int, tuple[float, FloatArray]]:
+    """Of so many places the one with the least first value, to which they fall and after which they rise; and both.
+
+    It is looked for from a start, upwards first, as too small errors leave no solution.
+    """
+    place, best = start, solved(start)
+    for step in (1, -1):
+        while 0 <= place + step < count:
+            other = solved(place + step)
+            if other[0] > best[0] or (other[0] == best[0] and np.isfinite(best[0])):
+                break
+            place, best = place + step, other
+        if place != start:
+            break
+    return place, best
 
 
 def _error_covariance(count: int, others: int) -> FloatArray:

@@ -94,11 +94,11 @@ def turn(matrix: FloatArray, reflections: Reflections) -> float:
 
 def restricted_likelihood(
     turned: FloatArray, target: FloatArray, errors: FloatArray, variance: float, factor: FloatArray
-) -> tuple[float, FloatArray] | None:
+) -> tuple[float, FloatArray]:
     """-2 log of the restricted likelihood, up to a constant, and the weights.
 
     Errors, independent ones if no covariance is given, are added with their variance, and with up to a thousand times
-    as much if the matrix is not positive definite otherwise; None if it still is not. `factor` is overwritten.
+    as much if the matrix is not positive definite otherwise; infinite if it still is not. `factor` is overwritten.
     """
     for _ in range(4):
         _add_errors(turned, errors, variance, factor)
@@ -107,7 +107,7 @@ def restricted_likelihood(
             log_determinant, energy = _solve_factored(factor, weights)
             return log_determinant + len(target) * float(np.log(energy)), weights
         variance *= 10.0
-    return None
+    return np.inf, target
 
 
 @short_jit(fastmath=FAST)
