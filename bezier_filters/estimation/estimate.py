@@ -1,7 +1,7 @@
 """Differential geometry at every vertex of a mesh: the function that users call."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import get_args
 
@@ -47,6 +47,7 @@ from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
 from bezier_filters.meshes.spatial_order import in_spatial_order
+from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.runtime.parallel import Progress, on_threads
 from bezier_filters.status import FitStatus
@@ -197,36 +198,84 @@ def estimate_vertex_geometry(
     axes = None if x_axis is None else _directions(x_axis, mesh, "x_axis")
     mask = None if selected is None else checked_selection(selected, mesh.vertex_count)
 
+    wanted = _Wanted(
+        rings,
+        fixed,
+        degrees,
+        robust,
+        noise,
+        detail,
+        radius=radius,
+        fallbacks=fallbacks,
+        axes=axes,
+        outside=outside,
+        conditions=conditions,
+    )
+    return _estimate(mesh, wanted, lambda _: mask, progress)
+
+
+def geometry_where(mesh: TriangleMesh, select: Callable[[float | None], BoolArray]) -> VertexGeometry:
+    """Estimate what the data choose, at vertices (n,) that are selected once the noise, a length, is known."""
+    return _estimate(mesh, _Wanted(*fit_options("auto", "auto", "auto", "third_order")), select)
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """What is estimated, and how; see `estimate_vertex_geometry`."""
+
+    rings: int | Automatic
+    fixed: PatchFit | None
+    degrees: tuple[int, ...]
+    robust: bool | None = None
+    noise: float | None = None
+    detail: float | None = None
+    radius: float | None = None
+    fallbacks: Fallbacks = "sound"
+    axes: FloatArray | None = None  # (n, 3)
+    outside: FloatArray | None = None  # (n, 3)
+    conditions: bool = False
+
+
+def _estimate(
+    given: TriangleMesh,
+    wanted: _Wanted,
+    select: Callable[[float | None], BoolArray | None],
+    progress: Progress | None = None,
+) -> VertexGeometry:
+    """Estimate the geometry of a mesh or a point cloud at vertices that are selected by the noise, if it is known."""
     with first_call():
-        given = mesh
-        ordered = in_spatial_order(mesh)
+        ordered = in_spatial_order(given)
         mesh, order = ordered.mesh, ordered.order
         if mesh.face_count:
-            arrays, adjacency = fitted_mesh(mesh, ordered, creases=fixed is None)
+            arrays, adjacency = fitted_mesh(mesh, ordered, creases=wanted.fixed is None)
         else:
-            adjacency, planes = point_cloud(mesh, None if outside is None else outside[order])
+            adjacency, planes = point_cloud(mesh, None if wanted.outside is None else wanted.outside[order])
             arrays = kernel_mesh(mesh, adjacency, planes, None, ordered)
-        if axes is not None:
-            arrays = arrays._replace(x_axes=axes[order])
-        ids: IntArray = (np.arange(mesh.vertex_count) if mask is None else np.flatnonzero(mask[order])).astype(np.int32)
+        if wanted.axes is not None:
+            arrays = arrays._replace(x_axes=wanted.axes[order])
         geometry = empty_geometry(mesh.vertex_count)
-        if conditions:
+        if wanted.conditions:
             geometry = replace(geometry, condition_number=np.zeros(mesh.vertex_count))
         surface: FloatArray | None = None
 
         def hidden_edges(noise: NoiseModel) -> BoolArray | None:
             nonlocal surface
-            if robust or not given.face_count or not hides_sharp_edges(mesh, adjacency, noise):
+            if wanted.robust or not given.face_count or not hides_sharp_edges(mesh, adjacency, noise):
                 return None
             found, edges = noise_free_surface(given, vertex_adjacency(given), noise)
             surface = found.vertices
             result: BoolArray = edges[order]
             return result
 
-        if radius is None:
-            wanted = rings, fixed, degrees, robust, noise, detail
-            is_learned = (fixed is None or rings == "auto") and given.vertex_count <= LARGEST
-            key = key_of(given.vertices, given.faces, outside, fallbacks, *wanted) if is_learned else None
+        def places(mask: BoolArray | None) -> IntArray:
+            return (np.arange(mesh.vertex_count) if mask is None else np.flatnonzero(mask[order])).astype(np.int32)
+
+        if wanted.radius is None:
+            options = wanted.rings, wanted.fixed, wanted.degrees, wanted.robust, wanted.noise, wanted.detail
+            is_learned = (wanted.fixed is None or wanted.rings == "auto") and given.vertex_count <= LARGEST
+            key = (
+                key_of(given.vertices, given.faces, wanted.outside, wanted.fallbacks, *options) if is_learned else None
+            )
             known, learned = recall(key), None
             if known is not None:
                 fit, surface, fitted = known.fit, known.surface, arrays._replace(stops=known.stops)
@@ -234,26 +283,30 @@ def estimate_vertex_geometry(
                     fitted = with_vertices(fitted, adjacency, known.cleaned)
             else:
                 fit, learned, fitted = _choose(
-                    arrays, adjacency, lambda learn: choose_fit(learn, *wanted), hidden_edges
+                    arrays, adjacency, lambda learn: choose_fit(learn, *options), hidden_edges
                 )
-            if fixed is not None and fallbacks != "sound":
-                fit = replace(fit, attempts=tuple(fallback_chain(fit.choice.rings, fixed, fallbacks=fallbacks)))
+            if wanted.fixed is not None and wanted.fallbacks != "sound":
+                chain = fallback_chain(fit.choice.rings, wanted.fixed, fallbacks=wanted.fallbacks)
+                fit = replace(fit, attempts=tuple(chain))
+            mask = select(fit.choice.noise_sigma)
+            ids = places(mask)
             choice, fit = _fit(fitted, adjacency, ids, fit, learned, geometry, progress)
             if fit.cleaned:
                 measure_from(arrays.vertices, fitted, ids, geometry)
             if learned is not None:
                 remember(key, LearnedFit(fit, fitted.stops, surface, fitted.vertices if fit.cleaned else None))
         else:
+            mask = select(wanted.noise)
             choice = fit_in_balls(
                 arrays,
                 adjacency,
-                ids,
-                float(radius),
-                fixed,
-                degrees,
+                places(mask),
+                float(wanted.radius),
+                wanted.fixed,
+                wanted.degrees,
                 geometry,
-                sigma=noise,
-                robust=bool(robust),
+                sigma=wanted.noise,
+                robust=bool(wanted.robust),
                 find_edges=hidden_edges,
                 progress=progress,
             )

@@ -7,7 +7,7 @@ from math import pi
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.estimation.estimate import estimate_vertex_geometry
+from bezier_filters.estimation.estimate import geometry_where
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.frames import unit_face_normals
 from bezier_filters.meshes.half_edges import HalfEdgeLists, face_at_edge, half_edge_lists, normals_at_edges
@@ -189,26 +189,23 @@ def known_surface(mesh: TriangleMesh, regions: list[InfluenceRegion], noise: flo
     """Find out what is known around holes; the noise is learned if it is not given."""
     if not regions:
         return KnownSurface(np.zeros_like(mesh.vertices), noise, regions)
-    # The noise decides which points are fitted, and is learned together with the normals: both choices are looked at.
-    points = [
-        {
-            noisy: region.ids[fitted_points(region, noisy=noisy)]
-            for noisy in ((False, True) if noise is None else (region.is_noisy(noise),))
-        }
-        for region in regions
-    ]
-    selected = np.zeros(mesh.vertex_count, dtype=np.bool_)
-    selected[np.concatenate([ids for of_region in points for ids in of_region.values()])] = True
-    geometry = estimate_vertex_geometry(mesh.vertices, mesh.faces, selected=selected)
-    noise = geometry.noise_sigma if noise is None else noise
-    fitted = [of_region[region.is_noisy(noise)] for region, of_region in zip(regions, points, strict=True)]
+    fitted: list[IntArray] = []
+
+    def select(learned: float | None) -> BoolArray:
+        sigma = learned if noise is None else noise
+        fitted.extend(region.ids[fitted_points(region, noisy=region.is_noisy(sigma))] for region in regions)
+        selected = np.zeros(mesh.vertex_count, dtype=np.bool_)
+        selected[np.concatenate(fitted)] = True
+        return selected
+
+    geometry = geometry_where(mesh, select)
     normals = np.zeros_like(mesh.vertices)
     for ids in fitted:
         normals[ids] = geometry.normals[ids]
     shape = geometry.noise_free
     if shape is not None:
         regions = [replace(region, noise_free=shape[region.ids]) for region in regions]
-    return KnownSurface(normals, noise, regions)
+    return KnownSurface(normals, geometry.noise_sigma if noise is None else noise, regions)
 
 
 def fitted_points(region: InfluenceRegion, known: BoolArray | None = None, *, noisy: bool) -> IntArray:
