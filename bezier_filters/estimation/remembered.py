@@ -10,8 +10,10 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.estimation.adaptive_fit import SurfaceFit
+from bezier_filters.runtime.parallel import run_kernel
 
 MOST = 4  # meshes, or ways to look at one
+PIECE = 1 << 20  # numbers of an array that are digested at a time
 LARGEST = 1_000_000  # vertices of a mesh: fits of larger ones take far longer than what is learned before
 _lock, _recent = Lock(), OrderedDict[Hashable, "LearnedFit"]()
 
@@ -32,11 +34,16 @@ def key_of(*parts: FloatArray | IntArray | Hashable) -> Hashable:
     >>> key_of(np.ones(3), 2) == key_of(np.ones(3), 2) != key_of(np.ones(3), 3)
     True
     """
+    flat = [part.ravel() for part in parts if isinstance(part, np.ndarray)]
+    pieces = [array[k : k + PIECE] for array in flat for k in range(0, len(array), PIECE)]
+    digests = [b""] * len(pieces)
 
-    def digest(array: FloatArray | IntArray) -> bytes:
-        return hashlib.blake2b(array.data, digest_size=16, usedforsecurity=False).digest()
+    def digest(start: int, stop: int) -> None:
+        for k in range(start, stop):
+            digests[k] = hashlib.blake2b(pieces[k].data, digest_size=16, usedforsecurity=False).digest()
 
-    return tuple(digest(part) if isinstance(part, np.ndarray) else part for part in parts)
+    run_kernel(digest, len(pieces), chunk=1)
+    return *digests, *(part.shape if isinstance(part, np.ndarray) else part for part in parts)
 
 
 def recall(key: Hashable) -> LearnedFit | None:
