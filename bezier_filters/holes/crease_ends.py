@@ -8,10 +8,11 @@ import numpy as np
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.holes.influence_region import InfluenceRegion
 from bezier_filters.meshes.adjacency import vertex_adjacency
-from bezier_filters.meshes.frames import unit_face_normals
+from bezier_filters.meshes.frames import unit_face_normal
 from bezier_filters.meshes.half_edges import cycles, ends_of_half_edges, half_edge_twins, mesh_edges
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.sharp_edges import sharp_edges
+from bezier_filters.runtime.jit import short_jit
 
 # angle up to which no edge is sharp, less than for lines: edges that are rounded a little are continued, too
 ROUNDED = radians(35.0)
@@ -35,10 +36,22 @@ class CreaseEnd:
 
 def may_have_creases(region: InfluenceRegion) -> bool:
     """Whether the faces differ enough for a crease, which is quickly told: no two if all are near their mean normal."""
-    normals = unit_face_normals(region.shape, region.faces)
-    normals = normals[normals.any(axis=1)]
-    mean = normals.sum(axis=0)
-    return bool((normals @ mean < cos(0.5 * ROUNDED) * np.linalg.norm(mean)).any())
+    return bool(_least_cosine(region.shape, region.faces) < cos(0.5 * ROUNDED))
+
+
+@short_jit()
+def _least_cosine(points: FloatArray, faces: IntArray) -> float:
+    """Least cosine of the angles between normals of faces and their mean; 1 if there are none."""
+    u, v, w, least = 0.0, 0.0, 0.0, 1.0
+    for f in range(faces.shape[0]):
+        x, y, z = unit_face_normal(points, faces, f)
+        u, v, w = u + x, v + y, w + z
+    length = np.sqrt(u * u + v * v + w * w)
+    for f in range(faces.shape[0]):
+        x, y, z = unit_face_normal(points, faces, f)
+        if x != 0.0 or y != 0.0 or z != 0.0:
+            least = min(least, (x * u + y * v + z * w) / max(length, 1e-300))
+    return float(least)
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from bezier_filters.holes.planar_fill import Correction, paper_fill
 from bezier_filters.holes.polyharmonic_fairing import polyharmonic_continuation
 from bezier_filters.holes.smooth_fill import Attempt, smooth_attempts
 from bezier_filters.meshes.adjacency import Rows
-from bezier_filters.meshes.half_edges import dihedral_angles, half_edge_lists, normals_at_edges
+from bezier_filters.meshes.half_edges import dihedral_angles, half_edge_lists, normals_along
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.self_intersections import cut_faces, faces_in_boxes
 
@@ -281,6 +281,6 @@ def _cuts(placed: FaceSet, others: Sequence[FaceSet]) -> BoolArray:
 def _rim_dihedral(fill: FaceSet, region: InfluenceRegion) -> float:
     """Mean angle between the faces on both sides of the rim, in degrees."""
     lists = half_edge_lists(fill.faces, len(fill.points))
-    own = [normals_at_edges(fill.points, fill.faces, lists, loop, np.roll(loop, -1)) for loop in region.loops]
+    own = [normals_along(fill.points, fill.faces, lists, loop, beyond=False) for loop in region.loops]
     beyond = [region.normals_beyond(loop) for loop in region.loops]
     return degrees(float(dihedral_angles(np.concatenate(own), np.concatenate(beyond)).mean()))

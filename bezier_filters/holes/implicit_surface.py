@@ -24,7 +24,6 @@ from bezier_filters.holes.restricted_likelihood import (
     turn,
 )
 from bezier_filters.runtime.jit import inner_jit, jit, short_jit
-from bezier_filters.runtime.parallel import run_kernel
 
 POWERS = (3, 5)
 PILOT = 3  # one of so many points is enough to tell the power if that makes each value there more likely by e^(1/2)
@@ -51,17 +50,14 @@ class ImplicitSurface(NamedTuple):
     def values_and_gradients(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Values, lengths (n,), and gradients (n, 3) at points (n, 3)."""
         values, gradients = np.zeros(len(points)), np.zeros((len(points), 3))
-        _evaluate(self, self._scaled(points), values, gradients)
+        _evaluate(self, (points - self.origin) / self.scale, values, gradients)
         return self.scale * values, gradients
 
     def project(self, points: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Move points along the gradient to the surface: where they end, (n, 3), and which of them are on it, (n,)."""
-        scaled, found = self._scaled(points), np.zeros(len(points), dtype=np.bool_)
-        run_kernel(_project, len(points), self, scaled, found)
-        return self.origin + self.scale * scaled, found
-
-    def _scaled(self, points: FloatArray) -> FloatArray:
-        return (points - self.origin) / self.scale
+        moved, found = points.copy(), np.zeros(len(points), dtype=np.bool_)
+        _project(self, moved, found)
+        return moved, found
 
 
 def fit_implicit_surface(
@@ -214,24 +210,28 @@ def _evaluate(surface: ImplicitSurface, points: FloatArray, values: FloatArray, 
 
 
 @jit(fastmath=FAST)
-def _project(surface: ImplicitSurface, points: FloatArray, found: BoolArray, start: int, stop: int) -> None:
-    """Move scaled points start .. stop-1 to the surface, and say which of them got there."""
-    for i in range(start, stop):
-        for _ in range(STEPS):
-            x, y, z = points[i, 0], points[i, 1], points[i, 2]
-            value, gx, gy, gz = _value_and_gradient(surface, x, y, z)
-            slope = np.sqrt(gx * gx + gy * gy + gz * gz)
-            bounded = max(slope, SMALLEST_SLOPE)
-            step = value / bounded
-            points[i, 0], points[i, 1], points[i, 2] = (
-                x - step / bounded * gx,
-                y - step / bounded * gy,
-                z - step / bounded * gz,
-            )
-            # Newton's steps shrink quadratically: after a short one the rest is shorter still.
-            if abs(step) < SHORT_STEP and slope > SMALLEST_SLOPE:
-                found[i] = True
-                break
+def _project(surface: ImplicitSurface, points: FloatArray, found: BoolArray) -> None:
+    for i in range(points.shape[0]):
+        found[i] = project_point(surface, points, i)
+
+
+@inner_jit(fastmath=FAST)
+def project_point(surface: ImplicitSurface, points: FloatArray, i: int) -> bool:
+    """Move a point to the surface, and say whether it got there."""
+    origin, scale, found = surface.origin, surface.scale, False
+    x, y, z = (points[i, 0] - origin[0]) / scale, (points[i, 1] - origin[1]) / scale, (points[i, 2] - origin[2]) / scale
+    for _ in range(STEPS):
+        value, gx, gy, gz = _value_and_gradient(surface, x, y, z)
+        slope = np.sqrt(gx * gx + gy * gy + gz * gz)
+        bounded = max(slope, SMALLEST_SLOPE)
+        step = value / bounded
+        x, y, z = x - step / bounded * gx, y - step / bounded * gy, z - step / bounded * gz
+        # Newton's steps shrink quadratically: after a short one the rest is shorter still.
+        found = abs(step) < SHORT_STEP and slope > SMALLEST_SLOPE
+        if found:
+            break
+    points[i, 0], points[i, 1], points[i, 2] = origin[0] + scale * x, origin[1] + scale * y, origin[2] + scale * z
+    return found
 
 
 @inner_jit(fastmath=FAST)

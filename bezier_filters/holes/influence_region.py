@@ -10,7 +10,7 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.estimation.estimate import geometry_where
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.frames import unit_face_normals
-from bezier_filters.meshes.half_edges import HalfEdgeLists, face_at_edge, half_edge_lists, normals_at_edges
+from bezier_filters.meshes.half_edges import HalfEdgeLists, face_at_edge, half_edge_lists, normals_along
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.neighbourhoods import rings_around
 from bezier_filters.meshes.triangles import angle_parts, edge_length
@@ -94,7 +94,7 @@ class InfluenceRegion:
 
     def normals_beyond(self, loop: IntArray) -> FloatArray:
         """Unit normal of the face beyond the edge that begins at each vertex of a rim, zero without one, (k, 3)."""
-        return normals_at_edges(self.vertices, self.faces, self._half_edges, np.roll(loop, -1), loop)
+        return normals_along(self.vertices, self.faces, self._half_edges, loop, beyond=True)
 
     def is_noisy(self, noise: float | None) -> bool:
         """Whether noise of that size, a length, is so large that points around the hole are fitted."""
@@ -211,7 +211,7 @@ def known_surface(mesh: TriangleMesh, regions: list[InfluenceRegion], noise: flo
 def fitted_points(region: InfluenceRegion, known: BoolArray | None = None, *, noisy: bool) -> IntArray:
     """Places of the points that a surface is fitted to, among those that are known."""
     ids = np.arange(len(region.ids)) if known is None else np.flatnonzero(known)
-    most = NOISY_POINTS if noisy else int(np.clip(POINTS_PER_EDGE * region.rim_count, FEWEST_POINTS, MOST_POINTS))
+    most = NOISY_POINTS if noisy else min(max(POINTS_PER_EDGE * region.rim_count, FEWEST_POINTS), MOST_POINTS)
     if len(ids) > most:
         near = np.flatnonzero(region.rings[ids] <= (-1 if noisy else 1)).astype(np.int32)
         ids = ids[farthest_points(region.vertices[ids], near, most)]

@@ -20,6 +20,7 @@ DENSITY = float(np.sqrt(2.0))
 # edges of very different lengths, triangles stay larger than they would be
 FEW_FACES = 1_000
 MOST_PASSES = 60
+FEWEST_ROWS = 200
 GROWTH = 9  # rows that there is room for, in faces of a fill, before its arrays are made longer
 MOST_FLIPS = 30  # passes over all edges
 
@@ -43,7 +44,7 @@ def refine(fill: Fill, existing: IntArray) -> Fill:
     counts = np.array([len(points), len(faces), 0])
     most = FEW_FACES + fill.rim_count**2
     while not _refine(points, sizes, faces, neighbours, existing, fill.rim_count, most, counts):
-        room = GROWTH * int(counts[1])
+        room = GROWTH * max(int(counts[1]), FEWEST_ROWS)
         points, sizes = _with_room(points, room), _with_room(sizes, room)
         faces, neighbours = _with_room(faces, room), _with_room(neighbours, room)
     n, m, _ = counts
@@ -52,13 +53,15 @@ def refine(fill: Fill, existing: IntArray) -> Fill:
 
 def _with_room(part: Values, count: int) -> Values:
     """An array with as many further rows as are needed for so many in all."""
-    return np.concatenate([part, np.zeros((count - len(part), *part.shape[1:]), dtype=part.dtype)])
+    result = np.empty((count, *part.shape[1:]), dtype=part.dtype)
+    result[: len(part)] = part
+    return result
 
 
 def flip_edges(fill: Fill, existing: IntArray) -> Fill:
     """Flip edges until all are locally Delaunay, without joining pairs (p, 2) of rim vertices again."""
     faces = fill.faces.copy()
-    _flip_all(fill.points, faces, _room(fill), existing, fill.rim_count)
+    _flip_all(fill.points, faces, work_space(fill), existing, fill.rim_count)
     return replace(fill, faces=faces)
 
 
@@ -68,19 +71,12 @@ def relax_tangentially(fill: Fill) -> Fill:
     On a fill that is projected to its surface again this moves vertices along the surface only.
     """
     points = fill.points.copy()
-    _move_to_means(points, fill.faces, _room(fill), fill.rim_count)
+    _move_to_means(points, fill.faces, work_space(fill), fill.rim_count)
     return replace(fill, points=points)
 
 
-def even_out(fill: Fill, existing: IntArray) -> Fill:
-    """Flip edges, and then relax what results."""
-    points, faces = fill.points.copy(), fill.faces.copy()
-    _even_out(points, faces, _room(fill), existing, fill.rim_count)
-    return replace(fill, points=points, faces=faces)
-
-
-class _Room(NamedTuple):
-    """Work space for a fill of n points and m faces."""
+class WorkSpace(NamedTuple):
+    """What is needed to even out a fill of n points and m faces."""
 
     lists: HalfEdgeLists
     neighbours: IntArray  # (m, 3)
@@ -90,21 +86,23 @@ class _Room(NamedTuple):
     moving: BoolArray  # (n,)
 
 
-def _room(fill: Fill) -> _Room:
+def work_space(fill: Fill) -> WorkSpace:
+    """Room for a fill."""
     n, m = len(fill.points), len(fill.faces)
     before, goals = np.empty((2, n, 3))
     neighbours, lists = np.empty((m, 3), dtype=np.int32), room_for_half_edges(3 * m, n)
-    return _Room(lists, neighbours, before, goals, np.empty(n), np.empty(n, dtype=np.bool_))
+    return WorkSpace(lists, neighbours, before, goals, np.empty(n), np.empty(n, dtype=np.bool_))
 
 
-@jit()
-def _even_out(points: FloatArray, faces: IntArray, room: _Room, existing: IntArray, rim_count: int) -> None:
+@inner_jit()
+def even_out(points: FloatArray, faces: IntArray, room: WorkSpace, existing: IntArray, rim_count: int) -> None:
+    """Flip edges as `flip_edges`, and then move points as `relax_tangentially`."""
     _flip_all(points, faces, room, existing, rim_count)
     _move_to_means(points, faces, room, rim_count)
 
 
 @short_jit()
-def _flip_all(points: FloatArray, faces: IntArray, room: _Room, existing: IntArray, rim_count: int) -> None:
+def _flip_all(points: FloatArray, faces: IntArray, room: WorkSpace, existing: IntArray, rim_count: int) -> None:
     find_neighbours(faces, room.lists, room.neighbours)
     _flip(points, faces, room.neighbours, existing, rim_count)
 
@@ -266,7 +264,7 @@ def _are_joined(faces: IntArray, neighbours: IntArray, f: int, g: int, c: int, d
 
 
 @short_jit()
-def _move_to_means(points: FloatArray, faces: IntArray, room: _Room, rim_count: int) -> None:
+def _move_to_means(points: FloatArray, faces: IntArray, room: WorkSpace, rim_count: int) -> None:
     """Move the points; those of turned triangles, and of triangles that turn because they stay, keep their places."""
     before, goals, counts, moving = room.before, room.goals, room.counts, room.moving
     for i in range(points.shape[0]):

@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.holes.implicit_surface import ImplicitSurface, fit_implicit_surface
+from bezier_filters.holes.implicit_surface import ImplicitSurface, fit_implicit_surface, project_point
 from bezier_filters.holes.influence_region import InfluenceRegion, fitted_points
 from bezier_filters.holes.loops import triangulate_loop
 from bezier_filters.holes.polyharmonic_fairing import polyharmonic_continuation
-from bezier_filters.holes.refinement import Fill, even_out, refine
+from bezier_filters.holes.refinement import Fill, WorkSpace, even_out, refine, work_space
 from bezier_filters.meshes.half_edges import ends_of_half_edges
+from bezier_filters.runtime.jit import jit
 
 FEWEST_POINTS = 16  # with known normals, for a surface
 MOST_AT_ONCE = 200  # edges of a rim up to which the fill is faired at its final resolution
@@ -147,16 +148,23 @@ def surface_around(
 
 def project_to_surface(fill: Fill, region: InfluenceRegion, surface: ImplicitSurface) -> Fill | None:
     """Move the new vertices of a fill onto a surface and make its triangles more even; None if that does not work."""
-    new = slice(fill.rim_count, None)
+    points, faces = fill.points.copy(), fill.faces.copy()
+    is_on_it = _settle(surface, points, faces, work_space(fill), region.rim_edges, fill.rim_count)
+    return replace(fill, points=points, faces=faces) if is_on_it else None
+
+
+@jit()
+def _settle(
+    surface: ImplicitSurface, points: FloatArray, faces: IntArray, room: WorkSpace, existing: IntArray, rim_count: int
+) -> bool:
+    """Move new vertices to the surface and along it; return whether all of them get there."""
     for round_ in range(ROUNDS + 1):
-        points = fill.points.copy()
-        points[new], found = surface.project(points[new])
-        if not found.all():
-            return None
-        fill = replace(fill, points=points)
+        for i in range(rim_count, points.shape[0]):
+            if not project_point(surface, points, i):
+                return False
         if round_ < ROUNDS:
-            fill = even_out(fill, region.rim_edges)
-    return fill
+            even_out(points, faces, room, existing, rim_count)
+    return True
 
 
 def meet_rim(fill: Fill, region: InfluenceRegion, surface: ImplicitSurface) -> Fill:

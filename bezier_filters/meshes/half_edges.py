@@ -120,21 +120,25 @@ def find_neighbours(faces: IntArray, lists: HalfEdgeLists, found: IntArray) -> N
             found[f, k] = face_at_edge(faces, lists, faces[f, (k + 1) % 3], faces[f, k])
 
 
-def normals_at_edges(
-    points: FloatArray, faces: IntArray, lists: HalfEdgeLists, starts: IntArray, ends: IntArray
+def normals_along(
+    points: FloatArray, faces: IntArray, lists: HalfEdgeLists, loop: IntArray, *, beyond: bool
 ) -> FloatArray:
-    """Unit normal of the face along each edge from start to end, zero where there is none, (k, 3)."""
-    normals = np.zeros((len(starts), 3))
-    _write_normals(points, faces, lists, starts, ends, normals)
+    """Unit normals of the faces along the edges of a loop, or beyond them, zero where there is none, (k, 3).
+
+    Each belongs to the edge that begins at a vertex.
+    """
+    normals = np.zeros((len(loop), 3))
+    _write_normals(points, faces, lists, loop, beyond, normals)
     return normals
 
 
 @short_jit()
 def _write_normals(
-    points: FloatArray, faces: IntArray, lists: HalfEdgeLists, starts: IntArray, ends: IntArray, normals: FloatArray
+    points: FloatArray, faces: IntArray, lists: HalfEdgeLists, loop: IntArray, beyond: bool, normals: FloatArray
 ) -> None:
-    for k in range(starts.shape[0]):
-        f = face_at_edge(faces, lists, starts[k], ends[k])
+    for k in range(loop.shape[0]):
+        start, end = loop[k], loop[(k + 1) % loop.shape[0]]
+        f = face_at_edge(faces, lists, end, start) if beyond else face_at_edge(faces, lists, start, end)
         if f >= 0:
             x, y, z, _ = unit_normal(points, faces[f, 0], faces[f, 1], faces[f, 2])
             normals[k, 0], normals[k, 1], normals[k, 2] = x, y, z

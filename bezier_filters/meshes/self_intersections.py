@@ -7,7 +7,7 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.adjacency import Rows
 from bezier_filters.meshes.triangles import area_vector, cosine_between, has_corner
-from bezier_filters.runtime.jit import inner_jit, jit
+from bezier_filters.runtime.jit import inner_jit, jit, short_jit
 from bezier_filters.runtime.parallel import run_kernel
 
 FOLDED = -0.9999  # cosine of the angle between two faces on one edge from which down they lie on each other
@@ -102,11 +102,21 @@ def cut_faces(vertices: FloatArray, faces: IntArray, new: int, names: IntArray |
     """
     first = len(faces) - new
     result = np.zeros(new, dtype=np.bool_)
-    corners = vertices[faces[first:]]
     if new:
-        boxes = _sorted_boxes(corners.min(axis=1), corners.max(axis=1))
+        low, high = np.empty((2, new, 3))
+        _bound(vertices, faces, low, high)
+        boxes = _sorted_boxes(low, high)
         _find_cuts(vertices, faces, faces if names is None else names, boxes, first, result)
     return result
+
+
+@short_jit()
+def _bound(vertices: FloatArray, faces: IntArray, low: FloatArray, high: FloatArray) -> None:
+    """Write the boxes (k, 3) of the last k faces."""
+    first = faces.shape[0] - low.shape[0]
+    for q in range(low.shape[0]):
+        for axis in range(3):
+            low[q, axis], high[q, axis] = _bounds(vertices, faces, first + q, axis)
 
 
 @jit()
