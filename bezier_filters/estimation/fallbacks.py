@@ -138,7 +138,12 @@ def fit_with_fallbacks(
     """
     if not len(mesh.faces):  # only the points' normals can tell a fold
         attempts = [replace(one, most_turned=max(one.most_turned, MOST_TURNED)) for one in attempts]
-    has_normal = (mesh.normals != 0.0).any(axis=1)[ids]
+    has_normal = np.empty(len(ids), dtype=np.bool_)
+
+    def look(start: int, stop: int) -> None:
+        has_normal[start:stop] = mesh.normals[ids[start:stop]].any(axis=1)
+
+    run_kernel(look, len(ids))
     geometry.status[mesh.origin[ids[~has_normal]]] = FitStatus.ISOLATED
     unsettled = _where(has_normal, ids)
     outcomes = np.full(len(unsettled), FITTED, dtype=np.int8)
