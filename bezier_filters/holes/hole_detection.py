@@ -74,7 +74,8 @@ def find_holes(mesh: TriangleMesh, adjacency: Adjacency) -> list[Hole]:
         # Sheets that touch at a vertex share the outside around them, but each has a rim of its own.
         parts = simple_loops(loop) if turning > RIM_TURNING else [loop]
         for part in parts:
-            points, count = mesh.vertices[part], np.isin(part * np.int64(n) + np.roll(part, -1), cracks).sum()
+            points = mesh.vertices[part]
+            count = np.isin(part * np.int64(n) + np.roll(part, -1), cracks).sum() if len(cracks) else 0
             obstacle = f"{count} of its {len(part)} edges lie on those of another border: {WELD}" if count else ""
             length = float(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1).sum())
             holes.append(Hole((part[::-1].copy(),), turning, length, diameter(points), obstacle))

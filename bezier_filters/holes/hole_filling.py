@@ -22,7 +22,7 @@ from bezier_filters.holes.fill_methods import (
     hole_box,
 )
 from bezier_filters.holes.hole_detection import HoleChoice, find_holes
-from bezier_filters.holes.influence_region import influence_region, known_surface
+from bezier_filters.holes.influence_region import influence_regions, known_surface
 from bezier_filters.holes.planar_fill import Correction
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import checked_selection, takes_arrays, triangle_mesh
@@ -216,7 +216,7 @@ def fill_holes(
     # The lid of a sheet that is not flat may go through the holes in it: it must give way to their fills.
     numbers = sorted(np.flatnonzero([not refusal for refusal in refusals]), key=lambda k: found[k].is_outer_rim)
     chosen = [found[k] for k in numbers]
-    regions = [influence_region(mesh, adjacency, hole.loops) for hole in chosen]
+    regions = influence_regions(mesh, adjacency, [hole.loops for hole in chosen])
     known = known_surface(mesh, regions, noise)
     boxes = np.array([hole_box(mesh, hole) for hole in chosen]).reshape(-1, 2, 3)
     near = faces_in_boxes(mesh.vertices, mesh.faces, boxes[:, 0], boxes[:, 1])

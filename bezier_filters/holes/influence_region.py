@@ -1,5 +1,6 @@
 """The influence region of a hole: rings of the mesh around it as a small mesh of its own, and what is known there."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import pi
@@ -12,7 +13,7 @@ from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.frames import unit_face_normals
 from bezier_filters.meshes.half_edges import HalfEdgeLists, face_at_edge, half_edge_lists, normals_along
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.neighbourhoods import rings_around
+from bezier_filters.meshes.neighbourhoods import rings_around, search_room
 from bezier_filters.meshes.triangles import angle_parts, edge_length
 from bezier_filters.runtime.jit import jit, short_jit
 
@@ -109,23 +110,33 @@ class InfluenceRegion:
         return replace(self, joined=places) if len(pairs) else self
 
 
+def influence_regions(
+    mesh: TriangleMesh, adjacency: Adjacency, holes: Sequence[tuple[IntArray, ...]], rings: int = RINGS
+) -> list[InfluenceRegion]:
+    """Collect some rings, one or more, around the loops of each hole."""
+    # Of work space for the whole mesh no more is touched than what the regions need.
+    room, place = search_room(mesh.vertex_count), np.empty(mesh.vertex_count, dtype=np.int32)
+    is_met, met = np.zeros(mesh.face_count, dtype=np.bool_), np.empty(mesh.face_count, dtype=np.int32)
+    regions = []
+    for loops in holes:
+        ids, ring = rings_around(adjacency.vertices, np.unique(np.concatenate(loops)), rings, room)
+        count = _meet_faces(adjacency.faces.indptr, adjacency.faces.indices, ids[ring < rings], is_met, met)
+        place[ids] = np.arange(len(ids), dtype=np.int32)
+        faces, own = place[mesh.faces[np.sort(met[:count])]], tuple(place[loop] for loop in loops)
+        regions.append(InfluenceRegion(ids, ring, mesh.vertices[ids], faces, own))
+    return regions
+
+
 def influence_region(
     mesh: TriangleMesh, adjacency: Adjacency, loops: tuple[IntArray, ...], rings: int = RINGS
 ) -> InfluenceRegion:
     """Collect some rings, one or more, around loops of vertices."""
-    ids, ring = rings_around(adjacency.vertices, np.unique(np.concatenate(loops)), rings)
-    inner, rows = ids[ring < rings], adjacency.faces
-    met = np.empty(rows.lengths_of(inner).sum(), dtype=np.int32)
-    # Of work space for the whole mesh no more is touched than what the region needs.
-    place, is_met = np.empty(mesh.vertex_count, dtype=np.int32), np.zeros(mesh.face_count, dtype=np.bool_)
-    place[ids] = np.arange(len(ids), dtype=np.int32)
-    met = np.sort(met[: _meet_faces(rows.indptr, rows.indices, inner, is_met, met)])
-    return InfluenceRegion(ids, ring, mesh.vertices[ids], place[mesh.faces[met]], tuple(place[loop] for loop in loops))
+    return influence_regions(mesh, adjacency, [loops], rings)[0]
 
 
 @jit()
 def _meet_faces(indptr: IntArray, indices: IntArray, vertices: IntArray, is_met: BoolArray, met: IntArray) -> int:
-    """Write the faces at some vertices, each once; return how many they are."""
+    """Write the faces at some vertices, each once; return how many. No face is marked before and after."""
     count = 0
     for i in vertices:
         for q in range(indptr[i], indptr[i + 1]):
@@ -133,6 +144,8 @@ def _meet_faces(indptr: IntArray, indices: IntArray, vertices: IntArray, is_met:
                 is_met[indices[q]] = True
                 met[count] = indices[q]
                 count += 1
+    for k in range(count):
+        is_met[met[k]] = False
     return count
 
 
@@ -213,40 +226,40 @@ def fitted_points(region: InfluenceRegion, known: BoolArray | None = None, *, no
     ids = np.arange(len(region.ids)) if known is None else np.flatnonzero(known)
     most = NOISY_POINTS if noisy else min(max(POINTS_PER_EDGE * region.rim_count, FEWEST_POINTS), MOST_POINTS)
     if len(ids) > most:
-        near = np.flatnonzero(region.rings[ids] <= (-1 if noisy else 1)).astype(np.int32)
-        ids = ids[farthest_points(region.vertices[ids], near, most)]
+        ids = ids[farthest_points(region.vertices[ids], region.rings[ids] <= (-1 if noisy else 1), most)]
     return ids.astype(np.int32)
 
 
-def farthest_points(points: FloatArray, near: IntArray, most: int) -> IntArray:
+def farthest_points(points: FloatArray, near: BoolArray, most: int) -> IntArray:
     """Places of `most` of some points, far from each other: first those that are near, up to a share, then all others.
 
     The nearest points settle how the fill joins, the others how the surface curves. Each further point is the one that
     is farthest from those taken before, so that the choice follows from where the points are, not from their order.
 
     >>> line = np.arange(6.0)[:, np.newaxis] * [1.0, 0.0, 0.0]
-    >>> farthest_points(line, np.array([0, 1], dtype=np.int32), 3)
+    >>> farthest_points(line, np.arange(6) < 2, 3)
     array([0, 1, 5], dtype=int32)
     """
-    distances = np.square(points - points.mean(axis=0)).sum(axis=1)
-    taken = np.zeros(len(points), dtype=np.bool_)
-    _take_farthest(points, near, min(int(NEAR * most), len(near)), distances, taken)
-    everywhere = np.arange(len(points), dtype=np.int32)
-    _take_farthest(points, everywhere, most - int(np.count_nonzero(taken)), distances, taken)
+    distances, taken = np.square(points - points.mean(axis=0)).sum(axis=1), np.zeros(len(points), dtype=np.bool_)
+    _take_farthest(points, near, int(NEAR * most), most, distances, taken)
     return np.flatnonzero(taken).astype(np.int32)
 
 
 @jit()
 def _take_farthest(
-    points: FloatArray, candidates: IntArray, count: int, distances: FloatArray, taken: BoolArray
+    points: FloatArray, near: BoolArray, most_near: int, most: int, distances: FloatArray, taken: BoolArray
 ) -> None:
-    """Take some of the candidates; `distances` are those to the points taken before, squared."""
-    for _ in range(count):
+    """Take some of the points; `distances` are those to the points taken before, squared."""
+    count = 0
+    while count < most:
         farthest = -1
-        for i in candidates:  # of equally far ones the first
-            if not taken[i] and (farthest < 0 or distances[i] > distances[farthest]):
-                farthest = i
-        taken[farthest] = True
+        for i in range(points.shape[0]):  # of equally far ones the first
+            if not taken[i] and (near[i] or count >= most_near):
+                farthest = i if farthest < 0 or distances[i] > distances[farthest] else farthest
+        if farthest < 0:  # all that are near are taken
+            most_near = 0
+            continue
+        taken[farthest], count = True, count + 1
         for i in range(points.shape[0]):
             x, y, z = (
                 points[i, 0] - points[farthest, 0],

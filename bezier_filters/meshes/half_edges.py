@@ -324,15 +324,23 @@ def cycles(successor: IntArray, order: IntArray) -> list[IntArray]:
 
     Where no item is followed twice, but some are the last and follow themselves, it gives pieces of paths, too.
     """
-    result = []
-    seen = np.zeros(len(successor), dtype=np.bool_)
-    for first in order.tolist():
-        path: list[int] = []
+    items, ends = np.empty(len(successor), dtype=np.int32), np.empty_like(order)
+    count = _follow(successor, order, np.zeros(len(successor), dtype=np.bool_), items, ends)
+    return np.split(items[: ends[count - 1]], ends[: count - 1]) if count else []
+
+
+@jit()
+def _follow(successor: IntArray, order: IntArray, seen: BoolArray, items: IntArray, ends: IntArray) -> int:
+    """Write the items of all cycles and where each of these ends; return how many they are."""
+    written, count = 0, 0
+    for first in order:
         item = first
         while not seen[item]:
             seen[item] = True
-            path.append(item)
-            item = int(successor[item])
-        if path:
-            result.append(np.array(path, dtype=np.int32))
-    return result
+            items[written] = item
+            written += 1
+            item = successor[item]
+        if written > 0 and (count == 0 or written > ends[count - 1]):
+            ends[count] = written
+            count += 1
+    return count

@@ -1,5 +1,7 @@
 """Neighbourhoods of a vertex: k-rings, the vertices within k edges, and balls, those within a distance."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
@@ -45,7 +47,21 @@ def k_rings(adjacency: Adjacency, rings: int) -> Rows:
     return Rows(indptr, np.concatenate(found))
 
 
-def rings_around(neighbours: Rows, seeds: IntArray, rings: int) -> tuple[IntArray, IntArray]:
+class SearchRoom(NamedTuple):
+    """Work space for searches among n vertices, one after the other: new one takes longer to get than small rings."""
+
+    visited: BoolArray  # (n,): false everywhere before and after
+    members: IntArray  # (n + 1,)
+
+
+def search_room(n: int) -> SearchRoom:
+    """Room for n vertices, of which no more is touched than searches meet."""
+    return SearchRoom(np.zeros(n, dtype=np.bool_), np.empty(n + 1, dtype=np.int32))
+
+
+def rings_around(
+    neighbours: Rows, seeds: IntArray, rings: int, room: SearchRoom | None = None
+) -> tuple[IntArray, IntArray]:
     """Some vertices, those one edge away, and so on, and how many edges each is away.
 
     Each ring is in the order in which it is met from the one before.
@@ -55,10 +71,10 @@ def rings_around(neighbours: Rows, seeds: IntArray, rings: int) -> tuple[IntArra
     >>> members.tolist(), distances.tolist()
     ([1, 0, 2], [0, 1, 1])
     """
-    n = len(neighbours)
-    members, ends = np.empty(n + 1, dtype=np.int32), np.zeros(rings + 1, dtype=np.int32)
+    visited, members = room or search_room(len(neighbours))
+    ends = np.zeros(rings + 1, dtype=np.int32)
     members[: len(seeds)], ends[0] = seeds, len(seeds)
-    _spread(neighbours.indptr, neighbours.indices, np.zeros(n, dtype=np.bool_), members, ends)
+    _spread(neighbours.indptr, neighbours.indices, visited, members, ends)
     sizes = np.diff(ends, prepend=0)
     return members[: ends[-1]].copy(), np.repeat(np.arange(rings + 1, dtype=np.int32), sizes)
 
@@ -77,6 +93,7 @@ def _spread(indptr: IntArray, indices: IntArray, visited: BoolArray, members: In
                 count += not visited[indices[q]]
                 visited[indices[q]] = True
         start, ends[ring] = ends[ring - 1], count
+    forget(visited, members, ends[ends.shape[0] - 1])
 
 
 @jit()
