@@ -19,14 +19,14 @@ def faces_in_boxes(vertices: FloatArray, faces: IntArray, low: FloatArray, high:
     if count == 0 or len(faces) == 0:
         return Rows(np.zeros(count + 1, dtype=np.int32), nothing)
     boxes = _sorted_boxes(low, high)
-    is_met, counts = np.zeros(len(faces), dtype=np.bool_), np.zeros(count, dtype=np.int32)
-    run_kernel(_meet, len(faces), vertices, faces, boxes, is_met)
-    found = np.flatnonzero(is_met).astype(np.int32)  # few of many
-    near = faces[found]
-    _collect(vertices, near, boxes, counts, nothing)
+    first, counts = np.empty(len(faces), dtype=np.int32), np.zeros(count, dtype=np.int32)
+    run_kernel(_meet, len(faces), vertices, faces, boxes, first)
+    found = np.flatnonzero(first >= 0).astype(np.int32)  # few of many
+    near, first = faces[found], first[found]
+    _collect(vertices, near, first, boxes, counts, nothing)
     indptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
     indices = np.empty(indptr[-1], dtype=np.int32)
-    _collect(vertices, near, boxes, indptr[:-1].copy(), indices)
+    _collect(vertices, near, first, boxes, indptr[:-1].copy(), indices)
     return Rows(indptr, found[indices])
 
 
@@ -48,17 +48,19 @@ def _sorted_boxes(low: FloatArray, high: FloatArray) -> _Boxes:
 
 
 @jit()
-def _meet(vertices: FloatArray, faces: IntArray, boxes: _Boxes, is_met: BoolArray, start: int, stop: int) -> None:
-    """Mark those of the faces start .. stop-1 that meet any box."""
+def _meet(vertices: FloatArray, faces: IntArray, boxes: _Boxes, first: IntArray, start: int, stop: int) -> None:
+    """Write the first box that each of the faces start .. stop-1 meets, -1 if there is none."""
     for f in range(start, stop):
-        is_met[f] = _next_box(vertices, faces, f, boxes, -1) >= 0
+        first[f] = _next_box(vertices, faces, f, boxes, -1)
 
 
 @jit()
-def _collect(vertices: FloatArray, faces: IntArray, boxes: _Boxes, places: IntArray, indices: IntArray) -> None:
-    """List the faces in each box from `places` on; without room for them, count them only."""
+def _collect(
+    vertices: FloatArray, faces: IntArray, first: IntArray, boxes: _Boxes, places: IntArray, indices: IntArray
+) -> None:
+    """List the faces in each box, given their first ones, from `places` on; without room for them, count them only."""
     for f in range(faces.shape[0]):
-        box = _next_box(vertices, faces, f, boxes, -1)
+        box = first[f]
         while box >= 0:
             row = boxes.row[box]
             if indices.shape[0] > 0:
