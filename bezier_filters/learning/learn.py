@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache, partial
 from typing import Literal
 
 import numpy as np
@@ -45,9 +46,10 @@ def learn_surface(mesh: KernelMesh, adjacency: Adjacency, choices: Choices) -> t
     The ring that is wanted is analysed in any case, if it can be. There are no analyses at all for meshes with too few
     usable neighbourhoods, and no model if they allow no plan.
     """
+    drawn = cache(partial(draw_from_mesh, mesh))
 
     def sample(rings: int, count: int, view: View) -> NeighbourhoodSample:
-        return viewed_sample(mesh, adjacency, draw_from_mesh(mesh, count), rings, view)
+        return viewed_sample(mesh, adjacency, drawn(count), rings, view)
 
     return learn_from_samples(sample, len(mesh.vertices), choices)
 
