@@ -46,7 +46,7 @@ from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample, d
 from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
-from bezier_filters.meshes.spatial_order import in_spatial_order
+from bezier_filters.meshes.spatial_order import as_it_is, in_spatial_order, is_in_turn
 from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.runtime.parallel import Progress, on_threads
@@ -214,9 +214,12 @@ def estimate_vertex_geometry(
     return _estimate(mesh, wanted, lambda _: mask, progress)
 
 
-def geometry_where(mesh: TriangleMesh, select: Callable[[float | None], BoolArray]) -> VertexGeometry:
-    """Estimate what the data choose, at vertices (n,) that are selected once the noise, a length, is known."""
-    return _estimate(mesh, _Wanted(*fit_options("auto", "auto", "auto", "third_order")), select)
+def geometry_where(
+    mesh: TriangleMesh, adjacency: Adjacency, select: Callable[[float | None], BoolArray]
+) -> VertexGeometry:
+    """Estimate what the data choose, at some vertices (n,) that are selected once the noise, a length, is known."""
+    wanted = _Wanted(*fit_options("auto", "auto", "auto", "third_order"))
+    return _estimate(mesh, wanted, select, adjacency=adjacency if is_in_turn(adjacency) else None)
 
 
 @dataclass(frozen=True)
@@ -241,13 +244,17 @@ def _estimate(
     wanted: _Wanted,
     select: Callable[[float | None], BoolArray | None],
     progress: Progress | None = None,
+    adjacency: Adjacency | None = None,
 ) -> VertexGeometry:
-    """Estimate the geometry of a mesh or a point cloud at vertices that are selected by the noise, if it is known."""
+    """Estimate the geometry of a mesh or a point cloud at vertices that are selected by the noise, if it is known.
+
+    A mesh whose adjacency is known stays in its own order: to sort it does not pay where few vertices are selected.
+    """
     with first_call():
-        ordered = in_spatial_order(given)
+        ordered = in_spatial_order(given) if adjacency is None else as_it_is(given)
         mesh, order = ordered.mesh, ordered.order
         if mesh.face_count:
-            arrays, adjacency = fitted_mesh(mesh, ordered, creases=wanted.fixed is None)
+            arrays, adjacency = fitted_mesh(mesh, ordered, adjacency, creases=wanted.fixed is None)
         else:
             adjacency, planes = point_cloud(mesh, None if wanted.outside is None else wanted.outside[order])
             arrays = kernel_mesh(mesh, adjacency, planes, None, ordered)
@@ -262,7 +269,7 @@ def _estimate(
             nonlocal surface
             if wanted.robust or not given.face_count or not hides_sharp_edges(mesh, adjacency, noise):
                 return None
-            found, edges = noise_free_surface(given, vertex_adjacency(given), noise)
+            found, edges = noise_free_surface(given, adjacency if mesh is given else vertex_adjacency(given), noise)
             surface = found.vertices
             result: BoolArray = edges[order]
             return result
@@ -278,9 +285,9 @@ def _estimate(
             )
             known, learned = recall(key), None
             if known is not None:
-                fit, surface, fitted = known.fit, known.surface, arrays._replace(stops=known.stops)
+                fit, surface, fitted = known.fit, known.surface, arrays._replace(stops=known.stops[order])
                 if known.cleaned is not None:
-                    fitted = with_vertices(fitted, adjacency, known.cleaned)
+                    fitted = with_vertices(fitted, adjacency, known.cleaned[order])
             else:
                 fit, learned, fitted = _choose(
                     arrays, adjacency, lambda learn: choose_fit(learn, *options), hidden_edges
@@ -294,7 +301,8 @@ def _estimate(
             if fit.cleaned:
                 measure_from(arrays.vertices, fitted, ids, geometry)
             if learned is not None:
-                remember(key, LearnedFit(fit, fitted.stops, surface, fitted.vertices if fit.cleaned else None))
+                cleaned = ordered.back(fitted.vertices) if fit.cleaned else None
+                remember(key, LearnedFit(fit, ordered.back(fitted.stops), surface, cleaned))
         else:
             mask = select(wanted.noise)
             choice = fit_in_balls(

@@ -217,7 +217,7 @@ def fill_holes(
     numbers = sorted(np.flatnonzero([not refusal for refusal in refusals]), key=lambda k: found[k].is_outer_rim)
     chosen = [found[k] for k in numbers]
     regions = influence_regions(mesh, adjacency, [hole.loops for hole in chosen])
-    known = known_surface(mesh, regions, noise)
+    known = known_surface(mesh, adjacency, regions, noise)
     boxes = np.array([hole_box(mesh, hole) for hole in chosen]).reshape(-1, 2, 3)
     near = faces_in_boxes(mesh.vertices, mesh.faces, boxes[:, 0], boxes[:, 1])
     reports = [

@@ -198,7 +198,9 @@ class KnownSurface:
     regions: list[InfluenceRegion]  # with their shape
 
 
-def known_surface(mesh: TriangleMesh, regions: list[InfluenceRegion], noise: float | None) -> KnownSurface:
+def known_surface(
+    mesh: TriangleMesh, adjacency: Adjacency, regions: list[InfluenceRegion], noise: float | None
+) -> KnownSurface:
     """Find out what is known around holes; the noise is learned if it is not given."""
     if not regions:
         return KnownSurface(np.zeros_like(mesh.vertices), noise, regions)
@@ -211,7 +213,7 @@ def known_surface(mesh: TriangleMesh, regions: list[InfluenceRegion], noise: flo
         selected[np.concatenate(fitted)] = True
         return selected
 
-    geometry = geometry_where(mesh, select)
+    geometry = geometry_where(mesh, adjacency, select)
     normals = np.zeros_like(mesh.vertices)
     for ids in fitted:
         normals[ids] = geometry.normals[ids]

@@ -6,12 +6,13 @@ that surround them, along a Z-shaped curve through the cells (Morton 1966).
 """
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.jit import inner_jit, jit
@@ -21,6 +22,9 @@ PER_CELL = 32  # vertices of a closed surface in a cell of the grid, roughly
 LARGE = 1 << 16  # vertices: what is known of those of smaller meshes fits into a cache, in any order
 JUMP, MOST_JUMPS = 256, 0.05  # from the last neighbour of a vertex to that of the next, and share of longer ones
 MOST_BITS = 8  # of the number of cells along an axis
+
+
+Values = TypeVar("Values", FloatArray, BoolArray)
 
 
 @dataclass(frozen=True)
@@ -57,23 +61,43 @@ class SpatialOrder:
     mesh: TriangleMesh  # the renumbered mesh
     order: IntArray  # (n,): vertex i of it was vertex order[i]
 
-    def back(self, values: FloatArray) -> FloatArray:
+    def back(self, values: Values) -> Values:
         """Values (n, ...) of the renumbered vertices, as the vertices were numbered before."""
         result = np.empty_like(values)
         result[self.order] = values
         return result
 
 
-def read_in_turn(mesh: TriangleMesh, adjacency: Adjacency) -> SpatialOrder:
-    """The mesh as it is, unless it is large and neighbours of successive vertices often far apart; then `by_levels`.
+def as_it_is(mesh: TriangleMesh) -> SpatialOrder:
+    """A mesh in its own order."""
+    return SpatialOrder(mesh, np.arange(mesh.vertex_count, dtype=np.int32))
 
-    Vertices row by row, as scanners write them, are as good. Those of octrees and of subdivision are not.
+
+def is_in_turn(adjacency: Adjacency) -> bool:
+    """Whether a mesh is small, or neighbours of successive vertices are seldom far apart.
+
+    Vertices row by row, as scanners write them, are as good as an order by levels. Those of octrees and of subdivision
+    are not.
     """
     rows = adjacency.vertices
-    last = rows.indices[rows.indptr[1:][rows.lengths > 0] - 1]
-    if mesh.vertex_count < LARGE or len(last) < 2 or (np.abs(np.diff(last)) > JUMP).mean() <= MOST_JUMPS:
-        return SpatialOrder(mesh, np.arange(mesh.vertex_count, dtype=np.int32))
-    return by_levels(mesh, adjacency)
+    return len(rows) < LARGE or _count_jumps(rows.indptr, rows.indices) <= MOST_JUMPS * len(rows)
+
+
+@jit()
+def _count_jumps(indptr: IntArray, indices: IntArray) -> int:
+    """How many last neighbours of vertices are far from those of the vertices before; some have none."""
+    count, before = 0, -1
+    for i in range(indptr.shape[0] - 1):
+        if indptr[i + 1] > indptr[i]:
+            last = indices[indptr[i + 1] - 1]
+            count += before >= 0 and abs(last - before) > JUMP
+            before = last
+    return count
+
+
+def read_in_turn(mesh: TriangleMesh, adjacency: Adjacency) -> SpatialOrder:
+    """The mesh as it is, if that is in turn, or `by_levels`."""
+    return as_it_is(mesh) if is_in_turn(adjacency) else by_levels(mesh, adjacency)
 
 
 def by_levels(mesh: TriangleMesh, adjacency: Adjacency) -> SpatialOrder:

@@ -9,7 +9,10 @@ import pytest
 import bezier_filters as bf
 from bezier_filters.estimation import remembered
 from bezier_filters.estimation.adaptive_fit import SurfaceFit
+from bezier_filters.estimation.estimate import geometry_where
 from bezier_filters.estimation.vertex_geometry import FitChoice
+from bezier_filters.meshes.adjacency import vertex_adjacency
+from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star
 
 
@@ -48,6 +51,26 @@ def test_so_does_a_selection_after_the_whole(nothing_known, mesh):
     after = bf.estimate_vertex_geometry(*mesh, selected=selected)
     for name in ("normals", "k_min", "extremality_max", "mean_curvature_std", "status"):
         np.testing.assert_array_equal(getattr(after, name), getattr(alone, name), err_msg=name)
+
+
+@pytest.mark.parametrize("order", ["its own first", "that of space first"])
+def test_so_does_a_mesh_in_its_own_order_after_that_of_space(nothing_known, mesh, order):
+    """Holes are surrounded by few vertices, for which a mesh is not sorted; where patches end is told by the mesh."""
+    own = triangle_mesh(*mesh)
+    ways = [
+        lambda: geometry_where(own, vertex_adjacency(own), lambda _: np.ones(len(mesh[0]), dtype=bool)),
+        lambda: bf.estimate_vertex_geometry(*mesh),
+    ]
+    learn, recall = ways if order == "its own first" else ways[::-1]
+    alone = recall()
+    remembered._recent.clear()
+    learn()
+    after = recall()
+    assert len(remembered._recent) == 1
+    np.testing.assert_array_equal(after.status, alone.status)
+    for name in ("normals", "k_min", "mean_curvature_std"):
+        values = getattr(alone, name)
+        np.testing.assert_allclose(getattr(after, name), values, atol=1e-9 * np.abs(values).max(), err_msg=name)
 
 
 def test_other_arrays_or_options_are_learned_anew(nothing_known, mesh):
