@@ -15,8 +15,8 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from bezier_filters.arrays import BoolArray, FloatArray
+from bezier_filters.holes.dense_rows import FAST
 from bezier_filters.holes.restricted_likelihood import (
-    FAST,
     TERMS,
     reflections_of,
     restricted_likelihood,

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
+from bezier_filters.holes.dense_rows import FAST, add_row, dot
 from bezier_filters.runtime.cholesky import factorise
 from bezier_filters.runtime.jit import inner_jit, jit, short_jit
 
 TERMS = 10  # of a quadratic
-FAST = {"contract", "reassoc", "nsz", "arcp"}
 
 
 @dataclass(frozen=True)
@@ -64,22 +64,14 @@ def _reflect(vectors: FloatArray, weights: FloatArray, triangle: FloatArray) -> 
         triangle[c, c], vector[c] = diagonal, 1.0
         for d in range(c + 1, count):
             other = vectors[d]
-            along = _dot(vector, other, c)
+            along = dot(vector, other, c)
             for j in range(c, n):
                 other[j] -= scale * along * vector[j]
         weights[c, c] = scale
         for d in range(c):
-            along = _dot(vector, vectors[d], c)
+            along = dot(vector, vectors[d], c)
             for e in range(d + 1):
                 weights[c, e] -= scale * along * weights[d, e]
-
-
-@inner_jit(fastmath=FAST)
-def _dot(a: FloatArray, b: FloatArray, start: int) -> float:
-    total = 0.0
-    for j in range(start, a.shape[0]):
-        total += a[j] * b[j]
-    return total
 
 
 def turn(matrix: FloatArray, reflections: Reflections) -> float:
@@ -137,20 +129,14 @@ def _turn(
     """Turn a matrix; return the sum of squares of its contrasts. Room (k, n), (k, n) and (k,), the first two zero."""
     for c in range(vectors.shape[0]):
         for d in range(c + 1):
-            _add_row(weighted[c], weights[c, d], vectors[d])
+            add_row(weighted[c], weights[c, d], vectors[d])
     _multiply(matrix, weighted, products)
     for c in range(vectors.shape[0]):
         for d in range(vectors.shape[0]):
-            along[d] = _dot(products[c], weighted[d], 0)
+            along[d] = dot(products[c], weighted[d], 0)
         for d in range(vectors.shape[0]):
-            _add_row(products[c], -0.5 * along[d], vectors[d])
+            add_row(products[c], -0.5 * along[d], vectors[d])
     return _subtract_products(vectors, products, matrix)
-
-
-@inner_jit(fastmath=FAST)
-def _add_row(total: FloatArray, factor: float, row: FloatArray) -> None:
-    for j in range(total.shape[0]):
-        total[j] += factor * row[j]
 
 
 @inner_jit(fastmath=FAST)
