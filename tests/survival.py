@@ -74,24 +74,31 @@ def check_estimate(vertices, faces, mode):
     assert (geometry.k_min <= geometry.k_max).all()
     if len(faces):
         mesh = triangle_mesh(vertices, faces)
-        check_curvatures(without_its_outliers(mesh) if mode == "robust" else mesh, geometry)
+        check_curvatures(meshes_fitted(mesh, geometry, mode), geometry)
     if mode == "fixed" and len(faces):
         check_statuses(np.asarray(vertices, dtype=float), np.asarray(faces), geometry)
 
 
-def without_its_outliers(mesh):
-    """The mesh that robust fits are of: where an outlier comes back, faces are lower and hold more."""
+def meshes_fitted(mesh, geometry, mode):
+    """The meshes that the fits may be of: where an outlier comes back, faces are lower and hold more.
+
+    Outliers are told from what was learned, which gives a noise; nothing is where it was given how to fit.
+    """
+    if geometry.fit.noise_sigma is None:
+        return [mesh]
     arrays, adjacency = fitted_mesh(mesh, creases=True)
-    return replace(mesh, vertices=without_outliers(arrays, adjacency).vertices)
+    cleaned = replace(mesh, vertices=without_outliers(arrays, adjacency).vertices)
+    return [cleaned] if mode == "robust" else [mesh, cleaned]
 
 
-def check_curvatures(mesh, geometry):
+def check_curvatures(meshes, geometry):
     """No curvature, nor its standard error, exceeds what the faces at a vertex can hold."""
-    a, b, c = mesh.faces.T
-    proper = mesh.faces[(a != b) & (b != c) & (c != a)]
-    for vertex in range(0, mesh.vertex_count, 1 + mesh.vertex_count // 50):
+    a, b, c = meshes[0].faces.T
+    proper = meshes[0].faces[(a != b) & (b != c) & (c != a)]
+    for vertex in range(0, meshes[0].vertex_count, 1 + meshes[0].vertex_count // 50):
         sizes = [-geometry.k_min[vertex], geometry.k_max[vertex], geometry.mean_curvature_std[vertex]]
-        assert max(sizes) <= 1.000001 * largest_curvature(mesh.vertices, proper, vertex), vertex
+        largest = max(largest_curvature(mesh.vertices, proper, vertex) for mesh in meshes)
+        assert max(sizes) <= 1.000001 * largest, vertex
 
 
 def check_statuses(vertices, faces, geometry):

@@ -190,7 +190,7 @@ def _of_correlated_noise(analysis: RingAnalysis, edge: float) -> tuple[FloatArra
         for k in range(len(SQUARED_LENGTHS) + first, -1, -2):
             parts = ((correlation @ steeper) * steeper).sum(axis=1, dtype=np.float64)
             of_parts[:, k] = parts.mean(axis=0)
-            of_rest[k] = ((total - parts.sum(axis=1)) / free).mean()
+            of_rest[k] = max(((total - parts.sum(axis=1)) / free).mean(), 0.0)  # rounding may leave less
             correlation *= correlation  # that of half the squared length
     return of_parts, of_rest
 

@@ -16,6 +16,9 @@ MESHES = {
     "areas whose powers are beyond what a number holds": ("fill_holes, paper", 557183),
     "a size beyond single precision": ("apply_coord_bezier_patch_smoothing", 20234688),
     "a point on an edge, rounded outwards": ("find_creases", 528782),
+    "a share of correlated noise that rounding made negative": ("estimate, automatic", 912969),
+    "robust fits of a mesh too small to tell its outliers": ("estimate, robust", 919091),
+    "fits in balls of a mesh whose outliers came back": ("estimate, radius", 926063),
 }
 
 
