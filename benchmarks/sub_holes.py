@@ -18,7 +18,7 @@ import pyvista
 import bezier_filters as bf
 from bezier_filters.holes.crease_ends import crease_ends, creases_around
 from bezier_filters.holes.hole_detection import find_holes
-from bezier_filters.holes.influence_region import influence_region
+from bezier_filters.holes.influence_region import influence_regions
 from bezier_filters.holes.loops import diameter
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
@@ -56,7 +56,7 @@ def _ends_of(case: Case) -> int:
     holes = find_holes(mesh, adjacency)
     if len(holes) != 1:
         return -1
-    region = influence_region(mesh, adjacency, holes[0].loops)
+    (region,) = influence_regions(mesh, adjacency, [holes[0].loops])
     return len(crease_ends(region, creases_around(region))[0]) if region.has_simple_rim else -1
 
 

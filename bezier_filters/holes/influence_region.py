@@ -127,13 +127,6 @@ def influence_regions(
     return regions
 
 
-def influence_region(
-    mesh: TriangleMesh, adjacency: Adjacency, loops: tuple[IntArray, ...], rings: int = RINGS
-) -> InfluenceRegion:
-    """Collect some rings, one or more, around loops of vertices."""
-    return influence_regions(mesh, adjacency, [loops], rings)[0]
-
-
 @jit()
 def _meet_faces(indptr: IntArray, indices: IntArray, vertices: IntArray, is_met: BoolArray, met: IntArray) -> int:
     """Write the faces at some vertices, each once; return how many. No face is marked before and after."""

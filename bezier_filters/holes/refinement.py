@@ -20,8 +20,8 @@ DENSITY = float(np.sqrt(2.0))
 # edges of very different lengths, triangles stay larger than they would be
 FEW_FACES = 1_000
 MOST_PASSES = 60
-FEWEST_ROWS = 200
-GROWTH = 9  # rows that there is room for, in faces of a fill, before its arrays are made longer
+# rows that there is room for, in faces of a fill or in so many, if it has fewer, before its arrays are made longer
+GROWTH, FEWEST_ROWS = 9, 200
 MOST_FLIPS = 30  # passes over all edges
 
 Values = TypeVar("Values", FloatArray, IntArray)
@@ -65,16 +65,6 @@ def flip_edges(fill: Fill, existing: IntArray) -> Fill:
     return replace(fill, faces=faces)
 
 
-def relax_tangentially(fill: Fill) -> Fill:
-    """Move every new vertex to the mean of its neighbours, unless that turns a triangle over.
-
-    On a fill that is projected to its surface again this moves vertices along the surface only.
-    """
-    points = fill.points.copy()
-    _move_to_means(points, fill.faces, work_space(fill), fill.rim_count)
-    return replace(fill, points=points)
-
-
 class WorkSpace(NamedTuple):
     """What is needed to even out a fill of n points and m faces."""
 
@@ -96,7 +86,10 @@ def work_space(fill: Fill) -> WorkSpace:
 
 @inner_jit()
 def even_out(points: FloatArray, faces: IntArray, room: WorkSpace, existing: IntArray, rim_count: int) -> None:
-    """Flip edges as `flip_edges`, and then move points as `relax_tangentially`."""
+    """Flip edges as `flip_edges`, and then move every new vertex to the mean of its neighbours.
+
+    On a fill that is projected to its surface again this moves vertices along the surface only.
+    """
     _flip_all(points, faces, room, existing, rim_count)
     _move_to_means(points, faces, room, rim_count)
 
@@ -265,7 +258,7 @@ def _are_joined(faces: IntArray, neighbours: IntArray, f: int, g: int, c: int, d
 
 @short_jit()
 def _move_to_means(points: FloatArray, faces: IntArray, room: WorkSpace, rim_count: int) -> None:
-    """Move the points; those of turned triangles, and of triangles that turn because they stay, keep their places."""
+    """Move new points; those of turned triangles, and of triangles that turn because they stay, keep their places."""
     before, goals, counts, moving = room.before, room.goals, room.counts, room.moving
     for i in range(points.shape[0]):
         counts[i], moving[i] = 0.0, i >= rim_count

@@ -13,7 +13,7 @@ from bezier_filters.holes.crease_fill import (
     nearest_corner,
 )
 from bezier_filters.holes.hole_detection import find_holes
-from bezier_filters.holes.influence_region import influence_region
+from bezier_filters.holes.influence_region import influence_regions
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.surfaces import block_with_sharp_edges
@@ -414,7 +414,7 @@ def region_and_creases(vertices, faces):
     mesh = triangle_mesh(vertices, faces)
     adjacency = vertex_adjacency(mesh)
     (hole,) = find_holes(mesh, adjacency)
-    region = influence_region(mesh, adjacency, hole.loops)
+    (region,) = influence_regions(mesh, adjacency, [hole.loops])
     return region, creases_around(region)
 
 

@@ -8,7 +8,7 @@ from surface_cases import area_vectors, border_edges, corner_angles
 from bezier_filters import CancelledError, InvalidParameterError, fill_holes
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.holes.hole_detection import find_holes
-from bezier_filters.holes.influence_region import influence_region
+from bezier_filters.holes.influence_region import influence_regions
 from bezier_filters.holes.smooth_fill import surface_around
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
@@ -50,7 +50,7 @@ def surface_around_hole(vertices, faces, noisy):
     mesh = triangle_mesh(vertices, faces)
     adjacency = vertex_adjacency(mesh)
     (hole,) = (hole for hole in find_holes(mesh, adjacency) if not hole.is_outer_rim)
-    region = influence_region(mesh, adjacency, hole.loops)
+    (region,) = influence_regions(mesh, adjacency, [hole.loops])
     normals = estimate_vertex_geometry(vertices, faces).normals[region.ids]
     return surface_around(region, normals, noisy=noisy)
 

@@ -8,7 +8,7 @@ from plyfile import PlyData
 from bezier_filters import fill_holes
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.holes.hole_detection import find_holes
-from bezier_filters.holes.influence_region import influence_region
+from bezier_filters.holes.influence_region import influence_regions
 from bezier_filters.holes.planar_fill import _frames, lagrange_displacement, paper_fill
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
@@ -20,7 +20,8 @@ def hole_around(vertices, faces, rings=2):
     mesh = triangle_mesh(vertices, faces)
     adjacency = vertex_adjacency(mesh)
     hole = next(h for h in find_holes(mesh, adjacency) if not h.is_outer_rim)
-    return influence_region(mesh, adjacency, hole.loops, rings)
+    (region,) = influence_regions(mesh, adjacency, [hole.loops], rings)
+    return region
 
 
 def test_rims_are_measured_by_their_faces():
