@@ -6,7 +6,6 @@ import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Annotated, Any, TypeVar
 
 import typer
@@ -15,6 +14,7 @@ from bezier_filters._version import __version__
 from bezier_filters.cli import console
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.parameters import LENGTH, PARAMETERS, Parameter
+from bezier_filters.runtime.atomic import temporary_folder
 
 EPILOG = """Every command explains itself: bezier-filters COMMAND --help
 
@@ -70,7 +70,7 @@ def _from_pipe(context: typer.Context, source: Path | None) -> Path | None:
     data = sys.stdin.buffer.read()
     is_stl = len(data) == 84 + 50 * int.from_bytes(data[80:84], "little") or data.startswith(b"solid")
     suffix = ".ply" if data.startswith(b"ply") else ".off" if b"OFF" in data[:8] else ".stl" if is_stl else ".obj"
-    path = Path(context.with_resource(TemporaryDirectory(prefix="bezier_filters_"))) / f"stdin{suffix}"
+    path = context.with_resource(temporary_folder()) / f"stdin{suffix}"
     path.write_bytes(data)
     return path
 
@@ -79,7 +79,7 @@ def _to_pipe(context: typer.Context, target: Path) -> Path:
     """A file that goes to the standard output when the command is done, if that is meant."""
     if target != PIPE:
         return target
-    path = Path(context.with_resource(TemporaryDirectory(prefix="bezier_filters_"))) / "stdout.ply"
+    path = context.with_resource(temporary_folder()) / "stdout.ply"
     console.out().stderr = True
 
     def send() -> None:

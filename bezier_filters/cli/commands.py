@@ -23,6 +23,7 @@ from bezier_filters.cli.app import (
     in_the_shell,
 )
 from bezier_filters.errors import InvalidParameterError
+from bezier_filters.runtime.process_end import variables_of_child
 
 if TYPE_CHECKING:
     from bezier_filters.arrays import Report
@@ -63,7 +64,7 @@ def watch(
     while True:
         seen = _next_stamp(source, seen)
         # In a process of its own, so that a file that is only half there ends nothing.
-        status = subprocess.run(work, check=False).returncode
+        status = subprocess.run(work, env=variables_of_child(), check=False).returncode
         if target.exists() and source.exists() and target.samefile(source):
             seen = _stamp(source)  # this save was ours
         told = f"done: reload {target} in MeshLab" if status in (0, NEEDS_A_LOOK) else "could not be run"

@@ -4,6 +4,7 @@ They are compiled in two parts that take about equally long, on two cores if the
 """
 
 import gc
+import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -25,6 +26,7 @@ from bezier_filters.meshes.frames import TangentPlanes
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.spatial_order import in_spatial_order
 from bezier_filters.runtime.parallel import usable_threads
+from bezier_filters.runtime.process_end import end_with_parent
 from bezier_filters.runtime.supervision import python_command
 from bezier_filters.status import FitStatus
 from bezier_filters.surfaces import sphere
@@ -59,7 +61,8 @@ def first_compilation(kernel: Any, compile_kernel: Callable[[], object], compile
         is_python = Path(sys.executable or "").name.lower().startswith("python")
         if is_python and usable_threads() > 1:
             nothing = subprocess.DEVNULL
-            command = python_command(compile_others)
+            guard = f"from {end_with_parent.__module__} import {end_with_parent.__name__} as end; end({os.getpid()})"
+            command = python_command(f"{guard}; {compile_others}")
             with subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing) as process:
                 try:
                     compile_kernel()

@@ -2,14 +2,13 @@
 
 import os
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
 from bezier_filters.display import AUTO, PALETTES, default_colormap
 from bezier_filters.meshlab.meshset import BezierFilterError, Mesh, MeshSet, current_mesh
-from bezier_filters.runtime.atomic import atomic_write
+from bezier_filters.runtime.atomic import atomic_write, temporary_folder
 
 _RED_IS_LOW = ("RGB", "French RGB")  # pymeshlab gives low values their red end
 # of the two filters that pymeshlab has for colour maps; palettes of ours it reads from a file
@@ -89,8 +88,8 @@ def color_by_quality(ms: MeshSet, low: float, high: float, colormap: str = AUTO)
 def _apply(ms: MeshSet, color_map: str, low: float, high: float) -> None:
     ends = {"minqualityval": low, "maxqualityval": high, "midhandlepos": 50.0, "brightness": 1.0}
     if color_map in PALETTES:
-        with TemporaryDirectory(prefix="bezier_filters_") as folder:
-            path = str(Path(folder) / "palette.qmap")
+        with temporary_folder() as folder:
+            path = str(folder / "palette.qmap")
             _write_quality_map(path, np.array(PALETTES[color_map]), low, high)
             ms.compute_color_from_scalar_using_transfer_function_per_vertex(
                 **ends, tfslist="Custom Transfer Function File", csvfilename=path

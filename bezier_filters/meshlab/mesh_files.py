@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,7 @@ from bezier_filters.meshlab.meshset import (
     one_at_a_time,
     reason_of,
 )
-from bezier_filters.runtime.atomic import TEMPORARY, atomic_write
+from bezier_filters.runtime.atomic import atomic_write, temporary_folder
 from bezier_filters.runtime.supervision import doing, memory_limited, processor_time_limited
 
 # seconds of processor time after which a reader is taken to run in circles, and bytes for each second more
@@ -198,15 +197,15 @@ def save_mesh(
             options |= {key: True for key in keys if key.startswith(SCALAR + PREFIX)}
     target = Path(os.path.realpath(path))
     try:
-        with atomic_write(target) as temporary, TemporaryDirectory(prefix=TEMPORARY, dir=target.parent) as folder:
+        with atomic_write(target) as temporary, temporary_folder(target.parent) as folder:
             # The name inside the folder is the final one: an OBJ file names its MTL file after itself.
-            staged = Path(folder) / target.name
+            staged = folder / target.name
             with doing(f"writing {path}"), _process_as_it_was():
                 remarks = _save(ms, staged, options)
             if not staged.is_file():
                 raise BezierFilterError(f"cannot write {path}: pymeshlab wrote no file")
             os.replace(staged, temporary)
-            for companion in Path(folder).iterdir():
+            for companion in folder.iterdir():
                 goal = target.parent / companion.name
                 if companion.name.startswith(target.name) or not goal.exists():
                     os.replace(companion, goal)

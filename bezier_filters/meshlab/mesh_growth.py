@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -31,6 +30,7 @@ from bezier_filters.meshlab.mesh_attributes import (
     write_coordinates,
 )
 from bezier_filters.meshlab.meshset import BezierFilterError, Image, Mesh, MeshSet, current_mesh
+from bezier_filters.runtime.atomic import temporary_folder
 from bezier_filters.status import FitStatus
 
 _TEXTURE = "TextureFile "
@@ -209,8 +209,8 @@ def textures_of(ms: MeshSet) -> tuple[list[str], IntArray]:
     mesh = current_mesh(ms)
     if mesh.texture_number() < 2:
         return list(mesh.textures()), np.zeros(mesh.face_number(), dtype=np.int32)
-    with TemporaryDirectory(prefix="bezier_filters_") as folder:
-        path = Path(folder) / "mesh.ply"
+    with temporary_folder() as folder:
+        path = folder / "mesh.ply"
         ms.save_current_mesh(
             str(path), binary=True, save_textures=False, save_face_color=False, save_face_quality=False
         )
@@ -249,10 +249,10 @@ def _load_patch(
     if patch.has_face_scalar():
         faces["double quality"] = patch.face_scalar_array()
     text = ply_text({"vertex": vertices, "face": faces}, [f"{_TEXTURE}{name}" for name in pictures])
-    with TemporaryDirectory(prefix="bezier_filters_") as folder:
-        path = Path(folder) / "patch.ply"
+    with temporary_folder() as folder:
+        path = folder / "patch.ply"
         path.write_text(text, encoding="utf-8")
-        if not all(_save_picture(Path(folder), name, picture) for name, picture in pictures.items()):
+        if not all(_save_picture(folder, name, picture) for name, picture in pictures.items()):
             return False
         ms.load_new_mesh(str(path))
     if set(current_mesh(ms).textures()) == set(pictures):

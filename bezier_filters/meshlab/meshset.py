@@ -10,7 +10,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TypeAlias
 
 import numpy as np
@@ -19,6 +18,7 @@ import pymeshlab
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.files.filter_scripts import ScriptStep, read_filter_script, script_text
+from bezier_filters.runtime.atomic import temporary_folder
 from bezier_filters.runtime.supervision import interrupts_held
 
 # pymeshlab has no type information, so these are Any to a type checker.
@@ -197,16 +197,16 @@ def preserved_filter_script(ms: MeshSet) -> Iterator[None]:
 
 def recorded_steps(ms: MeshSet) -> list[ScriptStep]:
     """Steps of the filter script of a MeshSet; pymeshlab tells numbers of its own filters to six digits."""
-    with one_at_a_time(), TemporaryDirectory(prefix="bezier_filters_") as folder:
-        script = str(Path(folder) / "script.mlx")
+    with one_at_a_time(), temporary_folder() as folder:
+        script = str(folder / "script.mlx")
         ms.save_filter_script(script)
         return read_filter_script(script)
 
 
 def set_recorded_steps(ms: MeshSet, steps: Sequence[ScriptStep]) -> None:
     """Replace the filter script of a MeshSet, without the line per filter on stderr, whatever the verbosity."""
-    with one_at_a_time(), TemporaryDirectory(prefix="bezier_filters_") as folder:
-        script = Path(folder) / "script.mlx"
+    with one_at_a_time(), temporary_folder() as folder:
+        script = folder / "script.mlx"
         script.write_text(script_text(steps), encoding="utf-8")
         with _silent_stderr():
             _load_filter_script(ms, str(script))

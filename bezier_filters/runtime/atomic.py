@@ -5,6 +5,9 @@ import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from bezier_filters.runtime.process_end import removed_at_last
 
 # how the names of temporary files begin; one stays behind only where a process is killed outright
 TEMPORARY = ".bezier_filters-"
@@ -30,14 +33,24 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
     if target.exists() and not target.is_file():
         raise OSError(f"cannot write {path}: it exists and is not a regular file")
     temporary = target.with_name(f"{TEMPORARY}{uuid.uuid4().hex}{target.suffix}")
-    try:
-        yield temporary
-        _check_room(temporary)
-        if target.exists():
-            temporary.chmod(target.stat().st_mode)
-        os.replace(temporary, target)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with removed_at_last(temporary):
+        try:
+            yield temporary
+            _check_room(temporary)
+            if target.exists():
+                temporary.chmod(target.stat().st_mode)
+            os.replace(temporary, target)
+        finally:
+            temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def temporary_folder(folder: str | os.PathLike[str] | None = None) -> Iterator[Path]:
+    """Yield a new folder, below another one or where the system has such, that is removed after the block."""
+    with TemporaryDirectory(prefix=TEMPORARY if folder else "bezier_filters_", dir=folder) as name:
+        path = Path(name)
+        with removed_at_last(path):
+            yield path
 
 
 def _check_room(path: Path) -> None:

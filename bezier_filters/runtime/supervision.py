@@ -17,6 +17,15 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 
+from bezier_filters.runtime.process_end import (
+    GRACE,
+    PARENT,
+    REPEAT,
+    end_on_signals,
+    end_with_parent,
+    variables_of_child,
+)
+
 try:
     import resource
 except ImportError:  # Windows
@@ -27,9 +36,10 @@ ALLOWANCE = 1 << 30  # bytes that reading a file of any size may take,
 # and for each byte of the file: a vertex of ten characters takes some five hundred as part of a mesh with everything,
 # and compressed files unfold ten times
 PER_BYTE = 500
-# variable with the id of the process that waits, which a child takes out of its environment at once
-_PARENT = "BEZIER_FILTERS_PARENT"
-_NOTES = "BEZIER_FILTERS_NOTES"  # the same with its end of the pipe, where that is not the standard input
+# variable with the end of the pipe of the process that waits, where that is not the standard input; a child takes it
+# out of its environment at once
+_NOTES = "BEZIER_FILTERS_NOTES"
+_MARGIN = 0.5  # seconds after which a child that should have ended is killed
 _FORWARDED = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 _WINDOWS_ERRORS = 0xC0000000  # and above: what Windows ends processes with
 
@@ -141,14 +151,17 @@ def run_supervised(code: str, *arguments: str) -> tuple[int, str]:
     """Run code, which calls `serve`, in a child process; return its exit status and why it failed.
 
     Interrupts and requests to end are passed on. The first one ends the work in order, so that temporary files go
-    away; later ones do not disturb that. If this process is killed, the child ends, too. The caller prints the reason,
-    a line, because a process that a bad file was read in may not be able to; the status is `FAILED` then.
+    away; a second one, or `GRACE` seconds, end it at once. If this process is killed, the child ends, too. The caller
+    prints the reason, a line, because a process that a bad file was read in may not be able to; the status is `FAILED`
+    then.
     """
     reading, writing = os.pipe()
     # Signals wait until both processes are ready for them; the child begins with this mask.
     masks = hasattr(signal, "pthread_sigmask")
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, _FORWARDED) if masks else set()
-    variables = {**os.environ, _PARENT: str(os.getpid())}
+    if PARENT in os.environ:  # one of our own processes has started this one
+        end_with_parent(int(os.environ[PARENT]))
+    variables = variables_of_child()
     with open(reading, "rb") as notes:
         # The standard input carries the notes on every system, unless a mesh comes through it.
         if pipe := "-" in arguments and os.name == "posix":
@@ -163,17 +176,35 @@ def run_supervised(code: str, *arguments: str) -> tuple[int, str]:
         finally:
             os.close(writing)
 
+        asked: list[tuple[int, float]] = []  # signals and their times
+        timers: list[threading.Timer] = []
+        killed = threading.Event()
+
+        def kill() -> None:
+            killed.set()
+            child.kill()
+
         def forward(number: int, _frame: FrameType | None) -> None:
+            now = time.monotonic()
             if os.name == "posix":  # elsewhere the console tells all its processes
                 child.send_signal(number)
+            asked.append((number, now))
+            # The child ends itself in time, unless what it runs stops all of its threads.
+            if len(asked) == 1 or now - asked[0][1] > REPEAT:
+                timers.append(threading.Timer(_MARGIN if timers else GRACE + _MARGIN, kill))
+                timers[-1].start()
 
-        before = {number: signal.signal(number, forward) for number in _FORWARDED}
+        handled = [number for number in _FORWARDED if signal.getsignal(number) != signal.SIG_IGN]  # as nohup sets it
+        before = {number: signal.signal(number, forward) for number in handled}
         try:
             if masks:
                 signal.pthread_sigmask(signal.SIG_SETMASK, mask)
             said = notes.read()  # until the child ends
-            return end_of(child.wait(), said)
+            status = child.wait()
+            return (128 + asked[0][0], "") if killed.is_set() else end_of(status, said)
         finally:
+            for timer in timers:
+                timer.cancel()
             for number, handler in before.items():
                 signal.signal(number, handler)
 
@@ -219,10 +250,8 @@ def serve(work: Callable[[], str]) -> None:
     _notes = os.dup(given)  # which processes that this one starts do not get
     os.dup2(os.open(os.devnull, os.O_RDONLY), given)
     this_process_is_expendable()
-    _end_in_order_on_signals()
-    if os.name == "posix":
-        parent = int(os.environ.pop(_PARENT, os.getppid()))
-        threading.Thread(target=_end_with_the_parent, args=(parent,), daemon=True).start()
+    end_on_signals(*_FORWARDED)
+    end_with_parent(int(os.environ.pop(PARENT, os.getppid())))
     os._exit(_exit_status_of(work))  # without the ends of libraries, which may crash after a damaged file
 
 
@@ -246,33 +275,6 @@ def _exit_status_of(work: Callable[[], str]) -> int:
             with suppress(OSError, ValueError):  # closed, or the reader of a pipe has gone away
                 if stream is not None:
                     stream.flush()
-
-
-def _end_in_order_on_signals() -> None:
-    """Let the first interrupt or request to end raise an exception, and ignore the next: one may arrive twice.
-
-    A terminal sends its signals to all processes, and the one that waits passes them on.
-    """
-
-    def end(number: int, _frame: FrameType | None) -> None:
-        for other in _FORWARDED:
-            signal.signal(other, signal.SIG_IGN)
-        if number == signal.SIGINT:
-            raise KeyboardInterrupt
-        raise SystemExit(128 + number)
-
-    for number in _FORWARDED:
-        if signal.getsignal(number) != signal.SIG_IGN:  # as nohup sets it
-            signal.signal(number, end)
-
-
-def _end_with_the_parent(parent: int) -> None:
-    """Ask this process to end in order when its parent is gone."""
-    while os.getppid() == parent:
-        time.sleep(0.5)
-    main = threading.main_thread().ident
-    if main is not None:
-        signal.pthread_kill(main, signal.SIGTERM)  # only a signal to this thread ends what it waits for
 
 
 def _write_note(text: str) -> None:

@@ -3,7 +3,6 @@
 import multiprocessing
 import os
 import signal
-import sys
 import time
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
@@ -12,12 +11,14 @@ from multiprocessing.context import SpawnProcess
 from typing import Any, TypeVar
 
 from bezier_filters.runtime.parallel import THREADS_VARIABLE
+from bezier_filters.runtime.process_end import GRACE, end_on_signals, end_with_parent
 from bezier_filters.runtime.supervision import crash_message, this_process_is_expendable
 
 Job = TypeVar("Job")
 
 _SPAWN = multiprocessing.get_context("spawn")  # a forked copy of threads and compiled kernels may hang
-_PATIENCE = 10.0  # seconds that a worker has to remove its temporary files
+# seconds that workers have to end in order, and after which they are killed: all within those of this process
+_OF_WORKERS, _PATIENCE = GRACE / 2.0, GRACE * 0.75
 
 
 @dataclass(frozen=True)
@@ -68,8 +69,9 @@ def run_in_processes(
         workers = [*idle, *(worker for worker, _, _ in busy.values())]
         for worker in workers:
             worker.process.terminate()
+        end = time.monotonic() + _PATIENCE
         for worker in workers:
-            worker.process.join(_PATIENCE)
+            worker.process.join(max(0.0, end - time.monotonic()))
             worker.process.kill()  # hung in a library
             worker.process.join()
 
@@ -89,17 +91,18 @@ def last_words(status: int) -> str:
 
 def _start(function: Callable[[Job], object], threads: int) -> _Worker:
     ours, theirs = _SPAWN.Pipe()
-    process = _SPAWN.Process(target=_serve, args=(function, theirs, threads), daemon=True)
+    process = _SPAWN.Process(target=_serve, args=(function, theirs, threads, os.getpid()), daemon=True)
     process.start()
     theirs.close()  # only the worker holds this end now, so that its death is noticed
     return _Worker(process, ours)
 
 
-def _serve(function: Callable[[Job], object], connection: Connection, threads: int) -> None:
+def _serve(function: Callable[[Job], object], connection: Connection, threads: int, parent: int) -> None:
     """What a worker does: answer every job with a result and an error."""
     this_process_is_expendable()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends its workers itself,
-    signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))  # in order: nothing is left half written
+    end_on_signals(signal.SIGTERM, grace=_OF_WORKERS)  # in order: nothing is left half written
+    end_with_parent(parent)
     os.environ.setdefault(THREADS_VARIABLE, str(threads))
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # libraries print there, and the parent's output may be JSON
     while True:

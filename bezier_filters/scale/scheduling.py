@@ -10,12 +10,14 @@ import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any, TypeAlias, TypeVar
 
 from bezier_filters.errors import CancelledError, InvalidParameterError
 from bezier_filters.runtime.parallel import THREADS_VARIABLE, Progress, report
+from bezier_filters.runtime.process_end import end_with_parent, variables_of_child
 from bezier_filters.runtime.worker_processes import Outcome, last_words
 
 # None, "threads", "processes", "synchronous", an address such as "tcp://host:8786", or a `distributed.Client`
@@ -119,7 +121,9 @@ def _run_local(name: str, function: Callable[[Task], Result], tasks: Sequence[Ta
     for first in range(0, len(tasks), step):
         calls = [dask.delayed(function, pure=False)(task) for task in tasks[first : first + step]]
         try:
-            yield from dask.compute(*calls, scheduler=name, num_workers=workers, optimize_graph=False)
+            # The processes of a pool would wait for tasks for ever.
+            given = {"initializer": partial(end_with_parent, os.getpid())} if name == "processes" else {}
+            yield from dask.compute(*calls, scheduler=name, num_workers=workers, optimize_graph=False, **given)
         except Exception as error:
             if type(error).__name__ == "BrokenProcessPool":  # the tasks can be told only by what they left behind
                 raise LostTaskError(
@@ -170,7 +174,7 @@ def run_command_line(job: tuple[int, Sequence[str]]) -> tuple[int, Outcome]:
         capture_output=True,
         text=True,
         stdin=subprocess.DEVNULL,
-        env={THREADS_VARIABLE: "1", **os.environ},
+        env={THREADS_VARIABLE: "1", **variables_of_child()},
         check=False,
     )
     seconds, said = time.perf_counter() - start, done.stderr.strip().splitlines()
