@@ -9,6 +9,7 @@ from math import comb, perm
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
+from bezier_filters.runtime.blas_memory import check_blas_memory
 
 
 def bernstein_basis(t: FloatArray, degree: int, order: int = 0) -> FloatArray:
@@ -46,4 +47,5 @@ def centred_monomials(degree: int) -> FloatArray:
         monomials_in_bernstein[:, a] = [
             sum(comb(i, k) / comb(degree, k) * power[k] for k in range(i + 1)) for i in range(degree + 1)
         ]
+    check_blas_memory()  # the first call of all, while modules are imported
     return np.asarray(np.linalg.inv(monomials_in_bernstein), dtype=np.float64)

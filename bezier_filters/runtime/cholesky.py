@@ -8,12 +8,13 @@ from typing import Any
 from numba.extending import get_cython_function_address
 
 from bezier_filters.arrays import FloatArray
+from bezier_filters.runtime.blas_memory import check_blas_memory
 
 
 def factorise(matrix: FloatArray) -> bool:
     """Replace the lower triangle of a symmetric matrix (n, n) by its factor L; False if it is not positive definite.
 
-    What is above the diagonal is neither read nor written.
+    What is above the diagonal is neither read nor written. MemoryError if there is no room for what LAPACK needs.
 
     >>> import numpy as np
     >>> matrix = np.array([[4.0, 9.0], [2.0, 5.0]])
@@ -21,6 +22,7 @@ def factorise(matrix: FloatArray) -> bool:
     (True, [[2.0, 9.0], [1.0, 2.0]])
     """
     # LAPACK's rows are columns here: its upper triangle is the lower one. Its integers have 32 or 64 bits.
+    check_blas_memory()
     size, problem = c_int64(len(matrix)), c_int64(0)
     _dpotrf()(b"U", byref(size), matrix.ctypes.data, byref(size), byref(problem))
     return problem.value == 0

@@ -16,6 +16,7 @@ from threading import Lock
 from typing import Any, ParamSpec, TypeVar
 
 from bezier_filters.errors import CancelledError, InvalidParameterError
+from bezier_filters.runtime.blas_memory import check_blas_memory, reserve_blas_memory
 
 # ``progress(done, total)`` is called now and then; returning False cancels
 Progress = Callable[[int, int], bool | None]
@@ -108,6 +109,8 @@ def run_in_chunks(
 
     def work(thread: int, task: RangeTask) -> None:
         try:
+            if thread >= usable_threads():
+                check_blas_memory()  # for others there is room
             for start in starts:
                 stop = min(start + chunk, total)
                 task(start, stop)
@@ -174,7 +177,10 @@ def _blas() -> Any:
     import scipy.linalg  # noqa: F401  # has one of its own
     from threadpoolctl import ThreadpoolController
 
-    return ThreadpoolController()
+    found = ThreadpoolController()
+    libraries = [library["filepath"] for library in found.info() if library["internal_api"] == "openblas"]
+    reserve_blas_memory(libraries, usable_threads())
+    return found
 
 
 @contextmanager
