@@ -19,13 +19,14 @@ from bezier_filters.cli import console, filters
 from bezier_filters.cli.app import Json, Quiet, app
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.parameters import PARAMETERS
+from bezier_filters.runtime.checksums import checksum_of
 
 if TYPE_CHECKING:
     from bezier_filters.arrays import Report
 
 __all__ = ["Item", "batch", "filters", "plan", "run_command"]
 
-# below the folder of the results: a line of JSON for each, its path, the command and the options
+# below the folder of the results: a line of JSON for each, its path, the checksum of its input, command and options
 RECORDS = ".bezier-filters-batch"
 
 
@@ -65,9 +66,10 @@ def batch(
 ) -> None:
     """Run a command on many files, several at a time.
 
-    Results that are newer than their files, of the same command and options, are skipped, so that a batch that was
-    interrupted goes on where it was. A file that fails does not stop the others: the table says why, and the exit
-    status is 1. Below --out, results have the names of the files, and the folders below the fixed part of a pattern.
+    Files of which there is a result are skipped, if their content, the command and the options are the same as then,
+    so that a batch that was interrupted goes on where it was. A file that fails does not stop the others: the table
+    says why, and the exit status is 1. Below --out, results have the names of the files, and the folders below the
+    fixed part of a pattern.
     """
     from bezier_filters.runtime.parallel import usable_threads
     from bezier_filters.runtime.worker_processes import run_in_processes
@@ -81,6 +83,7 @@ def batch(
     processes = max(1, min(jobs or cores, len(todo)))
     for index in todo:
         Path(items[index].output).parent.mkdir(parents=True, exist_ok=True)
+    stamps = {index: _stamp(items[index].input) for index in todo}
     work = [[command, items[index].input, items[index].output, *arguments] for index in todo]
     if scheduler is None:
         run = run_in_processes(run_command, work, processes=processes, threads=max(1, cores // processes))
@@ -97,8 +100,10 @@ def batch(
         try:
             for done, (position, outcome) in enumerate(outcomes, start=1):
                 index = todo[position]
-                if not outcome.error:
-                    record = [os.path.relpath(items[index].output, out), command, *arguments]
+                source = items[index].input
+                # Of a file that has changed since, it is not known what was read.
+                if not outcome.error and _stamp(source) == stamps[index] is not None:
+                    record = [os.path.relpath(items[index].output, out), checksum_of(source), command, *arguments]
                     with (out / RECORDS).open("a", encoding="utf-8") as records:
                         print(json_module.dumps(record), file=records)
                 items[index] = replace(
@@ -125,13 +130,24 @@ def batch(
 
 
 def _recorded(out: Path) -> dict[str, list[str]]:
-    """Command and options of the results below a folder, by their paths there; of lines cut short nothing is known."""
+    """Checksum of the input, command and options of the results below a folder, by their paths there.
+
+    Of lines that are cut short nothing is known.
+    """
     found = {}
     with suppress(FileNotFoundError, ValueError):
         for line in (out / RECORDS).read_text(encoding="utf-8").splitlines():
             target, *arguments = json_module.loads(line)
             found[target] = arguments
     return found
+
+
+def _stamp(path: str) -> tuple[int, int] | None:
+    """What changes when a file is written: its time and size; None where it is not there."""
+    with suppress(OSError):
+        status = os.stat(path)
+        return status.st_mtime_ns, status.st_size
+    return None
 
 
 def run_command(arguments: Sequence[str]) -> "Report":
@@ -196,10 +212,10 @@ def plan(sources: Mapping[Path, str], out: Path, suffix: str, done: Sequence[str
                 f"files: {items[real].input} and {source} would both become {target}; a pattern in quotes from a "
                 "folder above them keeps their folders"
             )
-        same = bool(done) and recorded.get(os.path.relpath(target, out)) == list(done)
-        there = same and target.exists() and source.exists()
-        newer = there and target.stat().st_mtime_ns > source.stat().st_mtime_ns
-        items[real] = Item(str(source), str(target), "skipped" if newer else "waiting")
+        checksum, *how = recorded.get(os.path.relpath(target, out), [""])
+        there = bool(done) and how == list(done) and target.is_file() and source.is_file()
+        same = there and checksum_of(source) == checksum
+        items[real] = Item(str(source), str(target), "skipped" if same else "waiting")
     return list(items.values())
 
 

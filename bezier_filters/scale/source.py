@@ -1,7 +1,6 @@
 """Meshes on disk of any size: binary PLY files, or pairs of NPY files."""
 
 import os
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,16 +19,15 @@ from bezier_filters.files.mesh_headers import (
     PlyHeader,
     parse_header,
 )
+from bezier_filters.runtime.checksums import checksum_of
 from bezier_filters.scale.array_file import ArrayFile, DType, Values, load_array
 
 # a PLY file, or a pair of NPY files with vertices (n, 3) and faces (m, 3)
 SourcePath: TypeAlias = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 
-# of each file name, size, time of the last change and checksum of both ends
+# of each file name, size, time of the last change and checksum
 Fingerprint: TypeAlias = list[list[str | int]]
 MOST = np.iinfo(np.int32).max  # vertices or faces that there may be
-
-_PROBE = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -171,8 +169,4 @@ def _open_npy(path: Path, kinds: str) -> ArrayFile:
 
 def _fingerprint(path: Path) -> list[str | int]:
     status = path.stat()
-    with open(path, "rb") as stream:
-        checksum = zlib.crc32(stream.read(_PROBE))
-        stream.seek(max(status.st_size - _PROBE, 0))
-        checksum = zlib.crc32(stream.read(_PROBE), checksum)
-    return [path.name, status.st_size, status.st_mtime_ns, checksum]
+    return [path.name, status.st_size, status.st_mtime_ns, checksum_of(path)]

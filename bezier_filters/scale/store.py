@@ -6,6 +6,7 @@ memory. The order is that of `spatial_order`, which meshes in memory are sorted 
 vertices and faces in the same order as there, and its sums are the same to the last digit.
 """
 
+import hashlib
 import json
 import math
 from collections.abc import Iterator, Sequence
@@ -20,6 +21,7 @@ from bezier_filters.errors import FieldFileError, InvalidMeshError
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.spatial_order import Grid, grid_around, widen_bounds
 from bezier_filters.runtime.atomic import atomic_write
+from bezier_filters.runtime.checksums import checksum_of
 from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import Progress, report
 from bezier_filters.scale.array_file import ArrayFile, load_array
@@ -27,7 +29,8 @@ from bezier_filters.scale.source import Fingerprint, MeshSource
 
 ROWS = 1 << 20  # vertices or faces that are held at a time
 LARGEST_BLOCK_BITS = 10  # of the number of vertices in a block: sampled neighbourhoods and halos read whole blocks
-FORMAT = 2
+FORMAT = 3
+LAYOUT = "layout"  # of the manifest, which has a checksum among those of the files
 MANIFEST = "store.json"  # which is there only if all the others are
 FILES = VERTICES, ORDER, RANK, FACES, FACE_PTR = "vertices.bin", "order.bin", "rank.bin", "faces.bin", "face_ptr.npy"
 
@@ -119,7 +122,7 @@ def open_store(folder: Path, fingerprint: Fingerprint) -> Store:
         if version != FORMAT:
             expected = f"(format {version}, expected {FORMAT})"
             raise FieldFileError(f"{folder} was made by another version {expected}; remove it")
-        sizes, layout = dict[str, int](manifest["sizes"]), Layout(**manifest["layout"])
+        checksums, layout = dict[str, str](manifest["checksums"]), Layout(**manifest["layout"])
     except (ValueError, TypeError, KeyError) as error:
         raise FieldFileError(f"{folder / MANIFEST} is damaged: {error}; remove the folder") from error
     if found != fingerprint:
@@ -127,9 +130,11 @@ def open_store(folder: Path, fingerprint: Fingerprint) -> Store:
             f"{folder} was made from another file, or the file has changed since: {found}, now {fingerprint}; "
             "remove it to start anew"
         )
-    for name, size in sizes.items():
-        if not (folder / name).is_file() or (folder / name).stat().st_size != size:
+    for name in FILES:
+        if not (folder / name).is_file() or checksum_of(folder / name) != checksums.get(name):
             raise FieldFileError(f"{folder / name} is damaged or missing; remove the folder")
+    if _checksum(layout) != checksums.get(LAYOUT):
+        raise FieldFileError(f"{folder / MANIFEST} is damaged; remove the folder")
     return Store(folder, layout, ArrayFile(folder / VERTICES, np.dtype((layout.dtype, 3)), layout.vertex_count))
 
 
@@ -144,11 +149,16 @@ def build_store(source: MeshSource, folder: Path, tile_vertices: int, *, progres
     store = Store(folder, layout, ArrayFile(folder / VERTICES, np.dtype((source.dtype, 3)), n).allocated())
     _sort_vertices(source, store, passes)
     _sort_faces(source, store, passes)
-    sizes = {name: (folder / name).stat().st_size for name in FILES}
-    manifest = {"format": FORMAT, "source": source.fingerprint(), "sizes": sizes, "layout": vars(layout)}
+    checksums = {name: checksum_of(folder / name) for name in FILES}
+    checksums[LAYOUT] = _checksum(layout)
+    manifest = {"format": FORMAT, "source": source.fingerprint(), "checksums": checksums, "layout": vars(layout)}
     with atomic_write(folder / MANIFEST) as temporary:  # which declares it to be complete
         temporary.write_text(json.dumps(manifest, indent=1), encoding="utf-8")
     return store
+
+
+def _checksum(layout: Layout) -> str:
+    return hashlib.blake2b(json.dumps(vars(layout), sort_keys=True).encode(), digest_size=16).hexdigest()
 
 
 @dataclass

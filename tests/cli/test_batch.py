@@ -76,7 +76,10 @@ def test_bad_files_do_not_stop_the_others_and_the_next_run_goes_on(scans, tmp_pa
     np.testing.assert_array_equal(read_fields(single)["quality"], read_fields(tmp_path / "out/below/a.ply")["quality"])
 
     shutil.copy(SAMPLES / "waves.ply", scans / "empty.ply")  # mended
-    os.utime(scans / "z.ply")  # changed
+    os.utime(scans / "a.ply")  # the same, but newer
+    old = (scans / "z.ply").stat()
+    shutil.copy(SAMPLES / "ellipsoid.ply", scans / "z.ply")
+    os.utime(scans / "z.ply", ns=(old.st_atime_ns, old.st_mtime_ns - 10**9))  # changed, and older
     second = run(*command)
     assert second.returncode == 1
     lines = {line.split()[0]: line for line in second.stdout.splitlines()}

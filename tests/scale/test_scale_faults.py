@@ -152,6 +152,32 @@ def test_a_store_that_is_damaged_is_named(name, damage, files, tmp_path):
         estimate_file(files, tmp_path / "out.ply", resume=True, **OPTIONS, **given)
 
 
+@pytest.mark.parametrize("name", ["vertices.bin", "order.bin", "rank.bin", "faces.bin", "face_ptr.npy", "store.json"])
+def test_a_flipped_byte_in_a_store_is_found(name, files, tmp_path):
+    given = {"options": FitOptions(**GIVEN)}
+    interrupted(files, tmp_path / "out.ply", 2, **given)
+    path = tmp_path / "out.ply.tiles" / name
+    data = bytearray(path.read_bytes())
+    place = data.index(b'"scale": ') + 11 if name == "store.json" else len(data) // 2
+    data[place] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(FieldFileError, match=rf"{name} is damaged"):
+        estimate_file(files, tmp_path / "out.ply", resume=True, **OPTIONS, **given)
+    assert not (tmp_path / "out.ply").exists()
+
+
+def test_a_source_that_changed_in_the_middle_is_another_one(tmp_path):
+    """Under its old time and size, and far from both ends."""
+    vertices = np.random.default_rng(0).normal(size=(200_000, 3))
+    files = save_arrays(tmp_path, vertices, np.array([[0, 1, 2]]))
+    before, status = open_source(files).fingerprint(), files[0].stat()
+    with files[0].open("r+b") as stream:
+        stream.seek(status.st_size // 2)
+        stream.write(b"!")
+    os.utime(files[0], ns=(status.st_atime_ns, status.st_mtime_ns))
+    assert open_source(files).fingerprint() != before
+
+
 def test_other_tiles_are_refused(files, tmp_path):
     given = {"options": FitOptions(**GIVEN)}
     interrupted(files, tmp_path / "out.ply", 2, **given)
