@@ -86,7 +86,7 @@ FIELDS = (
     *_vector("torsion_direction_minus", "direction of -t_max", (TORSION,), remark=_ANY_SIGN),
     Field("fit_status", "status code", "", ESTIMATES, attribute="status", remark="see `FitStatus`"),
     Field("rings_used", "rings", "edges", ESTIMATES, remark="how far the neighbourhood goes"),
-    Field("residual", "residual", "length", ESTIMATES, remark="root mean square height of the points over the patch"),
+    Field("residual", "residual", "length", ESTIMATES, remark="weighted RMS height of the points over the patch"),
     Field("displacement", "displacement", "length", (SMOOTH,), quality="displacement", remark="how far it moved"),
     Field("sharpness", "sharpness", "", (SMOOTH,), quality="sharpness", remark="0 smooth, 1 where edges were kept"),
     Field(

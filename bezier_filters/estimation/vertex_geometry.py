@@ -108,7 +108,8 @@ class VertexGeometry(DerivedCurvatures):
         From each vertex p_i to its patch, B(u_i, v_i) - p_i: along the normal of the plane that the patch is a
         height field over.
     residual : (n,) float64
-        Root mean square height of the fitted points over the patch, in units of length.
+        Root mean square height of the fitted points over the patch, by their distance weights, a length: never more
+        than that of their heights over the tangent plane, unless the fit is robust.
     normal_std : (n,) float64
         Standard error of the normal: root mean square angle to the true one, in radians.
     mean_curvature_std, gaussian_curvature_std : (n,) float64

@@ -106,6 +106,7 @@ def fit_in_lanes(
             for _ in range(QUARTIC_ROUNDS):
                 _expect_quartic(fit, work)
                 _differentiate(fit, work)
+        _weigh_by_distance(fit, capacity, most, work)
         store(work.total, 0, spread(0.0))
         add_squared_residuals(work.coefficients, fit.starts, work.points, capacity, most, work.total, None)
         write_block(mesh, fit, block, work, of_block, results, conditions)
@@ -327,6 +328,25 @@ def _expect_quartic(fit: KernelFit, work: FitWorkspace) -> None:
         store(work.matrix, place, multiply_add(total, power, load(work.matrix, place)))
     substitute_forward(work.matrix, order, order, 0)
     _finish(fit, order, work)
+
+
+@inner_jit()
+def _weigh_by_distance(fit: KernelFit, stride: int, count: int, work: FitWorkspace) -> None:
+    """Sum the distance weights of the points, and put their square roots in the place of their presence.
+
+    A polynomial of high degree may leave points of little weight by any distance. The weighted mean square never
+    exceeds that of the heights, which a fit of zero would leave.
+    """
+    if fit.weight_scale == 0.0:
+        store(work.weight, 0, load(work.counts, 0))
+        return
+    total = spread(0.0)
+    for p in range(count):
+        weight = load(work.points, 3 * stride + p)
+        weight = weight * _weight(fit, load(work.points, p), load(work.points, stride + p), load(work.box, 1))
+        total = total + weight
+        store(work.points, 3 * stride + p, square_root(weight))
+    store(work.weight, 0, total)
 
 
 @inner_jit()

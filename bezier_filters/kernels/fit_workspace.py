@@ -37,7 +37,8 @@ class FitWorkspace(NamedTuple):
     solution: FloatArray
     coefficients: FloatArray  # the solution in lexicographic order
     sound: FloatArray  # (1)
-    total: FloatArray  # (1): sum of the squared residuals
+    weight: FloatArray  # (1): sum of the weights
+    total: FloatArray  # (1): sum of the weighted squared residuals
     origin: FloatArray  # (2): s and t of the vertex
     jets: FloatArray  # (16)
     outputs: FloatArray  # (OUTPUTS)
@@ -63,6 +64,7 @@ def fit_workspace(fit: KernelFit, n: int, capacity: int) -> FitWorkspace:
         aligned((order + 1 + GROUP) * (order + 2 + GROUP) // 2),
         aligned(order),
         aligned(order),
+        aligned(1),
         aligned(1),
         aligned(1),
         aligned(2),

@@ -54,7 +54,7 @@ def write_block(
     outputs, has_errors = work.outputs, fit.normal_noise > 0.0
     has_third = fit.highest_power >= 2 * 3  # a lower degree says nothing of third derivatives
     graph_geometry(work.jets, work.frame, has_third, outputs)
-    store(outputs, RESIDUAL, square_root(load(work.total, 0) / load(work.counts, 0)))
+    store(outputs, RESIDUAL, square_root(load(work.total, 0) / load(work.weight, 0)))
     if has_errors:
         standard_errors(fit, work)
     if conditions is not None:

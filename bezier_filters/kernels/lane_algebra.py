@@ -190,9 +190,9 @@ def add_squared_residuals(
 ) -> None:
     """Add the squared differences between a polynomial and heights to the one entry of `total`, by Horner's scheme.
 
-    The coefficient of s^a t^b is entry starts[a] + b. `points` is a table with rows s, t, height and presence, 1 or 0
-    for what is no point at all; up to `GROUP` - 1 more than `count` of `stride` lanes are looked at. If there are
-    `residuals`, as many receive the differences, and zeros for what is no point.
+    The coefficient of s^a t^b is entry starts[a] + b. `points` is a table with rows s, t, height and a factor of the
+    difference, 0 for what is no point at all; up to `GROUP` - 1 more than `count` of `stride` lanes are looked at.
+    If there are `residuals`, as many receive the differences, and zeros for what is no point.
     """
     zero = spread(0.0)
     total0, total1, total2, total3 = load(total, 0), zero, zero, zero

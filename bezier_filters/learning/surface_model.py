@@ -100,11 +100,15 @@ def learn_model(
 
 
 def _noise(analyses: Sequence[RingAnalysis], whole: SurfaceModel | None) -> NoiseModel:
-    """That of the whole times a factor, as `white_noise` is found, or else that."""
+    """That of the whole times a factor, as `white_noise` is found, or else that.
+
+    The factor is 1 at most: where a part, chosen for its residuals or its curvature, has more than the correlated noise
+    of the whole, that is detail.
+    """
     if whole is None or not whole.noise.sills:
         return white_noise(analyses)
     expected = {model.analysis.rings: float(model.noise.residuals[-1]) for model in whole.by_rings}
-    return whole.noise.times(min(one.typical_square / expected[one.rings] for one in _reliable(analyses)))
+    return whole.noise.times(min(1.0, *(one.typical_square / expected[one.rings] for one in _reliable(analyses))))
 
 
 def white_noise(analyses: Sequence[RingAnalysis]) -> NoiseModel:

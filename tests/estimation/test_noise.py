@@ -5,7 +5,7 @@ import pytest
 from numba import config
 from scanner_noise import along_normals, ball_with_a_narrow_ring, mean_edge_of
 
-from bezier_filters import estimate_vertex_geometry
+from bezier_filters import FitStatus, estimate_vertex_geometry
 from bezier_filters.surfaces import bumpy_star, ellipsoid, torus
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
@@ -132,3 +132,13 @@ def test_noise_that_is_alike_along_edges_is_averaged_on_stretched_meshes_too():
             cosines = np.einsum("ij,ij->i", geometry.normals, surface.normals)
             errors.append(np.sqrt(np.square(np.arccos(np.clip(cosines, -1.0, 1.0))).mean()))
         assert errors[0] < 0.4 * errors[1]
+
+
+def test_no_residual_exceeds_the_heights_of_the_points():
+    """Distance weights let the polynomial leave far points by many edges; the residual weighs them as the fit does."""
+    vertices = torus(resolution=36).vertices
+    vertices[::97] *= 1.02  # some 28 spikes of the height of an edge: a fit beside them weighs them down
+    geometry = estimate_vertex_geometry(vertices, torus(resolution=36).faces, rings=4, degree=6, noise=0.0)
+    fitted = geometry.status == FitStatus.OK
+    assert fitted.sum() > 500
+    assert geometry.residual[fitted].max() < mean_edge_of(vertices, torus(resolution=36).faces)
