@@ -45,7 +45,7 @@ class TestLoading:
         assert ms.current_mesh().label() == name
 
     def test_columns_come_back_bit_for_bit_where_pymeshlab_drops_them(self, tmp_path, result):
-        names = ("bz_k_min", "bz_normal_x", "bz_fit_status")
+        names = ("bz_k_min", "bz_normal_x", "bz_fit_grade")
         before = [result.current_mesh().vertex_custom_scalar_attribute_array(name) for name in names]
         save_mesh(result, tmp_path / "a.ply")
         ms = pymeshlab.MeshSet()
