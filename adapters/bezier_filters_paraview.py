@@ -23,6 +23,7 @@ from bezier_filters_adapters.filters import (
     parameters_of,
     run,
 )
+from bezier_filters_adapters.vtk_normals import renew_normals
 
 _ELEMENTS: dict[object, str] = {bool: "Int", int: "Int", float: "Double"}
 
@@ -94,6 +95,7 @@ def _apply(name: str, source: Any, target: Any, given: dict[str, object]) -> Non
         points = vtkPoints()
         points.SetData(numpy_to_vtk(result.vertices, deep=True))
         target.SetPoints(points)
+        renew_normals(target)
     if name == FILL_HOLES:
         cells = vtkCellArray()
         cells.SetData(3, numpy_to_vtkIdTypeArray(result.faces.ravel().astype("int64"), deep=True))

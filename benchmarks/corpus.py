@@ -168,16 +168,16 @@ def round_trip(path, state):
     from bezier_filters.meshlab.mesh_files import load_mesh, save_mesh
 
     before = state["ms"].current_mesh()
-    written = np.array(before.vertex_custom_scalar_attribute_array("bz_fit_status"))
+    written = np.array(before.vertex_custom_scalar_attribute_array("bz_fit_grade"))
     target = state["folder"] / "saved.ply"
     save_mesh(state["ms"], target)
-    if not np.array_equal(bf.read_fields(target)["bz_fit_status"], written):
+    if not np.array_equal(bf.read_fields(target)["bz_fit_grade"], written):
         yield "statuses changed in the file"
     ms = load_mesh(target)
     if not np.array_equal(ms.current_mesh().vertex_matrix(), before.vertex_matrix()):
         yield "coordinates changed in the file"
     report = bf.compute_torsion_by_bezier_patch_per_vertex(ms)
-    again = ms.current_mesh().vertex_custom_scalar_attribute_array("bz_fit_status")
+    again = ms.current_mesh().vertex_custom_scalar_attribute_array("bz_fit_grade")
     if len(state["f"]) and not np.array_equal(again, written):
         yield f"statuses are others after reading: {report['status']}"
 

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
 
 PREFIX = "bz_"
 QUALITY = "quality"  # the column of a mesh's quality
+GRADE = PREFIX + "fit_grade"  # the column that says which values are estimates: see `FitStatus`
 # the filters that write fields, by their commands
 NORMALS, CURVATURE, TORSION, SMOOTH, CREASES = "normals", "curvature", "torsion", "smooth", "creases"
 ESTIMATES = (NORMALS, CURVATURE, TORSION)  # those whose fields are values of a `VertexGeometry`
@@ -84,11 +85,13 @@ FIELDS = (
     Field("geodesic_torsion", "principal geodesic torsion", "1/length", (TORSION,), quality="torsion"),
     *_vector("torsion_direction_plus", "direction of +t_max", (TORSION,), remark=_ANY_SIGN),
     *_vector("torsion_direction_minus", "direction of -t_max", (TORSION,), remark=_ANY_SIGN),
-    Field("fit_status", "status code", "", ESTIMATES, attribute="status", remark="see `FitStatus`"),
+    Field("fit_grade", "grade of the fit", "", ESTIMATES, remark="9 fitted as asked, 0 not at all, see `FitStatus`"),
     Field("rings_used", "rings", "edges", ESTIMATES, remark="how far the neighbourhood goes"),
     Field("residual", "residual", "length", ESTIMATES, remark="weighted RMS height of the points over the patch"),
     Field("displacement", "displacement", "length", (SMOOTH,), quality="displacement", remark="how far it moved"),
-    Field("sharpness", "sharpness", "", (SMOOTH,), quality="sharpness", remark="0 smooth, 1 where edges were kept"),
+    Field(
+        "sharpness", "sharpness", "", (SMOOTH,), quality="sharpness", remark="1 where edges were kept, 0 where none was"
+    ),
     Field(
         "crease",
         "crease: ridge above 0, ravine below",
@@ -96,7 +99,7 @@ FIELDS = (
         (CREASES,),
         signed=True,
         attribute=None,
-        remark="0 away from creases, 1 at a ridge, -1 at a ravine, 2 and -2 at sharp edges of these kinds",
+        remark="0 where none was found, 1 at a ridge, -1 at a ravine, 2 and -2 at sharp edges of these kinds",
     ),
     Field("crease_strength", "strength of creases", "radii of curvature", (CREASES,), attribute=None),
 )

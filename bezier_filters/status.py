@@ -1,4 +1,4 @@
-"""What happened at each vertex: every fallback of the fit has a code of its own."""
+"""What happened at each vertex: every fallback of the fit has a code of its own, and a grade in files and on meshes."""
 
 from enum import IntEnum
 
@@ -9,8 +9,15 @@ class FitStatus(IntEnum):
     Codes up to `FOLDED` come with an estimate of every quantity; from `NORMAL_ONLY` on,
     the quantities that could not be estimated hold the fill value 0.
 
+    Meshes and files hold the `grade` instead, from 9 for `OK` down to 0 for `SKIPPED`: other programs give the
+    value 0 to vertices that they add, and nothing was estimated there.
+
     >>> FitStatus.WIDER_RING.message
     'fitted on more rings than most: too few or badly placed points, as at a boundary'
+    >>> FitStatus.OK.grade, FitStatus.FOLDED.grade, FitStatus.SKIPPED.grade
+    (9, 3, 0)
+    >>> FitStatus.of_grade(9).name
+    'OK'
     """
 
     OK = 0, "fitted as asked"
@@ -22,7 +29,7 @@ class FitStatus(IntEnum):
     FOLDED = 6, "quadratic fit of a folded neighbourhood: unreliable"
     NORMAL_ONLY = 7, "normal of the faces or nearest points; no curvature: its points determine none"
     ISOLATED = 8, "no usable face, or points on a line: nothing estimated"
-    SKIPPED = 9, "not selected: nothing estimated"
+    SKIPPED = 9, "not selected, or added by another program: nothing estimated"
 
     message: str
 
@@ -37,3 +44,13 @@ class FitStatus(IntEnum):
     def has_curvature(self) -> bool:
         """Whether curvature and torsion at this vertex are estimates, not fill values."""
         return self <= FitStatus.FOLDED
+
+    @property
+    def grade(self) -> int:
+        """The number for this outcome in the column ``bz_fit_grade``: the higher, the better."""
+        return FitStatus.SKIPPED - self
+
+    @classmethod
+    def of_grade(cls, grade: float) -> "FitStatus":
+        """The outcome that a number in the column ``bz_fit_grade`` stands for; `SKIPPED` if it is no grade."""
+        return next((status for status in cls if status.grade == grade), cls.SKIPPED)

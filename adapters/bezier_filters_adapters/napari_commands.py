@@ -1,30 +1,59 @@
-"""napari: the filters as functions of a surface layer's data, from which napari makes its widgets."""
+"""napari: the filters as functions of a surface layer, from which napari makes its widgets.
+
+They compute in the coordinates of the world, where lengths are what the scale of the layer says.
+"""
 
 from collections.abc import Callable
 from inspect import Parameter
 from typing import Any, Literal
 
+import numpy as np
+
+from bezier_filters.arrays import FloatArray
+from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.meshes.mesh_objects import Placement, placement_of_layer
 from bezier_filters_adapters.filters import LABELS, annotated, field_names, run
 
 LayerData = tuple[tuple[Any, ...], dict[str, Any], str]
+# what says where a layer is shown, and in which units
+_HANDED_ON = ("scale", "translate", "rotate", "shear", "affine", "units", "axis_labels")
 
 
 def _command(name: str) -> Callable[..., LayerData]:
-    def command(surface: tuple[Any, ...], **given: object) -> LayerData:
-        """Return a layer that shows one of the fields; all of them are in its metadata."""
-        shown = given.pop("field", None) or next(iter(field_names(name)), None)
-        result = run(name, surface[0], surface[1], given)
-        values = () if shown is None else (result.fields[str(shown)],)
-        label = LABELS[name] if shown is None else str(shown)
-        metadata = result.fields | {"summary": result.summary}
-        return (result.vertices, result.faces, *values), {"name": label, "metadata": metadata}, "surface"
+    def command(surface: Any, **given: object) -> LayerData:
+        """Return a layer in the place of the surface that shows one of the fields; all of them are in its metadata.
 
-    before = [Parameter("surface", Parameter.POSITIONAL_OR_KEYWORD, annotation="napari.types.SurfaceData")]
+        The surface is a layer of napari, or its data: vertices, faces, and perhaps values.
+        """
+        shown = given.pop("field", None) or next(iter(field_names(name)), None)
+        is_layer = hasattr(surface, "data_to_world")
+        data = surface.data if is_layer else surface
+        mesh = triangle_mesh(data[0], data[1])
+        placement = placement_of_layer(surface) if is_layer else Placement(np.eye(3), np.zeros(3))
+        world = placement.to_world(mesh.vertices)
+        result = run(name, world, placement.orient(mesh.faces), given)
+        vertices = _in_data(placement, mesh.vertices, world, result.vertices)
+        values = () if shown is None else (result.fields[str(shown)],)
+        handed_on = surface.as_layer_data_tuple()[1] if is_layer else {}
+        state = {key: handed_on[key] for key in _HANDED_ON if key in handed_on}
+        state |= {"name": LABELS[name] if shown is None else str(shown)}
+        state |= {"metadata": result.fields | {"summary": result.summary}}
+        return (vertices, placement.orient(result.faces), *values), state, "surface"
+
+    before = [Parameter("surface", Parameter.POSITIONAL_OR_KEYWORD, annotation="napari.layers.Surface")]
     if fields := tuple(field_names(name)):
         field = Parameter("field", Parameter.KEYWORD_ONLY, default=fields[0], annotation=Literal[fields])
         before.append(field)
     command.__annotations__["return"] = "napari.types.LayerDataTuple"
     return annotated(command, name, *before)
+
+
+def _in_data(placement: Placement, before: FloatArray, world: FloatArray, result: FloatArray) -> FloatArray:
+    """Vertices of a result in the coordinates of the layer; where they did not move, the very ones from before."""
+    vertices = placement.to_data(result)
+    stay = np.flatnonzero((result[: len(world)] == world).all(axis=1))
+    vertices[stay] = before[stay]
+    return vertices
 
 
 normals, curvature, torsion, smooth, fill_holes, creases = map(_command, LABELS)

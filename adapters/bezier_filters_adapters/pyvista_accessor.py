@@ -8,6 +8,7 @@ import pyvista
 import bezier_filters as bf
 from bezier_filters.fields import SMOOTH
 from bezier_filters_adapters.filters import FILL_HOLES, LABELS, annotated, run
+from bezier_filters_adapters.vtk_normals import renew_normals
 
 
 @pyvista.register_dataset_accessor("bezier", pyvista.PolyData)
@@ -31,6 +32,7 @@ def _method(name: str) -> Callable[..., pyvista.PolyData]:
         made = self._mesh.copy()
         if name == SMOOTH:
             made.points = result.vertices
+            renew_normals(made)
         for column, values in result.fields.items():
             made.point_data[column] = values
         return made

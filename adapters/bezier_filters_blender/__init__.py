@@ -57,6 +57,10 @@ def _execute(self: Any, context: Any) -> set[str]:
         attribute.data.foreach_set("value", values.astype(np.float32))
     mesh.update()
     self.report({"INFO"}, result.summary)
+    if not np.allclose(context.object.matrix_world.to_scale(), 1.0):
+        self.report(
+            {"WARNING"}, "Lengths are those of the mesh, without the scale of the object; apply it first (Ctrl+A)"
+        )
     return {"FINISHED"}
 
 

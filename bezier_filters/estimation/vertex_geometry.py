@@ -7,14 +7,14 @@ import numpy as np
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.differential_geometry import DerivedCurvatures
 from bezier_filters.display import html_table, noise_in_words, summary
-from bezier_filters.fields import ESTIMATES, fields_of
+from bezier_filters.fields import ESTIMATES, GRADE, fields_of
 from bezier_filters.status import FitStatus
 
 # quantities that notebooks list, and their units
 _SHOWN = {
     field.source: field.unit
     for field in fields_of(*ESTIMATES)
-    if field.attribute is not None and field.component is None and field.source != "status"
+    if field.attribute is not None and field.component is None and field.column != GRADE
 }
 
 
@@ -151,6 +151,11 @@ class VertexGeometry(DerivedCurvatures):
     def noise_sigma(self) -> float | None:
         """Standard deviation of the noise along the normal, a length; None where it was not learned."""
         return self.fit.noise_sigma
+
+    @property
+    def fit_grade(self) -> IntArray:
+        """`FitStatus` as files and meshes hold it, (n,) int32: from 9 for ``OK`` to 0 where nothing was estimated."""
+        return np.int32(FitStatus.SKIPPED) - self.status
 
     @property
     def curvedness(self) -> FloatArray:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from bezier_filters.arrays import FloatArray
 from bezier_filters.errors import FieldFileError
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
-from bezier_filters.fields import CURVATURE, PREFIX, QUALITY, TORSION, qualities
+from bezier_filters.fields import CURVATURE, GRADE, PREFIX, QUALITY, TORSION, qualities
 from bezier_filters.files.mesh_headers import (
     BYTE_ORDER,
     HEADER_LIMIT,
@@ -29,10 +29,13 @@ from bezier_filters.files.mesh_headers import (
     check_size,
     parse_header,
 )
+from bezier_filters.files.stored_grades import are_grades, grades_of_codes
 from bezier_filters.runtime.atomic import atomic_write
 
 _DEFLATE_LIMIT = 1032  # largest compression ratio that deflate can reach
-_DERIVED = sorted(field.source for field in qualities(CURVATURE, TORSION).values())
+_DERIVED = [*sorted(field.source for field in qualities(CURVATURE, TORSION).values()), GRADE.removeprefix(PREFIX)]
+# what version 0.2.0 and earlier ones wrote in the place of grades: codes, of which 0 was the best
+_CODES, _RINGS = PREFIX + "fit_status", PREFIX + "rings_used"
 
 
 def read_fields(path: str | os.PathLike[str]) -> dict[str, FloatArray]:
@@ -49,7 +52,8 @@ def read_fields(path: str | os.PathLike[str]) -> dict[str, FloatArray]:
     dict of str to float64 array
         From PLY: the scalar vertex properties whose names start with ``bz_``, and ``quality``,
         each of shape (n,), whatever their type in the file. From NPZ: every array under its
-        plain name, shape (n,) or (n, 3).
+        plain name, shape (n,) or (n, 3). Status codes in ``bz_fit_status``, which version 0.2.0 wrote, become the
+        grades ``bz_fit_grade`` of `FitStatus`; what is no grade becomes 0, nothing estimated.
 
     Raises
     ------
@@ -82,8 +86,8 @@ def read_fields(path: str | os.PathLike[str]) -> dict[str, FloatArray]:
 def save_fields(path: str | os.PathLike[str], geometry: VertexGeometry) -> None:
     """Save every array of a `VertexGeometry` to a compressed NPZ file, whole or not at all.
 
-    The file has the arrays of the dataclass and what is derived from them and can be a quality, like
-    ``mean_curvature`` and ``shape_index``, under these names and with the units and signs of `VertexGeometry`.
+    The file has the arrays of the dataclass and what is derived from them, like ``mean_curvature``,
+    ``shape_index`` and ``fit_grade``, under these names and with the units and signs of `VertexGeometry`.
     `read_fields` and `numpy.load` read it.
 
     Parameters
@@ -146,7 +150,17 @@ def _read_ply(path: Path, stream: BinaryIO, head: bytes) -> dict[str, FloatArray
     rows = _read_regular(stream, header)
     if rows is None:
         rows = _read_irregular(path)
-    return {name: rows[name].astype(np.float64) for name in names}
+    return _with_grades({name: rows[name].astype(np.float64) for name in names})
+
+
+def _with_grades(columns: dict[str, FloatArray]) -> dict[str, FloatArray]:
+    """Columns whose column of grades, if there is one, is right for files of every version and every program."""
+    if GRADE in columns:
+        columns[GRADE] = np.where(are_grades(columns[GRADE]), columns[GRADE], 0.0)
+    if _CODES in columns:
+        grades = grades_of_codes(columns.pop(_CODES), columns.get(_RINGS))
+        columns.setdefault(GRADE, grades)
+    return columns
 
 
 def _field_names(path: Path, header: PlyHeader) -> list[str]:

@@ -21,9 +21,9 @@ from bezier_filters.patches.harmonics import HIGHEST_DEGREE, harmonic_basis
 SQUARED_LENGTHS = tuple(4.0 * 0.5 ** (0.5 * k) for k in range(7, -1, -1))
 FLATTEST, FLAT, MOST = 0.1, 0.25, 0.6  # shares of the places that are looked at
 FEWEST = 16.0  # of the flattest places, as many as are independent
-# Ratio of correlated variances, most places over the flattest, up to which the flattest speak for all: averaged noise on
-# tori, stars and ellipsoids gives up to 2.1, detail of the bunny with deleted vertices 2.3 to 18. Halved, noise of eight
-# averages counts as detail (H 1.5 times worse); doubled, that detail as noise (normals 1.4 to 3.9 times worse).
+# Ratio of correlated variances, most places over the flattest, up to which the flattest speak for all: averaged noise
+# on tori, stars and ellipsoids gives up to 2.1, detail of the bunny with deleted vertices 2.3 to 18. Halved, noise of
+# eight averages counts as detail (H 1.5 times worse); doubled, that detail as noise (normals 1.4 to 3.9 times worse).
 HOMOGENEOUS = 1.8
 SHORT = 1.0  # square of a length, in edges, over which noise may be correlated without being partly white
 # share of noise of greater length that is white at least: what is as smooth as nothing that is measured is shape. Three

@@ -15,8 +15,8 @@ from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 
-# what meshes of pymeshlab, pyvista and trimesh have, and arrays do not
-_OF_MESHES = ("current_mesh", "vertex_matrix", "points", "vertices")
+# what meshes of other libraries have, and arrays do not: see `mesh_objects`
+_OF_MESHES = ("current_mesh", "vertex_matrix", "points", "vertices", "vertex", "GetPoints", "geometry")
 # sizes of the largest coordinate between which fourth powers of lengths and curvatures are floating point numbers
 SMALLEST, LARGEST = 1e-40, 1e40
 

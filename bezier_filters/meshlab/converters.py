@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.errors import InvalidMeshError, InvalidParameterError
+from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
 from bezier_filters.fields import ESTIMATES, SMOOTH, fields_of
 from bezier_filters.meshes.mesh import TriangleMesh, takes_arrays, triangle_mesh
+from bezier_filters.meshes.mesh_objects import mesh_of_object
 from bezier_filters.smoothing.smooth import SmoothingResult
 
 if TYPE_CHECKING:
@@ -105,12 +106,16 @@ def to_trimesh(vertices: ArrayLike, faces: ArrayLike, fields: Fields = None) -> 
 
 
 def mesh_arrays(mesh: Any) -> tuple[FloatArray, IntArray]:
-    """Vertices (n, 3) and triangles (m, 3) of a mesh of pyvista, trimesh or pymeshlab, or of a file.
+    """Vertices (n, 3) and triangles (m, 3) of a mesh of another library, or of a file.
 
     Parameters
     ----------
-    mesh : pyvista.PolyData, trimesh.Trimesh, pymeshlab.Mesh, pymeshlab.MeshSet or path
-        Of a MeshSet the current mesh. Polygons of pyvista are cut into triangles; rows of vertices stay.
+    mesh : mesh, pair of arrays, or path
+        A `pymeshlab.MeshSet`, of which the current mesh is read, or one of its meshes; a `pyvista.PolyData` or another
+        `vtkPolyData`; a mesh or points of vedo, trimesh or Open3D (with arrays or tensors); a `trimesh.Scene`, whose
+        meshes are joined, each in its place; a `meshio.Mesh` of triangles and quads; a surface layer of napari, in the
+        coordinates of the world, with its scale; or a pair ``(vertices, faces)``, of which the faces may be None.
+        Polygons are cut into triangles; rows of vertices stay.
 
     Returns
     -------
@@ -120,7 +125,9 @@ def mesh_arrays(mesh: Any) -> tuple[FloatArray, IntArray]:
     Raises
     ------
     InvalidMeshError
-        If it is none of these, or its arrays are no mesh.
+        If it is none of these, has faces that are not understood, or its arrays are no mesh.
+    BezierFilterError
+        If the file cannot be read.
 
     Examples
     --------
@@ -134,20 +141,7 @@ def mesh_arrays(mesh: Any) -> tuple[FloatArray, IntArray]:
         from bezier_filters.meshlab.mesh_files import load_mesh
 
         owner = load_mesh(mesh, attributes=False)
-    mesh = owner.current_mesh() if hasattr(owner, "current_mesh") else owner
-    if hasattr(mesh, "vertex_matrix"):
-        vertices, faces = mesh.vertex_matrix(), mesh.face_matrix()
-    elif hasattr(mesh, "is_all_triangles"):
-        triangles = mesh if mesh.is_all_triangles else mesh.triangulate()
-        vertices, faces = triangles.points, triangles.regular_faces
-    elif hasattr(mesh, "vertices"):
-        vertices, faces = mesh.vertices, getattr(mesh, "faces", None)
-    else:
-        raise InvalidMeshError(
-            f"mesh: got {type(mesh).__name__}, expected a pyvista.PolyData, a trimesh.Trimesh, a pymeshlab.MeshSet, or "
-            "the path of a file"
-        )
-    checked = _mesh(vertices, faces)
+    checked = mesh_of_object(owner.current_mesh() if hasattr(owner, "current_mesh") else owner)
     return checked.vertices.copy(), checked.faces.copy()
 
 

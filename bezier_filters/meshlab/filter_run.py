@@ -13,7 +13,8 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, Report
 from bezier_filters.display import AUTO, color_range
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
-from bezier_filters.fields import Field, column_names, qualities
+from bezier_filters.fields import GRADE, Field, column_names, qualities
+from bezier_filters.files.stored_grades import are_grades
 from bezier_filters.meshlab import mesh_attributes
 from bezier_filters.meshlab.mesh_colors import check_limits, color_by_quality, find_color_map
 from bezier_filters.meshlab.meshset import (
@@ -135,13 +136,17 @@ def _quality_and_colormap(output: Output, fields: dict[str, Field]) -> tuple[Fie
 def _merge(new: Columns, old: Columns, mask: BoolArray) -> Columns:
     """New values where `mask` says so, else old ones.
 
-    Rows that another filter added meanwhile hold whatever was in memory: what is not finite there
-    is replaced by the new column's fill value.
+    Rows that another filter added meanwhile hold whatever was in memory: what is not finite there, or no grade where
+    it has to be one, is replaced by the new column's fill value.
     """
     return {
-        name: np.where(mask | ~np.isfinite(old[name]), values, old[name]) if name in old else values
+        name: np.where(mask | ~_is_legal(name, old[name]), values, old[name]) if name in old else values
         for name, values in new.items()
     }
+
+
+def _is_legal(name: str, values: FloatArray) -> BoolArray:
+    return are_grades(values) if name == GRADE else np.isfinite(values)
 
 
 @contextmanager

@@ -22,6 +22,7 @@ from bezier_filters.meshlab.meshset import (
     PyMeshLabException,
     current_mesh,
     one_at_a_time,
+    preserved_filter_script,
     reason_of,
 )
 from bezier_filters.runtime.atomic import atomic_write, temporary_folder
@@ -154,7 +155,8 @@ def save_mesh(
     Parameters
     ----------
     ms : pymeshlab.MeshSet
-        Nothing in it is changed.
+        Nothing in it is changed, but that normals of vertices get the length 1: those that pymeshlab computes on
+        reading a file without any are up to 6.28 long.
     path : path
         File to write or replace; its suffix decides on the format.
     binary : bool
@@ -196,6 +198,7 @@ def save_mesh(
             keys = ms.filter_parameter_values("ply")
             options |= {key: True for key in keys if key.startswith(SCALAR + PREFIX)}
     target = Path(os.path.realpath(path))
+    _normalize(ms)
     try:
         with atomic_write(target) as temporary, temporary_folder(target.parent) as folder:
             # The name inside the folder is the final one: an OBJ file names its MTL file after itself.
@@ -221,6 +224,14 @@ def save_mesh(
         ) from error
     except (PyMeshLabException, RuntimeError) as error:
         raise BezierFilterError(f"cannot write {path}: {reason_of(error)}; see whether the disk is full") from error
+
+
+def _normalize(ms: MeshSet) -> None:
+    """Make the normals of vertices unit vectors, but for those that are zero."""
+    lengths = np.linalg.norm(current_mesh(ms).vertex_normal_matrix(), axis=1)
+    if (np.abs(lengths[lengths > 0.0] - 1.0) > _UNIT).any():
+        with preserved_filter_script(ms):
+            ms.apply_normal_normalization_per_vertex()
 
 
 def _save(ms: MeshSet, path: Path, options: dict[str, Any]) -> tuple[str, ...]:

@@ -31,7 +31,6 @@ from bezier_filters.meshlab.mesh_attributes import (
 )
 from bezier_filters.meshlab.meshset import BezierFilterError, Image, Mesh, MeshSet, current_mesh
 from bezier_filters.runtime.atomic import temporary_folder
-from bezier_filters.status import FitStatus
 
 _TEXTURE = "TextureFile "
 
@@ -129,8 +128,8 @@ def _attributes(ms: MeshSet, mesh: Mesh, growth: MeshGrowth) -> tuple[list[tuple
             lost.append(name)
             continue
         new = values[growth.like_vertex if kind.startswith("__ca_v") else growth.like_face]
-        if name.startswith(PREFIX):  # nothing has been estimated there
-            new[:] = FitStatus.SKIPPED if name == f"{PREFIX}fit_status" else 0.0
+        if name.startswith(PREFIX):  # nothing has been estimated there, which is grade 0
+            new[:] = 0.0
         found.append((kind, name, np.concatenate([values, new])))
     return found, lost
 

@@ -15,7 +15,7 @@ from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.fit_options import Automatic
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
 from bezier_filters.feature_lines.crease_lines import COLORS, Creases, crease_columns, edge_mesh, find_creases
-from bezier_filters.fields import CREASES, CURVATURE, NORMALS, PREFIX, SMOOTH, TORSION, column_names, columns
+from bezier_filters.fields import CREASES, CURVATURE, GRADE, NORMALS, PREFIX, SMOOTH, TORSION, column_names, columns
 from bezier_filters.meshes.half_edges import distinct_edges
 from bezier_filters.meshlab.filter_run import Computed, Output, run_filter
 from bezier_filters.meshlab.mesh_attributes import write_coordinates
@@ -198,7 +198,7 @@ def _run(ms: MeshSet, name: str, fit: FitArguments, output: Output) -> Report:
 
     def set_normals() -> None:
         """To the new ones where there is an estimate; the old ones stay elsewhere."""
-        estimated = f"{PREFIX}fit_status <= {int(worst)}"
+        estimated = f"{GRADE} >= {worst.grade}"
         new = {axis: f"({estimated}) ? {PREFIX}normal_{axis} : n{axis}" for axis in "xyz"}
         ms.compute_normal_by_function_per_vertex(**new, onselected=output.onselected)
 

@@ -11,7 +11,7 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.display import ColorScale, color_range, round_limits
 from bezier_filters.errors import FieldFileError, InvalidParameterError
 from bezier_filters.feature_lines.crease_lines import COLORS, Creases
-from bezier_filters.fields import FIELDS, PREFIX, QUALITY, Field
+from bezier_filters.fields import FIELDS, GRADE, PREFIX, QUALITY, Field
 from bezier_filters.files.field_files import read_fields
 from bezier_filters.meshlab.mesh_files import load_mesh
 from bezier_filters.meshlab.meshset import current_mesh
@@ -24,9 +24,10 @@ NO_UNIT = "no unit"
 _KNOWN = {field.column: field for field in FIELDS}
 _GREY, _BROWN = 0.75, (0.69, 0.54, 0.42)
 _CODES = {  # what numbers in a column stand for
-    "bz_fit_status": {int(status): status.name for status in FitStatus},
-    "bz_crease": {-2: "sharp ravine", -1: "ravine", 0: "no crease", 1: "ridge", 2: "sharp ridge"},
+    GRADE: {status.grade: status.name for status in FitStatus},
+    "bz_crease": {-2: "sharp ravine", -1: "ravine", 0: "none found", 1: "ridge", 2: "sharp ridge"},
 }
+_GREY_WORDS = ("OK", "none found")  # those of most vertices
 _GREY_BELOW_LINES = 0.85
 # lines along the principal directions
 DIRECTIONS = [("direction of k_max", COLORS["ridge"]), ("direction of k_min", COLORS["ravine"])]
@@ -169,11 +170,12 @@ def field_panels(
 
 
 def _codes(file: MeshFile, values: FloatArray, words: dict[int, str], title: str) -> Panel:
-    """Each code in a colour of its own, grey for 0; a key has the names of those that are there, and how many."""
+    """Each code in a colour of its own, or grey; a key has the names of those that are there, and how many."""
     import matplotlib
 
     own = matplotlib.colormaps["tab10"](np.arange(len(words)))[:, :3]
-    palette = {code: (_GREY_BELOW_LINES,) * 3 if code == 0 else tuple(own[k]) for k, code in enumerate(words)}
+    grey = (_GREY_BELOW_LINES,) * 3
+    palette = {code: grey if word in _GREY_WORDS else tuple(own[k]) for k, (code, word) in enumerate(words.items())}
     codes, counts = np.unique(np.round(values).astype(int), return_counts=True)
     names = [
         (f"{words.get(code, code)}: {count:,}", palette.get(code, (0.0, 0.0, 0.0)))
@@ -214,7 +216,7 @@ def are_significant(columns: dict[str, FloatArray]) -> BoolArray:
     """Where the principal curvatures differ, and not by noise, (n,), from the columns of `curvature`."""
     k_min, k_max = columns["bz_k_min"], columns["bz_k_max"]
     least = np.maximum(_ERRORS * columns["bz_mean_curvature_std"], _ROUND * np.maximum(np.abs(k_min), np.abs(k_max)))
-    return np.asarray((columns["bz_fit_status"] <= FitStatus.FOLDED) & (k_max - k_min > least))
+    return np.asarray((columns[GRADE] >= FitStatus.FOLDED.grade) & (k_max - k_min > least))
 
 
 def well_spread(points: FloatArray, distance: float) -> IntArray:
@@ -230,7 +232,7 @@ def well_spread(points: FloatArray, distance: float) -> IntArray:
 def with_directions(panel: Panel, file: MeshFile) -> Panel:
     """The panel of a mesh file with lines in both principal directions."""
     wanted = [f"bz_direction_{kind}_{axis}" for kind in ("max", "min") for axis in "xyz"]
-    wanted += ["bz_k_min", "bz_k_max", "bz_mean_curvature_std", "bz_fit_status"]
+    wanted += ["bz_k_min", "bz_k_max", "bz_mean_curvature_std", GRADE]
     missing = [name for name in wanted if name not in file.columns]
     if missing:
         raise InvalidParameterError(

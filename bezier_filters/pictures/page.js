@@ -92,7 +92,7 @@ function choose(index) {
   cut();
   if (!field) { draw(); return; }
   if (!field.names) state.limits = (state.log ? field.range : field.limits).slice();
-  const CODES = [[217, 217, 217], [255, 127, 14], [44, 160, 44], [214, 39, 40], [148, 103, 189], [140, 86, 75], [227, 119, 194], [127, 127, 127], [23, 190, 207], [188, 189, 34]];
+  const CODES = [[188, 189, 34], [23, 190, 207], [127, 127, 127], [227, 119, 194], [140, 86, 75], [148, 103, 189], [214, 39, 40], [44, 160, 44], [255, 127, 14], [217, 217, 217]];
   const entries = new Uint8Array(4 * 256);
   const nodes = field.signed ? COOL_WARM : VIRIDIS;
   for (let k = 0; k < 256; k++) entries.set([...(field.names ? CODES[Math.min(k, CODES.length - 1)] : blend(nodes, k / 255)), 255], 4 * k);

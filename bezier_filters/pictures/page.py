@@ -21,7 +21,7 @@ from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
 from bezier_filters.feature_lines.crease_lines import Creases, edge_mesh, find_creases
-from bezier_filters.fields import ESTIMATES, FIELDS, SMOOTH, Field, columns, values_of
+from bezier_filters.fields import ESTIMATES, FIELDS, GRADE, SMOOTH, Field, columns, values_of
 from bezier_filters.holes.hole_filling import HoleFillingResult, fill_holes
 from bezier_filters.meshes.mesh import takes_arrays, triangle_mesh
 from bezier_filters.meshlab.hole_filter import fill_warnings
@@ -35,7 +35,7 @@ from bezier_filters.status import FitStatus
 MOST_FACES = 200_000  # that a browser turns without jerks on any machine
 # names of fields, in the order in which they can be chosen
 SHOWN = ["mean_curvature", "gaussian_curvature", "k_min", "k_max", "curvedness", "shape_index", "geodesic_torsion"]
-SHOWN += ["mean_curvature_std", "gaussian_curvature_std", "normal_std", "residual", "displacement", "fit_status"]
+SHOWN += ["mean_curvature_std", "gaussian_curvature_std", "normal_std", "residual", "displacement", "fit_grade"]
 _FIELDS = sorted((field for field in FIELDS if field.name in SHOWN), key=lambda field: SHOWN.index(field.name))
 _NOISE = Field("noise", "noise, outwards, as smoothing finds it", "length", (SMOOTH,), signed=True)
 _HEIGHT = 640  # pixels, in a notebook
@@ -287,8 +287,8 @@ def _field(field: Field, columns: dict[str, FloatArray], rows: IntArray, known: 
     """A field as the page takes it: codes have names, others limits, of what is known, and perhaps standard errors."""
     values, errors = columns[field.column], columns.get(f"{field.column}_std")
     told = {"label": field.label, "unit": field.unit, "signed": field.signed, "values": _packed(values[rows], "<f4")}
-    if field.name == "fit_status":
-        names = {int(status): {"text": status.name, "count": int((values == status).sum())} for status in FitStatus}
+    if field.column == GRADE:
+        names = {s.grade: {"text": s.name, "count": int((values == s.grade).sum())} for s in FitStatus}
         return told | {"names": names}
     inside = values[known] if known.any() else values
     return told | {

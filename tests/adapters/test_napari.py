@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import bezier_filters as bf
-from bezier_filters.surfaces import torus
+from bezier_filters.surfaces import sphere, torus
 from bezier_filters_adapters.filters import LABELS, field_names, parameters_of
 
 MANIFEST = Path(__file__).parents[2] / "adapters" / "bezier_filters_adapters" / "napari.yaml"
@@ -58,9 +58,49 @@ def test_holes_are_filled():
     assert bf.boundary_loops(bf.triangle_mesh(vertices, faces)) == []
 
 
+def ball_in_voxels(layer_class, scale):
+    """A ball of radius 10, as it comes out of an image with voxels of some size, in micrometres."""
+    ball = sphere(radius=10.0, resolution=12)
+    faces = ball.faces if np.prod(scale) > 0.0 else ball.faces[:, ::-1]  # outwards in the image
+    return layer_class((ball.vertices / scale, faces), scale=scale, translate=(1.0, 2.0, 3.0), units=("um", "um", "um"))
+
+
+@pytest.mark.filterwarnings("ignore")  # those of napari
+@pytest.mark.parametrize("scale", [(2.0, 0.5, 0.25), (0.1, 0.1, 0.1), (-2.0, 0.5, 0.25)])
+def test_layers_are_computed_in_the_world(scale):
+    """Curvature is that of the ball that is seen, and what comes out lies where it came from."""
+    layers = pytest.importorskip("napari.layers", reason="napari is not installed")
+    layer = ball_in_voxels(layers.Surface, scale)
+    for name in ("curvature", "smooth"):
+        (vertices, faces, values), state, _ = command(name)(layer)
+        made = layers.Surface((vertices, faces, values), **state)
+        np.testing.assert_array_equal(faces, layer.faces)
+        np.testing.assert_allclose(bf.mesh_arrays(made)[0], bf.mesh_arrays(layer)[0], atol=1e-6)
+        assert (made.units, tuple(made.scale), tuple(made.translate)) == (layer.units, scale, (1.0, 2.0, 3.0))
+        if name == "curvature":
+            np.testing.assert_allclose(made.metadata["bz_mean_curvature"], 0.1, rtol=0.01)
+            np.testing.assert_array_equal(vertices, layer.vertices)
+
+
+@pytest.mark.filterwarnings("ignore")  # those of napari
+def test_fills_continue_the_surface_in_the_world():
+    layers = pytest.importorskip("napari.layers", reason="napari is not installed")
+    whole = ball_in_voxels(layers.Surface, (2.0, -0.5, 0.25))
+    cap = (np.abs(bf.mesh_arrays(whole)[0] - [11.0, 2.0, 3.0]).max(axis=1) < 3.0)[whole.faces].any(axis=1)
+    layer = layers.Surface((whole.vertices, whole.faces[~cap]), scale=whole.scale, translate=whole.translate)
+    (vertices, faces), state, _ = command("fill-holes")(layer)
+    np.testing.assert_array_equal(vertices[: len(layer.vertices)], layer.vertices)
+    np.testing.assert_array_equal(faces[: len(layer.faces)], layer.faces)
+    report = bf.inspect_mesh(vertices, faces)
+    assert report.boundary_edges == report.incoherent_edges == 0
+    filled = bf.mesh_arrays(layers.Surface((vertices, faces), **state))[0][len(layer.vertices) :]
+    np.testing.assert_allclose(np.linalg.norm(filled - [1.0, 2.0, 3.0], axis=1), 10.0, atol=0.02)
+
+
 @pytest.mark.filterwarnings("ignore")  # those of napari and Qt
 def test_widgets_run_in_napari(monkeypatch):
     monkeypatch.setenv("QT_QPA_PLATFORM", "offscreen")
+    pytest.importorskip("qtpy", reason="there is no Qt", exc_type=Exception)
     napari = pytest.importorskip("napari", reason="napari is not installed")
     from npe2 import PluginManager, PluginManifest
 
@@ -70,6 +110,6 @@ def test_widgets_run_in_napari(monkeypatch):
     for name, label in LABELS.items():
         _, widget = viewer.window.add_plugin_dock_widget("bezier-filters-adapters", label)
         assert {parameter.name for parameter in parameters_of(name)} <= {part.name for part in widget}
-        widget(surface=layer.data)
+        widget(surface=layer)
         assert list(viewer.layers[-1].metadata) == [*field_names(name), "summary"]
     viewer.close()

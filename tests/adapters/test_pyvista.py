@@ -43,6 +43,40 @@ def test_smoothing_moves_points():
     np.testing.assert_array_equal(made.points, bf.smooth(noisy, SHAPE.faces, borders="fixed").vertices)
 
 
+@pytest.mark.parametrize("active", [True, False])
+def test_normals_are_those_of_the_smoothed_mesh(active):
+    """Of points and of cells, whether VTK knows them as normals or not."""
+    noisy = SHAPE.vertices + np.random.default_rng(0).normal(scale=0.03, size=SHAPE.vertices.shape)
+    mesh = bf.to_pyvista(noisy, SHAPE.faces).compute_normals(split_vertices=False, consistent_normals=False)
+    before = mesh.copy()
+    if not active:
+        for data in (mesh.point_data, mesh.cell_data):
+            data["normals"] = data.pop("Normals")
+    name = "Normals" if active else "normals"
+    made = mesh.bezier.smooth()
+    plain = bf.to_pyvista(made.points, SHAPE.faces).compute_normals(split_vertices=False, consistent_normals=False)
+    for data, wanted, old in (
+        (made.point_data, plain.point_data["Normals"], before.point_data["Normals"]),
+        (made.cell_data, plain.cell_data["Normals"], before.cell_data["Normals"]),
+    ):
+        np.testing.assert_allclose(data[name], wanted, atol=1e-6)
+        assert np.abs(wanted - old).max() > 0.1
+        assert (data.active_normals_name == name) == active
+    np.testing.assert_array_equal(mesh.point_data[name], before.point_data["Normals"])
+    assert "Normals" not in bf.to_pyvista(noisy, SHAPE.faces).bezier.smooth().point_data
+
+
+def test_polygons_have_normals_after_smoothing():
+    rng = np.random.default_rng(0)
+    quads = pyvista.Plane(i_resolution=12, j_resolution=12).compute_normals(split_vertices=False)
+    quads.points = quads.points + rng.normal(scale=0.01, size=quads.points.shape)
+    made = quads.bezier.smooth()
+    assert made.n_cells == 144
+    flat = made.compute_normals(split_vertices=False, consistent_normals=False)
+    np.testing.assert_allclose(made.point_data["Normals"], flat.point_data["Normals"], atol=1e-6)
+    np.testing.assert_allclose(made.cell_data["Normals"], flat.cell_data["Normals"], atol=1e-6)
+
+
 def test_holes_are_filled(mesh):
     made = bf.to_pyvista(SHAPE.vertices, SHAPE.faces[4:]).bezier.fill_holes()
     assert made.n_open_edges == 0

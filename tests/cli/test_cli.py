@@ -63,7 +63,7 @@ def test_filters_write_quality_colour_and_fields(command, tmp_path):
     assert np.ptp(mesh.vertex_scalar_array()) > 0
     fields = read_fields(target)
     np.testing.assert_array_equal(fields["quality"], mesh.vertex_scalar_array())
-    assert "bz_fit_status" in fields
+    assert "bz_fit_grade" in fields
 
 
 def test_a_file_keeps_the_fields_of_an_earlier_command(tmp_path):
@@ -387,9 +387,9 @@ def test_demo_of_a_mesh_writes_four_meshes_and_a_picture(tmp_path):
 def test_info_says_what_a_file_carries(tmp_path, textured_bunny_file):
     run("torsion", SAMPLES / "torus.ply", tmp_path / "t.ply")
     (columns,) = json.loads(run("info", tmp_path / "t.ply", "--json").stdout)["contents"][3:]
-    assert {"bz_geodesic_torsion", "bz_fit_status"} <= set(columns.split(", "))
+    assert {"bz_geodesic_torsion", "bz_fit_grade"} <= set(columns.split(", "))
     shown = " ".join(run("info", tmp_path / "t.ply").stdout.split())
-    assert "carries colours of vertices; quality; normals; bz_fit_status, bz_geodesic_torsion" in shown
+    assert "carries colours of vertices; quality; normals; bz_fit_grade, bz_geodesic_torsion" in shown
     assert "textures TextureDouble_A.png" in run("info", textured_bunny_file).stdout
     ms = pymeshlab.MeshSet()
     ms.create_cube()

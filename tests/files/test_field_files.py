@@ -27,7 +27,7 @@ PLY_TYPES = {
     "f": "float",
     "d": "float64",
 }
-DERIVED = ["curvedness", "gaussian_curvature", "geodesic_torsion", "mean_curvature", "shape_index"]
+DERIVED = ["curvedness", "fit_grade", "gaussian_curvature", "geodesic_torsion", "mean_curvature", "shape_index"]
 TRIANGLE_HEADER = (
     "ply\nformat {format} 1.0\nelement vertex {vertices}\nproperty float x\nproperty double bz_k\n"
     "element face {faces}\nproperty list uchar int vertex_indices\nend_header\n"

@@ -24,7 +24,7 @@ FILTERS = (
     compute_torsion_by_bezier_patch_per_vertex,
 )
 GIVEN = {"rings": 2, "alpha": 0.8}  # where it does not matter how fits are chosen
-DIAGNOSTICS = {"bz_fit_status", "bz_rings_used", "bz_residual"}
+DIAGNOSTICS = {"bz_fit_grade", "bz_rings_used", "bz_residual"}
 CURVATURE_ATTRIBUTES = {
     "bz_mean_curvature",
     "bz_gaussian_curvature",
@@ -64,7 +64,7 @@ class TestWhatChanges:
         before = mesh_state(textured)
         compute_normal_by_bezier_patch_per_vertex(textured)
         columns = {f"bz_normal_{c}" for c in ("x", "y", "z", "angle", "std")} | {
-            "bz_fit_status",
+            "bz_fit_grade",
             "bz_rings_used",
             "bz_residual",
         }
@@ -195,7 +195,7 @@ class TestValues:
         ms.compute_normal_by_function_per_vertex(x="1", y="2", z="3")
         result = compute_normal_by_bezier_patch_per_vertex(ms)
         assert ms.current_mesh().vertex_normal_matrix()[-1].tolist() == [1.0, 2.0, 3.0]
-        assert array(ms, "bz_fit_status")[-1] == FitStatus.ISOLATED
+        assert array(ms, "bz_fit_grade")[-1] == FitStatus.ISOLATED.grade
         assert result["status"] == {"OK": 642, "ISOLATED": 1}
 
     def test_the_transform_is_ignored(self):
@@ -318,7 +318,7 @@ class TestSelection:
         assert np.array_equal(mesh.vertex_scalar_array()[~chosen], quality[~chosen])
         assert np.array_equal(mesh.vertex_normal_matrix()[~chosen], normals[~chosen])
         assert (mesh.vertex_scalar_array()[chosen] != quality[chosen]).all()
-        assert (array(textured, "bz_fit_status")[~chosen] == FitStatus.SKIPPED).all()
+        assert (array(textured, "bz_fit_grade")[~chosen] == 0).all()
         assert (array(textured, "bz_residual")[~chosen] == 0.0).all()
         selections = {"0: vertex_selection_array", "0: face_selection_array"}
         assert not changed(before, mesh_state(textured)) & selections
@@ -342,7 +342,7 @@ class TestSelection:
         chosen = np.isin(np.arange(mesh.vertex_number()), mesh.face_matrix()[mesh.face_selection_array()])
         before = mesh_state(ms)
         function(ms, onselected=True)
-        assert np.array_equal(array(ms, "bz_fit_status") != FitStatus.SKIPPED, chosen)
+        assert np.array_equal(array(ms, "bz_fit_grade") != 0, chosen)
         assert (mesh.vertex_scalar_array()[~chosen] == 0.0).all()
         assert (mesh.vertex_scalar_array()[chosen] != 0.0).all()
         assert not changed(before, mesh_state(ms)) & {"0: vertex_selection_array", "0: face_selection_array"}

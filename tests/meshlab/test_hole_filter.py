@@ -15,7 +15,6 @@ from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
 from bezier_filters.meshlab.mesh_growth import textures_of
 from bezier_filters.meshlab.meshset import BezierFilterError
-from bezier_filters.status import FitStatus
 from bezier_filters.surfaces import sphere, torus
 
 NORMALS = {"vertex_normal_matrix", "face_normal_matrix"}
@@ -30,7 +29,7 @@ def with_columns(ms):
     """With columns of our own, too."""
     mesh = ms.current_mesh()
     mesh.add_vertex_custom_scalar_attribute(np.ones(mesh.vertex_number()), "bz_k_min")
-    mesh.add_vertex_custom_scalar_attribute(np.zeros(mesh.vertex_number()), "bz_fit_status")
+    mesh.add_vertex_custom_scalar_attribute(np.full(mesh.vertex_number(), 9.0), "bz_fit_grade")
     return ms
 
 
@@ -124,7 +123,7 @@ def test_what_is_new_is_defined(filled):
     assert (mesh.vertex_scalar_array()[new] >= quality.min()).all()
     assert (mesh.vertex_scalar_array()[new] <= quality.max()).all()
     assert (mesh.vertex_custom_scalar_attribute_array("bz_k_min")[new] == 0.0).all()
-    assert (mesh.vertex_custom_scalar_attribute_array("bz_fit_status")[new] == FitStatus.SKIPPED).all()
+    assert (mesh.vertex_custom_scalar_attribute_array("bz_fit_grade")[new] == 0.0).all()
     assert np.isin(
         mesh.face_custom_scalar_attribute_array("facemine")[m:], mesh.face_custom_scalar_attribute_array("facemine")[:m]
     ).all()

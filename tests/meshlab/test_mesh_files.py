@@ -18,6 +18,7 @@ from bezier_filters.meshlab.vertex_filters import (
     compute_curvature_by_bezier_patch_per_vertex,
     compute_normal_by_bezier_patch_per_vertex,
 )
+from bezier_filters.surfaces import torus
 
 SAMPLES = Path(pymeshlab.__file__).parent / "tests" / "sample_meshes"
 
@@ -45,7 +46,7 @@ class TestLoading:
         assert ms.current_mesh().label() == name
 
     def test_columns_come_back_bit_for_bit_where_pymeshlab_drops_them(self, tmp_path, result):
-        names = ("bz_k_min", "bz_normal_x", "bz_fit_status")
+        names = ("bz_k_min", "bz_normal_x", "bz_fit_grade")
         before = [result.current_mesh().vertex_custom_scalar_attribute_array(name) for name in names]
         save_mesh(result, tmp_path / "a.ply")
         ms = pymeshlab.MeshSet()
@@ -291,3 +292,55 @@ class TestRemarks:
         lost = np.abs(read[:, np.newaxis] - (vertices + 1e6 * np.pi)).max(axis=2).min(axis=0).max()
         assert 0.1 * promised < lost <= 1.1 * promised
         assert save_mesh(far, tmp_path / "far.ply") == ()
+
+
+def normals_of_vertices(mesh, *, by_angle):
+    """Unit sums of the unit normals of the faces around each vertex, perhaps by their angles there, (n, 3)."""
+    vertices, faces = mesh.vertex_matrix(), mesh.face_matrix()
+    sums = np.zeros_like(vertices)
+    for k in range(3):
+        one, other = (vertices[faces[:, (k + j) % 3]] - vertices[faces[:, k]] for j in (1, 2))
+        normals = np.cross(one, other)
+        sines = np.linalg.norm(normals, axis=1, keepdims=True)
+        angles = np.arctan2(sines, np.einsum("ij,ij->i", one, other)[:, np.newaxis])
+        np.add.at(sums, faces[:, k], normals / sines * (angles if by_angle else 1.0))
+    return sums / np.linalg.norm(sums, axis=1, keepdims=True)
+
+
+FILTERS = {
+    "curvature": compute_curvature_by_bezier_patch_per_vertex,
+    "smooth": bf.apply_coord_bezier_patch_smoothing,
+    "fill-holes": bf.meshing_close_holes_by_bezier_patch,
+}
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".off"])
+@pytest.mark.parametrize("name", FILTERS)
+def test_normals_in_files_are_unit_ones_of_the_surface(name, suffix, tmp_path):
+    """pymeshlab makes sums of them where a file has none, such as this OBJ, by angles; of other faces all are alike."""
+    shape = torus(resolution=32)
+    noisy = shape.vertices + np.random.default_rng(0).normal(scale=0.01, size=shape.vertices.shape)
+    lines = [f"v {x} {y} {z}" for x, y, z in noisy] + [f"f {i} {j} {k}" for i, j, k in shape.faces[8:] + 1]
+    (tmp_path / "a.obj").write_text("\n".join(lines))
+    ms = load_mesh(tmp_path / "a.obj")
+    assert np.linalg.norm(ms.current_mesh().vertex_normal_matrix(), axis=1).max() > 5.0
+    FILTERS[name](ms)
+    save_mesh(ms, tmp_path / f"b{suffix}")
+    back = pymeshlab.MeshSet()
+    back.load_new_mesh(str(tmp_path / f"b{suffix}"))
+    mesh = back.current_mesh()
+    normals = mesh.vertex_normal_matrix()
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    has_normals = mesh.has_vertex_color() <= (suffix != ".off")  # OFF files have colours or normals
+    if has_normals:
+        np.testing.assert_allclose(lengths, 1.0, atol=1e-5)
+    wanted = normals_of_vertices(mesh, by_angle=name == "curvature" or not has_normals)
+    np.testing.assert_allclose(normals / lengths, wanted, atol=1e-4)
+
+
+def test_zero_normals_stay_zero(tmp_path):
+    ms = pymeshlab.MeshSet()
+    ms.add_mesh(pymeshlab.Mesh(np.eye(3), v_normals_matrix=np.diag([0.0, 3.0, 0.5])))
+    save_mesh(ms, tmp_path / "a.ply")
+    back = load_mesh(tmp_path / "a.ply")
+    np.testing.assert_array_equal(back.current_mesh().vertex_normal_matrix(), np.diag([0.0, 1.0, 1.0]))

@@ -106,19 +106,24 @@ class TestFields:
 
     def test_codes_are_categories_with_names_and_numbers(self, folder):
         file = read_mesh_file(folder / "curved.ply")
-        codes = np.zeros(len(file.vertices))
-        codes[:5], codes[5] = FitStatus.FOLDED, FitStatus.ISOLATED
-        (panel,) = field_panels([replace(file, columns={"bz_fit_status": codes})], "bz_fit_status", **LOOK)
-        assert [name for name, _ in panel.names] == [f"OK: {len(codes) - 6:,}", "FOLDED: 5", "ISOLATED: 1"]
-        for k, (_, color) in zip((6, 0, 5), panel.names, strict=True):
+        codes = np.full(len(file.vertices), FitStatus.OK.grade, float)
+        codes[:5], codes[5], codes[6] = FitStatus.FOLDED.grade, FitStatus.ISOLATED.grade, 0.0
+        (panel,) = field_panels([replace(file, columns={"bz_fit_grade": codes})], "bz_fit_grade", **LOOK)
+        assert [name for name, _ in panel.names] == [
+            "SKIPPED: 1",
+            "ISOLATED: 1",
+            "FOLDED: 5",
+            f"OK: {len(codes) - 7:,}",
+        ]
+        for k, (_, color) in zip((6, 5, 0, 7), panel.names, strict=True):
             np.testing.assert_array_equal(panel.colors[k], color)
-        assert len({color for _, color in panel.names}) == 3
+        assert len({color for _, color in panel.names}) == 4
         kinds = np.resize([-2.0, -1, 0, 1, 2], len(codes))
         (panel,) = field_panels([replace(file, columns={"bz_crease": kinds})], "bz_crease", **LOOK)
         assert [name.split(":")[0] for name, _ in panel.names] == [
             "sharp ravine",
             "ravine",
-            "no crease",
+            "none found",
             "ridge",
             "sharp ridge",
         ]

@@ -120,7 +120,7 @@ def test_it_holds_values_and_facts(page):
     assert "noise" in facts
     assert [name for name, *_ in data["comparisons"]] == ["smoothed", "filled"]
     assert data["comparisons"][1][2] == "1 of 1 holes filled, orange"
-    (status,) = (field for field in data["fields"] if field["label"] == "status code")
+    (status,) = (field for field in data["fields"] if field["label"] == "grade of the fit")
     n = json.loads(run("info", page.with_suffix(".ply"), "--json").stdout)["vertices"]
     assert sum(name["count"] for name in status["names"].values()) == n
 

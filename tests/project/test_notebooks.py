@@ -118,7 +118,7 @@ class TestConverters:
         assert bf.mesh_arrays(trimesh.PointCloud(vertices))[1].shape == (0, 3)
 
     def test_mistakes_name_the_remedy(self, shape):
-        with pytest.raises(bf.InvalidMeshError, match=r"got dict, expected a pyvista.PolyData"):
+        with pytest.raises(bf.InvalidMeshError, match=r"got dict, expected a mesh of pyvista"):
             bf.mesh_arrays({})
         with pytest.raises(bf.InvalidParameterError, match=r"'a' has the shape \(2,\), expected \d+ rows"):
             bf.to_pyvista(shape.vertices, shape.faces, {"a": [1, 2]})

@@ -1,0 +1,195 @@
+"""Meshes of other libraries: all their faces, or an error."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import bezier_filters as bf
+from bezier_filters.surfaces import torus
+
+SHAPE = torus(resolution=16)
+PAIR = SHAPE.vertices, SHAPE.faces
+
+
+def open3d():
+    return pytest.importorskip("open3d", reason="Open3D is not installed, or does not load", exc_type=ImportError)
+
+
+def of_open3d():
+    o3d = open3d()
+    vertices, faces = o3d.utility.Vector3dVector(SHAPE.vertices), o3d.utility.Vector3iVector(SHAPE.faces)
+    return o3d.geometry.TriangleMesh(vertices, faces)
+
+
+def of_open3d_tensors():
+    mesh = of_open3d()
+    return open3d().t.geometry.TriangleMesh.from_legacy(mesh)
+
+
+def of_vedo():
+    return pytest.importorskip("vedo", reason="vedo is not installed").Mesh([SHAPE.vertices, SHAPE.faces])
+
+
+def of_vtk():
+    """A `vtkPolyData` that is none of pyvista's."""
+    pytest.importorskip("pyvista")
+    from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+    mesh = vtkPolyData()
+    mesh.ShallowCopy(bf.to_pyvista(*PAIR))
+    return mesh
+
+
+def of_trimesh():
+    pytest.importorskip("trimesh")
+    return bf.to_trimesh(*PAIR)
+
+
+def of_meshio():
+    """What `meshio.Mesh` looks like: points, and blocks of cells of one type."""
+    blocks = [("vertex", [[0]]), ("triangle", SHAPE.faces[:40]), ("line", [[0, 1]]), ("triangle", SHAPE.faces[40:])]
+    cells = [SimpleNamespace(type=name, data=np.array(data)) for name, data in blocks]
+    return SimpleNamespace(points=SHAPE.vertices, cells=cells)
+
+
+SOURCES = {
+    "Open3D": of_open3d,
+    "Open3D tensors": of_open3d_tensors,
+    "vedo": of_vedo,
+    "VTK": of_vtk,
+    "scene": lambda: of_trimesh().scene(),
+    "meshio": of_meshio,
+    "triangles": lambda: SimpleNamespace(vertices=SHAPE.vertices, triangles=SHAPE.faces),
+    "pair": lambda: PAIR,
+    "list": lambda: [SHAPE.vertices.tolist(), SHAPE.faces.tolist()],
+}
+
+
+@pytest.mark.parametrize("make", SOURCES.values(), ids=SOURCES)
+def test_all_faces_are_there(make):
+    vertices, faces = bf.mesh_arrays(make())
+    np.testing.assert_allclose(vertices, SHAPE.vertices, atol=1e-6)
+    np.testing.assert_array_equal(faces, SHAPE.faces)
+    assert (vertices.dtype, faces.dtype) == (np.float64, np.int32)
+
+
+@pytest.mark.parametrize("make", [v for k, v in SOURCES.items() if k not in ("pair", "list")])
+def test_functions_of_arrays_refuse_them(make):
+    with pytest.raises(bf.InvalidMeshError, match=r"expected an array .*mesh_arrays"):
+        bf.estimate_vertex_geometry(make())
+
+
+def test_polygons_become_triangles():
+    vedo = pytest.importorskip("vedo", reason="vedo is not installed")
+    vertices, faces = bf.mesh_arrays(vedo.Cube(side=2.0))
+    a, b, c = vertices[faces].transpose(1, 0, 2)
+    np.testing.assert_allclose(np.linalg.norm(np.cross(b - a, c - a), axis=1), np.full(12, 4.0))  # twice their areas
+    quads = SimpleNamespace(
+        points=SHAPE.vertices[:4], cells=[SimpleNamespace(type="quad", data=np.array([[0, 1, 2, 3]]))]
+    )
+    np.testing.assert_array_equal(bf.mesh_arrays(quads)[1], [[0, 1, 2], [0, 2, 3]])
+
+
+def test_strips_become_triangles():
+    pytest.importorskip("pyvista")
+    import pyvista
+
+    strips = bf.to_pyvista(*PAIR).strip()
+    assert strips.n_strips
+    vertices, faces = bf.mesh_arrays(strips)
+    assert len(faces) == len(SHAPE.faces)
+    assert bf.inspect_mesh(vertices, faces).boundary_edges == 0
+    assert bf.mesh_arrays(pyvista.PolyData())[0].shape == (0, 3)
+
+
+def test_what_moved_in_vedo_is_where_it_is_seen():
+    mesh = of_vedo().scale(2.0).pos(1.0, 2.0, 3.0)
+    np.testing.assert_allclose(bf.mesh_arrays(mesh)[0], 2.0 * SHAPE.vertices + np.array([1.0, 2.0, 3.0]), atol=1e-5)
+
+
+def test_meshes_of_a_scene_are_in_their_places():
+    trimesh = pytest.importorskip("trimesh")
+    scene, place = trimesh.Scene(), np.diag([2.0, 2.0, 2.0, 1.0])
+    place[:3, 3] = 9.0, 0.0, 0.0
+    scene.add_geometry(of_trimesh())
+    scene.add_geometry(of_trimesh(), transform=place)
+    vertices, faces = bf.mesh_arrays(scene)
+    n = len(SHAPE.vertices)
+    np.testing.assert_allclose(vertices, np.vstack([SHAPE.vertices, 2.0 * SHAPE.vertices + np.array([9.0, 0.0, 0.0])]))
+    np.testing.assert_array_equal(faces, np.vstack([SHAPE.faces, SHAPE.faces + n]))
+
+
+def test_point_clouds_stay_point_clouds():
+    trimesh = pytest.importorskip("trimesh")
+    clouds = [trimesh.PointCloud(SHAPE.vertices), trimesh.Scene([trimesh.PointCloud(SHAPE.vertices)])]
+    clouds += [(SHAPE.vertices, None), bf.to_pyvista(SHAPE.vertices, None)]
+    for cloud in clouds:
+        vertices, faces = bf.mesh_arrays(cloud)
+        np.testing.assert_array_equal(vertices, SHAPE.vertices)
+        assert faces.shape == (0, 3)
+
+
+def test_point_clouds_of_open3d():
+    o3d = open3d()
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(SHAPE.vertices))
+    for source in (cloud, o3d.t.geometry.PointCloud.from_legacy(cloud)):
+        vertices, faces = bf.mesh_arrays(source)
+        np.testing.assert_allclose(vertices, SHAPE.vertices, atol=1e-6)
+        assert faces.shape == (0, 3)
+
+
+@pytest.mark.parametrize("name", ["TetraMesh", "LineSet", "VoxelGrid"])
+def test_what_is_no_surface_in_open3d_is_refused(name):
+    with pytest.raises(bf.InvalidMeshError, match=rf"mesh: got {name}"):
+        bf.mesh_arrays(getattr(open3d().geometry, name)())
+
+
+def test_faces_that_are_not_understood_are_refused():
+    pyvista, trimesh = pytest.importorskip("pyvista"), pytest.importorskip("trimesh")
+    mixed = trimesh.Scene([of_trimesh(), trimesh.PointCloud(SHAPE.vertices)])
+    tetrahedra = SimpleNamespace(
+        points=SHAPE.vertices, cells=[SimpleNamespace(type="tetra", data=np.array([[0, 1, 2, 3]]))]
+    )
+    for source, message in [
+        (pyvista.ImageData(dimensions=(2, 2, 2)), "no surface; .*extract_surface"),
+        (pyvista.Plane().cast_to_unstructured_grid(), "no surface; .*extract_surface"),
+        (pyvista.MultiBlock([pyvista.Sphere()]), "no surface"),
+        (trimesh.load_path(SHAPE.vertices[:3]), "whose entities cannot be read"),
+        (mixed, "meshes and point clouds"),
+        (trimesh.Scene(), "in which there is nothing"),
+        (tetrahedra, "cells of the type 'tetra' cannot be read"),
+        (SimpleNamespace(vertices=SHAPE.vertices, polygons=[]), "whose polygons cannot be read"),  # as in Blender
+        ((SHAPE.vertices,), "got a tuple of 1, expected a mesh of pyvista, VTK"),
+    ]:
+        with pytest.raises(bf.InvalidMeshError, match=message):
+            bf.mesh_arrays(source)
+
+
+@pytest.mark.parametrize("nothing", [None, 3, {}, SHAPE.vertices, [], object(), 1j])
+def test_what_is_no_mesh_is_refused(nothing):
+    with pytest.raises(bf.InvalidMeshError, match=r"mesh: got .* expected a mesh of pyvista"):
+        bf.mesh_arrays(nothing)
+
+
+class TestLayers:
+    """Of napari, or what looks like one."""
+
+    class Layer:
+        def __init__(self, scale):
+            self.vertices, self.faces = SHAPE.vertices / scale, SHAPE.faces
+            self.scale = np.array(scale)
+
+        def data_to_world(self, position):
+            return tuple(self.scale * position + [1.0, 2.0, 3.0])
+
+    @pytest.mark.parametrize("scale", [(2.0, 0.5, 0.25), (2.0, -0.5, 0.25)])
+    def test_they_are_where_they_are_seen(self, scale):
+        vertices, faces = bf.mesh_arrays(self.Layer(scale))
+        np.testing.assert_allclose(vertices, SHAPE.vertices + np.array([1.0, 2.0, 3.0]), atol=1e-12)
+        np.testing.assert_array_equal(np.sort(faces, axis=1), np.sort(SHAPE.faces, axis=1))
+        assert (faces == SHAPE.faces).all() == (min(scale) > 0)
+
+    def test_other_layers_are_refused(self):
+        with pytest.raises(bf.InvalidMeshError, match="expected a surface layer"):
+            bf.mesh_arrays(SimpleNamespace(data_to_world=None, data=[]))
