@@ -56,7 +56,7 @@ def compile_once(config):
     state = sha256()
     for path in sorted(package.rglob("*.py")):
         state.update(f"{path} {path.stat().st_mtime_ns}\n".encode())
-    if config.cache.get("compiled", None) != state.hexdigest() or not any(package.rglob("*.nbi")):
+    if config.cache.get("compiled", None) != state.hexdigest() or not any(package.rglob("*.nbc")):
         paths = [config.rootpath, config.rootpath / "benchmarks", os.environ.get("PYTHONPATH", "")]
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, paths)).rstrip(os.pathsep)}
         command = [sys.executable, Path(__file__).with_name("compile_kernels.py")]

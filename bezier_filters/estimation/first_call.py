@@ -25,6 +25,7 @@ from bezier_filters.meshes.adjacency import Adjacency, Rows
 from bezier_filters.meshes.frames import TangentPlanes
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.spatial_order import in_spatial_order
+from bezier_filters.runtime.kernel_cache import SUFFIX
 from bezier_filters.runtime.parallel import usable_threads
 from bezier_filters.runtime.process_end import end_with_parent
 from bezier_filters.runtime.supervision import python_command
@@ -44,12 +45,13 @@ def first_call() -> Iterator[None]:
 def first_compilation(kernel: Any, compile_kernel: Callable[[], object], compile_others: str) -> Iterator[None]:
     """Around the first call of a kernel: if it will be compiled, do so on two cores if there are two.
 
-    A kernel that was compiled before is loaded from numba's cache on disk in a fraction of a second; then nothing
-    of this happens. Otherwise this process compiles the largest kernel, and another one runs the code `compile_others`
+    A kernel that was compiled before is loaded from disk in a fraction of a second; then nothing of this happens.
+    Otherwise this process compiles the largest kernel, and another one runs the code `compile_others`
     for the rest, which this one finds in the cache. What goes wrong there is compiled here when it is called.
     """
     compiled = getattr(kernel, "signatures", True)  # or loaded in this process, or the JIT is off
-    if compiled or any(Path(kernel.stats.cache_path).glob(f"*{kernel.py_func.__name__}*.nbi")):
+    folder = None if compiled else kernel.stats.cache_path
+    if compiled or (folder and any(Path(folder).glob(f"*.{kernel.py_func.__name__}-*{SUFFIX}"))):
         yield
         return
     # The compiler makes millions of objects that live on; looking through the oldest of them again and again would
@@ -59,7 +61,7 @@ def first_compilation(kernel: Any, compile_kernel: Callable[[], object], compile
     try:
         # Only Python itself may be asked to run code, not a program that it is built into.
         is_python = Path(sys.executable or "").name.lower().startswith("python")
-        if is_python and usable_threads() > 1:
+        if is_python and folder and usable_threads() > 1:
             nothing = subprocess.DEVNULL
             guard = f"from {end_with_parent.__module__} import {end_with_parent.__name__} as end; end({os.getpid()})"
             command = python_command(f"{guard}; {compile_others}")

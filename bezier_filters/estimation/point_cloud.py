@@ -7,7 +7,6 @@ neighbours works on point clouds.
 """
 
 import numpy as np
-from numba import njit
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
@@ -16,6 +15,7 @@ from bezier_filters.meshes.adjacency import Adjacency, Rows
 from bezier_filters.meshes.frames import TangentPlanes
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.orientation import orient_normals
+from bezier_filters.runtime.jit import allocating_jit
 from bezier_filters.runtime.parallel import run_kernel, thread_count
 
 CANDIDATES = 20  # nearest points among which the neighbours are sought: some three layers around a point
@@ -108,7 +108,7 @@ def _neighbours(
     return Rows(graph.indptr.astype(np.int32), graph.indices.astype(np.int32)), on_boundary
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating_jit()
 def _choose_neighbours(
     points: FloatArray,
     nearest: IntArray,
@@ -154,7 +154,7 @@ def _choose_neighbours(
             _leave_out_what_is_behind(inverted, candidate, count, chosen[i])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating_jit()
 def _tangents(nx: float, ny: float, nz: float) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
     """Two orthonormal tangents of a unit normal."""
     if abs(nx) < 0.7:
@@ -166,7 +166,7 @@ def _tangents(nx: float, ny: float, nz: float) -> tuple[tuple[float, float, floa
     return x, (ny * x[2] - nz * x[1], nz * x[0] - nx * x[2], nx * x[1] - ny * x[0])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating_jit()
 def _mark_hull(points: FloatArray, candidate: IntArray, count: int, marks: BoolArray) -> None:
     """Mark the candidates on the convex hull of points[:count] in the plane, by gift wrapping from the farthest."""
     start, farthest = 0, 0.0
@@ -197,7 +197,7 @@ def _mark_hull(points: FloatArray, candidate: IntArray, count: int, marks: BoolA
             return
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating_jit()
 def _leave_out_what_is_behind(points: FloatArray, candidate: IntArray, count: int, marks: BoolArray) -> None:
     """Take marks off candidates that lie behind nearer ones, seen from a point on a boundary.
 
@@ -212,7 +212,7 @@ def _leave_out_what_is_behind(points: FloatArray, candidate: IntArray, count: in
                 marks[candidate[k]] = False
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating_jit()
 def _largest_gap(angles: FloatArray) -> float:
     """Largest difference between neighbouring angles around the circle, radians."""
     if angles.shape[0] == 0:

@@ -1,12 +1,12 @@
 """Which side of a point cloud is outside: unsigned normals get consistent signs."""
 
 import numpy as np
-from numba import njit
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.meshes.adjacency import Rows
+from bezier_filters.runtime.jit import allocating_jit
 
 SHEET = 0.5  # length of the mean normal from which on a cloud is a sheet seen from one side, not a body
 
@@ -62,7 +62,7 @@ def _walk(tree: coo_array, parts: int, part_of: IntArray) -> tuple[IntArray, Int
     return order[1:], predecessors[:n]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@allocating_jit()
 def _spread_signs(normals: FloatArray, order: IntArray, predecessors: IntArray) -> FloatArray:
     """Signs that make every normal agree with its predecessor's."""
     signs = np.ones(normals.shape[0])

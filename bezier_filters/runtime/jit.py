@@ -12,6 +12,9 @@ import numpy as np
 from numba import njit
 from numba.core.event import Listener, register
 
+from bezier_filters.runtime.kernel_cache import KernelCache
+from bezier_filters.runtime.kernel_key import PACKAGE
+
 _logger = logging.getLogger("bezier_filters")
 
 Function = TypeVar("Function", bound=Callable[..., object])
@@ -19,12 +22,17 @@ Function = TypeVar("Function", bound=Callable[..., object])
 
 def jit(**options: object) -> Callable[[Function], Function]:
     """`numba.njit`, cached and without the interpreter lock, for functions that create no arrays."""
-    return _compiler(cache=True, nogil=True, **options)
+    return _cached(_nrt=False, nogil=True, **options)
+
+
+def allocating_jit(**options: object) -> Callable[[Function], Function]:
+    """The same for functions that create arrays."""
+    return _cached(nogil=True, **options)
 
 
 def short_jit(**options: object) -> Callable[[Function], Function]:
     """The same for work of some microseconds, which keeps the lock: taking it again takes threads as long."""
-    return _compiler(cache=True, **options)
+    return _cached(_nrt=False, **options)
 
 
 def inner_jit(**options: object) -> Callable[[Function], Function]:
@@ -35,12 +43,24 @@ def inner_jit(**options: object) -> Callable[[Function], Function]:
     number that they are given, see `variable`. A call with several arrays takes some 30 ns, as each is handed over in
     parts: with ``inline="always"`` there is none.
     """
-    return _compiler(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)
+    return _compiler(_nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)
+
+
+def _cached(**options: object) -> Callable[[Function], Function]:
+    """Compiler whose code is kept on disk, if the key that it is kept under knows of the function."""
+
+    def compile_lazily(function: Function) -> Function:
+        compiled: Any = _compiler(**options)(function)
+        if function.__module__.partition(".")[0] == PACKAGE.name and compiled is not function:  # as without the JIT
+            compiled._cache = KernelCache(function)
+        return cast("Function", compiled)
+
+    return compile_lazily
 
 
 def _compiler(**options: object) -> Callable[[Function], Function]:
     compiler = cast("Callable[..., Callable[[Function], Function]]", njit)  # whose types do not know of `_nrt`
-    return compiler(_nrt=False, error_model="numpy", **options)
+    return compiler(error_model="numpy", **options)
 
 
 @inner_jit()

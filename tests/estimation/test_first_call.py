@@ -34,6 +34,7 @@ for kernel in (fit_in_lanes, analyse_in_lanes):
 
 def run(folder, threads):
     home = folder / "home"
+    home.mkdir(exist_ok=True)
     environment = os.environ | {"PYTHONPATH": str(folder), "HOME": str(home), "PYTHONDONTWRITEBYTECODE": "1"}
     environment["BEZIER_FILTERS_THREADS"] = threads
     for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
@@ -50,17 +51,15 @@ def test_first_compilation_is_announced_and_cached(tmp_path, writable, threads):
     source = Path(bezier_filters.__file__).parent
     shutil.copytree(source, tmp_path / "bezier_filters", ignore=shutil.ignore_patterns("__pycache__"))
     if not writable:  # permissions would not stop root from writing
-        for folder in (tmp_path / "bezier_filters").iterdir():
-            if folder.is_dir():
-                (folder / "__pycache__").touch()
+        (tmp_path / "bezier_filters" / "__pycache__").touch()
     first, second = run(tmp_path, threads), run(tmp_path, threads)
     assert first.stderr.count("compiling the kernels that fit patches; this takes") == 1
     # With two threads another process has compiled the second one.
     assert first.stdout.split() == ["0", "1", *(["0", "1"] if threads == "1" else ["1", "0"])]
     assert second.stderr == ""
     assert second.stdout.split() == ["1", "0", "1", "0"]
-    assert bool(list((tmp_path / "home").rglob("*.nbi"))) == (not writable)
-    assert bool(list(tmp_path.rglob("*bound_errors*.nbi"))) == (threads == "2")  # this sphere does not need it yet
+    assert bool(list((tmp_path / "home").rglob("*.nbc"))) == (not writable)
+    assert bool(list(tmp_path.rglob("*bound_errors*.nbc"))) == (threads == "2")  # this sphere does not need it yet
 
 
 @pytest.fixture
@@ -81,7 +80,7 @@ def test_the_garbage_collector_is_held_back_while_compiling_only(never_compiled,
         pass
     assert during[0][2] > before[2]
     assert gc.get_threshold() == before
-    (tmp_path / "module.run-1.nbi").touch()
+    (tmp_path / "module.run-1.nbc").touch()
     with first_compilation(never_compiled, fail, "pass"):
         assert gc.get_threshold() == before
 

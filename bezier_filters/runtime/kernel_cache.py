@@ -1,0 +1,100 @@
+"""Keeps the machine code of compiled functions on disk, under the key of everything that it is made from.
+
+numba's own cache asks whether the file of a function has changed, not whether a file that it calls has; and it mixes up
+variants of a function that two processes compile at the same time. Here every variant has a file of its own, with a
+checksum, in a folder named after the key.
+"""
+
+import logging
+import pickle
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from hashlib import sha256
+from typing import Any
+
+from numba import config
+from numba.core.caching import NullCache
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
+
+from bezier_filters.runtime.atomic import atomic_write
+from bezier_filters.runtime.kernel_folders import kernel_folders
+
+_logger = logging.getLogger("bezier_filters")
+
+SUFFIX = ".nbc"
+_DIGEST = sha256().digest_size  # bytes
+# settings of numba that change the machine code and that its description of the processor leaves out
+_SETTINGS = ("OPT", "BOUNDSCHECK", "LOOP_VECTORIZE", "SLP_VECTORIZE", "DEBUGINFO_DEFAULT")
+
+
+class KernelCache(NullCache):
+    """The variants of one function of this package, in the place of numba's own cache."""
+
+    def __init__(self, function: Callable[..., object]) -> None:
+        self._prefix = f"{function.__module__.partition('.')[2]}.{function.__qualname__}-"
+
+    @property
+    def cache_path(self) -> str | None:
+        """Folder that has variants of this function, else the one that they will be written to, or None."""
+        folders = kernel_folders()
+        filled = (folder for folder in folders.readable if any(folder.glob(f"{self._prefix}*{SUFFIX}")))
+        folder = next(filled, folders.writable)
+        return None if folder is None else str(folder)
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return the variant for a signature, or None; a damaged file is deleted."""
+        target_context.refresh()
+        for folder in kernel_folders().readable:
+            path = folder / self._file_name(sig, target_context.codegen())
+            try:
+                content = path.read_bytes()
+            except OSError:
+                continue
+            try:
+                return CompileResult._rebuild(target_context, *_unpack(content, sig))
+            except Exception as error:  # whatever it is, the function can be compiled
+                _logger.info("%s is damaged (%s) and is compiled again", path, error)
+                with suppress(OSError):
+                    path.unlink()
+        return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Write a variant; where that is not possible, a warning says so once."""
+        if data.lifted or data.library.has_dynamic_globals:  # holds addresses of this process
+            return
+        folders = kernel_folders()
+        _warn_once(folders.warning)
+        if folders.writable is None:
+            return
+        payload = dumps((sig, data._reduce()))
+        try:
+            folders.writable.mkdir(exist_ok=True)  # another process may have deleted it as an old one
+            with atomic_write(folders.writable / self._file_name(sig, data.codegen)) as path:
+                path.write_bytes(sha256(payload).digest() + payload)
+        except OSError as error:
+            _warn_once(f"other processes will compile the same functions: their code cannot be kept ({error})")
+
+    def _file_name(self, sig: Any, codegen: Any) -> str:
+        settings = [str(getattr(config, name, None)) for name in _SETTINGS]
+        variant = repr((str(sig), codegen.magic_tuple(), sys.implementation.cache_tag, settings))
+        return f"{self._prefix}{sha256(variant.encode()).hexdigest()[:16]}{SUFFIX}"
+
+
+def _unpack(content: bytes, sig: Any) -> Any:
+    """Check the content of a file, and return what was compiled for the signature."""
+    digest, payload = content[:_DIGEST], content[_DIGEST:]
+    if sha256(payload).digest() != digest:
+        raise ValueError("its checksum differs")
+    signature, reduced = pickle.loads(payload)
+    if signature != sig:
+        raise ValueError("it is of another signature")
+    return reduced
+
+
+@cache
+def _warn_once(message: str) -> None:
+    if message:
+        _logger.warning(message)
