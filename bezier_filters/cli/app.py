@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
@@ -16,9 +16,12 @@ from bezier_filters.cli import console
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.parameters import LENGTH, PARAMETERS, Parameter
 
+if TYPE_CHECKING:
+    from bezier_filters.arrays import Report
+
 EPILOG = """Every command explains itself: bezier-filters COMMAND --help
 
-Exit status: 0 if all was done, 1 if files of a batch failed, 2 if the input was refused, 3 if the result was written
+Exit status: 0 if all was done, 1 if files of a batch failed, 2 if the input was refused, 3 if a result was written
 but needs a look; one line on stderr says why.
 
 A mesh named - is read from the standard input, or written as PLY to the standard output, where pipes are (not on
@@ -166,6 +169,16 @@ def in_the_shell(message: str) -> str:
     known = {item.name.replace("_", ""): item.name for table in PARAMETERS.values() for item in table}
     parameter = known.get(name.replace("_", ""))  # array functions have underscores that filters have not
     return f"{_option_of(parameter) if parameter else name}{colon}{text}"
+
+
+def end_with_remarks(target: str, report: "Report") -> None:
+    """Print the remarks of a report, and its warnings, which end the command with the status for them."""
+    for remark in report.get("remarks", []):
+        console.err().print(f"note: {console.in_words_of_the_shell(in_the_shell(remark))}", markup=False)
+    if warnings := report.get("warnings"):
+        text = console.in_words_of_the_shell("; ".join(warnings))
+        console.err().print(f"look at {target}: {text}", markup=False)
+        raise typer.Exit(NEEDS_A_LOOK)
 
 
 def _option_of(name: str) -> str:

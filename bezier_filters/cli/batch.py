@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from bezier_filters.cli import console, filters
-from bezier_filters.cli.app import Json, Quiet, app
+from bezier_filters.cli.app import NEEDS_A_LOOK, Json, Quiet, app
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.parameters import PARAMETERS
 
@@ -67,7 +67,8 @@ def batch(
 
     Results that are newer than their files, of the same command and options, are skipped, so that a batch that was
     interrupted goes on where it was. A file that fails does not stop the others: the table says why, and the exit
-    status is 1. Below --out, results have the names of the files, and the folders below the fixed part of a pattern.
+    status is 1; it is 3 where none fails but a result needs a look. Below --out, results have the names of the files,
+    and the folders below the fixed part of a pattern.
     """
     from bezier_filters.runtime.parallel import usable_threads
     from bezier_filters.runtime.worker_processes import run_in_processes
@@ -122,6 +123,8 @@ def batch(
         console.print_batch(summary)
     if summary["failed"]:
         raise typer.Exit(1)
+    if any((item.report or {}).get("warnings") for item in items):
+        raise typer.Exit(NEEDS_A_LOOK)
 
 
 def _recorded(out: Path) -> dict[str, list[str]]:

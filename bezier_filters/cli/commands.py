@@ -19,6 +19,7 @@ from bezier_filters.cli.app import (
     Source,
     app,
     check_target,
+    end_with_remarks,
     examples,
     in_the_shell,
 )
@@ -161,7 +162,7 @@ def _inspected(source: Path, stage: console.Stage) -> tuple["CurrentMesh", "Repo
         **asdict(faults),
         "bounding_box": [mesh.vertices.min(axis=0).tolist(), mesh.vertices.max(axis=0).tolist()],
         "noise": _noise_of(mesh) if mesh.face_count else None,
-        "fit_for_fitting": is_fit(mesh),
+        "fit_for_fitting": is_fit(mesh, faults),
         "findings": diagnose(mesh, faults),
         "contents": contents_of(ms),
     }
@@ -198,6 +199,7 @@ def demo(
     for path in written:
         check_target(path, *filter(None, [source]), overwrite=overwrite)
     files: list[Report] = []
+    warnings: list[str] = []
     with console.stages(quiet=quiet or json) as stage:
         for label, path, told in run_demo(out, source, stage):
             if not (quiet or json):
@@ -205,11 +207,13 @@ def demo(
                     console.print_status(told, str(source or "bunny"))
                 console.print_statistics(told, label)
                 console.print_written(told, str(path))
+            warnings += told["warnings"]
             files.append({"output": str(path), **told})
     if json:
         console.print_json({"files": files, "picture": str(picture)})
     elif not quiet:
         console.out().print(f"wrote [bold]{console.escape(str(picture))}[/]; open the PLY files in MeshLab")
+    end_with_remarks(str(out), {"warnings": list(dict.fromkeys(warnings))})
 
 
 def serve_command_line() -> None:

@@ -12,7 +12,6 @@ import typer
 import bezier_filters as bf  # which loads what it has when it is used
 from bezier_filters.cli import console
 from bezier_filters.cli.app import (
-    NEEDS_A_LOOK,
     Json,
     Overwrite,
     Quiet,
@@ -21,8 +20,8 @@ from bezier_filters.cli.app import (
     Target,
     app,
     check_target,
+    end_with_remarks,
     examples,
-    in_the_shell,
     options,
 )
 from bezier_filters.fields import qualities
@@ -87,16 +86,11 @@ def filter_command(
                 console.print_written(report, str(target))
             for remark in remarks:
                 console.err().print(f"note: {target.name} is {remark}", markup=False)
-            for remark in report.get("remarks", []):
-                console.err().print(f"note: {in_the_shell(remark)}", markup=False)
             if report.get("quality") and suffix != WITH_FIELDS:
                 console.err().print(
                     f"note: {target.suffix} files hold no quality and no bz_* columns; write a PLY file to keep them"
                 )
-            if report.get("warnings"):
-                warnings = console.in_words_of_the_shell("; ".join(report["warnings"]))
-                console.err().print(f"look at {target}: {warnings}", markup=False)
-                raise typer.Exit(NEEDS_A_LOOK)
+            end_with_remarks(str(target), report)
 
         return described
 
@@ -220,7 +214,7 @@ def creases(
             stage(f"drawing {picture.name}")
             panel = crease_panel(mesh.vertices, mesh.faces, found, title=source.name)
             bf.render_panels(picture, [panel], views=view or ["front", "back"])
-    report = report_of(found) | {"seconds": {"fit": seconds}}
+    report = report_of(found, mesh) | {"seconds": {"fit": seconds}}
     if json:
         shown = None if picture is None else str(picture)
         console.print_json({"input": str(source), "output": str(target), "picture": shown, **report})
@@ -229,6 +223,7 @@ def creases(
         console.print_written(report, str(target))
         if picture is not None:
             console.out().print(f"wrote [bold]{picture}[/]")
+    end_with_remarks(str(target), report)
 
 
 @app.command(epilog="Example: bezier-filters run repair.mlx scan.ply clean.ply")
@@ -269,3 +264,6 @@ def run(
         for report in done:
             console.out().print(f"{report.filter:<{width}}  {report.by:<14}  {report.seconds:7.2f} s", markup=False)
         console.print_written({"seconds": dict(enumerate(report.seconds for report in done))}, str(target))
+    found = [report.report for report in done]
+    said = {key: [text for report in found for text in report.get(key, [])] for key in ("remarks", "warnings")}
+    end_with_remarks(str(target), said)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from bezier_filters.cli import console
-from bezier_filters.cli.app import Json, Overwrite, Quiet, app, check_target, options
+from bezier_filters.cli.app import Json, Overwrite, Quiet, app, check_target, end_with_remarks, options
 from bezier_filters.errors import CancelledError
 from bezier_filters.fields import CURVATURE
 from bezier_filters.parameters import FIT, QUALITY_OF, SMOOTHING, Parameter, parameters
@@ -145,3 +145,4 @@ def _print(report: "Report", target: Path, first: Callable[[], None], *, quiet: 
         first()
         console.print_tiles(report)
         console.print_written(report, str(target))
+    end_with_remarks(str(target), report)
