@@ -15,6 +15,7 @@ from bezier_filters._version import __version__
 from bezier_filters.cli import console
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.parameters import LENGTH, PARAMETERS, Parameter
+from bezier_filters.runtime.file_names import name_pipe, shown_path
 
 if TYPE_CHECKING:
     from bezier_filters.arrays import Report
@@ -66,33 +67,51 @@ PIPE = Path("-")
 NEEDS_A_LOOK = 3  # exit status
 
 
-def _from_pipe(context: typer.Context, source: Path | None) -> Path | None:
+def named_path(text: str) -> Path:
+    """Parse the name of a file: ``-`` is a pipe, ``./-`` a file of that name."""
+    return Path(text).absolute() if text != "-" and Path(text) == PIPE else Path(text)
+
+
+def from_pipe(context: typer.Context, source: Path | None) -> Path | None:
     """A file with what comes through the standard input, if that is meant; its beginning tells the format."""
     if source != PIPE:
         return source
     data = sys.stdin.buffer.read()
+    if not data:
+        raise InvalidParameterError("cannot read <stdin>: it is empty, or was read before")
     is_stl = len(data) == 84 + 50 * int.from_bytes(data[80:84], "little") or data.startswith(b"solid")
     suffix = ".ply" if data.startswith(b"ply") else ".off" if b"OFF" in data[:8] else ".stl" if is_stl else ".obj"
     path = Path(context.with_resource(TemporaryDirectory(prefix="bezier_filters_"))) / f"stdin{suffix}"
     path.write_bytes(data)
+    name_pipe(path, "<stdin>")
     return path
 
 
-def _to_pipe(context: typer.Context, target: Path) -> Path:
-    """A file that goes to the standard output when the command is done, if that is meant."""
-    if target != PIPE:
-        return target
-    path = Path(context.with_resource(TemporaryDirectory(prefix="bezier_filters_"))) / "stdout.ply"
-    console.out().stderr = True
+def all_from_pipe(context: typer.Context, sources: list[Path]) -> list[Path]:
+    """The same for several files, one of which may come through the standard input."""
+    return [from_pipe(context, source) or source for source in sources]
 
-    def send() -> None:
-        console.out().stderr = False
-        if path.exists():
-            with path.open("rb") as stream:
-                shutil.copyfileobj(stream, sys.stdout.buffer)
 
-    context.call_on_close(send)
-    return path
+def to_pipe(suffix: str) -> Callable[[typer.Context, Path | None], Path | None]:
+    """What gives a file of a format that goes to the standard output when the command is done, if that is meant."""
+
+    def begin(context: typer.Context, target: Path | None) -> Path | None:
+        if target != PIPE:
+            return target
+        path = Path(context.with_resource(TemporaryDirectory(prefix="bezier_filters_"))) / f"stdout{suffix}"
+        name_pipe(path, "<stdout>")
+        console.out().stderr = True
+
+        def send() -> None:
+            console.out().stderr = False
+            if path.exists():
+                with path.open("rb") as stream:
+                    shutil.copyfileobj(stream, sys.stdout.buffer)
+
+        context.call_on_close(send)
+        return path
+
+    return begin
 
 
 def check_target(target: Path, *sources: Path, overwrite: bool) -> None:
@@ -100,9 +119,9 @@ def check_target(target: Path, *sources: Path, overwrite: bool) -> None:
     if overwrite or not target.exists():
         return
     if any(source.exists() and target.samefile(source) for source in sources):
-        raise InvalidParameterError(f"{target} is the input; give --overwrite to replace it")
+        raise InvalidParameterError(f"{shown_path(target)} is the input; give --overwrite to replace it")
     if not target.stat().st_mode & 0o222:
-        raise InvalidParameterError(f"{target} is write-protected; give --overwrite to replace it")
+        raise InvalidParameterError(f"{shown_path(target)} is write-protected; give --overwrite to replace it")
 
 
 Source = Annotated[
@@ -110,7 +129,8 @@ Source = Annotated[
     typer.Argument(
         help="Mesh or point cloud to read: any format that pymeshlab reads, or - for the standard input.",
         metavar="INPUT",
-        callback=_from_pipe,
+        parser=named_path,
+        callback=from_pipe,
     ),
 ]
 Target = Annotated[
@@ -118,7 +138,8 @@ Target = Annotated[
     typer.Argument(
         help="Mesh to write, or - for the standard output. PLY keeps quality, colour and all fields.",
         metavar="OUTPUT",
-        callback=_to_pipe,
+        parser=named_path,
+        callback=to_pipe(".ply"),
     ),
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Also replace the input, or a write-protected file.")]

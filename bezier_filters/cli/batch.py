@@ -82,17 +82,13 @@ def batch(
     processes = max(1, min(jobs or cores, len(todo)))
     for index in todo:
         Path(items[index].output).parent.mkdir(parents=True, exist_ok=True)
-    work = [[command, items[index].input, items[index].output, *arguments] for index in todo]
+    work = [[command, *arguments, "--", *_absolute(items[index])] for index in todo]
     if scheduler is None:
         run = run_in_processes(run_command, work, processes=processes, threads=max(1, cores // processes))
     else:
         from bezier_filters.scale.scheduling import run_on_scheduler
 
-        # Workers may be in other folders.
-        absolute = [
-            [command, os.path.abspath(source), os.path.abspath(target), *arguments] for _, source, target, *_ in work
-        ]
-        run = run_on_scheduler(absolute, scheduler, workers=processes)
+        run = run_on_scheduler(work, scheduler, workers=processes)
     with console.stages(quiet=quiet or json) as stage, closing(run) as outcomes:
         progress = stage(f"{command}: {len(todo):,} files")
         try:
@@ -127,6 +123,11 @@ def batch(
         raise typer.Exit(NEEDS_A_LOOK)
 
 
+def _absolute(item: Item) -> tuple[str, str]:
+    """Paths of the files, which workers in other folders find, too, and which no pipe or option is called."""
+    return os.path.abspath(item.input), os.path.abspath(item.output)
+
+
 def _recorded(out: Path) -> dict[str, list[str]]:
     """Command and options of the results below a folder, by their paths there; of lines cut short nothing is known."""
     found = {}
@@ -141,7 +142,7 @@ def run_command(arguments: Sequence[str]) -> "Report":
     """Do what the command line does with these arguments; its report."""
     printed = io.StringIO()
     with redirect_stdout(printed), redirect_stderr(io.StringIO()):
-        app([*arguments, "--json"], standalone_mode=False)
+        app([arguments[0], "--json", *arguments[1:]], standalone_mode=False)
     report: Report = json_module.loads(printed.getvalue())
     return report
 
@@ -167,6 +168,8 @@ def find_files(sources: Sequence[str]) -> dict[Path, str]:
     """
     found: dict[Path, str] = {}
     for source in sources:
+        if source == "-":
+            raise InvalidParameterError("files: got -, but a batch reads files, not the standard input")
         if not glob.has_magic(source) or os.path.exists(source):
             found[Path(source)] = ""
             continue

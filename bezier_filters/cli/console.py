@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from bezier_filters.display import noise_in_words, noise_level
 from bezier_filters.fields import CURVATURE, qualities
+from bezier_filters.runtime.file_names import shown_path
 from bezier_filters.status import FitStatus
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def err() -> Console:
 def _console(*, stderr: bool) -> Console:
     from rich.console import Console
 
-    return Console(stderr=stderr, highlight=False, soft_wrap=True)
+    return Console(stderr=stderr, highlight=False, soft_wrap=True, emoji=False)
 
 
 def escape(text: str) -> str:
@@ -239,11 +240,12 @@ def print_written(report: Report, target: str) -> None:
 
 def print_batch(summary: Report) -> None:
     """Say what became of the files of a batch."""
-    width = max(len(file["input"]) for file in summary["files"])
+    width = max(len(shown_path(file["input"])) for file in summary["files"])
     for file in summary["files"]:
+        name = shown_path(file["input"])
         seconds = "" if file["result"] == "skipped" else f"{file['seconds']:.2f} s"
         remark = file["error"] or _remark(file["report"] or {})
-        out().print(f"{file['input']:<{width}}  {file['result']:<7}  {seconds:>9}  {remark}".rstrip(), markup=False)
+        out().print(f"{name:<{width}}  {file['result']:<7}  {seconds:>9}  {remark}".rstrip(), markup=False)
     numbers = ", ".join(f"{summary[result]:,} {result}" for result in ("done", "skipped", "failed"))
     out().print(f"{summary['command']}: {numbers} ({summary['seconds']:.1f} s)")
 
