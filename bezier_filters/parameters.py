@@ -91,6 +91,12 @@ percentile : float, default 2.0
 colorrange : (float, float), optional
     Qualities of the first and the last colour, instead of those that follow from the percentile.
 """)
+REPAIR = parameters("""
+repair : bool, default False
+    Weld borders that lie on each other, split non-manifold edges and vertices, and turn faces that disagree first.
+    Closed bodies that are inside out are turned, too, if all are. It changes vertices and faces of the mesh, as
+    pymeshlab's own filters do; where edges or vertices are split, selections are lost and custom attributes set to 0.
+""")
 RUN = parameters("""
 threads : int, optional
     Number of threads; by default all usable cores.
@@ -144,8 +150,6 @@ intersecting : bool, default False
     Otherwise they are left open, as by MeshLab's own filter, and told.
 creases : bool, default True
     Continue sharp edges that end at a hole through it.
-repair : bool, default False
-    Weld borders that lie on each other, split non-manifold edges and vertices, and turn faces that disagree first.
 noise : {LENGTH}, optional
     Standard deviation of the noise, a length or a percentage of the diagonal of the bounding box; learned if left out.
     It is that along the normal. 0 takes every point as it is.
@@ -192,11 +196,11 @@ QUALITY_OF = {
 }
 # of the filters by their commands, in the order of the commands' help
 PARAMETERS = {
-    NORMALS: (QUALITY_OF[NORMALS], *FIT, *COLORS, *RUN),
-    CURVATURE: (QUALITY_OF[CURVATURE], *FIT, *COLORS, *RUN),
-    TORSION: (*FIT, *COLORS, *RUN),
-    SMOOTH: (*SMOOTHING, QUALITY_OF[SMOOTH], *COLORS, *RUN),
-    "fill-holes": (*FILLING, *RUN),
+    NORMALS: (QUALITY_OF[NORMALS], *FIT, *REPAIR, *COLORS, *RUN),
+    CURVATURE: (QUALITY_OF[CURVATURE], *FIT, *REPAIR, *COLORS, *RUN),
+    TORSION: (*FIT, *REPAIR, *COLORS, *RUN),
+    SMOOTH: (*SMOOTHING, *REPAIR, QUALITY_OF[SMOOTH], *COLORS, *RUN),
+    "fill-holes": (*FILLING, *REPAIR, *RUN),
     CREASES: (*LINES, *FIT, *RUN),
 }
 _ESTIMATED = """\
@@ -213,6 +217,8 @@ dict
     is correlated, lengths, and ``noise_heavy``: whether it turns single normals), ``mean_edge`` (a
     length, or None for a point cloud), ``attributes`` (names written), ``quality`` and ``unit``,
     ``statistics`` (min, median, max and mean of the quality over the vertices with an estimate),
+    ``warnings`` (texts: why no vertex has an estimate), ``remarks`` (texts: why most have none to rely on),
+    ``repaired`` (as in `meshing_close_holes_by_bezier_patch`, or None),
     ``seconds`` (read, fit, write, color) and, if coloured, ``color_range`` and ``colormap``. It can be
     written as JSON."""
 _NOTHING_ELSE = """\

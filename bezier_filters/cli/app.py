@@ -6,7 +6,7 @@ import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
@@ -15,10 +15,14 @@ from bezier_filters.cli import console
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.parameters import LENGTH, PARAMETERS, Parameter
 from bezier_filters.runtime.atomic import temporary_folder
+from bezier_filters.runtime.file_names import name_pipe, shown_path
+
+if TYPE_CHECKING:
+    from bezier_filters.arrays import Report
 
 EPILOG = """Every command explains itself: bezier-filters COMMAND --help
 
-Exit status: 0 if all was done, 1 if files of a batch failed, 2 if the input was refused, 3 if the result was written
+Exit status: 0 if all was done, 1 if files of a batch failed, 2 if the input was refused, 3 if a result was written
 but needs a look; one line on stderr says why.
 
 A mesh named - is read from the standard input, or written as PLY to the standard output, where pipes are (not on
@@ -63,33 +67,51 @@ PIPE = Path("-")
 NEEDS_A_LOOK = 3  # exit status
 
 
-def _from_pipe(context: typer.Context, source: Path | None) -> Path | None:
+def named_path(text: str) -> Path:
+    """Parse the name of a file: ``-`` is a pipe, ``./-`` a file of that name."""
+    return Path(text).absolute() if text != "-" and Path(text) == PIPE else Path(text)
+
+
+def from_pipe(context: typer.Context, source: Path | None) -> Path | None:
     """A file with what comes through the standard input, if that is meant; its beginning tells the format."""
     if source != PIPE:
         return source
     data = sys.stdin.buffer.read()
+    if not data:
+        raise InvalidParameterError("cannot read <stdin>: it is empty, or was read before")
     is_stl = len(data) == 84 + 50 * int.from_bytes(data[80:84], "little") or data.startswith(b"solid")
     suffix = ".ply" if data.startswith(b"ply") else ".off" if b"OFF" in data[:8] else ".stl" if is_stl else ".obj"
     path = context.with_resource(temporary_folder()) / f"stdin{suffix}"
     path.write_bytes(data)
+    name_pipe(path, "<stdin>")
     return path
 
 
-def _to_pipe(context: typer.Context, target: Path) -> Path:
-    """A file that goes to the standard output when the command is done, if that is meant."""
-    if target != PIPE:
-        return target
-    path = context.with_resource(temporary_folder()) / "stdout.ply"
-    console.out().stderr = True
+def all_from_pipe(context: typer.Context, sources: list[Path]) -> list[Path]:
+    """The same for several files, one of which may come through the standard input."""
+    return [from_pipe(context, source) or source for source in sources]
 
-    def send() -> None:
-        console.out().stderr = False
-        if path.exists():
-            with path.open("rb") as stream:
-                shutil.copyfileobj(stream, sys.stdout.buffer)
 
-    context.call_on_close(send)
-    return path
+def to_pipe(suffix: str) -> Callable[[typer.Context, Path | None], Path | None]:
+    """What gives a file of a format that goes to the standard output when the command is done, if that is meant."""
+
+    def begin(context: typer.Context, target: Path | None) -> Path | None:
+        if target != PIPE:
+            return target
+        path = context.with_resource(temporary_folder()) / f"stdout{suffix}"
+        name_pipe(path, "<stdout>")
+        console.out().stderr = True
+
+        def send() -> None:
+            console.out().stderr = False
+            if path.exists():
+                with path.open("rb") as stream:
+                    shutil.copyfileobj(stream, sys.stdout.buffer)
+
+        context.call_on_close(send)
+        return path
+
+    return begin
 
 
 def check_target(target: Path, *sources: Path, overwrite: bool) -> None:
@@ -97,9 +119,9 @@ def check_target(target: Path, *sources: Path, overwrite: bool) -> None:
     if overwrite or not target.exists():
         return
     if any(source.exists() and target.samefile(source) for source in sources):
-        raise InvalidParameterError(f"{target} is the input; give --overwrite to replace it")
+        raise InvalidParameterError(f"{shown_path(target)} is the input; give --overwrite to replace it")
     if not target.stat().st_mode & 0o222:
-        raise InvalidParameterError(f"{target} is write-protected; give --overwrite to replace it")
+        raise InvalidParameterError(f"{shown_path(target)} is write-protected; give --overwrite to replace it")
 
 
 Source = Annotated[
@@ -107,7 +129,8 @@ Source = Annotated[
     typer.Argument(
         help="Mesh or point cloud to read: any format that pymeshlab reads, or - for the standard input.",
         metavar="INPUT",
-        callback=_from_pipe,
+        parser=named_path,
+        callback=from_pipe,
     ),
 ]
 Target = Annotated[
@@ -115,7 +138,8 @@ Target = Annotated[
     typer.Argument(
         help="Mesh to write, or - for the standard output. PLY keeps quality, colour and all fields.",
         metavar="OUTPUT",
-        callback=_to_pipe,
+        parser=named_path,
+        callback=to_pipe(".ply"),
     ),
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Also replace the input, or a write-protected file.")]
@@ -166,6 +190,16 @@ def in_the_shell(message: str) -> str:
     known = {item.name.replace("_", ""): item.name for table in PARAMETERS.values() for item in table}
     parameter = known.get(name.replace("_", ""))  # array functions have underscores that filters have not
     return f"{_option_of(parameter) if parameter else name}{colon}{text}"
+
+
+def end_with_remarks(target: str, report: "Report") -> None:
+    """Print the remarks of a report, and its warnings, which end the command with the status for them."""
+    for remark in report.get("remarks", []):
+        console.err().print(f"note: {console.in_words_of_the_shell(in_the_shell(remark))}", markup=False)
+    if warnings := report.get("warnings"):
+        text = console.in_words_of_the_shell("; ".join(warnings))
+        console.err().print(f"look at {target}: {text}", markup=False)
+        raise typer.Exit(NEEDS_A_LOOK)
 
 
 def _option_of(name: str) -> str:

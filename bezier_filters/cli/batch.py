@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from bezier_filters.cli import console, filters
-from bezier_filters.cli.app import Json, Quiet, app
+from bezier_filters.cli.app import NEEDS_A_LOOK, Json, Quiet, app
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.parameters import PARAMETERS
 from bezier_filters.runtime.checksums import checksum_of
@@ -68,8 +68,8 @@ def batch(
 
     Files of which there is a result are skipped, if their content, the command and the options are the same as then,
     so that a batch that was interrupted goes on where it was. A file that fails does not stop the others: the table
-    says why, and the exit status is 1. Below --out, results have the names of the files, and the folders below the
-    fixed part of a pattern.
+    says why, and the exit status is 1; it is 3 where none fails but a result needs a look. Below --out, results have
+    the names of the files, and the folders below the fixed part of a pattern.
     """
     from bezier_filters.runtime.parallel import usable_threads
     from bezier_filters.runtime.worker_processes import run_in_processes
@@ -84,17 +84,13 @@ def batch(
     for index in todo:
         Path(items[index].output).parent.mkdir(parents=True, exist_ok=True)
     stamps = {index: _stamp(items[index].input) for index in todo}
-    work = [[command, items[index].input, items[index].output, *arguments] for index in todo]
+    work = [[command, *arguments, "--", *_absolute(items[index])] for index in todo]
     if scheduler is None:
         run = run_in_processes(run_command, work, processes=processes, threads=max(1, cores // processes))
     else:
         from bezier_filters.scale.scheduling import run_on_scheduler
 
-        # Workers may be in other folders.
-        absolute = [
-            [command, os.path.abspath(source), os.path.abspath(target), *arguments] for _, source, target, *_ in work
-        ]
-        run = run_on_scheduler(absolute, scheduler, workers=processes)
+        run = run_on_scheduler(work, scheduler, workers=processes)
     with console.stages(quiet=quiet or json) as stage, closing(run) as outcomes:
         progress = stage(f"{command}: {len(todo):,} files")
         try:
@@ -127,6 +123,13 @@ def batch(
         console.print_batch(summary)
     if summary["failed"]:
         raise typer.Exit(1)
+    if any((item.report or {}).get("warnings") for item in items):
+        raise typer.Exit(NEEDS_A_LOOK)
+
+
+def _absolute(item: Item) -> tuple[str, str]:
+    """Paths of the files, which workers in other folders find, too, and which no pipe or option is called."""
+    return os.path.abspath(item.input), os.path.abspath(item.output)
 
 
 def _recorded(out: Path) -> dict[str, list[str]]:
@@ -154,7 +157,7 @@ def run_command(arguments: Sequence[str]) -> "Report":
     """Do what the command line does with these arguments; its report."""
     printed = io.StringIO()
     with redirect_stdout(printed), redirect_stderr(io.StringIO()):
-        app([*arguments, "--json"], standalone_mode=False)
+        app([arguments[0], "--json", *arguments[1:]], standalone_mode=False)
     report: Report = json_module.loads(printed.getvalue())
     return report
 
@@ -180,6 +183,8 @@ def find_files(sources: Sequence[str]) -> dict[Path, str]:
     """
     found: dict[Path, str] = {}
     for source in sources:
+        if source == "-":
+            raise InvalidParameterError("files: got -, but a batch reads files, not the standard input")
         if not glob.has_magic(source) or os.path.exists(source):
             found[Path(source)] = ""
             continue

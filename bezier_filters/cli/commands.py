@@ -1,5 +1,6 @@
 """The command line ``bezier-filters``."""
 
+import os
 import shlex
 import subprocess
 import sys
@@ -19,10 +20,15 @@ from bezier_filters.cli.app import (
     Source,
     app,
     check_target,
+    end_with_remarks,
     examples,
+    from_pipe,
     in_the_shell,
+    named_path,
+    to_pipe,
 )
 from bezier_filters.errors import InvalidParameterError
+from bezier_filters.runtime.file_names import given_path, printable, shown_name, shown_path, with_pipes_named
 from bezier_filters.runtime.process_end import variables_of_child
 
 if TYPE_CHECKING:
@@ -58,8 +64,18 @@ def watch(
     target = target or source
     check_target(target, source, overwrite=overwrite)
     if not source.exists():
-        raise InvalidParameterError(f"INPUT: there is no file {source}")
-    work = [sys.executable, "-m", "bezier_filters", command, str(source), str(target), *arguments, "--overwrite"]
+        raise InvalidParameterError(f"INPUT: there is no file {shown_path(source)}")
+    work = [
+        sys.executable,
+        "-m",
+        "bezier_filters",
+        command,
+        *arguments,
+        "--overwrite",
+        "--",
+        os.path.abspath(source),
+        os.path.abspath(target),
+    ]
     seen: Stamp | None = None
     while True:
         seen = _next_stamp(source, seen)
@@ -67,8 +83,10 @@ def watch(
         status = subprocess.run(work, env=variables_of_child(), check=False).returncode
         if target.exists() and source.exists() and target.samefile(source):
             seen = _stamp(source)  # this save was ours
-        told = f"done: reload {target} in MeshLab" if status in (0, NEEDS_A_LOOK) else "could not be run"
-        console.out().print(f"{time.strftime('%X')}  {command} {told}; waiting for {source} to be saved", markup=False)
+        told = f"done: reload {shown_path(target)} in MeshLab" if status in (0, NEEDS_A_LOOK) else "could not be run"
+        console.out().print(
+            f"{time.strftime('%X')}  {command} {told}; waiting for {shown_path(source)} to be saved", markup=False
+        )
 
 
 def _next_stamp(path: Path, seen: Stamp | None) -> Stamp:
@@ -97,9 +115,9 @@ def info(source: Source, json: Json = False) -> None:
     with console.stages(quiet=json) as stage:
         _, summary = _inspected(source, stage)
     if json:
-        console.print_json({"file": str(source), **summary})
+        console.print_json({"file": given_path(source), **summary})
     else:
-        console.print_mesh_summary(summary, str(source))
+        console.print_mesh_summary(summary, shown_path(source))
 
 
 @app.command(epilog="Example: bezier-filters report scan.ply")
@@ -108,7 +126,10 @@ def report(
     page: Annotated[
         Path | None,
         typer.Argument(
-            help="Page to write; in this folder, with the name of the mesh, if left out.", metavar="PAGE.html"
+            help="Page to write, or - for the standard output; by default in this folder, with the name of the mesh.",
+            metavar="PAGE.html",
+            parser=named_path,
+            callback=to_pipe(".html"),
         ),
     ] = None,
     overwrite: Overwrite = False,
@@ -128,15 +149,15 @@ def report(
     check_target(page, source, overwrite=overwrite)
     with console.stages(quiet=quiet or json) as stage:
         mesh, summary = _inspected(source, stage)
-        made = report_page(source.name, mesh, console.summary_rows(summary), summary["findings"], stage=stage)
+        made = report_page(shown_name(source), mesh, console.summary_rows(summary), summary["findings"], stage=stage)
         made.save(page)
     if json:
         shown = {"notes": made.notes, "fields": made.fields, "meshes": made.meshes}
-        console.print_json({"input": str(source), "output": str(page), **shown})
+        console.print_json({"input": given_path(source), "output": given_path(page), **shown})
     elif not quiet:
         for note in made.notes:
             console.out().print(note)
-        console.out().print(f"wrote [bold]{console.escape(str(page))}[/]; open it in a browser")
+        console.out().print(f"wrote [bold]{console.escape(shown_path(page))}[/]; open it in a browser")
 
 
 def _inspected(source: Path, stage: console.Stage) -> tuple["CurrentMesh", "Report"]:
@@ -147,9 +168,9 @@ def _inspected(source: Path, stage: console.Stage) -> tuple["CurrentMesh", "Repo
     from bezier_filters.meshlab.meshset import read_current_mesh
     from bezier_filters.meshlab.topology import topology_of
 
-    stage(f"reading {source.name}")
+    stage(f"reading {shown_name(source)}")
     ms = load_mesh(source)
-    stage(f"inspecting {source.name}")
+    stage(f"inspecting {shown_name(source)}")
     loaded = read_current_mesh(ms)
     mesh = triangle_mesh(loaded.vertices, loaded.faces)
     topology = topology_of(mesh.vertices, mesh.faces).counts
@@ -162,7 +183,7 @@ def _inspected(source: Path, stage: console.Stage) -> tuple["CurrentMesh", "Repo
         **asdict(faults),
         "bounding_box": [mesh.vertices.min(axis=0).tolist(), mesh.vertices.max(axis=0).tolist()],
         "noise": _noise_of(mesh) if mesh.face_count else None,
-        "fit_for_fitting": is_fit(mesh),
+        "fit_for_fitting": is_fit(mesh, faults),
         "findings": diagnose(mesh, faults),
         "contents": contents_of(ms),
     }
@@ -185,7 +206,13 @@ def _noise_of(mesh: "TriangleMesh") -> "Report":
 @app.command(epilog="Example: bezier-filters demo my_scan.ply --out pictures")
 def demo(
     source: Annotated[
-        Path | None, typer.Argument(help="Any mesh; the bunny that pymeshlab ships if left out.", metavar="MESH")
+        Path | None,
+        typer.Argument(
+            help="Any mesh; the bunny that pymeshlab ships if left out.",
+            metavar="MESH",
+            parser=named_path,
+            callback=from_pipe,
+        ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the files.")] = Path("out"),
     overwrite: Overwrite = False,
@@ -199,24 +226,29 @@ def demo(
     for path in written:
         check_target(path, *filter(None, [source]), overwrite=overwrite)
     files: list[Report] = []
+    warnings: list[str] = []
     with console.stages(quiet=quiet or json) as stage:
         for label, path, told in run_demo(out, source, stage):
             if not (quiet or json):
                 if not files:
-                    console.print_status(told, str(source or "bunny"))
+                    console.print_status(told, shown_path(source or "bunny"))
                 console.print_statistics(told, label)
-                console.print_written(told, str(path))
-            files.append({"output": str(path), **told})
+                console.print_written(told, shown_path(path))
+            warnings += told["warnings"]
+            files.append({"output": given_path(path), **told})
     if json:
-        console.print_json({"files": files, "picture": str(picture)})
+        console.print_json({"files": files, "picture": given_path(picture)})
     elif not quiet:
-        console.out().print(f"wrote [bold]{console.escape(str(picture))}[/]; open the PLY files in MeshLab")
+        console.out().print(f"wrote [bold]{console.escape(shown_path(picture))}[/]; open the PLY files in MeshLab")
+    end_with_remarks(shown_path(out), {"warnings": list(dict.fromkeys(warnings))})
 
 
 def serve_command_line() -> None:
     """Run the command line in a child process, and end that."""
     from bezier_filters.runtime.supervision import serve
 
+    if sys.stdout is not None and hasattr(sys.stdout, "reconfigure"):
+        sys.stdout.reconfigure(errors="backslashreplace")  # as of stderr: names of files may be no text
     sys.argv[0] = "bezier-filters"  # as which it is named in the help
     serve(_run)
 
@@ -241,5 +273,6 @@ def _run() -> str:
 
 def _in_one_line(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror and error.filename:
-        return f"{error.filename}: {error.strerror}"
-    return in_the_shell(" ".join(str(error).split())) or type(error).__name__
+        return f"{shown_path(error.filename)}: {error.strerror}"
+    text = in_the_shell(" ".join(with_pipes_named(str(error)).split())) or type(error).__name__
+    return printable(text)

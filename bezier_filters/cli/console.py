@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from bezier_filters.display import noise_in_words, noise_level
 from bezier_filters.fields import CURVATURE, qualities
+from bezier_filters.runtime.file_names import shown_path
 from bezier_filters.status import FitStatus
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def err() -> Console:
 def _console(*, stderr: bool) -> Console:
     from rich.console import Console
 
-    return Console(stderr=stderr, highlight=False, soft_wrap=True)
+    return Console(stderr=stderr, highlight=False, soft_wrap=True, emoji=False)
 
 
 def escape(text: str) -> str:
@@ -91,6 +92,7 @@ def print_json(data: Report) -> None:
 def print_status(report: Report, source: str) -> None:
     """Say how the fits of a mesh went."""
     out().print(f"[bold]{escape(source)}[/]: {sum(report['status'].values()):,} vertices")
+    _print_repaired(report)
     fit = report["fit"]
     weight = "weights learned from the mesh" if fit["alpha"] is None else f"alpha {fit['alpha']:g}"
     noise = ""
@@ -149,7 +151,15 @@ def print_smoothing(report: Report, source: str) -> None:
     for kind in ("flipped", "degenerate"):
         table.add_row(f"{kind} faces", f"{report[f'{kind}_before']:,} before, {report[f'{kind}_after']:,} after")
     out().print(f"[bold]{escape(source)}[/]")
+    _print_repaired(report)
     out().print(table)
+
+
+def _print_repaired(report: Report) -> None:
+    """Say what was changed in a mesh before the filter's own work."""
+    changes = {name.replace("_", " "): count for name, count in (report.get("repaired") or {}).items() if count}
+    if changes:
+        out().print("  repaired: " + ", ".join(f"{count:,} {name}" for name, count in changes.items()))
 
 
 def in_words_of_the_shell(text: str) -> str:
@@ -166,9 +176,7 @@ def print_holes(report: Report, source: str) -> None:
     from rich.padding import Padding
 
     out().print(f"[bold]{escape(source)}[/]")
-    changes = {name.replace("_", " "): count for name, count in (report["repaired"] or {}).items() if count}
-    if changes:
-        out().print("  repaired: " + ", ".join(f"{count:,} {name}" for name, count in changes.items()))
+    _print_repaired(report)
     if not report["holes"]:
         out().print("  no holes")
         return
@@ -217,7 +225,9 @@ def print_creases(report: Report, source: str) -> None:
 
 
 def print_statistics(report: Report, label: str) -> None:
-    """Say what the values of a quality are."""
+    """Say what the values of a quality are, if there are any."""
+    if report["statistics"] is None:
+        return
     unit = f" [{report['unit']}]" if report["unit"] else ""
     numbers = ", ".join(f"{name} {value:.4g}" for name, value in report["statistics"].items())
     out().print(f"{label}{escape(unit)}: {numbers}")
@@ -230,25 +240,32 @@ def print_written(report: Report, target: str) -> None:
 
 def print_batch(summary: Report) -> None:
     """Say what became of the files of a batch."""
-    width = max(len(file["input"]) for file in summary["files"])
+    width = max(len(shown_path(file["input"])) for file in summary["files"])
     for file in summary["files"]:
+        name = shown_path(file["input"])
         seconds = "" if file["result"] == "skipped" else f"{file['seconds']:.2f} s"
         remark = file["error"] or _remark(file["report"] or {})
-        out().print(f"{file['input']:<{width}}  {file['result']:<7}  {seconds:>9}  {remark}".rstrip(), markup=False)
+        out().print(f"{name:<{width}}  {file['result']:<7}  {seconds:>9}  {remark}".rstrip(), markup=False)
     numbers = ", ".join(f"{summary[result]:,} {result}" for result in ("done", "skipped", "failed"))
     out().print(f"{summary['command']}: {numbers} ({summary['seconds']:.1f} s)")
 
 
 def _remark(report: Report) -> str:
     """The most telling numbers of a filter's report."""
+    numbers = _numbers(report)
+    if not report.get("warnings"):
+        return numbers
+    return in_words_of_the_shell("; look at: ".join(filter(None, [numbers, *report["warnings"]])))
+
+
+def _numbers(report: Report) -> str:
     if "sharp_edges" in report:
         return f"{len(report['lines']):,} lines, {report['sharp_edges']:,} sharp edges"
     if "closed_holes" in report:
-        numbers = f"{report['closed_holes']:,} holes filled, {report['open_holes']:,} left open"
-        return in_words_of_the_shell("; look at: ".join([numbers, *report["warnings"]]))
+        return f"{report['closed_holes']:,} holes filled, {report['open_holes']:,} left open"
     if "noise_before" in report:
         return _smoothed_noise(report)
-    if "statistics" in report:
+    if report.get("statistics"):
         unit = f" [{report['unit']}]" if report["unit"] else ""
         known = qualities(CURVATURE).get(report["quality"])
         return f"{known.label if known else report['quality']}: median {report['statistics']['median']:.4g}{unit}"

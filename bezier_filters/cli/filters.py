@@ -12,7 +12,6 @@ import typer
 import bezier_filters as bf  # which loads what it has when it is used
 from bezier_filters.cli import console
 from bezier_filters.cli.app import (
-    NEEDS_A_LOOK,
     Json,
     Overwrite,
     Quiet,
@@ -21,12 +20,15 @@ from bezier_filters.cli.app import (
     Target,
     app,
     check_target,
+    end_with_remarks,
     examples,
-    in_the_shell,
+    named_path,
     options,
+    to_pipe,
 )
 from bezier_filters.fields import qualities
 from bezier_filters.parameters import COLORS, PARAMETERS, Parameter
+from bezier_filters.runtime.file_names import given_path, shown_name, shown_path
 
 if TYPE_CHECKING:
     from bezier_filters.arrays import Report
@@ -71,32 +73,27 @@ def filter_command(
                 check_target(save_script, source, target, overwrite=overwrite)
             suffix = format_of(target)
             with console.stages(quiet=quiet or json) as stage:
-                stage(f"reading {source.name}")
+                stage(f"reading {shown_name(source)}")
                 ms = bf.load_mesh(source)
-                report = getattr(bf, filter_name)(ms, progress=stage(f"{verb} {source.name}"), **given)
-                stage(f"writing {target.name}")
+                report = getattr(bf, filter_name)(ms, progress=stage(f"{verb} {shown_name(source)}"), **given)
+                stage(f"writing {shown_name(target)}")
                 remarks = bf.save_mesh(ms, target)
             if save_script is not None:
                 _add_step(save_script, filter_name, given)
             if json:
-                console.print_json({"input": str(source), "output": str(target), **report})
+                console.print_json({"input": given_path(source), "output": given_path(target), **report})
             elif not quiet:
-                show(report, str(source))
+                show(report, shown_path(source))
                 if report.get("statistics"):
                     console.print_statistics(report, qualities(name)[report["quality"]].label)
-                console.print_written(report, str(target))
+                console.print_written(report, shown_path(target))
             for remark in remarks:
-                console.err().print(f"note: {target.name} is {remark}", markup=False)
-            for remark in report.get("remarks", []):
-                console.err().print(f"note: {in_the_shell(remark)}", markup=False)
+                console.err().print(f"note: {shown_name(target)} is {remark}", markup=False)
             if report.get("quality") and suffix != WITH_FIELDS:
                 console.err().print(
                     f"note: {target.suffix} files hold no quality and no bz_* columns; write a PLY file to keep them"
                 )
-            if report.get("warnings"):
-                warnings = console.in_words_of_the_shell("; ".join(report["warnings"]))
-                console.err().print(f"look at {target}: {warnings}", markup=False)
-                raise typer.Exit(NEEDS_A_LOOK)
+            end_with_remarks(shown_path(target), report)
 
         return described
 
@@ -181,7 +178,15 @@ def fill_holes() -> None:
 @options(*PARAMETERS["creases"])
 def creases(
     source: Source,
-    target: Annotated[Path, typer.Argument(help="Lines to write, a PLY or OBJ file.", metavar="LINES.ply")],
+    target: Annotated[
+        Path,
+        typer.Argument(
+            help="Lines to write, a PLY or OBJ file, or - for the standard output.",
+            metavar="LINES.ply",
+            parser=named_path,
+            callback=to_pipe(".ply"),
+        ),
+    ],
     *,
     picture: Annotated[
         Path | None, typer.Option(help="PNG file with the mesh and its lines.", metavar="PICTURE.png")
@@ -207,28 +212,31 @@ def creases(
         check_target(picture, source, overwrite=overwrite)
     angle, strength = given.pop("angle"), given.pop("minstrength")
     with console.stages(quiet=quiet or json) as stage:
-        stage(f"reading {source.name}")
+        stage(f"reading {shown_name(source)}")
         mesh = read_current_mesh(bf.load_mesh(source))
         begin = time.perf_counter()
-        found = creases_of(mesh, FitArguments(**given, progress=stage(f"fitting {source.name}")), angle, strength)
+        found = creases_of(
+            mesh, FitArguments(**given, progress=stage(f"fitting {shown_name(source)}")), angle, strength
+        )
         seconds = time.perf_counter() - begin
-        stage(f"writing {target.name}")
+        stage(f"writing {shown_name(target)}")
         save_lines(target, *lines_as_mesh(found))
         if picture is not None:
             from bezier_filters.pictures.field_panels import crease_panel
 
-            stage(f"drawing {picture.name}")
-            panel = crease_panel(mesh.vertices, mesh.faces, found, title=source.name)
+            stage(f"drawing {shown_name(picture)}")
+            panel = crease_panel(mesh.vertices, mesh.faces, found, title=shown_name(source))
             bf.render_panels(picture, [panel], views=view or ["front", "back"])
-    report = report_of(found) | {"seconds": {"fit": seconds}}
+    report = report_of(found, mesh) | {"seconds": {"fit": seconds}}
     if json:
-        shown = None if picture is None else str(picture)
-        console.print_json({"input": str(source), "output": str(target), "picture": shown, **report})
+        shown = None if picture is None else given_path(picture)
+        console.print_json({"input": given_path(source), "output": given_path(target), "picture": shown, **report})
     elif not quiet:
-        console.print_creases(report, str(source))
-        console.print_written(report, str(target))
+        console.print_creases(report, shown_path(source))
+        console.print_written(report, shown_path(target))
         if picture is not None:
-            console.out().print(f"wrote [bold]{picture}[/]")
+            console.out().print(f"wrote [bold]{console.escape(shown_path(picture))}[/]")
+    end_with_remarks(shown_path(target), report)
 
 
 @app.command(epilog="Example: bezier-filters run repair.mlx scan.ply clean.ply")
@@ -254,18 +262,21 @@ def run(
     format_of(target)
     check_target(target, source, script, overwrite=overwrite)
     with console.stages(quiet=quiet or json) as stage:
-        stage(f"reading {source.name}")
+        stage(f"reading {shown_name(source)}")
         ms = bf.load_mesh(source)
-        done = bf.run_filter_script(ms, steps, progress=stage(script.name))
-        stage(f"writing {target.name}")
+        done = bf.run_filter_script(ms, steps, progress=stage(shown_name(script)))
+        stage(f"writing {shown_name(target)}")
         remarks = bf.save_mesh(ms, target)
     for remark in remarks:
-        console.err().print(f"note: {target.name} is {remark}", markup=False)
+        console.err().print(f"note: {shown_name(target)} is {remark}", markup=False)
     if json:
-        summary = {"script": str(script), "input": str(source), "output": str(target)}
+        summary = {"script": given_path(script), "input": given_path(source), "output": given_path(target)}
         console.print_json(summary | {"steps": [asdict(report) for report in done]})
     elif not quiet:
         width = max(map(len, names), default=0)
         for report in done:
             console.out().print(f"{report.filter:<{width}}  {report.by:<14}  {report.seconds:7.2f} s", markup=False)
-        console.print_written({"seconds": dict(enumerate(report.seconds for report in done))}, str(target))
+        console.print_written({"seconds": dict(enumerate(report.seconds for report in done))}, shown_path(target))
+    found = [report.report for report in done]
+    said = {key: [text for report in found for text in report.get(key, [])] for key in ("remarks", "warnings")}
+    end_with_remarks(shown_path(target), said)

@@ -6,20 +6,41 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bezier_filters.cli import console
-from bezier_filters.cli.app import ColorRange, Json, Overwrite, Percentile, Quiet, Source, app, check_target, examples
+from bezier_filters.cli.app import (
+    ColorRange,
+    Json,
+    Overwrite,
+    Percentile,
+    Quiet,
+    Source,
+    all_from_pipe,
+    app,
+    check_target,
+    examples,
+    named_path,
+    to_pipe,
+)
 from bezier_filters.display import ColorScale
+from bezier_filters.runtime.file_names import given_path, shown_name, shown_path
 
 if TYPE_CHECKING:
     from bezier_filters.pictures.field_panels import MeshFile
 
 Sources = Annotated[
-    list[Path], typer.Argument(help="Meshes side by side, for example before and after.", metavar="MESH")
+    list[Path],
+    typer.Argument(
+        help="Meshes side by side, for example before and after; - is the standard input.",
+        metavar="MESH",
+        parser=named_path,
+        callback=all_from_pipe,
+    ),
 ]
 
 
-def _picture(path: Path) -> Path:
+def _picture(context: typer.Context, path: Path) -> Path:
     from bezier_filters.pictures.render import check_picture
 
+    path = to_pipe(".png")(context, path) or path
     check_picture(path)
     return path
 
@@ -27,8 +48,9 @@ def _picture(path: Path) -> Path:
 Picture = Annotated[
     Path,
     typer.Argument(
-        help="Picture to write: .png, .jpg, .svg or .pdf.",
+        help="Picture to write: .png, .jpg, .svg or .pdf; - is a PNG on the standard output.",
         metavar="PICTURE.png",
+        parser=named_path,
         callback=_picture,
         is_eager=True,  # where only a mesh is given, the picture is missing
     ),
@@ -50,7 +72,7 @@ Up = Annotated[str, typer.Option(help="Axis that points up: auto, x, y, z, -x, -
 def _read(source: Path, stage: console.Stage) -> "MeshFile":
     from bezier_filters.pictures.field_panels import read_mesh_file
 
-    stage(f"reading {source.name}")
+    stage(f"reading {shown_name(source)}")
     return read_mesh_file(source)
 
 
@@ -94,7 +116,7 @@ def render(
     check_target(picture, *sources, overwrite=overwrite)
     with console.stages(quiet=quiet or json) as stage:
         files = [_read(source, stage) for source in sources]
-        stage(f"drawing {picture.name}")
+        stage(f"drawing {shown_name(picture)}")
         fields, views = field or [default_field(files)], view or ["front", "back"]
         panels, shown, colors = [], [], (colormap, percentile, limits, scale)
         for name in fields:
@@ -105,13 +127,13 @@ def render(
             legend = next((panel for panel in row if panel.values is not None), row[0])
             shown.append({"field": name, "label": legend.label, "unit": legend.unit, "limits": legend.limits})
         columns = len(files) if len(files) > 1 else None
-        title = sources[0].name if len(files) == 1 else None
+        title = shown_name(sources[0]) if len(files) == 1 else None
         render_panels(picture, panels, views=views, columns=columns, size=(size, size), title=title, up=up, dpi=dpi)
     if json:
-        inputs = [str(source) for source in sources]
-        console.print_json({"inputs": inputs, "output": str(picture), "views": views, "panels": shown})
+        inputs = [given_path(source) for source in sources]
+        console.print_json({"inputs": inputs, "output": given_path(picture), "views": views, "panels": shown})
     elif not quiet:
-        console.out().print(f"wrote [bold]{picture}[/]")
+        console.out().print(f"wrote [bold]{console.escape(shown_path(picture))}[/]")
 
 
 @app.command(epilog=examples("view curved.ply --field quality --field bz_shape_index"))
@@ -170,6 +192,8 @@ def qmap(
     save_quality_map(target, low, high, name)
     if json:
         report = {"field": field, "label": shown.label, "unit": shown.unit, "limits": [low, high], "colormap": name}
-        console.print_json({"input": str(source), "output": str(target), **report})
+        console.print_json({"input": given_path(source), "output": given_path(target), **report})
     elif not quiet:
-        console.out().print(f"wrote [bold]{target}[/]: {name}, {low:g} to {high:g} \\[{shown.unit}]")
+        console.out().print(
+            f"wrote [bold]{console.escape(shown_path(target))}[/]: {name}, {low:g} to {high:g} \\[{shown.unit}]"
+        )

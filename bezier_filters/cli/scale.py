@@ -9,10 +9,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from bezier_filters.cli import console
-from bezier_filters.cli.app import Json, Overwrite, Quiet, app, check_target, options
+from bezier_filters.cli.app import (
+    Json,
+    Overwrite,
+    Quiet,
+    app,
+    check_target,
+    end_with_remarks,
+    from_pipe,
+    named_path,
+    options,
+    to_pipe,
+)
 from bezier_filters.errors import CancelledError
 from bezier_filters.fields import CURVATURE
 from bezier_filters.parameters import FIT, QUALITY_OF, SMOOTHING, Parameter, parameters
+from bezier_filters.runtime.file_names import shown_path
 
 if TYPE_CHECKING:
     from bezier_filters.arrays import Report
@@ -27,9 +39,23 @@ scale_app = typer.Typer(
 app.add_typer(scale_app, name="scale")
 
 BigSource = Annotated[
-    Path, typer.Argument(help="Binary PLY file of triangles, or an NPY file of vertices.", metavar="BIG.ply")
+    Path,
+    typer.Argument(
+        help="Binary PLY file of triangles, or an NPY file of vertices; - is the standard input.",
+        metavar="BIG.ply",
+        parser=named_path,
+        callback=from_pipe,
+    ),
 ]
-BigTarget = Annotated[Path, typer.Argument(help="PLY file to write.", metavar="OUT.ply")]
+BigTarget = Annotated[
+    Path,
+    typer.Argument(
+        help="PLY file to write, or - for the standard output.",
+        metavar="OUT.ply",
+        parser=named_path,
+        callback=to_pipe(".ply"),
+    ),
+]
 Faces = Annotated[Path | None, typer.Option(help="NPY file of the faces, if the input is one of the vertices.")]
 Columns = Annotated[list[str] | None, typer.Option("--column", help="Column to write; may be repeated.")]
 
@@ -82,7 +108,7 @@ def curvature(
     files = source if faces is None else (source, faces)
     with _resumable(quiet=quiet or json) as progress:
         report = estimate_file(files, target, columns=column, options=fit, progress=progress, **given)
-    _print(report, target, lambda: console.print_status(report, str(source)), quiet=quiet, json=json)
+    _print(report, target, lambda: console.print_status(report, shown_path(source)), quiet=quiet, json=json)
 
 
 @scale_app.command(epilog="Example: bezier-filters scale smooth statue.ply smooth.ply --scheduler tcp://HOST:8786")
@@ -144,4 +170,5 @@ def _print(report: "Report", target: Path, first: Callable[[], None], *, quiet: 
     elif not quiet:
         first()
         console.print_tiles(report)
-        console.print_written(report, str(target))
+        console.print_written(report, shown_path(target))
+    end_with_remarks(shown_path(target), report)

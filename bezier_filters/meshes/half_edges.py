@@ -47,6 +47,13 @@ def _first_and_last(edge: IntArray, count: IntArray) -> tuple[IntArray, IntArray
     return order[np.cumsum(count) - count], order[np.cumsum(count) - 1]
 
 
+def paired_half_edges(faces: IntArray, n: int) -> tuple[IntArray, IntArray]:
+    """The two half-edges of every edge that has just two, each (e,)."""
+    _, edge, count = distinct_edges(faces, n)
+    first, last = _first_and_last(edge, count)
+    return first[count == 2], last[count == 2]
+
+
 def faces_at_edges(faces: IntArray, starts: IntArray, ends: IntArray) -> IntArray:
     """Which of some faces (m, 3) runs along each edge from start to end, -1 if none does, (k,).
 
@@ -260,18 +267,27 @@ def doubled_edges(mesh: TriangleMesh, border: BorderEdges) -> BoolArray:
 
     They count unless their faces lie on each other, too, as in a sheet of two sides.
     """
-    ids, place = np.unique(np.concatenate([border.start, border.end, border.third]), return_inverse=True)
-    points = mesh.vertices[ids]
+    welded, n = welded_vertices(mesh, border), mesh.vertex_count
+    start, end, third = (welded[ends].astype(np.int64) for ends in (border.start, border.end, border.third))
+    _, edge_of, count = np.unique(
+        np.minimum(start, end) * n + np.maximum(start, end), return_inverse=True, return_counts=True
+    )
+    _, face_of, same = np.unique(edge_of * n + third, return_inverse=True, return_counts=True)
+    return np.asarray((start != end) & (count[edge_of] > same[face_of]))
+
+
+def welded_vertices(mesh: TriangleMesh, border: BorderEdges) -> IntArray:
+    """For each vertex, one that stands for all vertices of faces at the border that lie at its place, (n,)."""
+    ids = np.unique(np.concatenate([border.start, border.end, border.third]))
     edge = np.linalg.norm(mesh.vertices[border.end] - mesh.vertices[border.start], axis=1)
     longest = np.zeros(mesh.vertex_count)
     np.maximum.at(longest, border.start, edge)
     np.maximum.at(longest, border.end, edge)
-    welded = _welded(points, COINCIDENT * longest[ids])[place]
-    start, end, third = welded.reshape(3, -1).astype(np.int64)
-    pair = np.minimum(start, end) * len(ids) + np.maximum(start, end)
-    _, edge_of, count = np.unique(pair, return_inverse=True, return_counts=True)
-    _, face_of, same = np.unique(edge_of * len(ids) + third, return_inverse=True, return_counts=True)
-    return np.asarray((start != end) & (count[edge_of] > same[face_of]))
+    place = _welded(mesh.vertices[ids], COINCIDENT * longest[ids])
+    welded = np.arange(mesh.vertex_count, dtype=np.int32)
+    _, first = np.unique(place, return_index=True)
+    welded[ids] = ids[first[place]]
+    return welded
 
 
 def _welded(points: FloatArray, tolerances: FloatArray) -> IntArray:

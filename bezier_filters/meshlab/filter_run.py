@@ -25,6 +25,7 @@ from bezier_filters.meshlab.meshset import (
     preserved_filter_script,
     read_current_mesh,
 )
+from bezier_filters.meshlab.topology import repair, repaired_copy
 
 STATISTICS = ("min", "median", "max", "mean")  # of the quality, functions of NumPy
 
@@ -41,6 +42,7 @@ class Output:
     colormap: str = AUTO
     percentile: float = 2.0
     color_range: tuple[float, float] | None = None
+    repair: bool = False  # whether the mesh is repaired first
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,10 @@ def run_filter(ms: MeshSet, name: str, work: Work, output: Output) -> Report:
     field, colormap = _quality_and_colormap(output, qualities(name))
     seconds: dict[str, float] = {}
     with _timed(seconds, "read"):
-        mesh = read_current_mesh(ms)
+        given = mesh = read_current_mesh(ms)
+        repaired: Report | None = None
+        if output.repair:
+            mesh, repaired = repaired_copy(ms)
         mask = mesh.selected_vertices() if output.onselected else np.ones(len(mesh.vertices), dtype=np.bool_)
     with preserved_filter_script(ms):
         mesh_attributes.check_writable(ms, column_names(name))
@@ -82,7 +87,7 @@ def run_filter(ms: MeshSet, name: str, work: Work, output: Output) -> Report:
             computed = work(mesh, mask)
         except (InvalidMeshError, InvalidParameterError) as error:
             raise BezierFilterError(str(error)) from error
-    check_unchanged(ms, mesh)
+    check_unchanged(ms, given)
     quality = np.empty(0) if field is None else computed.columns[field.column][computed.known]
     limits = output.color_range if output.color else None  # values of the first and the last colour
     if output.color and limits is None:
@@ -90,6 +95,8 @@ def run_filter(ms: MeshSet, name: str, work: Work, output: Output) -> Report:
         limits = color_range(quality, signed=signed, percentile=output.percentile)
         check_limits(*limits)
     with preserved_filter_script(ms):
+        if output.repair:
+            repair(ms)
         columns = _merge(computed.columns, mesh_attributes.read_columns(ms, computed.columns), mask)
         mesh_attributes.check_finite(columns)
         with mesh_attributes.restored_on_failure(ms, columns):
@@ -106,6 +113,7 @@ def run_filter(ms: MeshSet, name: str, work: Work, output: Output) -> Report:
         "attributes": list(columns),
         "quality": output.quality,
         "unit": None if field is None else field.unit,
+        "repaired": repaired,
         "statistics": {name: float(getattr(np, name)(quality)) for name in STATISTICS} if len(quality) else None,
         "seconds": seconds,
     }

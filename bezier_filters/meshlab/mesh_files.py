@@ -3,6 +3,7 @@
 import locale
 import os
 import re
+import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -26,6 +27,7 @@ from bezier_filters.meshlab.meshset import (
     reason_of,
 )
 from bezier_filters.runtime.atomic import atomic_write, temporary_folder
+from bezier_filters.runtime.file_names import is_utf8, shown_path
 from bezier_filters.runtime.supervision import doing, memory_limited, processor_time_limited
 
 # seconds of processor time after which a reader is taken to run in circles, and bytes for each second more
@@ -51,7 +53,8 @@ def format_of(path: str | os.PathLike[str]) -> str:
     suffix = Path(os.path.realpath(path)).suffix.lower()
     if suffix not in _ROUNDING:
         raise BezierFilterError(
-            f"cannot write {path}: unknown format {suffix or 'without a suffix'}; use one of {' '.join(SAVE_SUFFIXES)}"
+            f"cannot write {shown_path(path)}: unknown format {suffix or 'without a suffix'}; "
+            f"use one of {' '.join(SAVE_SUFFIXES)}"
         )
     return suffix
 
@@ -90,37 +93,78 @@ def load_mesh(path: str | os.PathLike[str], *, attributes: bool = True) -> MeshS
     """
     path = Path(path)
     if not path.is_file():
-        raise BezierFilterError(f"cannot read {path}: {'it is a directory' if path.is_dir() else 'no such file'}")
+        raise BezierFilterError(
+            f"cannot read {shown_path(path)}: {'it is a directory' if path.is_dir() else 'no such file'}"
+        )
     if path.stat().st_size == 0:
-        raise BezierFilterError(f"cannot read {path}: the file is empty")
+        raise BezierFilterError(f"cannot read {shown_path(path)}: the file is empty")
     meshset = MeshSet()
     try:
         check_header(path)
         size = path.stat().st_size
         patience = processor_time_limited(LEAST_PATIENCE + size / SLOWEST_READER)
-        with doing(f"reading {path}"), memory_limited(size), patience, _process_as_it_was():
-            meshset.load_new_mesh(str(path))
+        with (
+            _openable(path) as opened,
+            doing(f"reading {shown_path(path)}"),
+            memory_limited(size),
+            patience,
+            _process_as_it_was(),
+        ):
+            meshset.load_new_mesh(str(opened))
     except FieldFileError as error:
-        raise BezierFilterError(f"cannot read {path}: it {str(error).removeprefix(f'{path} ')}") from error
+        raise BezierFilterError(f"cannot read {shown_path(path)}: it {str(error).removeprefix(f'{path} ')}") from error
     except OSError as error:
-        raise BezierFilterError(f"cannot read {path}: {error.strerror}") from error
+        raise BezierFilterError(f"cannot read {shown_path(path)}: {error.strerror}") from error
     except MemoryError as error:
-        raise BezierFilterError(f"cannot read {path}: it asks for more memory than such a file can need") from error
+        raise BezierFilterError(
+            f"cannot read {shown_path(path)}: it asks for more memory than such a file can need"
+        ) from error
     except ValueError as error:  # how pymeshlab reports a count beyond the largest one
-        raise BezierFilterError(f"cannot read {path}: it announces more than any file can hold") from error
+        raise BezierFilterError(f"cannot read {shown_path(path)}: it announces more than any file can hold") from error
     except (PyMeshLabException, RuntimeError, IndexError) as error:
-        raise BezierFilterError(f"cannot read {path}: {reason_of(error)}") from error
+        raise BezierFilterError(f"cannot read {shown_path(path)}: {reason_of(error)}") from error
     if not len(list(meshset)) or (mesh := meshset.current_mesh()).vertex_number() == 0:
-        raise BezierFilterError(f"cannot read {path}: there are no vertices in it")
+        raise BezierFilterError(f"cannot read {shown_path(path)}: there are no vertices in it")
     faces = mesh.face_matrix()
     if len(faces) and not 0 <= faces.min() <= faces.max() < mesh.vertex_number():
-        raise BezierFilterError(f"cannot read {path}: it has faces on vertices that are not in it")
+        raise BezierFilterError(f"cannot read {shown_path(path)}: it has faces on vertices that are not in it")
     if attributes and path.suffix.lower() == ".ply":
         with suppress(FieldFileError):  # there are none
             for name, values in read_fields(path).items():
                 if _OURS.fullmatch(name) and len(values) == mesh.vertex_number():
                     mesh.add_vertex_custom_scalar_attribute(np.where(np.isfinite(values), values, 0.0), name)
     return meshset
+
+
+@contextmanager
+def _openable(path: Path) -> Iterator[Path]:
+    """A path that pymeshlab can open: UTF-8, and no name that begins with a colon, which is none of a file to it.
+
+    For others there are links to all files of the folder, so that those that belong to the mesh are found, too.
+    """
+    absolute = path.absolute()
+    if is_utf8(str(absolute)) and not absolute.name.startswith(":"):
+        yield absolute
+        return
+    with temporary_folder() as folder:
+        for other in absolute.parent.iterdir():
+            if is_utf8(other.name):
+                (folder / other.name).symlink_to(other)
+        link = folder / f"{uuid.uuid4().hex}{absolute.suffix}"
+        link.symlink_to(absolute)
+        yield link
+
+
+@contextmanager
+def _utf8_folder(folder: Path) -> Iterator[Path]:
+    """A folder, or a link to it that pymeshlab can name."""
+    if is_utf8(str(folder)):
+        yield folder
+        return
+    with temporary_folder() as outer:
+        link = outer / "folder"
+        link.symlink_to(folder, target_is_directory=True)
+        yield link
 
 
 def contents_of(ms: MeshSet) -> list[str]:
@@ -200,30 +244,37 @@ def save_mesh(
     target = Path(os.path.realpath(path))
     _normalize(ms)
     try:
-        with atomic_write(target) as temporary, temporary_folder(target.parent) as folder:
-            # The name inside the folder is the final one: an OBJ file names its MTL file after itself.
-            staged = folder / target.name
-            with doing(f"writing {path}"), _process_as_it_was():
+        with (
+            atomic_write(target) as temporary,
+            temporary_folder(target.parent) as folder,
+            _utf8_folder(folder) as linked,
+        ):
+            # The name inside the folder is the final one: an OBJ file names its MTL file after itself, on one line.
+            staged = linked / "".join(c if c.isprintable() else "_" for c in target.name)
+            with doing(f"writing {shown_path(path)}"), _process_as_it_was():
                 remarks = _save(ms, staged, options)
             if not staged.is_file():
-                raise BezierFilterError(f"cannot write {path}: pymeshlab wrote no file")
+                raise BezierFilterError(f"cannot write {shown_path(path)}: pymeshlab wrote no file")
             os.replace(staged, temporary)
             for companion in folder.iterdir():
                 goal = target.parent / companion.name
-                if companion.name.startswith(target.name) or not goal.exists():
+                if companion.name.startswith(staged.name) or not goal.exists():
                     os.replace(companion, goal)
         return remarks + _rounded(mesh, suffix)
     except BezierFilterError:
         raise
     except OSError as error:
-        reason = f"cannot write {path}: {error.strerror}; see whether its folder can be written to and the disk is full"
+        hint = "see whether its folder can be written to and the disk is full"
+        reason = f"cannot write {shown_path(path)}: {error.strerror}; {hint}"
         raise BezierFilterError(reason if error.strerror else str(error)) from error
     except (ValueError, IndexError) as error:  # from within the writer, such as COLLADA's without a texture
         raise BezierFilterError(
-            f"cannot write {path}: pymeshlab cannot write this mesh as {suffix} ({error}); write a PLY file"
+            f"cannot write {shown_path(path)}: pymeshlab cannot write this mesh as {suffix} ({error}); write a PLY file"
         ) from error
     except (PyMeshLabException, RuntimeError) as error:
-        raise BezierFilterError(f"cannot write {path}: {reason_of(error)}; see whether the disk is full") from error
+        raise BezierFilterError(
+            f"cannot write {shown_path(path)}: {reason_of(error)}; see whether the disk is full"
+        ) from error
 
 
 def _normalize(ms: MeshSet) -> None:

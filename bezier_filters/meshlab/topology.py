@@ -7,6 +7,7 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, Report
 from bezier_filters.holes.hole_detection import find_holes
 from bezier_filters.meshes.adjacency import vertex_adjacency
+from bezier_filters.meshes.face_sides import face_sides
 from bezier_filters.meshes.half_edges import COINCIDENT, border_edges, doubled_edges, proper_faces
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshlab.meshset import (
@@ -88,7 +89,8 @@ def repair(ms: MeshSet) -> Report:
     """Weld borders of the current mesh that lie on each other, split non-manifold edges, turn faces that disagree.
 
     pymeshlab's own filters do it, each where there is need. They turn faces to the first of each component; if most
-    would turn, all do once more. Returns the numbers of what was changed.
+    would turn, all do once more. All are turned, too, where all are of closed bodies that are inside out. Returns the
+    numbers of what was changed.
     """
     mesh = current_mesh(ms)
     given = triangle_mesh(mesh.vertex_matrix(), mesh.face_matrix())
@@ -109,8 +111,11 @@ def repair(ms: MeshSet) -> Report:
                 ms.meshing_re_orient_faces_coherently()
             if 2 * _count_turned(faces, mesh) > len(faces):
                 ms.meshing_invert_face_orientation(forceflip=True, onlyselected=False)
+            now = np.array(mesh.face_matrix())
+            if len(now) and face_sides(np.array(mesh.vertex_matrix()), proper_faces(now)).inside_out.all():
+                ms.meshing_invert_face_orientation(forceflip=True, onlyselected=False)
     except PyMeshLabException as error:
-        reason = f"repair: pymeshlab could not repair this mesh ({reason_of(error)}); fill its holes without that"
+        reason = f"repair: pymeshlab could not repair this mesh ({reason_of(error)}); go on without that"
         raise BezierFilterError(reason) from error
     return {
         "welded_vertices": given.vertex_count - welded,

@@ -29,6 +29,7 @@ from bezier_filters.meshlab.meshset import (
     current_mesh,
 )
 from bezier_filters.meshlab.topology import topology_of
+from bezier_filters.meshlab.verdicts import fit_verdict, smoothing_warnings
 from bezier_filters.parameters import documented
 from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.runtime.parallel import Progress
@@ -71,6 +72,7 @@ def compute_normal_by_bezier_patch_per_vertex(
     detail: Length | None = None,
     quality: str | None = "angle",
     onselected: bool = False,
+    repair: bool = False,
     color: bool = False,
     colormap: str = "auto",
     percentile: float = 2.0,
@@ -95,7 +97,7 @@ def compute_normal_by_bezier_patch_per_vertex(
     True
     """
     fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, noise, detail, threads, progress)
-    return _run(ms, NORMALS, fit, Output(quality, onselected, color, colormap, percentile, colorrange))
+    return _run(ms, NORMALS, fit, Output(quality, onselected, color, colormap, percentile, colorrange, repair))
 
 
 @documented(CURVATURE)
@@ -112,6 +114,7 @@ def compute_curvature_by_bezier_patch_per_vertex(
     detail: Length | None = None,
     quality: str | None = "mean",
     onselected: bool = False,
+    repair: bool = False,
     color: bool = False,
     colormap: str = "auto",
     percentile: float = 2.0,
@@ -136,7 +139,7 @@ def compute_curvature_by_bezier_patch_per_vertex(
     True
     """
     fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, noise, detail, threads, progress)
-    return _run(ms, CURVATURE, fit, Output(quality, onselected, color, colormap, percentile, colorrange))
+    return _run(ms, CURVATURE, fit, Output(quality, onselected, color, colormap, percentile, colorrange, repair))
 
 
 @documented(TORSION)
@@ -152,6 +155,7 @@ def compute_torsion_by_bezier_patch_per_vertex(
     noise: Length | None = None,
     detail: Length | None = None,
     onselected: bool = False,
+    repair: bool = False,
     color: bool = False,
     colormap: str = "auto",
     percentile: float = 2.0,
@@ -175,7 +179,7 @@ def compute_torsion_by_bezier_patch_per_vertex(
     True
     """
     fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, noise, detail, threads, progress)
-    return _run(ms, TORSION, fit, Output("torsion", onselected, color, colormap, percentile, colorrange))
+    return _run(ms, TORSION, fit, Output("torsion", onselected, color, colormap, percentile, colorrange, repair))
 
 
 def _run(ms: MeshSet, name: str, fit: FitArguments, output: Output) -> Report:
@@ -193,7 +197,7 @@ def _run(ms: MeshSet, name: str, fit: FitArguments, output: Output) -> Report:
             "status": geometry.status_counts(),
             "fit": asdict(geometry.fit) | {"parts": parts},
             "mean_edge": _mean_edge(mesh),
-        }
+        } | fit_verdict("normal" if name == NORMALS else "curvature", geometry, mesh, mask, worst)
         return Computed(found, geometry.status <= worst, report, set_normals if name == NORMALS else lambda: None)
 
     def set_normals() -> None:
@@ -249,6 +253,7 @@ def apply_coord_bezier_patch_smoothing(
     alpha: float | None = None,
     quality: str | None = None,
     onselected: bool = False,
+    repair: bool = False,
     color: bool = False,
     colormap: str = "auto",
     percentile: float = 2.0,
@@ -279,7 +284,8 @@ def apply_coord_bezier_patch_smoothing(
         ``moved`` (number of vertices), ``displacement`` (mean, rms and max, lengths), ``noise_before`` and
         ``noise_after`` (standard deviation along the normal, lengths, or None), ``noise_length`` (over which that
         before is correlated, or 0), ``noise_heavy`` (whether it turns single normals), ``iterations`` (that moved
-        something: after those there is nothing left to do), ``remarks`` (texts), ``volume_before``,
+        something: after those there is nothing left to do), ``remarks`` (texts), ``warnings`` (texts: why nothing could
+        be smoothed), ``repaired`` (as in `meshing_close_holes_by_bezier_patch`, or None), ``volume_before``,
         ``volume_after`` (length^3) and ``volume_ratio`` (None if nothing is closed), ``topology`` (what pymeshlab
         counts, as in `meshing_close_holes_by_bezier_patch`), ``mean_edge``, ``flipped_before``, ``flipped_after``,
         ``degenerate_before``, ``degenerate_after`` and ``new_bad_faces`` (numbers of faces), ``attributes`` (names
@@ -325,10 +331,11 @@ def apply_coord_bezier_patch_smoothing(
         report = _smoothing_report(result) | {
             "topology": topology_of(mesh.vertices, mesh.faces).counts,
             "remarks": [remark] if 0 < result.iterations < iterations else [],
+            "warnings": smoothing_warnings(result, mesh),
         }
         return Computed(columns(SMOOTH, result), mask, report, lambda: write_coordinates(ms, result.vertices))
 
-    return run_filter(ms, SMOOTH, work, Output(quality, onselected, color, colormap, percentile, colorrange))
+    return run_filter(ms, SMOOTH, work, Output(quality, onselected, color, colormap, percentile, colorrange, repair))
 
 
 def _smoothing_report(result: SmoothingResult) -> Report:
@@ -414,7 +421,8 @@ def compute_selection_by_bezier_crease_per_edge(
             if polylines and creases.lines:
                 layers.append(_add_polylines(ms, creases))
 
-        return Computed(crease_columns(creases), mask, report_of(creases), select_and_add_lines)
+        report = report_of(creases, mesh)
+        return Computed(crease_columns(creases), mask, report, select_and_add_lines)
 
     report = run_filter(ms, CREASES, work, Output())
     return report | {
@@ -457,7 +465,7 @@ def lines_as_mesh(creases: Creases) -> tuple[FloatArray, IntArray, FloatArray, F
     return points, edges, strengths[line_of_point], colors[line_of_point]
 
 
-def report_of(creases: Creases) -> Report:
+def report_of(creases: Creases, mesh: CurrentMesh) -> Report:
     """The creases as plain values, with a number in the place of the points of a line."""
     told = ("kind", "is_sharp", "is_closed", "strength", "length")
     lines = [
@@ -466,4 +474,8 @@ def report_of(creases: Creases) -> Report:
         for line in creases.lines
     ]
     found = {"sharp_edges": len(creases.sharp_edges), "crest_lines_told": creases.tells_crest_lines}
-    return {"lines": lines, **found, "status": creases.geometry.status_counts()}
+    everywhere = np.ones(len(mesh.vertices), dtype=np.bool_)
+    verdict = fit_verdict("curvature", creases.geometry, mesh, everywhere, FitStatus.FOLDED)
+    if found["sharp_edges"]:  # which need no curvature
+        verdict |= {"remarks": verdict["warnings"] + verdict["remarks"], "warnings": []}
+    return {"lines": lines, **found, "status": creases.geometry.status_counts(), **verdict}

@@ -4,6 +4,7 @@ It is `page.html` beside this module, with the scripts and all that it shows put
 """
 
 import json
+import re
 from base64 import b64encode
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -28,6 +29,7 @@ from bezier_filters.meshlab.hole_filter import fill_warnings
 from bezier_filters.meshlab.meshset import CurrentMesh, Mesh, MeshSet, current_mesh, one_at_a_time
 from bezier_filters.pictures.scene import Panel, up_axis, view_axes
 from bezier_filters.runtime.atomic import atomic_write
+from bezier_filters.runtime.file_names import printable
 from bezier_filters.runtime.parallel import Progress
 from bezier_filters.smoothing.smooth import SmoothingResult, smooth
 from bezier_filters.status import FitStatus
@@ -204,6 +206,7 @@ def page_of(
     most_faces: int = MOST_FACES,
 ) -> Page:
     """The page of a mesh (n, 3), (m, 3), or of points without faces, with facts and findings as text."""
+    title = printable(title)
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     shown = _Shown(0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low)) or 1.0)
     points, triangles, rows = reduced(vertices, faces, most_faces)
@@ -251,9 +254,9 @@ def _html(title: str, data: Report) -> str:
     html, *scripts = (here.with_name(name).read_text("utf-8") for name in ("page.html", "profile.js", "page.js"))
     # Nothing in the texts may end the script that holds them.
     text = json.dumps(data, allow_nan=False).replace("<", "\\u003c")
-    for name, part in (("title", escape(title)), ("script", "\n".join(scripts)), ("data", text)):
-        html = html.replace(f"{{{{{name}}}}}", part)
-    return html
+    parts = {"title": escape(title), "script": "\n".join(scripts), "data": text}
+    # all at once: what is put in may look like a place, too
+    return re.sub(r"\{\{(title|script|data)\}\}", lambda place: parts[place[1]], html)
 
 
 def _filled(

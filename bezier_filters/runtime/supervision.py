@@ -280,4 +280,4 @@ def _exit_status_of(work: Callable[[], str]) -> int:
 def _write_note(text: str) -> None:
     if _notes is not None:
         with suppress(OSError):  # nobody waits any more
-            os.write(_notes, text.encode("utf-8", "replace") + b"\0")
+            os.write(_notes, text.encode("utf-8", "backslashreplace") + b"\0")

@@ -139,12 +139,16 @@ def estimate_file(
         job = partial(estimate_tile, run.store, fit, creases, chosen_quality, chosen)
         done = run.tiles("fit", run.results(parameters), job, link)
         run.write(done.tiles)
+    status = {status: int(k) for status, k in zip(FitStatus, done.sums("status"), strict=True) if k}
     return run.report() | {
         "quantity": quantity,
         "quality": chosen_quality or None,
         "attributes": chosen,
         "fit": asdict(_with_counts(fit, done)),
-        "status": {status.name: int(k) for status, k in zip(FitStatus, done.sums("status"), strict=True) if k},
+        "status": {code.name: count for code, count in status.items()},
+        "warnings": []
+        if any(code.has_curvature for code in status)
+        else [_no_curvature(max(status, key=lambda code: status[code]))],
         "halo_rings": rings_needed(fit),
         "dashboard": link or None,
     }
@@ -189,6 +193,14 @@ def estimate_tile(
         "parts": [float(part.vertices) for part in geometry.fit.parts],
     }
     return rows, TileReport(tile, len(part.ids), sums)
+
+
+def _no_curvature(status: FitStatus) -> str:
+    """Why no vertex has a curvature, as far as tiles tell."""
+    return (
+        f"no vertex has a curvature: {status.message}; where faces share no vertices or lie on each other, weld them "
+        "(meshing_merge_close_vertices) and remove duplicates (meshing_remove_duplicate_faces) first"
+    )
 
 
 def fit_tile(store: Store, fit: SurfaceFit, creases: bool, tile: int) -> tuple[VertexGeometry, TilePart]:

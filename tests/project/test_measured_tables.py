@@ -8,6 +8,7 @@ import csv
 import re
 import shutil
 import subprocess
+import sys
 from decimal import Decimal
 from pathlib import Path
 
@@ -60,14 +61,55 @@ def sections_with_figures():
                 yield pytest.param(section, id=f"{page.stem}-{number}")
 
 
+def git(*arguments):
+    return subprocess.run(["git", *arguments], cwd=ROOT, check=False, capture_output=True, text=True)
+
+
+def commits_are_missing():
+    """Why this tree cannot tell which commits there are, or an empty text."""
+    if not shutil.which("git"):
+        return "git is not installed"
+    found = git("rev-parse", "--show-toplevel", "--is-shallow-repository")
+    if found.returncode != 0 or not ROOT.samefile(found.stdout.splitlines()[0]):
+        return "the tree is no clone of its repository"
+    return "the clone is shallow: git fetch --unshallow" if found.stdout.splitlines()[1] == "true" else ""
+
+
 @pytest.mark.parametrize("section", list(sections_with_figures()))
-def test_figures_name_their_commit(section):
-    commits = COMMIT.findall(section)
-    assert commits, "a benchmark is named, but not the commit at which it ran"
-    if shutil.which("git") and (ROOT / ".git").exists():
-        for commit in commits:
-            found = subprocess.run(["git", "cat-file", "-e", f"{commit}^{{commit}}"], cwd=ROOT, check=False)
-            assert found.returncode == 0, f"there is no commit {commit}"
+def test_figures_name_a_commit(section):
+    assert COMMIT.findall(section), "a benchmark is named, but not the commit at which it ran"
+
+
+@pytest.mark.parametrize("section", list(sections_with_figures()))
+def test_named_commits_exist(section):
+    if reason := commits_are_missing():
+        pytest.skip(reason)
+    for commit in COMMIT.findall(section):
+        assert git("cat-file", "-e", f"{commit}^{{commit}}").returncode == 0, f"there is no commit {commit}"
+
+
+@pytest.mark.skipif(bool(commits_are_missing()), reason=commits_are_missing() or "a whole clone")
+def test_in_a_shallow_clone_commits_are_not_looked_for(tmp_path):
+    """The tests above pass in a clone of depth 1, as forges make it; here, those of one page."""
+    clone = tmp_path / "clone"
+    assert git("clone", "--quiet", "--depth", "1", ROOT.as_uri(), clone).returncode == 0
+    names = Path(__file__).relative_to(ROOT)
+    shutil.copy(__file__, clone / names)
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-q", "-rs", names, "-k", "commit and accuracy"],
+        cwd=clone,
+        check=False,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stdout
+    assert "the clone is shallow" in done.stdout
+
+
+def test_the_workflow_fetches_all_commits_where_tests_run():
+    jobs = re.split(r"\n  (?=\w+:\n)", (ROOT / ".github" / "workflows" / "check.yml").read_text(encoding="utf-8"))
+    (tests,) = [job for job in jobs if job.startswith("test:")]
+    assert re.search(r"uses: actions/checkout@v4\n +with: \{fetch-depth: 0\}", tests)
 
 
 def rows_of_page(page, columns):

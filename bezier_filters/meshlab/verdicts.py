@@ -1,0 +1,39 @@
+"""Whether a filter did what it was asked for, and why not, by the diagnosis of the mesh."""
+
+import numpy as np
+
+from bezier_filters.arrays import BoolArray, Report
+from bezier_filters.estimation.vertex_geometry import VertexGeometry
+from bezier_filters.meshes.diagnosis import can_be_repaired, explain, inspect_mesh, is_fit
+from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.meshlab.meshset import CurrentMesh
+from bezier_filters.smoothing.smooth import SmoothingResult
+from bezier_filters.status import FitStatus
+
+
+def fit_verdict(what: str, geometry: VertexGeometry, mesh: CurrentMesh, mask: BoolArray, worst: FitStatus) -> Report:
+    """Texts: a warning where no vertex of a mask has an estimate, a remark where most have none to rely on."""
+    if len(mesh.faces):  # else of those that are in no face, which is told by itself
+        in_faces = np.isin(np.arange(len(mask)), mesh.faces)
+        mask = mask & in_faces if (mask & in_faces).any() else mask
+    status = geometry.status[mask]
+    good = status <= worst if what == "normal" else status < FitStatus.FOLDED
+    if not len(status) or 2 * int(good.sum()) > len(status):
+        return {"warnings": [], "remarks": []}
+    most = list(FitStatus)[int(np.bincount(status).argmax())]
+    shape = triangle_mesh(mesh.vertices, mesh.faces)
+    if (status > worst).all():
+        return {"warnings": [explain(f"no vertex has a {what}", most.message, shape)], "remarks": []}
+    bad = f"{len(status) - int(good.sum()):,} of {len(status):,} vertices have no {what} to rely on"
+    return {"warnings": [], "remarks": [explain(bad, most.message, shape)]}
+
+
+def smoothing_warnings(result: SmoothingResult, mesh: CurrentMesh) -> list[str]:
+    """Why nothing could be smoothed; none where nothing had to be, as on a clean or a flat mesh."""
+    if result.displacement.any():
+        return []
+    shape = triangle_mesh(mesh.vertices, mesh.faces)
+    faults = inspect_mesh(shape)
+    if is_fit(shape, faults) and (result.noise_before is not None or not can_be_repaired(faults)):
+        return []
+    return [explain("nothing was smoothed", "the noise is not known", shape)]
