@@ -16,6 +16,7 @@ from bezier_filters.errors import InvalidParameterError
 from bezier_filters.parameters import LENGTH, PARAMETERS, Parameter
 from bezier_filters.runtime.atomic import temporary_folder
 from bezier_filters.runtime.file_names import name_pipe, shown_path
+from bezier_filters.runtime.supervision import NEEDS_A_LOOK
 
 if TYPE_CHECKING:
     from bezier_filters.arrays import Report
@@ -64,7 +65,6 @@ def _app(
 
 
 PIPE = Path("-")
-NEEDS_A_LOOK = 3  # exit status
 
 
 def named_path(text: str) -> Path:

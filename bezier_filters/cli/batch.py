@@ -16,10 +16,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from bezier_filters.cli import console, filters
-from bezier_filters.cli.app import NEEDS_A_LOOK, Json, Quiet, app
+from bezier_filters.cli.app import Json, Quiet, app
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.parameters import PARAMETERS
 from bezier_filters.runtime.checksums import checksum_of
+from bezier_filters.runtime.supervision import NEEDS_A_LOOK
 
 if TYPE_CHECKING:
     from bezier_filters.arrays import Report

@@ -13,7 +13,6 @@ import typer
 
 from bezier_filters.cli import batch, console, filters, pictures, scale
 from bezier_filters.cli.app import (
-    NEEDS_A_LOOK,
     Json,
     Overwrite,
     Quiet,
@@ -30,6 +29,7 @@ from bezier_filters.cli.app import (
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.runtime.file_names import given_path, printable, shown_name, shown_path, with_pipes_named
 from bezier_filters.runtime.process_end import variables_of_child
+from bezier_filters.runtime.supervision import NEEDS_A_LOOK
 
 if TYPE_CHECKING:
     from bezier_filters.arrays import Report

@@ -216,8 +216,8 @@ def diagnose(mesh: TriangleMesh | ArrayLike, report: MeshReport | ArrayLike | No
 
     Examples
     --------
-    >>> diagnose([[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 5, 5]], [[0, 1, 2]])
-    ['1 unreferenced vertices get no estimate (meshing_remove_unreferenced_vertices removes them)']
+    >>> diagnose([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    ['3 vertices at most are connected by faces: curvature takes 6 or more']
     """
     mesh = _as_mesh(mesh, None if isinstance(report, MeshReport) else report)
     report = report if isinstance(report, MeshReport) else inspect_mesh(mesh)

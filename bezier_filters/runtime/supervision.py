@@ -31,6 +31,7 @@ try:
 except ImportError:  # Windows
     resource = None  # type: ignore[assignment]
 
+NEEDS_A_LOOK = 3  # exit status of work that was done, but whose result is not what was asked for
 FAILED = 2  # exit status of work that failed, or whose process was ended by a signal that nobody sent
 ALLOWANCE = 1 << 30  # bytes that reading a file of any size may take,
 # and for each byte of the file: a vertex of ten characters takes some five hundred as part of a mesh with everything,

@@ -18,6 +18,7 @@ from typing import Any, TypeAlias, TypeVar
 from bezier_filters.errors import CancelledError, InvalidParameterError
 from bezier_filters.runtime.parallel import THREADS_VARIABLE, Progress, report
 from bezier_filters.runtime.process_end import end_with_parent, variables_of_child
+from bezier_filters.runtime.supervision import NEEDS_A_LOOK
 from bezier_filters.runtime.worker_processes import Outcome, last_words
 
 # None, "threads", "processes", "synchronous", an address such as "tcp://host:8786", or a `distributed.Client`
@@ -170,7 +171,7 @@ def run_command_line(job: tuple[int, Sequence[str]]) -> tuple[int, Outcome]:
     index, arguments = job
     start = time.perf_counter()
     done = subprocess.run(
-        [sys.executable, "-m", "bezier_filters", *arguments, "--json"],
+        [sys.executable, "-m", "bezier_filters", arguments[0], "--json", *arguments[1:]],
         capture_output=True,
         text=True,
         stdin=subprocess.DEVNULL,
@@ -178,7 +179,7 @@ def run_command_line(job: tuple[int, Sequence[str]]) -> tuple[int, Outcome]:
         check=False,
     )
     seconds, said = time.perf_counter() - start, done.stderr.strip().splitlines()
-    if not done.returncode:
+    if done.returncode in (0, NEEDS_A_LOOK):
         return index, Outcome(json.loads(done.stdout), "", seconds)
     has_said_why = said and done.returncode > 0
     error = said[-1].removeprefix("bezier-filters: ") if has_said_why else last_words(done.returncode)

@@ -8,6 +8,7 @@ import pytest
 from command_line import run
 
 from bezier_filters import read_fields
+from bezier_filters.scale.scheduling import run_command_line
 from bezier_filters.status import FitStatus
 from bezier_filters.surfaces import sphere
 
@@ -104,3 +105,10 @@ def test_a_batch_says_which_files_need_a_look(tmp_path, monkeypatch):
     assert result.returncode == 3
     assert "are not welded" in result.stdout
     assert run("batch", "curvature", files[1], "--out", tmp_path / "out", "--redo").returncode == 0
+
+
+def test_workers_of_a_scheduler_do_not_take_it_for_a_failure(tmp_path):
+    source = save(tmp_path / "soup.ply", *SOUP)
+    job = ["curvature", "--", str(source), str(tmp_path / "out.ply")]
+    _, outcome = run_command_line((0, job))
+    assert (outcome.error, len(outcome.result["warnings"])) == ("", 1)
