@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from math import pi
 
 import numpy as np
@@ -15,6 +14,7 @@ from bezier_filters.meshes.half_edges import HalfEdgeLists, face_at_edge, half_e
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.neighbourhoods import rings_around, search_room
 from bezier_filters.meshes.triangles import angle_parts, edge_length
+from bezier_filters.runtime.cached_property import cached_property
 from bezier_filters.runtime.jit import jit, short_jit
 
 RINGS = 5  # around a hole, from which its fill follows

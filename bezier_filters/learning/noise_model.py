@@ -6,13 +6,13 @@ surroundings of width l / sqrt(2). Distances go by edges, whichever way these ar
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
 from bezier_filters.learning.ring_analysis import RingAnalysis
 from bezier_filters.patches.harmonics import harmonic_basis
+from bezier_filters.runtime.cached_property import cached_property
 
 STEEP = 1.02  # mean of 1 / cos^2 of the slopes, below which white noise along the normal counts as that of the heights
 # times the standard deviation of correlated noise that was learned: most that it is mistaken by. If it is known to be

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +12,7 @@ from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample
 from bezier_filters.learning.ring_kernel import RingSums, analyse_in_lanes, ring_workspace
 from bezier_filters.patches.harmonics import HIGHEST_DEGREE, harmonic_basis
 from bezier_filters.patches.polynomials import total_degree_space
+from bezier_filters.runtime.cached_property import cached_property
 from bezier_filters.runtime.lanes import LANES
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 

@@ -1,7 +1,6 @@
 """What is wrong with a mesh, whether it is fit for fitting, and what to do about it if not."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +20,7 @@ from bezier_filters.meshes.half_edges import (
 )
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
 from bezier_filters.meshes.triangles import area_vectors
+from bezier_filters.runtime.cached_property import cached_property
 
 FEWEST_POINTS = 6  # points that determine a quadratic
 

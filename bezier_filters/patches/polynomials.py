@@ -6,12 +6,13 @@ same polynomial; the latter make A^T A a table of moments and derivatives a matt
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.patches.bernstein import centred_monomials
+from bezier_filters.runtime.cached_property import cached_property
 
 
 @dataclass(frozen=True)

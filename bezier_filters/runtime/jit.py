@@ -5,11 +5,13 @@ counted up and down again, atomically. `_nrt` is numba's own name for its run ti
 """
 
 import logging
+import os
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 import numpy as np
 from numba import njit
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.event import Listener, register
 
 from bezier_filters.runtime.kernel_cache import KernelCache
@@ -94,3 +96,9 @@ class _Announcements(Listener):
 
 
 register("numba:compile", _Announcements())  # type: ignore[no-untyped-call]
+if hasattr(os, "register_at_fork"):  # a fork waits for what is compiled or loaded, else its child would wait for ever
+    os.register_at_fork(
+        before=global_compiler_lock.acquire,
+        after_in_parent=global_compiler_lock.release,
+        after_in_child=global_compiler_lock.release,
+    )

@@ -146,6 +146,7 @@ def _pool() -> ThreadPoolExecutor:
 
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_pool.cache_clear)  # threads do not survive a fork
+    os.register_at_fork(before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release)
 
 
 def report(progress: Progress | None, done: int, total: int) -> None:
@@ -158,17 +159,29 @@ def report(progress: Progress | None, done: int, total: int) -> None:
 def one_thread_for_matrices() -> Iterator[None]:
     """Around work with small matrices: the threads of BLAS would spend most of their time on waiting for each other.
 
-    The limit holds for the process until the last of several calls at a time has ended.
+    The limit holds for the process until the last of several calls at a time has ended, in whatever threads they are.
     """
     with _lock:
-        _limits.append(None if _limits else _blas().limit(limits=1, user_api="blas"))
+        _limits.append(None if _limits else _from_this_thread(lambda: _blas().limit(limits=1, user_api="blas")))
     try:
         yield
     finally:
         with _lock:
             limit = _limits.pop() if len(_limits) == 1 else _limits.pop(1)
             if limit is not None:
-                limit.restore_original_limits()
+                _from_this_thread(limit.restore_original_limits)
+
+
+def _from_this_thread(change: Callable[[], Result]) -> Result:
+    """Change the limit of BLAS; since version 3.7, threadpoolctl ignores all threads but the first that did so."""
+    libraries = [library for library in _blas().lib_controllers if hasattr(library, "clear_controlling_thread")]
+    for library in libraries:
+        library.clear_controlling_thread(force=True)
+    try:
+        return change()
+    finally:
+        for library in libraries:
+            library.clear_controlling_thread(force=True)
 
 
 @cache

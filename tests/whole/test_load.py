@@ -60,6 +60,14 @@ def test_threads_and_repetition_change_no_bit(name):
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_thread_gives_the_bits_of_the_main_thread(name):
+    """Large enough for threads of BLAS in the systems of fills; the main thread has called it first."""
+    here = result_of(name, resolution=30)
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(result_of, name, resolution=30).result() == here
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
 def test_python_threads_do_not_disturb_each_other(name):
     sizes = [RESOLUTION, RESOLUTION + 4] * 3
     alone = [result_of(name, resolution=size) for size in sizes[:2]]
