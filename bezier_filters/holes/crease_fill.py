@@ -185,7 +185,7 @@ def _with_parts(
         first = inner.stop
     shared = len(points)
     faces: list[IntArray] = []
-    taken = region.rim_edges
+    taken, is_limited = region.rim_edges, False
     for part, fill_part in enumerate(fillers):
         loop = border(cut, paths, part)
         if len(np.unique(loop)) < len(loop) or len(loop) < 3:
@@ -195,12 +195,13 @@ def _with_parts(
         if isinstance(fill, str):
             return fill
         new = np.arange(len(points), len(points) + len(fill.points) - fill.rim_count)
+        is_limited |= fill.is_limited
         faces.append(np.concatenate([side.ids[: fill.rim_count], new])[fill.faces].astype(np.int32))
         points = np.vstack([points, fill.points[fill.rim_count :]])
         sizes = np.concatenate([sizes, fill.sizes[fill.rim_count :]])
         taken = np.concatenate([taken, vertex_pairs(faces[-1], shared)])
     creases = np.vstack([np.stack([path[:-1], path[1:]], axis=1) for path in paths])
-    fill = Fill(points, sizes, np.vstack(faces), region.rim_count)
+    fill = Fill(points, sizes, np.vstack(faces), region.rim_count, is_limited)
     return Attempt("creases", fill, parts=len(cut.sectors), creases=creases)
 
 

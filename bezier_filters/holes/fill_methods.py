@@ -29,6 +29,7 @@ FillingMethod = Literal["auto", "paper"]
 
 BULGE = 0.5  # times the diameter of a hole: how far its fill may leave the bounding box of the rim
 CUTTING = "every fill would cut other faces, intersecting=True takes the one that cuts least"
+LIMITED = "its triangles stay larger than those around it, as there would be too many"
 # faces that cut others, the same as a share of all, and rings around them, up to which a fill is flattened there
 MOST_FREED, LARGEST_SHARE, RINGS_FREED = 16, 0.04, 4
 
@@ -60,7 +61,8 @@ class HoleReport:
         vertices of the rim, and some more in between, of little area. ``"paper"``: the paper's patch, or one for each
         part. Empty if open.
     reason : str
-        Why the hole was left open, or why better methods were not used; empty if there is nothing to say.
+        Why the hole was left open, why better methods were not used, or that triangles stay larger than those around
+        the hole as there would be too many; empty if there is nothing to say.
     parts : int
         Sub-holes that creases cut the hole into, 1 without creases, 0 if it was left open.
     creases : (e, 2) int32
@@ -203,9 +205,9 @@ def _first_without_cuts(
     """The first attempt that cuts nothing, or else none; if fills may cut others, the first of those that cut least."""
     task, region, report = hole.mesh, hole.region, hole.mesh.reports[number]
     low, high = task.boxes[number]
-    meeting = [
-        faces for k, faces in earlier.items() if (task.boxes[k, 0] <= high).all() and (task.boxes[k, 1] >= low).all()
-    ]
+    places = np.fromiter(earlier, dtype=np.int64, count=len(earlier))
+    meets = ((task.boxes[places, 0] <= high) & (task.boxes[places, 1] >= low)).all(axis=1)
+    meeting = [earlier[k] for k in places[meets].tolist()]
     ids = task.mesh.faces[task.near.row(number)].ravel()
     of_mesh = FaceSet(ids, task.mesh.vertices[ids], np.arange(len(ids), dtype=np.int32).reshape(-1, 3))
     least, taken, placed = 0, None, None  # faces that cut others, in the best attempt so far and its place in the mesh
@@ -231,6 +233,8 @@ def _first_without_cuts(
         told += [text for _, text in reasons]
         return replace(report, reason="; ".join(dict.fromkeys(told)), self_intersections=least), None
     told = [text for attempt, text in reasons if attempt is not taken]
+    if taken.fill is not None and taken.fill.is_limited:
+        told.append(f"{LIMITED} ({len(placed.faces)} new faces)")
     if least:
         told.append(f"{taken.kind}: taken, though {least} of its faces cut others, the fewest")
     return replace(

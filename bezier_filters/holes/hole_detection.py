@@ -15,6 +15,7 @@ from bezier_filters.holes.loops import angle_sums, diameter, enclosed, plane_axe
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.half_edges import BorderEdges, border_edges, cycles, doubled_edges
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection
+from bezier_filters.meshes.self_intersections import faces_in_boxes
 from bezier_filters.meshes.triangles import area_vectors
 
 # a loop that turns towards its surface by more than this is an outer rim: half-way from a tube to a flat disk
@@ -67,7 +68,7 @@ def find_holes(mesh: TriangleMesh, adjacency: Adjacency) -> list[Hole]:
     holes = []
     border = border_edges(mesh, adjacency.on_boundary)
     n, doubled = mesh.vertex_count, doubled_edges(mesh, border)
-    cracks = (border.start * np.int64(n) + border.end)[doubled]
+    cracks = np.sort((border.start * np.int64(n) + border.end)[doubled])
     loops, rest = _loops_around_gaps(mesh, adjacency, border)
     for loop, gaps in loops:
         turning = float((gaps - pi).sum())
@@ -75,7 +76,7 @@ def find_holes(mesh: TriangleMesh, adjacency: Adjacency) -> list[Hole]:
         parts = simple_loops(loop) if turning > RIM_TURNING else [loop]
         for part in parts:
             points = mesh.vertices[part]
-            count = np.isin(part * np.int64(n) + np.roll(part, -1), cracks).sum() if len(cracks) else 0
+            count = _count_listed(part * np.int64(n) + np.roll(part, -1), cracks)
             obstacle = f"{count} of its {len(part)} edges lie on those of another border: {WELD}" if count else ""
             length = float(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1).sum())
             holes.append(Hole((part[::-1].copy(),), turning, length, diameter(points), obstacle))
@@ -87,6 +88,11 @@ def find_holes(mesh: TriangleMesh, adjacency: Adjacency) -> list[Hole]:
         holes.append(Hole((rim,), 0.0, float(length), diameter(mesh.vertices[rim]), obstacle, len(start)))
     holes.sort(key=lambda hole: int(hole.rim.min()))
     return _with_islands(mesh, holes)
+
+
+def _count_listed(keys: IntArray, listed: IntArray) -> int:
+    """Number of keys that are among sorted ones."""
+    return int((np.searchsorted(listed, keys, side="right") - np.searchsorted(listed, keys)).sum())
 
 
 def simple_loops(loop: IntArray) -> list[IntArray]:
@@ -131,8 +137,10 @@ def _loops_around_gaps(
     successor = np.where(unclear, np.arange(len(start)), first).astype(np.int32)
     around = mesh.faces[np.unique(adjacency.faces.of(end))]
     gaps = 2.0 * pi - angle_sums(mesh.vertices, around, mesh.vertex_count)[end]  # at the end of each half-edge
+    by_end = np.argsort(end, kind="stable")
     for vertex in np.unique(end[(last - first > 1) & ~unclear]):
-        arriving, leaving = np.flatnonzero(end == vertex), np.flatnonzero(start == vertex)
+        arriving = by_end[slice(*np.searchsorted(end, [vertex, vertex + 1], sorter=by_end))]
+        leaving = np.arange(*np.searchsorted(start, [vertex, vertex + 1]))
         following, angles = _across_gaps(mesh, adjacency, vertex, start[arriving], end[leaving])
         successor[arriving], gaps[arriving] = leaving[following], angles
     return [(end[loop], gaps[loop]) for loop in cycles(successor, np.flatnonzero(~unclear).astype(np.int32))], rest
@@ -170,33 +178,53 @@ def _across_gaps(
 
 def _with_islands(mesh: TriangleMesh, holes: list[Hole]) -> list[Hole]:
     """Move the outer rims that lie in a hole to the smallest such hole."""
-    result = dict(enumerate(holes))
-    for k, sheet in enumerate(holes):
-        if not sheet.is_outer_rim or sheet.obstacle:
-            continue
-        others = ((j, hole) for j, hole in enumerate(holes) if not (hole.is_outer_rim or hole.obstacle))
-        around = [j for j, hole in others if _lies_in(mesh, sheet, hole)]
-        if around:
-            j = min(around, key=lambda j: holes[j].diameter)
-            hole = result[j]
-            result[j] = replace(hole, loops=hole.loops + sheet.loops, perimeter=hole.perimeter + sheet.perimeter)
-            del result[k]
-    return list(result.values())
+    around = [j for j, hole in enumerate(holes) if not (hole.is_outer_rim or hole.obstacle)]
+    sheets = [k for k, hole in enumerate(holes) if hole.is_outer_rim and not hole.obstacle]
+    if not around or not sheets:
+        return holes
+    boxes = [_box_around(mesh, holes[j]) for j in around]
+    # An outer rim is near a hole only if its first vertex is.
+    firsts = np.array([mesh.vertices[holes[k].rim[0]] for k in sheets])
+    corners = np.arange(len(sheets), dtype=np.int32)[:, np.newaxis].repeat(3, axis=1)
+    near = faces_in_boxes(firsts, corners, np.array([box[0] for box in boxes]), np.array([box[1] for box in boxes]))
+    smallest: dict[int, int] = {}  # the first of the smallest holes that an outer rim lies in
+    for place in sorted(range(len(around)), key=lambda place: holes[around[place]].diameter):
+        hole = holes[around[place]]
+        for sheet in near.row(place).tolist():
+            if sheet not in smallest and _lies_in(mesh, holes[sheets[sheet]], hole):
+                smallest[sheet] = around[place]
+    islands: dict[int, list[Hole]] = {}
+    for sheet in sorted(smallest):
+        islands.setdefault(smallest[sheet], []).append(holes[sheets[sheet]])
+    moved = {sheets[sheet] for sheet in smallest}
+    return [_with_loops(hole, islands.get(k, [])) for k, hole in enumerate(holes) if k not in moved]
+
+
+def _with_loops(hole: Hole, islands: list[Hole]) -> Hole:
+    """A hole with the rims of its islands."""
+    loops = sum((island.loops for island in islands), ())
+    length = sum((island.perimeter for island in islands), hole.perimeter)
+    return replace(hole, loops=hole.loops + loops, perimeter=length)
+
+
+def _box_around(mesh: TriangleMesh, hole: Hole) -> tuple[FloatArray, FloatArray]:
+    """Lowest and highest corner of the box that islands of a hole lie in, each (3,)."""
+    rim, margin = mesh.vertices[hole.rim], ISLAND_HEIGHT * hole.diameter
+    return rim.min(axis=0) - margin, rim.max(axis=0) + margin
 
 
 def _lies_in(mesh: TriangleMesh, sheet: Hole, hole: Hole) -> bool:
     """Whether an outer rim is that of an island in a hole."""
     rim, points = mesh.vertices[hole.rim], mesh.vertices[sheet.rim]
-    low, high = rim.min(axis=0), rim.max(axis=0)
-    margin = ISLAND_HEIGHT * hole.diameter
-    if sheet.diameter >= hole.diameter or not ((points > low - margin) & (points < high + margin)).all():
+    low, high = _box_around(mesh, hole)
+    if sheet.diameter >= hole.diameter or not ((points > low) & (points < high)).all():
         return False
     normal = vector_area(rim)
     if not normal.any() or normal @ vector_area(points) >= 0.0:
         return False
     axes = plane_axes(normal)
     local = (points - rim.mean(axis=0)) @ axes.T
-    near = np.abs(local[:, 2]) <= margin
+    near = np.abs(local[:, 2]) <= ISLAND_HEIGHT * hole.diameter
     return bool((near & enclosed(local[:, :2], (rim - rim.mean(axis=0)) @ axes[:2].T)).all())
 
 

@@ -9,13 +9,15 @@ import heapq
 from math import pi
 
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import cdist
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.triangles import unit_normal
 from bezier_filters.runtime.jit import inner_jit, jit, short_jit
 
-DISTANCES_AT_ONCE = 512  # points whose distances to all others are computed together
+DISTANCES_AT_ONCE = 512  # points up to which all distances are computed
+SWEEPS = 6  # times that the farthest point from the last one is looked for, for a long distance to begin with
 LARGEST_EXACT = 160  # most vertices of a loop that is triangulated in cubic time
 WIDEST_EAR = 1.1 * pi  # angle of the hole at a vertex from which on the vertex is no ear
 STEPS = 1e6  # in which 1 - cos of an angle is counted
@@ -28,9 +30,50 @@ def vector_area(loop: FloatArray) -> FloatArray:
 
 
 def diameter(points: FloatArray) -> float:
-    """Largest distance between two of the points (k, 3)."""
-    parts = (points[k : k + DISTANCES_AT_ONCE] for k in range(0, len(points), DISTANCES_AT_ONCE))
-    return max((float(cdist(part, points).max()) for part in parts), default=0.0)
+    """Largest distance between two of the points (k, 3).
+
+    Of many points only the corners of their convex hull are compared, from the outside in. Two points are no farther
+    from each other than from the middle of all points, in sum: most pairs need no look.
+    """
+    if len(points) <= DISTANCES_AT_ONCE:
+        return float(cdist(points, points).max(initial=0.0))
+    points = points[_hull_corners(points)]
+    reach = np.linalg.norm(points - 0.5 * (points.min(axis=0) + points.max(axis=0)), axis=1)
+    order = reach.argsort(kind="stable")[::-1]
+    points, reach = points[order], reach[order]
+    ends, longest = 0, 0.0
+    for _ in range(SWEEPS):
+        distances = np.linalg.norm(points - points[ends], axis=1)
+        ends, longest = int(distances.argmax()), max(longest, float(distances.max()))
+    return float(_longest_distance(points, reach, longest)[0])
+
+
+def _hull_corners(points: FloatArray) -> IntArray:
+    """Corners of the convex hull of points (k, 3), which may lie in a plane or on a line."""
+    centred = points - points.mean(axis=0)
+    axes = np.linalg.svd(centred.T @ centred)[2]
+    for dimension in (3, 2):
+        try:
+            return np.asarray(ConvexHull(centred @ axes[:dimension].T).vertices, dtype=np.int32)
+        except QhullError:  # they lie in a space of fewer dimensions
+            continue
+    along = centred @ axes[0]
+    return np.array([along.argmin(), along.argmax()], dtype=np.int32)
+
+
+@jit()
+def _longest_distance(points: FloatArray, reach: FloatArray, longest: float) -> tuple[float, int]:
+    """Largest distance, given one, and how many were measured; points are sorted by their reach from the middle."""
+    measured = 0
+    for i in range(points.shape[0]):
+        for j in range(i):
+            # the sum may be as long by rounding alone
+            if reach[i] + reach[j] <= longest * (1.0 + 1e-14):
+                break
+            x, y, z = points[i, 0] - points[j, 0], points[i, 1] - points[j, 1], points[i, 2] - points[j, 2]
+            longest = max(longest, np.sqrt(x * x + y * y + z * z))
+            measured += 1
+    return longest, measured
 
 
 def plane_axes(normal: FloatArray) -> FloatArray:

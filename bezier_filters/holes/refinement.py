@@ -1,13 +1,15 @@
 """The triangulation of a hole, refined: triangles are split, edges flipped, vertices moved to where they are more even.
 
 Triangles are split until their edges are as long as those of the surroundings, with edges flipped until all of them
-are locally Delaunay (P. Liepa, "Filling holes in meshes", SGP 2003). The edges at the rim stay as they are.
+are locally Delaunay (P. Liepa, "Filling holes in meshes", SGP 2003). The edges at the rim stay as they are. Far from
+the rim of a large hole edges grow, so that the number of faces is n log n for a rim of n edges, and not n^2.
 """
 
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeVar
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.half_edges import HalfEdgeLists, face_neighbours, find_neighbours, room_for_half_edges
@@ -16,13 +18,17 @@ from bezier_filters.runtime.jit import inner_jit, jit, short_jit
 
 # triangles are split while their centroid is farther from their corners than the wanted edge length over this
 DENSITY = float(np.sqrt(2.0))
-# of a fill, and the square of its rim's number of edges, some six times as many as a round hole needs: where a rim has
-# edges of very different lengths, triangles stay larger than they would be
-FEW_FACES = 1_000
+# edges from the rim up to which wanted lengths are those at the rim, and over which their square doubles from there on:
+# a round hole of 200 edges is nowhere deeper
+UNIFORM_DEPTH, GROWTH_DEPTH = 32.0, 4.0
+# limit on the faces of a fill: this plus the square of the number of rim vertices, some six times as many as a round
+# hole needs, and for each rim vertex of a large hole some three times as many; beyond it triangles stay too large
+FEW_FACES, FACES_PER_RIM_VERTEX = 1_000, 250
 MOST_PASSES = 60
 # rows that there is room for, in faces of a fill or in so many, if it has fewer, before its arrays are made longer
 GROWTH, FEWEST_ROWS = 9, 200
 MOST_FLIPS = 30  # passes over all edges
+FINISHED, NO_ROOM, PAUSED, LIMITED = 0, 1, 2, 3  # outcomes of passes
 
 Values = TypeVar("Values", FloatArray, IntArray)
 
@@ -32,23 +38,65 @@ class Fill:
     """The triangulation of a hole."""
 
     points: FloatArray  # (n, 3): vertices, those of the rim first
-    sizes: FloatArray  # (n,): edge length that is wanted around each of them
+    sizes: FloatArray  # (n,): edge length that is wanted around each of them, before it grows away from the rim
     faces: IntArray  # (m, 3): triangles
     rim_count: int  # number of vertices of the rim
+    is_limited: bool = False  # whether triangles stayed too large, as there would be too many faces
 
 
 def refine(fill: Fill, existing: IntArray) -> Fill:
     """Split triangles that are too large, and flip edges; pairs (p, 2) of rim vertices are not joined again."""
     points, sizes, faces = fill.points, fill.sizes, fill.faces
-    neighbours = face_neighbours(faces)
-    counts = np.array([len(points), len(faces), 0])
-    most = FEW_FACES + fill.rim_count**2
-    while not _refine(points, sizes, faces, neighbours, existing, fill.rim_count, most, counts):
-        room = GROWTH * max(int(counts[1]), FEWEST_ROWS)
-        points, sizes = _with_room(points, room), _with_room(sizes, room)
-        faces, neighbours = _with_room(faces, room), _with_room(neighbours, room)
-    n, m, _ = counts
-    return Fill(points[:n].copy(), sizes[:n].copy(), faces[:m].copy(), fill.rim_count)
+    neighbours, existing = face_neighbours(faces), sorted_pairs(existing)
+    rim = cKDTree(points[: fill.rim_count]) if _is_wide(fill) else None
+    growth = np.ones(len(points)) if rim is None else _growth(points, sizes, rim, fill.rim_count)
+    borders = np.empty(fill.rim_count, dtype=np.int32)
+    counts, most = np.array([len(points), len(faces), 0]), face_limit(fill.rim_count)
+    while True:
+        passes = MOST_PASSES if rim is None else int(counts[2]) + 1
+        done = int(counts[0])
+        state = _refine(
+            points, sizes, growth, faces, neighbours, existing, fill.rim_count, borders, most, passes, counts
+        )
+        n, m = int(counts[0]), int(counts[1])
+        if state == NO_ROOM:
+            room = GROWTH * max(m, FEWEST_ROWS)
+            points, sizes, growth = _with_room(points, room), _with_room(sizes, room), _with_room(growth, room)
+            faces, neighbours = _with_room(faces, room), _with_room(neighbours, room)
+        elif state == PAUSED and rim is not None and counts[2] < MOST_PASSES:
+            growth[done:n] = _growth(points[done:n], sizes[done:n], rim, 0)
+        else:
+            return Fill(points[:n].copy(), sizes[:n].copy(), faces[:m].copy(), fill.rim_count, state == LIMITED)
+
+
+def face_limit(rim_count: int) -> int:
+    """Number of faces from which on no more triangles of a fill are split, for a number of rim vertices."""
+    return FEW_FACES + rim_count * min(rim_count, FACES_PER_RIM_VERTEX)
+
+
+def _is_wide(fill: Fill) -> bool:
+    """Whether a hole may be so wide that the edges of its fill grow."""
+    rim = fill.points[: fill.rim_count]
+    return float(np.linalg.norm(np.ptp(rim, axis=0))) > UNIFORM_DEPTH * float(fill.sizes[: fill.rim_count].min())
+
+
+def _growth(points: FloatArray, sizes: FloatArray, rim: cKDTree, rim_count: int) -> FloatArray:
+    """Factors of wanted lengths at points, (n,), by their distance to the rim; 1 at the first points.
+
+    At a depth of d edges of a large hole of n edges, faces fill n / d per edge of depth where factors grow like the
+    root of d: all in all n log n. The angles between faces on a smooth surface, by which it differs from its facets,
+    still fall with n.
+    """
+    depths = rim.query(points)[0] / np.maximum(sizes, 1e-300) - UNIFORM_DEPTH
+    factors = np.sqrt(1.0 + np.maximum(depths, 0.0) / GROWTH_DEPTH)
+    factors[:rim_count] = 1.0
+    return np.asarray(factors, dtype=np.float64)
+
+
+def sorted_pairs(pairs: IntArray) -> IntArray:
+    """Pairs (p, 2), the smaller one first, in ascending order."""
+    result = np.sort(pairs, axis=1)
+    return result[np.lexsort((result[:, 1], result[:, 0]))]
 
 
 def _with_room(part: Values, count: int) -> Values:
@@ -61,7 +109,7 @@ def _with_room(part: Values, count: int) -> Values:
 def flip_edges(fill: Fill, existing: IntArray) -> Fill:
     """Flip edges until all are locally Delaunay, without joining pairs (p, 2) of rim vertices again."""
     faces = fill.faces.copy()
-    _flip_all(fill.points, faces, work_space(fill), existing, fill.rim_count)
+    _flip_all(fill.points, faces, work_space(fill), sorted_pairs(existing), fill.rim_count)
     return replace(fill, faces=faces)
 
 
@@ -74,6 +122,7 @@ class WorkSpace(NamedTuple):
     goals: FloatArray  # (n, 3)
     counts: FloatArray  # (n,)
     moving: BoolArray  # (n,)
+    borders: IntArray  # (r,): room for each vertex of the rim
 
 
 def work_space(fill: Fill) -> WorkSpace:
@@ -81,12 +130,13 @@ def work_space(fill: Fill) -> WorkSpace:
     n, m = len(fill.points), len(fill.faces)
     before, goals = np.empty((2, n, 3))
     neighbours, lists = np.empty((m, 3), dtype=np.int32), room_for_half_edges(3 * m, n)
-    return WorkSpace(lists, neighbours, before, goals, np.empty(n), np.empty(n, dtype=np.bool_))
+    borders = np.empty(fill.rim_count, dtype=np.int32)
+    return WorkSpace(lists, neighbours, before, goals, np.empty(n), np.empty(n, dtype=np.bool_), borders)
 
 
 @inner_jit()
 def even_out(points: FloatArray, faces: IntArray, room: WorkSpace, existing: IntArray, rim_count: int) -> None:
-    """Flip edges as `flip_edges`, and then move every new vertex to the mean of its neighbours.
+    """Flip edges as `flip_edges`, given sorted pairs, and then move every new vertex to the mean of its neighbours.
 
     On a fill that is projected to its surface again this moves vertices along the surface only.
     """
@@ -97,43 +147,50 @@ def even_out(points: FloatArray, faces: IntArray, room: WorkSpace, existing: Int
 @short_jit()
 def _flip_all(points: FloatArray, faces: IntArray, room: WorkSpace, existing: IntArray, rim_count: int) -> None:
     find_neighbours(faces, room.lists, room.neighbours)
-    _flip(points, faces, room.neighbours, existing, rim_count)
+    _flip(points, faces, room.neighbours, existing, rim_count, room.borders)
 
 
 @jit()
 def _refine(
     points: FloatArray,
     sizes: FloatArray,
+    growth: FloatArray,
     faces: IntArray,
     neighbours: IntArray,
     existing: IntArray,
     rim_count: int,
+    borders: IntArray,
     most: int,
+    passes: int,
     counts: IntArray,
-) -> bool:
-    """Split and flip in passes; return whether that has come to an end, or else there must be more room.
+) -> int:
+    """Split and flip in passes, up to a number of them; return how that ended.
 
     `counts` are those of vertices, faces and passes.
     """
-    while counts[2] < MOST_PASSES and counts[1] <= most:
+    while counts[2] < passes:
         n, m = counts[0], counts[1]
+        if m > most:
+            return LIMITED
         if faces.shape[0] < 3 * m:  # each face may become three
-            return False
-        added = _split(points, sizes, faces, neighbours, n, m)
+            return NO_ROOM
+        added = _split(points, sizes, growth, faces, neighbours, n, m)
         counts[0], counts[1], counts[2] = n + added, m + 2 * added, counts[2] + 1
-        flips = _flip(points, faces[: m + 2 * added], neighbours, existing, rim_count)
+        flips = _flip(points, faces[: m + 2 * added], neighbours, existing, rim_count, borders)
         if flips == 0 and added == 0:
-            break
-    return True
+            return FINISHED
+    return PAUSED
 
 
 @inner_jit()
-def _split(points: FloatArray, sizes: FloatArray, faces: IntArray, neighbours: IntArray, n: int, m: int) -> int:
+def _split(
+    points: FloatArray, sizes: FloatArray, growth: FloatArray, faces: IntArray, neighbours: IntArray, n: int, m: int
+) -> int:
     """Split those of the first m faces that are too large at their centroids; return how many."""
     added = 0
     for f in range(m):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        size = (sizes[a] + sizes[b] + sizes[c]) / 3.0
+        size, factor = (sizes[a] + sizes[b] + sizes[c]) / 3.0, (growth[a] + growth[b] + growth[c]) / 3.0
         x = (points[a, 0] + points[b, 0] + points[c, 0]) / 3.0
         y = (points[a, 1] + points[b, 1] + points[c, 1]) / 3.0
         z = (points[a, 2] + points[b, 2] + points[c, 2]) / 3.0
@@ -142,11 +199,11 @@ def _split(points: FloatArray, sizes: FloatArray, faces: IntArray, neighbours: I
             i = faces[f, k]
             dx, dy, dz = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
             distance = DENSITY * np.sqrt(dx * dx + dy * dy + dz * dz)
-            large = large and distance > size and distance > sizes[i]
+            large = large and distance > factor * size and distance > growth[i] * sizes[i]
         if not large:
             continue
         tip, g, h = n + added, m + 2 * added, m + 2 * added + 1
-        points[tip, 0], points[tip, 1], points[tip, 2], sizes[tip] = x, y, z, size
+        points[tip, 0], points[tip, 1], points[tip, 2], sizes[tip], growth[tip] = x, y, z, size, factor
         beyond_bc, beyond_ca = neighbours[f, 1], neighbours[f, 2]
         faces[g, 0], faces[g, 1], faces[g, 2] = b, c, tip
         faces[h, 0], faces[h, 1], faces[h, 2] = c, a, tip
@@ -169,9 +226,20 @@ def _relink(faces: IntArray, neighbours: IntArray, f: int, start: int, new: int)
 
 
 @inner_jit()
-def _flip(points: FloatArray, faces: IntArray, neighbours: IntArray, existing: IntArray, rim_count: int) -> int:
-    """Flip edges that are not locally Delaunay, in passes over all faces; return how many."""
+def _flip(
+    points: FloatArray, faces: IntArray, neighbours: IntArray, existing: IntArray, rim_count: int, borders: IntArray
+) -> int:
+    """Flip edges that are not locally Delaunay, in passes over all faces; return how many.
+
+    `borders` (r,) receives how many edges of the border begin at each vertex of the rim.
+    """
     flips = 0
+    for i in range(rim_count):
+        borders[i] = 0
+    for f in range(faces.shape[0]):
+        for k in range(3):
+            if neighbours[f, k] < 0 and faces[f, k] < rim_count:
+                borders[faces[f, k]] += 1
     for _ in range(MOST_FLIPS):
         before = flips
         for f in range(faces.shape[0]):
@@ -186,7 +254,7 @@ def _flip(points: FloatArray, faces: IntArray, neighbours: IntArray, existing: I
                     c == d
                     or not _is_better_flipped(points, a, b, c, d)
                     or (c < rim_count and d < rim_count and _is_listed(existing, c, d))
-                    or _are_joined(faces, neighbours, f, g, c, d, rim_count)
+                    or _are_joined(faces, neighbours, f, g, c, d, rim_count, borders)
                 ):
                     continue
                 # Faces (a, b, c) and (b, a, d) become (d, c, a) and (c, d, b).
@@ -222,38 +290,50 @@ def _is_better_flipped(points: FloatArray, a: int, b: int, c: int, d: int) -> bo
 
 @inner_jit()
 def _is_listed(pairs: IntArray, a: int, b: int) -> bool:
-    """Whether (a, b) or (b, a) is among pairs."""
-    listed = False
-    for p in range(pairs.shape[0]):
-        i, j = pairs[p, 0], pairs[p, 1]
-        listed = listed or (i == a and j == b) or (i == b and j == a)
-    return listed
+    """Whether (a, b) or (b, a) is among sorted pairs."""
+    low, high = min(a, b), max(a, b)
+    first, last = 0, pairs.shape[0]
+    while first < last:
+        middle = (first + last) // 2
+        i, j = pairs[middle, 0], pairs[middle, 1]
+        if i < low or (i == low and j < high):
+            first = middle + 1
+        else:
+            last = middle
+    return bool(first < pairs.shape[0] and pairs[first, 0] == low and pairs[first, 1] == high)
 
 
 @inner_jit()
-def _are_joined(faces: IntArray, neighbours: IntArray, f: int, g: int, c: int, d: int, rim_count: int) -> bool:
+def _are_joined(
+    faces: IntArray, neighbours: IntArray, f: int, g: int, c: int, d: int, rim_count: int, borders: IntArray
+) -> bool:
     """Whether an edge joins c, a corner of face f, and d, a corner of face g.
 
-    Around a vertex inside the fill its faces form one fan. Around one on the rim they may form several, where a rim
-    meets itself. Where faces meet in ways that no turn ends, the answer is yes.
+    Around a vertex inside the fill its faces form one closed fan, around one on the rim an open one, or several where a
+    rim meets itself and several edges of the border begin there. Where no turn around a vertex ends, the answer is yes.
     """
-    if c < rim_count and d < rim_count:
+    start, tip, other = f, c, d
+    if c < rim_count and (d >= rim_count or borders[c] > 1):
+        start, tip, other = g, d, c
+    if tip < rim_count and borders[tip] > 1:
         joined = False
         for face in range(faces.shape[0]):
             joined = joined or (has_corner(faces, face, c) and has_corner(faces, face, d))
         return joined
-    start, tip, other = (f, c, d) if c >= rim_count else (g, d, c)
-    face = start
-    for _ in range(faces.shape[0]):
-        if has_corner(faces, face, other):
+    for turn in range(2):  # the other way around, too, from where an open fan does not go on
+        face = start
+        for _ in range(faces.shape[0]):
+            if has_corner(faces, face, other):
+                return True
+            k = 0 if faces[face, 0] == tip else 1 if faces[face, 1] == tip else 2
+            face = neighbours[face, k if turn == 0 else (k + 2) % 3]
+            if face == start:
+                return False
+            if face < 0:
+                break
+        if face >= 0 or tip >= rim_count:
             return True
-        k = 0 if faces[face, 0] == tip else 1 if faces[face, 1] == tip else 2
-        face = neighbours[face, k]
-        if face == start:
-            return False
-        if face < 0:
-            break
-    return True
+    return False
 
 
 @short_jit()

@@ -10,7 +10,7 @@ from bezier_filters.holes.implicit_surface import ImplicitSurface, fit_implicit_
 from bezier_filters.holes.influence_region import InfluenceRegion, fitted_points
 from bezier_filters.holes.loops import triangulate_loop
 from bezier_filters.holes.polyharmonic_fairing import polyharmonic_continuation
-from bezier_filters.holes.refinement import Fill, WorkSpace, even_out, refine, work_space
+from bezier_filters.holes.refinement import Fill, WorkSpace, even_out, refine, sorted_pairs, work_space
 from bezier_filters.meshes.half_edges import ends_of_half_edges
 from bezier_filters.runtime.jit import jit
 
@@ -149,7 +149,7 @@ def surface_around(
 def project_to_surface(fill: Fill, region: InfluenceRegion, surface: ImplicitSurface) -> Fill | None:
     """Move the new vertices of a fill onto a surface and make its triangles more even; None if that does not work."""
     points, faces = fill.points.copy(), fill.faces.copy()
-    is_on_it = _settle(surface, points, faces, work_space(fill), region.rim_edges, fill.rim_count)
+    is_on_it = _settle(surface, points, faces, work_space(fill), sorted_pairs(region.rim_edges), fill.rim_count)
     return replace(fill, points=points, faces=faces) if is_on_it else None
 
 
