@@ -16,12 +16,14 @@ from bezier_filters.cli.app import (
     Json,
     Overwrite,
     Quiet,
+    Skip,
     Source,
     app,
     check_target,
     examples,
     in_the_shell,
 )
+from bezier_filters.cli.reading import file_remarks
 from bezier_filters.errors import InvalidParameterError
 
 if TYPE_CHECKING:
@@ -91,10 +93,10 @@ def _stamp(path: Path) -> Stamp | None:
 
 
 @app.command(epilog="Example: bezier-filters info scan.ply")
-def info(source: Source, json: Json = False) -> None:
+def info(source: Source, skip: Skip = False, json: Json = False) -> None:
     """Say what is in a mesh or point cloud, how much noise there is, and whether it is fit for fitting."""
     with console.stages(quiet=json) as stage:
-        _, summary = _inspected(source, stage)
+        _, summary = _inspected(source, stage, skip=skip)
     if json:
         console.print_json({"file": str(source), **summary})
     else:
@@ -110,6 +112,7 @@ def report(
             help="Page to write; in this folder, with the name of the mesh, if left out.", metavar="PAGE.html"
         ),
     ] = None,
+    skip: Skip = False,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: Json = False,
@@ -126,7 +129,7 @@ def report(
         raise typer.BadParameter(f"PAGE: got {str(page)!r}, expected a file name that ends in .html")
     check_target(page, source, overwrite=overwrite)
     with console.stages(quiet=quiet or json) as stage:
-        mesh, summary = _inspected(source, stage)
+        mesh, summary = _inspected(source, stage, skip=skip)
         made = report_page(source.name, mesh, console.summary_rows(summary), summary["findings"], stage=stage)
         made.save(page)
     if json:
@@ -138,7 +141,7 @@ def report(
         console.out().print(f"wrote [bold]{console.escape(str(page))}[/]; open it in a browser")
 
 
-def _inspected(source: Path, stage: console.Stage) -> tuple["CurrentMesh", "Report"]:
+def _inspected(source: Path, stage: console.Stage, *, skip: bool) -> tuple["CurrentMesh", "Report"]:
     """A mesh, and what `info` tells of it."""
     from bezier_filters.meshes.diagnosis import diagnose, inspect_mesh, is_fit
     from bezier_filters.meshes.mesh import triangle_mesh
@@ -147,7 +150,7 @@ def _inspected(source: Path, stage: console.Stage) -> tuple["CurrentMesh", "Repo
     from bezier_filters.meshlab.topology import topology_of
 
     stage(f"reading {source.name}")
-    ms = load_mesh(source)
+    ms = load_mesh(source, skip=skip)
     stage(f"inspecting {source.name}")
     loaded = read_current_mesh(ms)
     mesh = triangle_mesh(loaded.vertices, loaded.faces)
@@ -187,6 +190,7 @@ def demo(
         Path | None, typer.Argument(help="Any mesh; the bunny that pymeshlab ships if left out.", metavar="MESH")
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the files.")] = Path("out"),
+    skip: Skip = False,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: Json = False,
@@ -199,7 +203,7 @@ def demo(
         check_target(path, *filter(None, [source]), overwrite=overwrite)
     files: list[Report] = []
     with console.stages(quiet=quiet or json) as stage:
-        for label, path, told in run_demo(out, source, stage):
+        for label, path, told in run_demo(out, source, stage, skip=skip):
             if not (quiet or json):
                 if not files:
                     console.print_status(told, str(source or "bunny"))
@@ -225,7 +229,15 @@ def _run() -> str:
     from bezier_filters.errors import CancelledError
 
     try:
-        app()
+        with file_remarks() as remarks:
+            try:
+                app()
+            except SystemExit as end:
+                if end.code in (None, 0, NEEDS_A_LOOK):
+                    remarks.show()
+                    if remarks.losses:
+                        raise SystemExit(NEEDS_A_LOOK) from None
+                raise
     except (ValueError, OSError, ImportError, CancelledError) as error:
         return _in_one_line(error)
     except MemoryError:

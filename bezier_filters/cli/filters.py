@@ -17,6 +17,7 @@ from bezier_filters.cli.app import (
     Overwrite,
     Quiet,
     SaveScript,
+    Skip,
     Source,
     Target,
     app,
@@ -59,6 +60,7 @@ def filter_command(
             target: Target,
             *,
             save_script: SaveScript = None,
+            skip: Skip = False,
             overwrite: Overwrite = False,
             quiet: Quiet = False,
             json: Json = False,
@@ -72,7 +74,7 @@ def filter_command(
             suffix = format_of(target)
             with console.stages(quiet=quiet or json) as stage:
                 stage(f"reading {source.name}")
-                ms = bf.load_mesh(source)
+                ms = bf.load_mesh(source, skip=skip)
                 report = getattr(bf, filter_name)(ms, progress=stage(f"{verb} {source.name}"), **given)
                 stage(f"writing {target.name}")
                 remarks = bf.save_mesh(ms, target)
@@ -189,6 +191,7 @@ def creases(
     view: Annotated[
         list[str] | None, typer.Option(help="View of the picture: front, back, left, ...; may be repeated.")
     ] = None,
+    skip: Skip = False,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: Json = False,
@@ -208,7 +211,7 @@ def creases(
     angle, strength = given.pop("angle"), given.pop("minstrength")
     with console.stages(quiet=quiet or json) as stage:
         stage(f"reading {source.name}")
-        mesh = read_current_mesh(bf.load_mesh(source))
+        mesh = read_current_mesh(bf.load_mesh(source, skip=skip))
         begin = time.perf_counter()
         found = creases_of(mesh, FitArguments(**given, progress=stage(f"fitting {source.name}")), angle, strength)
         seconds = time.perf_counter() - begin
@@ -236,6 +239,7 @@ def run(
     script: Annotated[Path, typer.Argument(help="Filter script to run.", metavar="SCRIPT.mlx")],
     source: Source,
     target: Target,
+    skip: Skip = False,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: Json = False,
@@ -255,7 +259,7 @@ def run(
     check_target(target, source, script, overwrite=overwrite)
     with console.stages(quiet=quiet or json) as stage:
         stage(f"reading {source.name}")
-        ms = bf.load_mesh(source)
+        ms = bf.load_mesh(source, skip=skip)
         done = bf.run_filter_script(ms, steps, progress=stage(script.name))
         stage(f"writing {target.name}")
         remarks = bf.save_mesh(ms, target)
