@@ -24,6 +24,14 @@ class InvalidScriptError(ValueError):
     """A filter script cannot be read or run; the message names the step and what is allowed."""
 
 
+class MeshFileWarning(UserWarning):
+    """Part of a mesh file is not in the mesh that was read."""
+
+
+class MeshFileNote(UserWarning):
+    """Rows of a mesh file were left out that hold nothing, or that were to be skipped."""
+
+
 def is_real(value: object) -> TypeGuard[float]:
     """Whether a parameter is a real number, and neither a text nor a truth value."""
     return isinstance(value, Real) and not isinstance(value, bool)

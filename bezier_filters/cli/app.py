@@ -150,6 +150,7 @@ ColorRange = Annotated[
         "--range", help="Values of the first and the last colour, instead of --percentile.", metavar="LOW HIGH"
     ),
 ]
+Skip = Annotated[bool, typer.Option("--skip", help="Leave vertices without finite coordinates out, and their faces.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the report as JSON.")]
 SaveScript = Annotated[
@@ -186,6 +187,7 @@ def in_the_shell(message: str) -> str:
     '--max-diameter: got 0.0, expected a positive length'
     """
     said = re.sub(r",? or None( to learn it)?", "", message).replace("the current mesh", "the mesh")
+    said = said.replace("skip=True", "--skip")
     name, colon, text = said.partition(": ")
     known = {item.name.replace("_", ""): item.name for table in PARAMETERS.values() for item in table}
     parameter = known.get(name.replace("_", ""))  # array functions have underscores that filters have not

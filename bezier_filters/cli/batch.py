@@ -17,6 +17,7 @@ import typer
 
 from bezier_filters.cli import console, filters
 from bezier_filters.cli.app import Json, Quiet, app
+from bezier_filters.cli.reading import file_remarks
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.parameters import PARAMETERS
 from bezier_filters.runtime.checksums import checksum_of
@@ -157,10 +158,10 @@ def _stamp(path: str) -> tuple[int, int] | None:
 def run_command(arguments: Sequence[str]) -> "Report":
     """Do what the command line does with these arguments; its report."""
     printed = io.StringIO()
-    with redirect_stdout(printed), redirect_stderr(io.StringIO()):
+    with redirect_stdout(printed), redirect_stderr(io.StringIO()), file_remarks() as remarks:
         app([arguments[0], "--json", *arguments[1:]], standalone_mode=False)
     report: Report = json_module.loads(printed.getvalue())
-    return report
+    return report | {"read": [*remarks.losses]} if remarks.losses else report
 
 
 def check_command(command: str, options: list[str]) -> None:

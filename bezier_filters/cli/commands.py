@@ -16,6 +16,7 @@ from bezier_filters.cli.app import (
     Json,
     Overwrite,
     Quiet,
+    Skip,
     Source,
     app,
     check_target,
@@ -26,6 +27,7 @@ from bezier_filters.cli.app import (
     named_path,
     to_pipe,
 )
+from bezier_filters.cli.reading import file_remarks
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.runtime.file_names import given_path, printable, shown_name, shown_path, with_pipes_named
 from bezier_filters.runtime.process_end import variables_of_child
@@ -110,10 +112,10 @@ def _stamp(path: Path) -> Stamp | None:
 
 
 @app.command(epilog="Example: bezier-filters info scan.ply")
-def info(source: Source, json: Json = False) -> None:
+def info(source: Source, skip: Skip = False, json: Json = False) -> None:
     """Say what is in a mesh or point cloud, how much noise there is, and whether it is fit for fitting."""
     with console.stages(quiet=json) as stage:
-        _, summary = _inspected(source, stage)
+        _, summary = _inspected(source, stage, skip=skip)
     if json:
         console.print_json({"file": given_path(source), **summary})
     else:
@@ -132,6 +134,7 @@ def report(
             callback=to_pipe(".html"),
         ),
     ] = None,
+    skip: Skip = False,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: Json = False,
@@ -148,7 +151,7 @@ def report(
         raise typer.BadParameter(f"PAGE: got {str(page)!r}, expected a file name that ends in .html")
     check_target(page, source, overwrite=overwrite)
     with console.stages(quiet=quiet or json) as stage:
-        mesh, summary = _inspected(source, stage)
+        mesh, summary = _inspected(source, stage, skip=skip)
         made = report_page(shown_name(source), mesh, console.summary_rows(summary), summary["findings"], stage=stage)
         made.save(page)
     if json:
@@ -160,7 +163,7 @@ def report(
         console.out().print(f"wrote [bold]{console.escape(shown_path(page))}[/]; open it in a browser")
 
 
-def _inspected(source: Path, stage: console.Stage) -> tuple["CurrentMesh", "Report"]:
+def _inspected(source: Path, stage: console.Stage, *, skip: bool) -> tuple["CurrentMesh", "Report"]:
     """A mesh, and what `info` tells of it."""
     from bezier_filters.meshes.diagnosis import diagnose, inspect_mesh, is_fit
     from bezier_filters.meshes.mesh import triangle_mesh
@@ -169,7 +172,7 @@ def _inspected(source: Path, stage: console.Stage) -> tuple["CurrentMesh", "Repo
     from bezier_filters.meshlab.topology import topology_of
 
     stage(f"reading {shown_name(source)}")
-    ms = load_mesh(source)
+    ms = load_mesh(source, skip=skip)
     stage(f"inspecting {shown_name(source)}")
     loaded = read_current_mesh(ms)
     mesh = triangle_mesh(loaded.vertices, loaded.faces)
@@ -215,6 +218,7 @@ def demo(
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the files.")] = Path("out"),
+    skip: Skip = False,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: Json = False,
@@ -228,7 +232,7 @@ def demo(
     files: list[Report] = []
     warnings: list[str] = []
     with console.stages(quiet=quiet or json) as stage:
-        for label, path, told in run_demo(out, source, stage):
+        for label, path, told in run_demo(out, source, stage, skip=skip):
             if not (quiet or json):
                 if not files:
                     console.print_status(told, shown_path(source or "bunny"))
@@ -258,7 +262,15 @@ def _run() -> str:
     from bezier_filters.errors import CancelledError
 
     try:
-        app()
+        with file_remarks() as remarks:
+            try:
+                app()
+            except SystemExit as end:
+                if end.code in (None, 0, NEEDS_A_LOOK):
+                    remarks.show()
+                    if remarks.losses:
+                        raise SystemExit(NEEDS_A_LOOK) from None
+                raise
     except (ValueError, OSError, ImportError, CancelledError) as error:
         return _in_one_line(error)
     except MemoryError:

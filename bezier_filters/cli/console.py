@@ -244,7 +244,8 @@ def print_batch(summary: Report) -> None:
     for file in summary["files"]:
         name = shown_path(file["input"])
         seconds = "" if file["result"] == "skipped" else f"{file['seconds']:.2f} s"
-        remark = file["error"] or _remark(file["report"] or {})
+        report = file["report"] or {}
+        remark = file["error"] or "; look at: ".join(filter(None, [_remark(report), *report.get("read", [])]))
         out().print(f"{name:<{width}}  {file['result']:<7}  {seconds:>9}  {remark}".rstrip(), markup=False)
     numbers = ", ".join(f"{summary[result]:,} {result}" for result in ("done", "skipped", "failed"))
     out().print(f"{summary['command']}: {numbers} ({summary['seconds']:.1f} s)")

@@ -16,6 +16,7 @@ from bezier_filters.cli.app import (
     Overwrite,
     Quiet,
     SaveScript,
+    Skip,
     Source,
     Target,
     app,
@@ -61,6 +62,7 @@ def filter_command(
             target: Target,
             *,
             save_script: SaveScript = None,
+            skip: Skip = False,
             overwrite: Overwrite = False,
             quiet: Quiet = False,
             json: Json = False,
@@ -74,7 +76,7 @@ def filter_command(
             suffix = format_of(target)
             with console.stages(quiet=quiet or json) as stage:
                 stage(f"reading {shown_name(source)}")
-                ms = bf.load_mesh(source)
+                ms = bf.load_mesh(source, skip=skip)
                 report = getattr(bf, filter_name)(ms, progress=stage(f"{verb} {shown_name(source)}"), **given)
                 stage(f"writing {shown_name(target)}")
                 remarks = bf.save_mesh(ms, target)
@@ -194,6 +196,7 @@ def creases(
     view: Annotated[
         list[str] | None, typer.Option(help="View of the picture: front, back, left, ...; may be repeated.")
     ] = None,
+    skip: Skip = False,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: Json = False,
@@ -213,7 +216,7 @@ def creases(
     angle, strength = given.pop("angle"), given.pop("minstrength")
     with console.stages(quiet=quiet or json) as stage:
         stage(f"reading {shown_name(source)}")
-        mesh = read_current_mesh(bf.load_mesh(source))
+        mesh = read_current_mesh(bf.load_mesh(source, skip=skip))
         begin = time.perf_counter()
         found = creases_of(
             mesh, FitArguments(**given, progress=stage(f"fitting {shown_name(source)}")), angle, strength
@@ -244,6 +247,7 @@ def run(
     script: Annotated[Path, typer.Argument(help="Filter script to run.", metavar="SCRIPT.mlx")],
     source: Source,
     target: Target,
+    skip: Skip = False,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: Json = False,
@@ -263,7 +267,7 @@ def run(
     check_target(target, source, script, overwrite=overwrite)
     with console.stages(quiet=quiet or json) as stage:
         stage(f"reading {shown_name(source)}")
-        ms = bf.load_mesh(source)
+        ms = bf.load_mesh(source, skip=skip)
         done = bf.run_filter_script(ms, steps, progress=stage(shown_name(script)))
         stage(f"writing {shown_name(target)}")
         remarks = bf.save_mesh(ms, target)

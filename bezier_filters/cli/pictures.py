@@ -12,6 +12,7 @@ from bezier_filters.cli.app import (
     Overwrite,
     Percentile,
     Quiet,
+    Skip,
     Source,
     all_from_pipe,
     app,
@@ -69,11 +70,11 @@ Scale = Annotated[ColorScale, typer.Option(help="symlog is logarithmic both ways
 Up = Annotated[str, typer.Option(help="Axis that points up: auto, x, y, z, -x, -y or -z.")]
 
 
-def _read(source: Path, stage: console.Stage) -> "MeshFile":
+def _read(source: Path, stage: console.Stage, *, skip: bool) -> "MeshFile":
     from bezier_filters.pictures.field_panels import read_mesh_file
 
     stage(f"reading {shown_name(source)}")
-    return read_mesh_file(source)
+    return read_mesh_file(source, skip=skip)
 
 
 @app.command(
@@ -101,6 +102,7 @@ def render(
     size: Annotated[int, typer.Option(help="Largest side of one image in pixels.", min=50, max=4000)] = 600,
     dpi: Annotated[float, typer.Option(help="Pixels per inch that the file tells.", min=1)] = 100,
     up: Up = "auto",
+    skip: Skip = False,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: Json = False,
@@ -115,7 +117,7 @@ def render(
 
     check_target(picture, *sources, overwrite=overwrite)
     with console.stages(quiet=quiet or json) as stage:
-        files = [_read(source, stage) for source in sources]
+        files = [_read(source, stage, skip=skip) for source in sources]
         stage(f"drawing {shown_name(picture)}")
         fields, views = field or [default_field(files)], view or ["front", "back"]
         panels, shown, colors = [], [], (colormap, percentile, limits, scale)
@@ -145,6 +147,7 @@ def view(
     limits: ColorRange = None,
     scale: Scale = "linear",
     up: Up = "auto",
+    skip: Skip = False,
 ) -> None:
     """Show meshes with their fields in a window, to turn with the mouse; q closes it. Needs a display."""
     from bezier_filters.pictures.field_panels import default_field, field_panels
@@ -153,7 +156,7 @@ def view(
 
     check_display()
     with console.stages(quiet=False) as stage:
-        files = [_read(source, stage) for source in sources]
+        files = [_read(source, stage, skip=skip) for source in sources]
     panels, colors = [], (colormap, percentile, limits, scale)
     for name in field or [default_field(files)]:
         panels += field_panels(files, name, *colors)
@@ -171,6 +174,7 @@ def qmap(
     ] = "auto",
     percentile: Percentile = 2.0,
     limits: ColorRange = None,
+    skip: Skip = False,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
     json: Json = False,
@@ -182,7 +186,7 @@ def qmap(
 
     check_target(target, source, overwrite=overwrite)
     with console.stages(quiet=quiet or json) as stage:
-        files = [_read(source, stage)]
+        files = [_read(source, stage, skip=skip)]
     check_field(files, field)
     shown = files[0].field(field)
     if shown is None:

@@ -1,25 +1,14 @@
 """The headers of mesh files, believed only as far as the size of the file bears them out.
 
 A damaged header must not make a reader allocate memory for what is not there; plyfile, which has no such check, and
-pymeshlab read a file after it has passed. Of glTF files, pymeshlab's reader takes even more on trust, and then reads or
-writes beyond its memory: lines and strips for triangles, indices wherever they point, and nodes in circles.
+pymeshlab read a file after it has passed.
 """
 
-import base64
-import json
 import os
 import re
-import struct
-from collections.abc import Iterator
 from dataclasses import dataclass
-from graphlib import CycleError, TopologicalSorter
-from itertools import islice
 from pathlib import Path
-from typing import Any, BinaryIO
-from urllib.parse import unquote
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import BinaryIO
 
 from bezier_filters.errors import FieldFileError
 
@@ -28,18 +17,15 @@ BYTE_ORDER = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"
 TRIPLE = 3  # entries of the lists that meshes have: corners of a triangle, a point attribute
 
 _BLOCK = 1 << 20
-_STL_HEADER, _STL_TRIANGLE = 84, 50
+STL_HEADER, STL_TRIANGLE = 84, 50  # bytes
 _STL_LOOK = 1000  # bytes that tell text from numbers
 _OFF_VERTEX, _OFF_FACE = 6, 2  # least bytes of a line of three coordinates, and of the number of corners
 CORNERS = ("vertex_indices", "vertex_index")
 _CODES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
 _NAMES = ("char uchar short ushort int uint float double", "int8 uint8 int16 uint16 int32 uint32 float32 float64")
 _TYPES = {name: code for names in _NAMES for name, code in zip(names.split(), _CODES, strict=True)}
-_POINTS, _TRIANGLES = 0, 4  # of the modes of glTF
-_MODES = ("points", "lines", "a loop of lines", "a strip of lines", "triangles", "a strip of triangles", "a fan")
-_INDEX_TYPES = {5121: "u1", 5123: "u2", 5125: "u4"}
-_GLB, _GLB_HEADER, _CHUNK_HEADER = b"glTF", 12, 8
-_DATA_URI = "data:"
+_NOTHING = rb"(?:\s|#[^\n]*\n)*"  # spaces and comments
+_OFF_COUNTS = re.compile(_NOTHING + rb"[A-Z0-9]*OFF\s" + _NOTHING + rb"(\d{1,18})\s+(\d{1,18})\b[^\n]*(?:\n|$)")
 
 
 @dataclass(frozen=True)
@@ -146,23 +132,26 @@ def check_size(path: Path, header: PlyHeader) -> None:
 def check_lines(path: Path, stream: BinaryIO, header: PlyHeader) -> None:
     """Refuse an ASCII file with fewer lines than its header announces rows."""
     stream.seek(header.size)
-    lines = sum(block.count(b"\n") for block in iter(lambda: stream.read(_BLOCK), b""))
+    lines, last = 0, b"\n"
+    for block in iter(lambda: stream.read(_BLOCK), b""):
+        lines, last = lines + block.count(b"\n"), block[-1:]
+    lines += last != b"\n"
     rows = sum(element.count for element in header.elements)
-    if lines + 1 < rows:
+    if lines < rows:
         raise FieldFileError(
             f"{path} is cut short or damaged: its header announces {rows} lines of data, but {lines} follow"
         )
 
 
 def check_header(path: str | os.PathLike[str]) -> None:
-    """Refuse a PLY, binary STL or ASCII OFF file that is too short for what its header announces, and broken glTF.
+    """Refuse a PLY, binary STL or ASCII OFF file that is too short for what its header announces.
 
     What is not understood passes: its own reader has to judge.
     """
     path = Path(path)
     with path.open("rb") as stream:
         head = stream.read(HEADER_LIMIT)
-    checks = {".ply": _check_ply, ".stl": _check_stl, ".off": _check_off, ".gltf": _check_gltf, ".glb": _check_gltf}
+    checks = {".ply": _check_ply, ".stl": _check_stl, ".off": _check_off}
     check = checks.get(path.suffix.lower())
     if check is not None:
         check(path, head)
@@ -178,96 +167,42 @@ def _check_ply(path: Path, head: bytes) -> None:
     check_size(path, header)
 
 
-def _check_stl(path: Path, head: bytes) -> None:
+def is_binary_stl(head: bytes) -> bool:
+    """Whether an STL file that begins with these bytes holds numbers, not text."""
     # Some binary files begin with ``solid``, too; but only text has neither zeros nor high bytes.
-    sample = head[_STL_HEADER : _STL_HEADER + _STL_LOOK]
-    is_text = head.lstrip().startswith(b"solid") and all(0 < byte < 128 for byte in sample)
-    if len(head) < _STL_HEADER or is_text:
+    sample = head[STL_HEADER : STL_HEADER + _STL_LOOK]
+    is_text = head.lstrip()[:5].lower() == b"solid" and all(0 < byte < 128 for byte in sample)
+    return len(head) >= STL_HEADER and not is_text
+
+
+def stl_count(head: bytes) -> int:
+    """Triangles that a binary STL file announces."""
+    return int.from_bytes(head[STL_HEADER - 4 : STL_HEADER], "little")
+
+
+def _check_stl(path: Path, head: bytes) -> None:
+    if not is_binary_stl(head):
         return
-    announced = int.from_bytes(head[_STL_HEADER - 4 : _STL_HEADER], "little")
-    held = (path.stat().st_size - _STL_HEADER) // _STL_TRIANGLE
+    announced, held = stl_count(head), (path.stat().st_size - STL_HEADER) // STL_TRIANGLE
     if announced > held:
         raise FieldFileError(
             f"{path} is cut short or damaged: its header announces {announced} triangles, but it holds {held}"
         )
 
 
+def off_counts(head: bytes) -> tuple[int, int, int] | None:
+    """Vertices and faces that an ASCII OFF file announces, and where its rows begin; None if that is not understood."""
+    found = _OFF_COUNTS.match(head)
+    return None if found is None else (int(found[1]), int(found[2]), found.end())
+
+
 def _check_off(path: Path, head: bytes) -> None:
-    """Refuse faces that go on over several lines, too: pymeshlab's reader runs out of the line."""
-    text = re.sub(rb"#[^\n]*", b"", head[:4096])
-    counts = re.match(rb"\s*[A-Z0-9]*OFF\s+(\d{1,18})\s+(\d{1,18})\s", text)
+    counts = off_counts(head)
     if counts is None:
         return
-    vertices, faces = map(int, counts.groups())
+    vertices, faces, _ = counts
     size = path.stat().st_size
     if _OFF_VERTEX * vertices + _OFF_FACE * faces > size:
         raise FieldFileError(
             f"{path} is cut short or damaged: it announces {vertices} vertices and {faces} faces in {size} bytes"
         )
-
-    def rows() -> Iterator[tuple[int, list[bytes]]]:
-        with path.open("rb") as stream:
-            for number, line in enumerate(stream, 1):
-                if cells := line.partition(b"#")[0].split():
-                    yield number, cells
-
-    count = sum(1 for _ in rows())
-    for number, cells in islice(rows(), max(count - faces, 0), None):
-        if cells[0].isdigit() and len(cells) <= int(cells[0]):
-            raise FieldFileError(
-                f"{path} is cut short or has faces over several lines: line {number} announces {int(cells[0])} "
-                f"corners, but holds {len(cells) - 1}"
-            )
-
-
-def _check_gltf(path: Path, head: bytes) -> None:
-    """Refuse a glTF file, as text or binary, whose primitives are not whole triangles of its vertices."""
-    content, chunk = path.read_bytes(), b""
-    try:
-        if head.startswith(_GLB):
-            start = _GLB_HEADER + _CHUNK_HEADER
-            (size,) = struct.unpack_from("<I", content, _GLB_HEADER)
-            content, chunk = content[start : start + size], content[start + size + _CHUNK_HEADER :]
-        scene = json.loads(content)
-        TopologicalSorter({k: node.get("children", []) for k, node in enumerate(scene.get("nodes", []))}).prepare()
-        for mesh in scene.get("meshes", []):
-            for primitive in mesh["primitives"]:
-                _check_primitive(path, scene, chunk, primitive)
-    except FieldFileError:
-        raise
-    except CycleError as error:
-        raise FieldFileError(f"{path} has nodes that are inside themselves") from error
-    except (ValueError, KeyError, IndexError, TypeError, AttributeError, struct.error, OSError):
-        pass
-
-
-def _check_primitive(path: Path, scene: dict[str, Any], chunk: bytes, primitive: dict[str, Any]) -> None:
-    mode = primitive.get("mode", _TRIANGLES)
-    if mode not in (_POINTS, _TRIANGLES):
-        raise FieldFileError(f"{path} holds {_MODES[mode]}; only points and separate triangles can be read")
-    vertices = scene["accessors"][primitive["attributes"]["POSITION"]]["count"]
-    corners = vertices
-    if "indices" in primitive:
-        indices = _indices(path, scene, chunk, scene["accessors"][primitive["indices"]])
-        corners = len(indices)
-        if corners and indices.max() >= vertices:
-            raise FieldFileError(f"{path} has faces on vertices that are not in it")
-    if mode == _TRIANGLES and corners % 3:
-        raise FieldFileError(f"{path} has {corners} corners of triangles, which is not a multiple of 3")
-
-
-def _indices(path: Path, scene: dict[str, Any], chunk: bytes, accessor: dict[str, Any]) -> NDArray[np.unsignedinteger]:
-    """The numbers of vertices that an accessor stands for."""
-    view = scene["bufferViews"][accessor["bufferView"]]
-    uri = scene["buffers"][view["buffer"]].get("uri")
-    if uri is None:
-        data = chunk
-    elif uri.startswith(_DATA_URI):
-        data = base64.b64decode(uri.partition(",")[2])
-    else:
-        data = (path.parent / unquote(uri)).read_bytes()
-    kind: np.dtype[np.unsignedinteger] = np.dtype(_INDEX_TYPES[accessor["componentType"]])
-    offset = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
-    if offset + accessor["count"] * kind.itemsize > len(data):
-        raise FieldFileError(f"{path} is cut short or damaged: its buffer ends before its indices")
-    return np.frombuffer(data, kind, accessor["count"], offset)

@@ -4,17 +4,20 @@ import locale
 import os
 import re
 import uuid
+import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from bezier_filters.errors import FieldFileError
+from bezier_filters.arrays import BoolArray, FloatArray
+from bezier_filters.errors import FieldFileError, MeshFileNote, MeshFileWarning
 from bezier_filters.fields import PREFIX
 from bezier_filters.files.field_files import read_fields
-from bezier_filters.files.mesh_headers import check_header
+from bezier_filters.files.lost_rows import find_lost_rows
+from bezier_filters.files.mesh_checks import check_mesh_file
 from bezier_filters.meshlab.mesh_attributes import SCALAR, listed_attributes
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
@@ -28,7 +31,7 @@ from bezier_filters.meshlab.meshset import (
 )
 from bezier_filters.runtime.atomic import atomic_write, temporary_folder
 from bezier_filters.runtime.file_names import is_utf8, shown_path
-from bezier_filters.runtime.supervision import doing, memory_limited, processor_time_limited
+from bezier_filters.runtime.supervision import doing, memory_limited, time_limited
 
 # seconds of processor time after which a reader is taken to run in circles, and bytes for each second more
 LEAST_PATIENCE, SLOWEST_READER = 60.0, 50_000.0
@@ -59,7 +62,7 @@ def format_of(path: str | os.PathLike[str]) -> str:
     return suffix
 
 
-def load_mesh(path: str | os.PathLike[str], *, attributes: bool = True) -> MeshSet:
+def load_mesh(path: str | os.PathLike[str], *, attributes: bool = True, skip: bool = False) -> MeshSet:
     """Load a mesh or point cloud with its ``bz_*`` columns, which pymeshlab does not read.
 
     Parameters
@@ -68,16 +71,27 @@ def load_mesh(path: str | os.PathLike[str], *, attributes: bool = True) -> MeshS
         File of any format that pymeshlab reads.
     attributes : bool
         Whether the columns ``bz_*`` of PLY files, as `save_mesh` writes them, become custom attributes again.
+    skip : bool
+        Whether vertices whose coordinates are not finite are left out, with their faces. Later vertices move up, and
+        the columns of PLY files with them. Else such a file is refused.
 
     Returns
     -------
     pymeshlab.MeshSet
-        With one mesh, of one vertex at least. What is not finite in a column is 0.
+        With one mesh, of one vertex at least: a file with several has them in one. What is not finite in a column
+        is 0.
 
     Raises
     ------
     BezierFilterError
-        If the file cannot be read; the message has one line.
+        If the file cannot be read, or not all of its vertices; the message has one line.
+
+    Warns
+    -----
+    MeshFileWarning
+        If triangles of the file are missing.
+    MeshFileNote
+        If vertices were skipped, or faces left out that have fewer than three different corners.
 
     Examples
     --------
@@ -92,17 +106,23 @@ def load_mesh(path: str | os.PathLike[str], *, attributes: bool = True) -> MeshS
     True
     """
     path = Path(path)
-    if not path.is_file():
-        raise BezierFilterError(
-            f"cannot read {shown_path(path)}: {'it is a directory' if path.is_dir() else 'no such file'}"
-        )
-    if path.stat().st_size == 0:
-        raise BezierFilterError(f"cannot read {shown_path(path)}: the file is empty")
+    meshset, kept = load_rows(path, skip=skip)
+    if attributes:
+        mesh = meshset.current_mesh()
+        for name, values in columns_of(path, kept, mesh.vertex_number()).items():
+            if _OURS.fullmatch(name):
+                mesh.add_vertex_custom_scalar_attribute(np.where(np.isfinite(values), values, 0.0), name)
+    return meshset
+
+
+def load_rows(path: Path, *, skip: bool) -> tuple[MeshSet, BoolArray | None]:
+    """Load a mesh without its columns; which vertices of the file it has, as a mask, or None if it has them all."""
+    _check_regular(path)
     meshset = MeshSet()
     try:
-        check_header(path)
+        promised = check_mesh_file(path)
         size = path.stat().st_size
-        patience = processor_time_limited(LEAST_PATIENCE + size / SLOWEST_READER)
+        patience = time_limited(LEAST_PATIENCE + size / SLOWEST_READER)
         with (
             _openable(path) as opened,
             doing(f"reading {shown_path(path)}"),
@@ -111,6 +131,11 @@ def load_mesh(path: str | os.PathLike[str], *, attributes: bool = True) -> MeshS
             _process_as_it_was(),
         ):
             meshset.load_new_mesh(str(opened))
+            _merge_layers(meshset, path.name)
+        mesh = meshset.current_mesh() if len(list(meshset)) else None
+        if mesh is None or mesh.vertex_number() == 0:
+            raise BezierFilterError(f"cannot read {shown_path(path)}: there are no vertices in it")
+        lost = find_lost_rows(path, promised, mesh.vertex_number(), mesh.face_number(), skip=skip)
     except FieldFileError as error:
         raise BezierFilterError(f"cannot read {shown_path(path)}: it {str(error).removeprefix(f'{path} ')}") from error
     except OSError as error:
@@ -121,19 +146,45 @@ def load_mesh(path: str | os.PathLike[str], *, attributes: bool = True) -> MeshS
         ) from error
     except ValueError as error:  # how pymeshlab reports a count beyond the largest one
         raise BezierFilterError(f"cannot read {shown_path(path)}: it announces more than any file can hold") from error
+    except BezierFilterError:
+        raise
     except (PyMeshLabException, RuntimeError, IndexError) as error:
         raise BezierFilterError(f"cannot read {shown_path(path)}: {reason_of(error)}") from error
-    if not len(list(meshset)) or (mesh := meshset.current_mesh()).vertex_number() == 0:
-        raise BezierFilterError(f"cannot read {shown_path(path)}: there are no vertices in it")
     faces = mesh.face_matrix()
     if len(faces) and not 0 <= faces.min() <= faces.max() < mesh.vertex_number():
         raise BezierFilterError(f"cannot read {shown_path(path)}: it has faces on vertices that are not in it")
-    if attributes and path.suffix.lower() == ".ply":
-        with suppress(FieldFileError):  # there are none
-            for name, values in read_fields(path).items():
-                if _OURS.fullmatch(name) and len(values) == mesh.vertex_number():
-                    mesh.add_vertex_custom_scalar_attribute(np.where(np.isfinite(values), values, 0.0), name)
-    return meshset
+    for category, remarks in ((MeshFileWarning, lost.warnings), (MeshFileNote, lost.notes)):
+        for remark in remarks:
+            warnings.warn(f"{shown_path(path)}: {remark.removeprefix(f'{path} ')}", category, stacklevel=3)
+    return meshset, lost.kept
+
+
+def columns_of(path: Path, kept: BoolArray | None, vertex_count: int) -> dict[str, FloatArray]:
+    """Columns and quality of a PLY file, in the rows that a mask says; none if they are not of so many vertices."""
+    if path.suffix.lower() != WITH_FIELDS:
+        return {}
+    try:
+        columns = read_fields(path)
+    except FieldFileError:  # there are none
+        return {}
+    rows = {name: values if kept is None else values[kept] for name, values in columns.items()}
+    return {name: values for name, values in rows.items() if len(values) == vertex_count}
+
+
+def _check_regular(path: Path) -> None:
+    if not path.is_file():
+        kind = "it is a directory" if path.is_dir() else "it is no regular file" if path.exists() else "no such file"
+        raise BezierFilterError(f"cannot read {shown_path(path)}: {kind}")
+    if path.stat().st_size == 0:
+        raise BezierFilterError(f"cannot read {shown_path(path)}: the file is empty")
+
+
+def _merge_layers(ms: MeshSet, label: str) -> None:
+    """Make one mesh of all those of a file, with their transform matrices applied."""
+    if len(list(ms)) > 1:
+        ms.generate_by_merging_visible_meshes(mergevertices=False, alsounreferenced=True)
+        ms.current_mesh().set_label(label)
+        ms.clear_filter_script()
 
 
 @contextmanager

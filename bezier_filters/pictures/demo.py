@@ -30,7 +30,11 @@ _FIELDS = [qualities(NORMALS, CURVATURE, TORSION)[quality] for quality, *_ in _S
 
 
 def run_demo(
-    folder: Path, mesh: Path | None = None, stage: Callable[[str], Progress | None] = lambda _: None
+    folder: Path,
+    mesh: Path | None = None,
+    stage: Callable[[str], Progress | None] = lambda _: None,
+    *,
+    skip: bool = False,
 ) -> Iterator[tuple[str, Path, Report]]:
     """Write the files of the demonstration one by one, of the bunny by default; the picture comes with the last.
 
@@ -42,7 +46,7 @@ def run_demo(
     *files, picture = paths(folder, mesh)
     panels = []
     for field, path, (_, run, options) in zip(_FIELDS, files, _STEPS, strict=True):
-        ms = load_mesh(mesh)
+        ms = load_mesh(mesh, skip=skip)
         report = run(ms, color=True, progress=stage(field.label), **options)
         save_mesh(ms, path)
         if NORMALS in field.filters:  # which are shown as colours, the other fields by the values in their file

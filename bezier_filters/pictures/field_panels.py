@@ -9,11 +9,10 @@ from scipy.spatial import cKDTree
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.display import ColorScale, color_range, round_limits
-from bezier_filters.errors import FieldFileError, InvalidParameterError
+from bezier_filters.errors import InvalidParameterError
 from bezier_filters.feature_lines.crease_lines import COLORS, Creases
 from bezier_filters.fields import FIELDS, GRADE, PREFIX, QUALITY, Field
-from bezier_filters.files.field_files import read_fields
-from bezier_filters.meshlab.mesh_files import load_mesh
+from bezier_filters.meshlab.mesh_files import columns_of, load_rows
 from bezier_filters.meshlab.meshset import current_mesh
 from bezier_filters.pictures.scene import Color, Panel
 from bezier_filters.runtime.file_names import shown_name, shown_path
@@ -77,15 +76,12 @@ def _same(column: FloatArray, quality: FloatArray) -> bool:
     return bool(2 * there.sum() > len(there)) and np.array_equal(column[there], quality[there])
 
 
-def read_mesh_file(path: Path) -> MeshFile:
-    """Read a mesh with its fields."""
-    ms = load_mesh(path, attributes=False)
+def read_mesh_file(path: Path, *, skip: bool = False) -> MeshFile:
+    """Read a mesh with its fields; vertices without finite coordinates may be skipped."""
+    ms, kept = load_rows(path, skip=skip)
     mesh = current_mesh(ms)
     vertices = np.array(mesh.vertex_matrix(), dtype=np.float64)
-    try:
-        columns = {name: column for name, column in read_fields(path).items() if len(column) == len(vertices)}
-    except FieldFileError:
-        columns = {}
+    columns = columns_of(path, kept, len(vertices))
     if mesh.has_vertex_scalar():
         columns[QUALITY] = np.array(mesh.vertex_scalar_array(), dtype=np.float64)
     colors = np.array(mesh.vertex_color_matrix()) if mesh.has_vertex_color() else None

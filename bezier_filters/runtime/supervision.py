@@ -41,6 +41,7 @@ PER_BYTE = 500
 # out of its environment at once
 _NOTES = "BEZIER_FILTERS_NOTES"
 _MARGIN = 0.5  # seconds after which a child that should have ended is killed
+WAITING = 5.0  # time by the clock that reading may take, for the processor time that it may take
 _FORWARDED = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 _WINDOWS_ERRORS = 0xC0000000  # and above: what Windows ends processes with
 
@@ -93,19 +94,24 @@ def doing(activity: str) -> Iterator[None]:
 
 
 @contextmanager
-def processor_time_limited(seconds: float) -> Iterator[None]:
+def time_limited(seconds: float) -> Iterator[None]:
     """End this process, if another one waits for it, when the block takes more processor time than this.
 
-    Compiled code that runs in circles cannot be stopped in any other way.
+    So it does after `WAITING` times as long by the clock: compiled code may also wait, for a pipe that nobody writes
+    to. Neither can be stopped in any other way.
     """
     if not _expendable or not hasattr(signal, "setitimer"):
         yield
         return
-    signal.setitimer(signal.ITIMER_PROF, seconds)  # SIGPROF ends a process that does not handle it
+    # SIGPROF and SIGALRM end a process that does not handle them
+    limits = {signal.ITIMER_PROF: seconds, signal.ITIMER_REAL: WAITING * seconds}
+    for timer, limit in limits.items():
+        signal.setitimer(timer, limit)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        for timer in limits:
+            signal.setitimer(timer, 0.0)
 
 
 @contextmanager
@@ -233,6 +239,8 @@ def crash_message(status: int, activity: str = "") -> str:
         return f"was killed (SIGKILL){where}, perhaps for want of memory; nothing was written"
     if name == "SIGPROF":
         return f"took too long{where}: the file is damaged, and its reader runs in circles; nothing was written"
+    if name == "SIGALRM":
+        return f"took too long{where}: its reader waits, perhaps for another file that it names; nothing was written"
     place = f"crashed ({name}){where}"
     if activity.startswith("reading"):
         return (

@@ -86,7 +86,7 @@ class TestLoading:
             (
                 "faces.off",
                 b"OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n# faces\n4 0 1\n2 3\n\n3 0 1 2\n",
-                "it is cut short or has faces over several lines: line 9 announces 2 corners, but holds 1",
+                "it is cut short or has faces over several lines: line 8 announces 4 corners, but holds 2",
             ),
             ("mesh.foo", b"abc", "Unknown format for load: foo"),
             ("mesh", b"abc", "Unknown format for load"),
@@ -279,6 +279,7 @@ class TestRemarks:
             assert f"without the images of its textures ({name})" in remark
             assert len(bf.mesh_arrays(tmp_path / f"out{suffix}")[1]) == 1
 
+    @pytest.mark.filterwarnings("ignore::bezier_filters.errors.MeshFileNote")  # faces that rounding has collapsed
     @pytest.mark.parametrize("suffix", [".stl", ".3ds", ".dae", ".x3d", ".wrl", ".3mf"])
     def test_digits_far_from_the_origin(self, suffix, tmp_path):
         near, far = pymeshlab.MeshSet(), pymeshlab.MeshSet()

@@ -18,7 +18,7 @@ from bezier_filters.runtime.supervision import (
     end_of,
     interrupts_held,
     memory_limited,
-    processor_time_limited,
+    time_limited,
 )
 
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
@@ -33,7 +33,7 @@ def in_python(code, **options):
 
 WORK = """
 import os, signal, sys
-from bezier_filters.runtime.supervision import doing, processor_time_limited, serve
+from bezier_filters.runtime.supervision import doing, time_limited, serve
 def work():
     {work}
     return ""
@@ -65,10 +65,14 @@ def supervised(work, *arguments):
         ),
         ("os.kill(os.getpid(), signal.SIGKILL)", f"(2, {crash_message(-signal.SIGKILL)!r})"),
         (
-            "with doing('reading a.3ds'), processor_time_limited(0.05):\n        while True: pass",
+            "with doing('reading a.3ds'), time_limited(0.05):\n        while True: pass",
             f"(2, {crash_message(-signal.SIGPROF, 'reading a.3ds')!r})",
         ),
-        ("with processor_time_limited(0.05): pass\n    sum(range(10**7))", "(0, '')"),
+        (
+            "with doing('reading a.obj'), time_limited(0.05): os.read(os.pipe()[0], 1)",
+            f"(2, {crash_message(-signal.SIGALRM, 'reading a.obj')!r})",
+        ),
+        ("with time_limited(0.05): pass\n    sum(range(10**7))", "(0, '')"),
         ("os.abort()", f"(2, {crash_message(-signal.SIGABRT)!r})"),
     ],
 )
@@ -204,7 +208,7 @@ def test_the_process_that_waits_loads_nothing_else():
 
 
 def test_what_nobody_waits_for_is_not_limited():
-    with doing("reading"), processor_time_limited(1e-9):  # nobody would say how this process ended
+    with doing("reading"), time_limited(1e-9):  # nobody would say how this process ended
         sum(range(10**5))
 
 

@@ -2,11 +2,13 @@
 
 import base64
 import json
+import os
 import struct
 
 import numpy as np
 import pytest
 
+from bezier_filters import mesh_arrays
 from bezier_filters.meshlab.mesh_files import load_mesh
 from bezier_filters.meshlab.meshset import BezierFilterError
 
@@ -85,3 +87,59 @@ def test_nodes_inside_themselves(tmp_path):
     scene, data = scene_of()
     scene["nodes"] = [{"children": [1]}, {"mesh": 0, "children": [0]}]
     assert "inside themselves" in refusal(written(tmp_path, scene, data))
+
+
+@pytest.mark.parametrize("name", ["../outside.bin", "/dev/zero", "pipe", "folder"])
+@pytest.mark.parametrize("kind", ["buffers", "images"])
+def test_only_regular_files_of_the_folder_are_opened(name, kind, tmp_path):
+    inside = tmp_path / "inside"
+    inside.mkdir()
+    scene, data = scene_of()
+    (tmp_path / "outside.bin").write_bytes(data)
+    (inside / "folder").mkdir()
+    os.mkfifo(inside / "pipe")
+    path = written(inside, scene, data, "beside")
+    if kind == "buffers":
+        scene["buffers"][0]["uri"] = name
+    else:
+        scene["images"] = [{"uri": name}]
+    path.write_text(json.dumps(scene), encoding="utf-8")
+    assert "outside of its folder" in (said := refusal(path)) or "no regular file" in said
+    assert name in said
+
+
+def test_a_link_out_of_the_folder_is_not_followed(tmp_path):
+    inside = tmp_path / "inside"
+    inside.mkdir()
+    path = written(inside, *scene_of(), "beside")
+    (inside / "a square.bin").rename(tmp_path / "square.bin")
+    (inside / "a square.bin").symlink_to(tmp_path / "square.bin")
+    assert "outside of its folder" in refusal(path)
+
+
+def test_a_buffer_that_is_not_there(tmp_path):
+    path = written(tmp_path, *scene_of(), "beside")
+    (tmp_path / "a square.bin").unlink()
+    assert "needs the file a square.bin" in refusal(path)
+
+
+@pytest.mark.parametrize("change", [{"count": 4000}, {"byteOffset": 40}])
+def test_coordinates_beyond_the_buffer(change, tmp_path):
+    scene, data = scene_of()
+    scene["accessors"][0] |= change
+    assert "its buffer ends before" in refusal(written(tmp_path, scene, data))
+
+
+def test_coordinates_that_are_not_finite(tmp_path):
+    scene, data = scene_of()
+    assert "1 vertices without finite" in refusal(written(tmp_path, scene, struct.pack("<f", np.nan) + data[4:]))
+
+
+def test_several_meshes_are_one(tmp_path):
+    """pymeshlab has a layer for each, and the current one would be all that is computed."""
+    scene, data = scene_of()
+    scene["nodes"] = [{"mesh": 0}, {"mesh": 0, "translation": [3, 0, 0]}]
+    scene["scenes"][0]["nodes"] = [0, 1]
+    vertices, faces = mesh_arrays(written(tmp_path, scene, data))
+    assert (len(vertices), len(faces)) == (8, 4)
+    assert vertices[:, 0].max() == 4.0

@@ -1,0 +1,76 @@
+"""What a reader lost of a mesh file: the counts of both are compared, and the rows that explain a difference named."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from bezier_filters.arrays import BoolArray
+from bezier_filters.errors import FieldFileError
+from bezier_filters.files.file_contents import FileContents, read_contents
+from bezier_filters.files.mesh_counts import MeshCounts
+
+_LISTED = 5  # rows that a message names one by one
+
+
+@dataclass(frozen=True)
+class LostRows:
+    """What a mesh lacks that its file has."""
+
+    kept: BoolArray | None = None  # vertices of the file that the mesh has, in their order; None if it has all
+    notes: tuple[str, ...] = ()  # on what holds nothing, or was to be left out
+    warnings: tuple[str, ...] = ()
+
+
+def find_lost_rows(path: Path, promised: MeshCounts, vertices: int, faces: int, *, skip: bool) -> LostRows:
+    """Compare a file with the numbers of vertices and triangles that came in.
+
+    `FieldFileError` if vertices are lost, except those without finite coordinates where these are to be skipped.
+    """
+    if promised.vertices in (None, vertices) and promised.faces in (None, faces):
+        return LostRows()
+    contents = read_contents(path)
+    if contents is None:
+        if promised.vertices not in (None, vertices):
+            raise FieldFileError(_counts(path, "vertices", promised.vertices, vertices))
+        return LostRows(warnings=(_counts(path, "faces", promised.faces, faces),))
+    is_finite = contents.is_finite
+    kept = int(is_finite.sum())
+    notes, losses = list[str](), list[str]()
+    if kept < len(is_finite):
+        if not skip:
+            raise FieldFileError(_not_finite(path, contents))
+        notes.append(f"{len(is_finite) - kept} vertices without finite coordinates were left out, with their faces")
+    if kept != vertices and not contents.welds:
+        raise FieldFileError(_counts(path, "vertices", kept, vertices))
+    expected, without_area = _triangles(contents, is_finite)
+    if without_area:
+        notes.append(f"{without_area} faces with fewer than three different corners were left out")
+    if promised.faces is not None and expected != faces:
+        losses.append(_counts(path, "triangles", expected, faces))
+    return LostRows(None if kept == len(is_finite) else is_finite, tuple(notes), tuple(losses))
+
+
+def _counts(path: Path, what: str, promised: int | None, found: int) -> str:
+    return f"{path} has {promised} {what}, but its reader gives {found}"
+
+
+def _not_finite(path: Path, contents: FileContents) -> str:
+    bad = np.flatnonzero(~contents.is_finite)
+    names = ", ".join(contents.vertex_name(int(index)) for index in bad[:_LISTED])
+    more = f" and {len(bad) - _LISTED} more" if len(bad) > _LISTED else ""
+    return f"{path} has vertices without finite coordinates: {names}{more}; skip=True leaves them and their faces out"
+
+
+def _triangles(contents: FileContents, is_finite: BoolArray) -> tuple[int, int]:
+    """Triangles that polygons on finite vertices are cut into, and faces without any."""
+    count = without_area = 0
+    all_finite = bool(is_finite.all())
+    for face in contents.faces:
+        if not all_finite and not all(is_finite[corner] for corner in face):
+            continue
+        if len(set(face)) < 3:
+            without_area += 1
+        else:
+            count += len(face) - 2 - (len(face) - len(set(face)))
+    return count, without_area
