@@ -13,7 +13,7 @@ from bezier_filters.meshes.half_edges import (
     ends_of_half_edges,
     proper_faces,
 )
-from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
+from bezier_filters.meshes.mesh import TriangleMesh, as_mesh, triangle_mesh
 from bezier_filters.meshes.triangles import area_vectors
 
 FEWEST_POINTS = 6  # points that determine a quadratic
@@ -118,7 +118,9 @@ def inspect_mesh(mesh: TriangleMesh | ArrayLike, faces: ArrayLike | None = None)
 
 
 def _as_mesh(mesh: TriangleMesh | ArrayLike, faces: ArrayLike | None) -> TriangleMesh:
-    return mesh if isinstance(mesh, TriangleMesh) else triangle_mesh(mesh, [] if faces is None else faces)
+    if isinstance(mesh, TriangleMesh):
+        return as_mesh(mesh, faces)
+    return triangle_mesh(mesh, [] if faces is None else faces)
 
 
 def is_fit(mesh: TriangleMesh) -> bool:
