@@ -3,16 +3,17 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bezier_filters.errors import InvalidParameterError
+from bezier_filters.errors import InvalidParameterError, is_integer
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.frames import farthest_direction, tangent_planes
-from bezier_filters.meshes.mesh import triangle_mesh
-from bezier_filters.meshes.neighbourhoods import collect_ring
+from bezier_filters.meshes.mesh import takes_arrays, triangle_mesh
+from bezier_filters.meshes.neighbourhoods import MOST_RINGS, collect_ring
 from bezier_filters.patches.fitting import PatchFit, fit_patch
 from bezier_filters.patches.patch import BezierPatch
 from bezier_filters.patches.smoothness import Smoothness
 
 
+@takes_arrays
 def vertex_patch(
     vertices: ArrayLike,
     faces: ArrayLike,
@@ -55,8 +56,10 @@ def vertex_patch(
     True
     """
     mesh = triangle_mesh(vertices, faces)
-    if not 0 <= vertex < mesh.vertex_count:
-        raise InvalidParameterError(f"vertex: got {vertex}, expected 0 to {mesh.vertex_count - 1}")
+    if not (is_integer(vertex) and 0 <= vertex < mesh.vertex_count):
+        raise InvalidParameterError(f"vertex: got {vertex!r}, expected an integer from 0 to {mesh.vertex_count - 1}")
+    if not (is_integer(rings) and 1 <= rings <= MOST_RINGS):
+        raise InvalidParameterError(f"rings: got {rings!r}, expected an integer from 1 to {MOST_RINGS}")
     adjacency = vertex_adjacency(mesh)
     normal = tangent_planes(mesh, adjacency).normals[vertex]
     members = np.empty(mesh.vertex_count + 1, dtype=np.int32)

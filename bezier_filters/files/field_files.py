@@ -16,8 +16,9 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from bezier_filters.arguments import in_short, path_of
 from bezier_filters.arrays import FloatArray
-from bezier_filters.errors import FieldFileError
+from bezier_filters.errors import FieldFileError, InvalidParameterError
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
 from bezier_filters.fields import CURVATURE, GRADE, PREFIX, QUALITY, TORSION, qualities
 from bezier_filters.files.mesh_headers import (
@@ -75,7 +76,7 @@ def read_fields(path: str | os.PathLike[str]) -> dict[str, FloatArray]:
     >>> read_fields(path)
     {'bz_k': array([ 1.5, -2. ])}
     """
-    path = Path(path)
+    path = Path(path_of(path))
     with path.open("rb") as stream:
         head = stream.read(HEADER_LIMIT)
         if head.startswith(b"PK"):
@@ -115,6 +116,12 @@ def save_fields(path: str | os.PathLike[str], geometry: VertexGeometry) -> None:
     >>> read_fields(path)["mean_curvature"]
     array([2., 2.])
     """
+    path_of(path)
+    if not isinstance(geometry, VertexGeometry):
+        raise InvalidParameterError(
+            f"geometry: got {in_short(geometry)}, expected a VertexGeometry, as of estimate_vertex_geometry; "
+            "numpy.savez(path, **arrays) saves a dict of arrays"
+        )
     names = [field.name for field in fields(geometry)] + _DERIVED
     arrays = {name: value for name in names if isinstance(value := getattr(geometry, name), np.ndarray)}
     # An open file, because NumPy appends ".npz" to other names.

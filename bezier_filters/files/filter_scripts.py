@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 from xml.parsers import expat
 from xml.sax.saxutils import quoteattr
 
+from bezier_filters.arguments import in_short, path_of
 from bezier_filters.errors import InvalidScriptError
 from bezier_filters.runtime.atomic import atomic_write
 
@@ -46,7 +47,7 @@ def read_filter_script(path: str | os.PathLike[str]) -> list[ScriptStep]:
     OSError
         If it cannot be read.
     """
-    data = Path(path).read_bytes()
+    data = Path(path_of(path)).read_bytes()
     try:
         return _steps(data)
     except (InvalidScriptError, expat.ExpatError) as error:
@@ -106,6 +107,9 @@ def save_filter_script(path: str | os.PathLike[str], steps: Sequence[ScriptStep]
     OSError
         If the file cannot be written.
     """
+    path_of(path)
+    if not (isinstance(steps, Sequence) and all(isinstance(step, ScriptStep) for step in steps)):
+        raise InvalidScriptError(f"steps: got {in_short(steps)}, expected a list of ScriptStep; see script_step")
     with atomic_write(path) as temporary:
         Path(temporary).write_text(script_text(steps), encoding="utf-8")
 

@@ -3,12 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import pi
+from types import NoneType
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from bezier_filters.arguments import in_short
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError, is_integer, is_real
 from bezier_filters.holes.loops import angle_sums, diameter, enclosed, plane_axes, vector_area
@@ -251,7 +253,9 @@ class HoleChoice:
         """Raise an InvalidParameterError if `selected` or `holes` do not fit the mesh."""
         if self.selected is not None:
             checked_selection(self.selected, vertex_count)
-        for k in self.holes or ():
+        if not isinstance(self.holes, Sequence | NoneType) and np.ndim(self.holes) != 1:
+            raise InvalidParameterError(f"holes: got {in_short(self.holes)}, expected a list of numbers, or None")
+        for k in () if self.holes is None else self.holes:
             if not (is_integer(k) and 0 <= k < hole_count):
                 raise InvalidParameterError(
                     f"holes: got {k!r}, expected numbers from 0 to {hole_count - 1}, for {hole_count} holes and rims; "

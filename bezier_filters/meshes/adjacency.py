@@ -4,11 +4,12 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.mesh import TriangleMesh, as_mesh
 from bezier_filters.meshes.triangles import next_corner
 from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks, run_kernel
@@ -73,8 +74,15 @@ class Adjacency:
     on_boundary: BoolArray
 
 
-def vertex_adjacency(mesh: TriangleMesh) -> Adjacency:
+def vertex_adjacency(mesh: TriangleMesh | ArrayLike, faces: ArrayLike | None = None) -> Adjacency:
     """Faces, neighbours and boundary flag of every vertex.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh, or (n, 3) array_like of float
+        A mesh, or the coordinates of its vertices.
+    faces : (m, 3) array_like of int, optional
+        Triangles, if `mesh` is an array.
 
     Examples
     --------
@@ -83,21 +91,22 @@ def vertex_adjacency(mesh: TriangleMesh) -> Adjacency:
     >>> vertex_adjacency(square).vertices.row(1)
     array([0, 2], dtype=int32)
     """
-    n = mesh.vertex_count
+    surface = as_mesh(mesh, faces)
+    n = surface.vertex_count
     face_ptr, fill = np.zeros(n + 1, dtype=np.int32), np.empty(n, dtype=np.int32)
-    _count_faces(mesh.faces, face_ptr, fill)
-    faces = Rows(face_ptr, np.empty(face_ptr[-1], dtype=np.int32))
-    _fill_in_faces(mesh.faces, fill, faces.indices)
+    _count_faces(surface.faces, face_ptr, fill)
+    around = Rows(face_ptr, np.empty(face_ptr[-1], dtype=np.int32))
+    _fill_in_faces(surface.faces, fill, around.indices)
     indptr = np.zeros(n + 1, dtype=np.int32)
     on_boundary = np.zeros(n, dtype=np.bool_)
     # Each range of rows is written where there is room for two vertices per face, then all are moved together.
-    roomy = np.empty(2 * len(faces.indices), dtype=np.int32)
-    most = int(faces.lengths.max(initial=0))
+    roomy = np.empty(2 * len(around.indices), dtype=np.int32)
+    most = int(around.lengths.max(initial=0))
 
     def neighbour_task() -> RangeTask:
         after, before = np.empty((2, max(most, FEW)), dtype=np.int32)
         return lambda start, stop: _neighbours(
-            mesh.faces, faces.indptr, faces.indices, start, stop, after, before, roomy, indptr[1:], on_boundary
+            surface.faces, around.indptr, around.indices, start, stop, after, before, roomy, indptr[1:], on_boundary
         )
 
     run_in_chunks(neighbour_task, n)
@@ -106,10 +115,10 @@ def vertex_adjacency(mesh: TriangleMesh) -> Adjacency:
 
     def move(start: int, stop: int) -> None:
         target = indices[indptr[start] : indptr[stop]]
-        target[:] = roomy[2 * faces.indptr[start] :][: len(target)]
+        target[:] = roomy[2 * around.indptr[start] :][: len(target)]
 
     run_kernel(move, n)
-    return Adjacency(faces, Rows(indptr, indices), on_boundary)
+    return Adjacency(around, Rows(indptr, indices), on_boundary)
 
 
 def edge_lengths(mesh: TriangleMesh, adjacency: Adjacency) -> FloatArray:

@@ -18,7 +18,7 @@ from bezier_filters.meshes.half_edges import (
     proper_faces,
     welded_vertices,
 )
-from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
+from bezier_filters.meshes.mesh import TriangleMesh, as_mesh, triangle_mesh
 from bezier_filters.meshes.triangles import area_vectors
 from bezier_filters.runtime.cached_property import cached_property
 
@@ -185,7 +185,9 @@ def _largest_piece(edges: IntArray, n: int) -> int:
 
 
 def _as_mesh(mesh: TriangleMesh | ArrayLike, faces: ArrayLike | None) -> TriangleMesh:
-    return mesh if isinstance(mesh, TriangleMesh) else triangle_mesh(mesh, [] if faces is None else faces)
+    if isinstance(mesh, TriangleMesh):
+        return as_mesh(mesh, faces)
+    return triangle_mesh(mesh, [] if faces is None else faces)
 
 
 def is_fit(mesh: TriangleMesh, report: MeshReport) -> bool:

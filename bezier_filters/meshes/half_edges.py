@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.meshes.mesh import TriangleMesh, as_mesh
 from bezier_filters.meshes.triangles import area_vectors, unit_normal
 from bezier_filters.runtime.jit import inner_jit, jit, short_jit
 from bezier_filters.runtime.parallel import run_kernel
@@ -302,12 +303,19 @@ def _welded(points: FloatArray, tolerances: FloatArray) -> IntArray:
     return np.asarray(connected_components(graph, directed=False)[1][place])
 
 
-def boundary_loops(mesh: TriangleMesh) -> list[IntArray]:
+def boundary_loops(mesh: TriangleMesh | ArrayLike, faces: ArrayLike | None = None) -> list[IntArray]:
     """Ordered boundary loops, one array of vertex indices each.
 
     A loop runs along its faces' own direction: counter-clockwise around the outer rim of a
     sheet seen from outside, clockwise around a hole. Loops that only touch at a vertex are
     kept apart by walking around the faces at that vertex.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh, or (n, 3) array_like of float
+        A mesh, or the coordinates of its vertices.
+    faces : (m, 3) array_like of int, optional
+        Triangles, if `mesh` is an array.
 
     Returns
     -------
@@ -317,12 +325,12 @@ def boundary_loops(mesh: TriangleMesh) -> list[IntArray]:
 
     Examples
     --------
-    >>> from bezier_filters.meshes.mesh import triangle_mesh
-    >>> boundary_loops(triangle_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
+    >>> boundary_loops([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
     [array([0, 1, 2], dtype=int32)]
     """
-    faces = proper_faces(mesh.faces)
-    twin, start = half_edge_twins(faces, mesh.vertex_count), faces.ravel()
+    mesh = as_mesh(mesh, faces)
+    proper = proper_faces(mesh.faces)
+    twin, start = half_edge_twins(proper, mesh.vertex_count), proper.ravel()
     boundary = np.flatnonzero(twin == -1)
     following = np.arange(len(twin)).reshape(-1, 3)[:, [1, 2, 0]].ravel()
     successor = np.where(twin == UNCLEAR, np.arange(len(twin)), following).astype(np.int32)

@@ -9,6 +9,7 @@ from typing import NoReturn, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from bezier_filters.arguments import checks_arguments, in_short, real_array
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 
@@ -50,7 +51,8 @@ class TriangleMesh:
 def takes_arrays(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
     """Refuse a mesh, or the path of one, as the first argument of a function of vertices and faces.
 
-    Without this, Python would say that the faces are missing, which does not help.
+    Without this, Python would say that the faces are missing, which does not help. The other arguments are checked by
+    their annotations.
 
     >>> @takes_arrays
     ... def count(vertices, faces):
@@ -63,6 +65,7 @@ def takes_arrays(function: Callable[Parameters, Result]) -> Callable[Parameters,
     bezier_filters.errors.InvalidMeshError: vertices: got a str, expected an array of shape (n, 3); \
 `vertices, faces = bezier_filters.mesh_arrays(...)` reads meshes and files
     """
+    checks = checks_arguments(function)
 
     @wraps(function)
     def checked(*args: Parameters.args, **options: Parameters.kwargs) -> Result:
@@ -72,7 +75,7 @@ def takes_arrays(function: Callable[Parameters, Result]) -> Callable[Parameters,
                 f"vertices: got a {type(first).__name__}, expected an array of shape (n, 3); "
                 "`vertices, faces = bezier_filters.mesh_arrays(...)` reads meshes and files"
             )
-        return function(*args, **options)
+        return checks(*args, **options)
 
     return checked
 
@@ -118,9 +121,26 @@ def triangle_mesh(vertices: ArrayLike, faces: ArrayLike) -> TriangleMesh:
     return TriangleMesh(points, np.ascontiguousarray(triangles, dtype=np.int32))
 
 
+def as_mesh(mesh: TriangleMesh | ArrayLike, faces: ArrayLike | None = None) -> TriangleMesh:
+    """A mesh as it is, or made of vertices and faces."""
+    if isinstance(mesh, TriangleMesh):
+        if faces is not None:
+            raise InvalidMeshError(f"got a TriangleMesh and {in_short(faces)}, expected the mesh alone")
+        return mesh
+    if faces is None:
+        raise InvalidMeshError(
+            f"mesh: got {in_short(mesh)}, expected a TriangleMesh, as triangle_mesh(vertices, faces) makes it, or "
+            "vertices and faces"
+        )
+    return triangle_mesh(mesh, faces)
+
+
 def checked_selection(selected: BoolArray, n: int, name: str = "selected") -> BoolArray:
     """A selection of n vertices, (n,), or an InvalidParameterError."""
-    mask = np.asarray(selected)
+    try:
+        mask = np.asarray(selected)
+    except ValueError as error:
+        raise InvalidParameterError(f"{name}: expected bool of shape ({n},); {error}") from None
     if mask.shape != (n,) or mask.dtype != np.bool_:
         raise InvalidParameterError(f"{name}: got {mask.dtype} of shape {mask.shape}, expected bool of shape ({n},)")
     return mask
@@ -142,7 +162,7 @@ def _explain(points: FloatArray) -> NoReturn:
 
 def _real_array(vertices: ArrayLike) -> FloatArray:
     try:
-        points = np.ascontiguousarray(vertices, dtype=np.float64)
+        points = real_array(vertices)
     except (TypeError, ValueError) as error:
         raise InvalidMeshError(f"vertices: expected real numbers of shape (n, 3); {error}") from None
     if points.ndim != 2 or points.shape[1] != 3:
@@ -151,6 +171,11 @@ def _real_array(vertices: ArrayLike) -> FloatArray:
 
 
 def _index_array(faces: ArrayLike) -> IntArray:
+    if faces is None:
+        raise InvalidMeshError(
+            "faces: got None, expected integers of shape (m, 3); this needs a surface: of points make one first, for "
+            "example with MeshLab's screened Poisson reconstruction"
+        )
     try:
         triangles = np.asarray(faces)
     except ValueError as error:
@@ -168,4 +193,6 @@ def _remedy(faces: IntArray) -> str:
     """What to do about faces of another shape."""
     if faces.ndim == 1 and len(faces) % 4 == 0 and (faces[::4] == 3).all():
         return "these are pyvista's, with the number 3 before each: pass mesh.regular_faces, or use mesh_arrays(mesh)"
-    return "triangulate polygons first"
+    if faces.ndim == 2 and faces.shape[1] > 3:
+        return "triangulate polygons first"
+    return "a row for each triangle"

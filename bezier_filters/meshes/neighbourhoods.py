@@ -4,12 +4,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from bezier_filters.arguments import checks_arguments
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.errors import InvalidParameterError
+from bezier_filters.errors import InvalidParameterError, is_integer
 from bezier_filters.meshes.adjacency import Adjacency, Rows
 from bezier_filters.runtime.jit import inner_jit, jit, variable
 
+MOST_RINGS = 1000  # of a neighbourhood that can be asked for: room is made for all the vertices that so many can have
 
+
+@checks_arguments
 def k_rings(adjacency: Adjacency, rings: int) -> Rows:
     """Vertices within `rings` edges of every vertex, the vertex itself first.
 
@@ -35,8 +39,8 @@ def k_rings(adjacency: Adjacency, rings: int) -> Rows:
     >>> k_rings(vertex_adjacency(strip), 1).row(3)
     array([3, 1, 2], dtype=int32)
     """
-    if rings < 0:
-        raise InvalidParameterError(f"rings: got {rings}, expected 0 or more")
+    if not (is_integer(rings) and 0 <= rings <= MOST_RINGS):
+        raise InvalidParameterError(f"rings: got {rings!r}, expected an integer from 0 to {MOST_RINGS}")
     n, rows = len(adjacency.vertices), adjacency.vertices
     members, (visited, stops) = np.empty(n + 1, dtype=np.int32), np.zeros((2, n), dtype=np.bool_)
     found = [np.empty(0, dtype=np.int32)]

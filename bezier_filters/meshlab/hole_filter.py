@@ -21,6 +21,7 @@ from bezier_filters.meshlab.meshset import (
     MeshSet,
     absolute_length,
     check_unchanged,
+    checks_filter_arguments,
     preserved_filter_script,
     read_current_mesh,
 )
@@ -32,6 +33,7 @@ from bezier_filters.runtime.parallel import Progress
 WIDE = 0.5  # of the diagonal of the bounding box: where a hole may be none
 
 
+@checks_filter_arguments
 @documented("fill-holes")
 def meshing_close_holes_by_bezier_patch(
     ms: MeshSet,

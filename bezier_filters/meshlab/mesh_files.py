@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from bezier_filters.arguments import checks_arguments
 from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.errors import FieldFileError, MeshFileNote, MeshFileWarning
 from bezier_filters.fields import PREFIX
@@ -62,6 +63,7 @@ def format_of(path: str | os.PathLike[str]) -> str:
     return suffix
 
 
+@checks_arguments
 def load_mesh(path: str | os.PathLike[str], *, attributes: bool = True, skip: bool = False) -> MeshSet:
     """Load a mesh or point cloud with its ``bz_*`` columns, which pymeshlab does not read.
 
@@ -237,6 +239,7 @@ def contents_of(ms: MeshSet) -> list[str]:
     return [name for name, is_there in there.items() if is_there]
 
 
+@checks_arguments
 def save_mesh(
     ms: MeshSet, path: str | os.PathLike[str], *, binary: bool = True, attributes: bool = True
 ) -> tuple[str, ...]:

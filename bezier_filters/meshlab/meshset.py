@@ -6,15 +6,17 @@ This is the only module that imports pymeshlab; the others take its names from h
 import os
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import wraps
 from pathlib import Path
-from typing import TypeAlias
+from typing import ParamSpec, TypeAlias, TypeVar
 
 import numpy as np
 import pymeshlab
 
+from bezier_filters.arguments import checks_arguments
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.files.filter_scripts import ScriptStep, read_filter_script, script_text
@@ -32,6 +34,9 @@ PureValue: TypeAlias = pymeshlab.PureValue
 Color: TypeAlias = pymeshlab.Color
 Length: TypeAlias = pymeshlab.PercentageValue | pymeshlab.PureValue | float
 
+Parameters = ParamSpec("Parameters")
+Result = TypeVar("Result")
+
 LIBRARY = pymeshlab
 # as they are before `register` extends them
 filter_list, _load_filter_script = pymeshlab.filter_list, pymeshlab.MeshSet.load_filter_script
@@ -43,6 +48,20 @@ class BezierFilterError(pymeshlab.PyMeshLabException):  # type: ignore[misc]
 
     It is a `pymeshlab.PyMeshLabException`, so scripts catch it like the errors of pymeshlab's own filters.
     """
+
+
+def checks_filter_arguments(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """Check the arguments of a filter by its annotations; what is wrong is a `BezierFilterError`."""
+    checks = checks_arguments(function)
+
+    @wraps(function)
+    def checked(*args: Parameters.args, **options: Parameters.kwargs) -> Result:
+        try:
+            return checks(*args, **options)
+        except InvalidParameterError as error:
+            raise BezierFilterError(str(error)) from error
+
+    return checked
 
 
 def reason_of(error: Exception) -> str:

@@ -26,6 +26,7 @@ from bezier_filters.meshlab.meshset import (
     Mesh,
     MeshSet,
     absolute_length,
+    checks_filter_arguments,
     current_mesh,
 )
 from bezier_filters.meshlab.topology import topology_of
@@ -58,6 +59,7 @@ class FitArguments:
     progress: Progress | None
 
 
+@checks_filter_arguments
 @documented(NORMALS)
 def compute_normal_by_bezier_patch_per_vertex(
     ms: MeshSet,
@@ -100,6 +102,7 @@ def compute_normal_by_bezier_patch_per_vertex(
     return _run(ms, NORMALS, fit, Output(quality, onselected, color, colormap, percentile, colorrange, repair))
 
 
+@checks_filter_arguments
 @documented(CURVATURE)
 def compute_curvature_by_bezier_patch_per_vertex(
     ms: MeshSet,
@@ -142,6 +145,7 @@ def compute_curvature_by_bezier_patch_per_vertex(
     return _run(ms, CURVATURE, fit, Output(quality, onselected, color, colormap, percentile, colorrange, repair))
 
 
+@checks_filter_arguments
 @documented(TORSION)
 def compute_torsion_by_bezier_patch_per_vertex(
     ms: MeshSet,
@@ -238,6 +242,7 @@ def _angles_in_degrees(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(np.degrees(np.arctan2(sine, np.einsum("ij,ij->i", a, b))))
 
 
+@checks_filter_arguments
 @documented(SMOOTH)
 def apply_coord_bezier_patch_smoothing(
     ms: MeshSet,
@@ -351,6 +356,7 @@ def _smoothing_report(result: SmoothingResult) -> Report:
     }
 
 
+@checks_filter_arguments
 @documented(CREASES)
 def compute_selection_by_bezier_crease_per_edge(
     ms: MeshSet,

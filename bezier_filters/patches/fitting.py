@@ -1,12 +1,13 @@
 """Least-squares fit of one Bezier patch to the points of a neighbourhood."""
 
 from dataclasses import dataclass
-from numbers import Real
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from bezier_filters.arguments import checks_arguments, real_array
 from bezier_filters.arrays import FloatArray
-from bezier_filters.errors import InvalidParameterError
+from bezier_filters.errors import InvalidParameterError, is_real
 from bezier_filters.patches.patch import BezierPatch, ParameterRectangle
 from bezier_filters.patches.polynomials import PolynomialSpace, monomials_from_bernstein, tensor_space
 from bezier_filters.patches.smoothness import Smoothness, smoothness_matrix
@@ -38,9 +39,9 @@ class PatchFit:
     smoothness: Smoothness = "third_order"
 
     def __post_init__(self) -> None:
-        if self.degree not in DEGREES:
+        if not is_real(self.degree) or self.degree not in DEGREES:
             raise InvalidParameterError(f"degree: got {self.degree!r}, expected one of {DEGREES}")
-        if not isinstance(self.alpha, Real) or not 0.0 < self.alpha <= 1.0:
+        if not is_real(self.alpha) or not 0.0 < self.alpha <= 1.0:
             raise InvalidParameterError(f"alpha: got {self.alpha!r}, expected a number in (0, 1]")
         smoothness_matrix(self.smoothness, self.degree)
 
@@ -79,6 +80,20 @@ class PatchFit:
         return ParameterRectangle.centred(x, y) if self.square else ParameterRectangle.bounding(x, y)
 
 
+def _checked(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> FloatArray:
+    """Finite numbers of a shape, in which None stands for any number of rows."""
+    try:
+        array = real_array(values)
+    except (TypeError, ValueError) as error:
+        raise InvalidParameterError(f"{name}: expected real numbers; {error}") from None
+    if array.ndim != len(shape) or any(n not in (None, k) for n, k in zip(shape, array.shape, strict=True)):
+        raise InvalidParameterError(f"{name}: got shape {array.shape}, expected {str(shape).replace('None', 'n')}")
+    if not np.isfinite(array).all():
+        raise InvalidParameterError(f"{name}: some numbers are NaN or infinite; leave them out")
+    return array
+
+
+@checks_arguments
 def fit_patch(points: FloatArray, origin: FloatArray, axes: FloatArray, fit: PatchFit | None = None) -> BezierPatch:
     """Fit a patch to points, as a height field over a given plane.
 
@@ -114,6 +129,10 @@ def fit_patch(points: FloatArray, origin: FloatArray, axes: FloatArray, fit: Pat
     >>> patch.evaluate(u, v).round(6)
     array([[0.5 , 0.5 , 0.25]])
     """
+    points, origin, axes = (
+        _checked(name, values, shape)
+        for name, values, shape in (("points", points, (None, 3)), ("origin", origin, (3,)), ("axes", axes, (3, 3)))
+    )
     fit = fit or PatchFit()
     x, y, z = ((points - origin) @ axes.T).T
     rectangle = fit.rectangle(x, y)

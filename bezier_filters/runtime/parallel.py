@@ -11,11 +11,10 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache, partial, wraps
-from numbers import Integral
 from threading import Lock
 from typing import Any, ParamSpec, TypeVar
 
-from bezier_filters.errors import CancelledError, InvalidParameterError
+from bezier_filters.errors import CancelledError, InvalidParameterError, is_integer
 from bezier_filters.runtime.blas_memory import check_blas_memory, reserve_blas_memory
 
 # ``progress(done, total)`` is called now and then; returning False cancels
@@ -51,7 +50,7 @@ def use_threads(threads: int | None = None) -> Iterator[None]:
     """Let loops inside the block run on so many threads, by default on those of a block around, or `usable_threads`."""
     if threads is None:
         threads = _threads.get() or usable_threads()
-    elif not isinstance(threads, Integral) or threads < 1:
+    elif not is_integer(threads) or threads < 1:
         raise InvalidParameterError(f"threads: got {threads!r}, expected 1 or more, or None for all cores")
     token = _threads.set(threads)
     try:

@@ -381,7 +381,7 @@ def test_two_python_threads_may_estimate_at_once(bunny):
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
-        ({"rings": 0}, InvalidParameterError, "rings: got 0, expected an integer of 1 or more"),
+        ({"rings": 0}, InvalidParameterError, "rings: got 0, expected an integer from 1 to 1000"),
         ({"rings": 1.5}, InvalidParameterError, "rings: got 1.5"),
         ({"rings": True}, InvalidParameterError, "rings: got True"),
         ({"alpha": None}, InvalidParameterError, "alpha: got None"),

@@ -10,7 +10,7 @@ import bezier_filters
 
 PACKAGE = Path(bezier_filters.__file__).parent
 LAYERS = """
-_version arrays errors fields parameters status display runtime
+_version arrays errors arguments fields parameters status display runtime
 differential_geometry patches
 surfaces meshes
 kernels
