@@ -40,7 +40,7 @@ def face_sides(vertices: FloatArray, faces: IntArray) -> FaceSides:
     most = 2 * np.bincount(part, weights=turned, minlength=count) > sizes
     flipped = two_sided[part] & (turned != most[part])
     is_body = two_sided & _closed(faces, part, count, len(vertices))
-    corners = vertices[faces] - vertices.mean(axis=0)
+    corners = vertices[faces] - (vertices.mean(axis=0) if len(vertices) else 0.0)
     volumes = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
     # of the part, if all of its faces looked as most of them do
     volume = np.bincount(part, weights=np.where(flipped, -volumes, volumes), minlength=count)

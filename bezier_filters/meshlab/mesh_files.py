@@ -101,6 +101,7 @@ def load_mesh(path: str | os.PathLike[str], *, attributes: bool = True, skip: bo
     >>> ms = MeshSet()
     >>> ms.create_sphere(subdiv=3)
     >>> report = compute_torsion_by_bezier_patch_per_vertex(ms)
+    >>> from tempfile import TemporaryDirectory
     >>> with TemporaryDirectory() as folder:
     ...     lost = save_mesh(ms, f"{folder}/ball.ply")
     ...     ms = load_mesh(f"{folder}/ball.ply")
@@ -281,6 +282,7 @@ def save_mesh(
     >>> ms = MeshSet()
     >>> ms.create_sphere(subdiv=3)
     >>> report = compute_torsion_by_bezier_patch_per_vertex(ms)
+    >>> from tempfile import TemporaryDirectory
     >>> with TemporaryDirectory() as folder:
     ...     remarks = save_mesh(ms, f"{folder}/ball.ply")
     ...     remarks, "bz_geodesic_torsion" in read_fields(f"{folder}/ball.ply")

@@ -53,7 +53,7 @@ def test_other_meshes_without_a_curvature(mesh, reason, tmp_path):
     result = run("curvature", source, tmp_path / "out.ply", "--quiet")
     assert (result.returncode, result.stdout) == (3, "")
     assert reason in result.stderr
-    assert (read_fields(tmp_path / "out.ply")["bz_fit_status"] > FitStatus.FOLDED).all()
+    assert (read_fields(tmp_path / "out.ply")["bz_fit_grade"] < FitStatus.FOLDED.grade).all()
     assert reason in run("info", source).stdout
     assert "Not fit for fitting" in run("info", source).stdout
 
