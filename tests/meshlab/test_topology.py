@@ -24,7 +24,7 @@ ROOT = Path(__file__).parents[2]
 SAMPLES = sorted((ROOT / "sample_meshes").glob("*.ply"))
 SHIPPED = Path(pymeshlab.__file__).parent / "tests" / "sample_meshes"
 SCANS = [SHIPPED / name for name in ("bunny10k_textured.obj", "airplane.obj", "rangemaps/face000.ply")]
-SCANS += sorted(Path("/work/shared/meshes").glob("*.obj"))
+SCANS += sorted((ROOT.parent / "shared" / "meshes").glob("*.obj"))
 
 
 def load(path):
