@@ -12,7 +12,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray, unique_rows
 from bezier_filters.meshes.mesh import TriangleMesh, as_mesh
 from bezier_filters.meshes.triangles import area_vectors, unit_normal
 from bezier_filters.runtime.jit import inner_jit, jit, short_jit
@@ -293,7 +293,7 @@ def welded_vertices(mesh: TriangleMesh, border: BorderEdges) -> IntArray:
 
 def _welded(points: FloatArray, tolerances: FloatArray) -> IntArray:
     """A number for each point, (k,), the same for those no farther from each other than their tolerances."""
-    places, place = np.unique(points, axis=0, return_inverse=True)
+    places, place = unique_rows(points)
     place, reach = place.ravel(), np.zeros(len(places))
     np.maximum.at(reach, place, tolerances)
     distance, other = cKDTree(places).query(places, k=[2, 3], distance_upper_bound=max(reach.max(initial=0.0), 1e-300))

@@ -10,7 +10,7 @@ from functools import cache
 
 import numpy as np
 
-from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.arrays import FloatArray, IntArray, unique_rows
 from bezier_filters.patches.bernstein import centred_monomials
 from bezier_filters.runtime.cached_property import cached_property
 
@@ -43,7 +43,7 @@ class PolynomialSpace:
         """
         row, column = np.tril_indices(self.dimension)
         products = self.exponents[row] + self.exponents[column]
-        distinct, place = np.unique(products, axis=0, return_inverse=True)
+        distinct, place = unique_rows(products)
         return distinct.astype(np.int32), place.ravel().astype(np.int32)
 
 

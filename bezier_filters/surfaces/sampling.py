@@ -15,7 +15,7 @@ from itertools import product
 import numpy as np
 from scipy.spatial import ConvexHull, Delaunay
 
-from bezier_filters.arrays import FloatArray, IntArray
+from bezier_filters.arrays import FloatArray, IntArray, unique_rows
 from bezier_filters.differential_geometry import DerivedCurvatures, principal_curvatures_of
 from bezier_filters.errors import InvalidParameterError, is_integer
 
@@ -119,11 +119,11 @@ def sphere_directions(resolution: int, *, jitter: float = 0.0, seed: int = 0) ->
     steps = np.stack([i, j, resolution - i - j], axis=1)[i + j <= resolution]
     weights = np.zeros((len(triangles), len(steps), len(corners)), dtype=np.int64)
     np.put_along_axis(weights, triangles[:, None, :].astype(np.int64), steps[None, :, :], axis=2)
-    weights = np.unique(weights.reshape(-1, len(corners)), axis=0)
+    distinct, _ = unique_rows(weights.reshape(-1, len(corners)))
 
     # The sines divide the icosahedron's edges into equal arcs; linear weights would crowd their ends.
     edge = np.arctan(2.0) / resolution
-    directions = _normalized(np.sin(weights * edge) @ corners)
+    directions = _normalized(np.sin(distinct * edge) @ corners)
     if jitter > 0:
         tangents = _normalized(np.cross(directions, _random_directions(directions.shape, seed)))
         directions = _normalized(directions + jitter * edge * tangents)
@@ -212,7 +212,7 @@ def notched_cube(resolution: int, *, jitter: float = 0.0, seed: int = 0) -> tupl
             normal_axes.append(np.full(len(cell), axis, dtype=np.int32))
 
     corners_of_squares = np.concatenate(squares)
-    lattice, inverse = np.unique(corners_of_squares.reshape(-1, 3), axis=0, return_inverse=True)
+    lattice, inverse = unique_rows(corners_of_squares.reshape(-1, 3))
     quads = inverse.reshape(-1, 4).astype(np.int32)
     points = lattice.astype(np.float64)
     if jitter > 0:

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tarfile
@@ -142,3 +143,39 @@ def test_the_wheel_works_outside_of_the_tree(built, tmp_path):
     # Without the extra, one line says what to install.
     message = run(command, "render", "curved.ply", "curved.png", cwd=tmp_path, status=2)
     assert 'pip install "bezier-filters[viz]"' in message
+
+
+CALLED, CHANGED = "store(outputs, K_MAX, mean + torsion)", "store(outputs, K_MAX, mean + torsion + mean + torsion)"
+K_MAX = """
+from bezier_filters import estimate_vertex_geometry
+from bezier_filters.surfaces import sphere
+ball = sphere(resolution=12)
+print(estimate_vertex_geometry(ball.vertices, ball.faces, rings=2, alpha=1.0).k_max.mean())
+"""
+
+
+@pytest.mark.slow
+def test_an_upgrade_brings_its_machine_code_along(tmp_path):
+    """Two wheels differ in a function that the fit calls: the new one gives other curvatures at once."""
+    values, target = [], tmp_path / "installed"
+    for name in ("old", "new"):
+        source = tmp_path / name
+        package = source / "bezier_filters"
+        shutil.copytree(ROOT / "bezier_filters", package, ignore=shutil.ignore_patterns("__pycache__"))
+        for file in ("pyproject.toml", "README.md", "LICENSE"):
+            shutil.copy(ROOT / file, source)
+        if name == "new":
+            called = package / "kernels" / "graph_geometry.py"
+            text = called.read_text(encoding="utf-8")
+            assert text.count(CALLED) == 1
+            called.write_text(text.replace(CALLED, CHANGED), encoding="utf-8")
+        run(sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", source, source, cwd=tmp_path)
+        with zipfile.ZipFile(*source.glob("*.whl")) as wheel:
+            wheel.extractall(target)  # what was compiled stays, as it does when pip installs over an older version
+        environment = OUTSIDE | {"PYTHONPATH": str(target)}
+        for _ in range(2):
+            command = [sys.executable, "-W", "error", "-c", K_MAX]
+            done = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True)
+            values.append(float(done.stdout))
+    assert values[0] == pytest.approx(1.0, abs=0.05)
+    assert values == [values[0]] * 2 + [2.0 * values[0]] * 2
