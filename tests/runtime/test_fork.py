@@ -85,15 +85,17 @@ sys.path[:0] = {folders!r}
 from furnished import furnished, punched_torus
 from bezier_filters import fill_holes
 from bezier_filters.meshlab.scripts import FILTERS
-def work():
+def work(ms):
     fill_holes(*punched_torus(12), threads=2)
-    FILTERS[3](furnished(), threads=1)
-work()
+    for rings in (2, 3):
+        FILTERS[3](ms, rings=rings, alpha=0.8, threads=1)
+meshsets = [furnished() for _ in range(3)]  # which pymeshlab itself cannot make in several threads
+work(meshsets[0])
 stop = threading.Event()
-def run():
+def run(ms):
     while not stop.is_set():
-        work()
-threads = [threading.Thread(target=run) for _ in range(2)]
+        work(ms)
+threads = [threading.Thread(target=run, args=[ms]) for ms in meshsets[1:]]
 for thread in threads:
     thread.start()
 children = []
@@ -102,7 +104,7 @@ for _ in range(6):
     children.append(os.fork())
     if not children[-1]:
         faulthandler.dump_traceback_later(60, exit=True)
-        work()
+        work(meshsets[0])
         os._exit(0)
 stop.set()
 for thread in threads:
