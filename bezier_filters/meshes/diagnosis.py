@@ -37,7 +37,7 @@ _FINDINGS = {
     "unreferenced_vertices": "unreferenced vertices get no estimate "
     "(meshing_remove_unreferenced_vertices removes them)",
 }
-# those that `repair` of the filters mends
+# faults that `repair` of the filters mends
 _REPAIRABLE = {
     "inside_out_bodies",
     "flipped_faces",
@@ -69,7 +69,7 @@ class MeshReport:
     incoherent_edges : int
         Edges that their two faces run through in the same direction.
     flipped_faces : int
-        Faces that look to another side than most of those that they are connected with, or inwards in a closed body.
+        Faces that look to another side than most faces of their component, or inwards in a closed body.
     inside_out_bodies : int
         Closed bodies all of whose faces look inwards, but for cavities of other bodies.
     doubled_edges : int
@@ -198,7 +198,7 @@ def is_fit(mesh: TriangleMesh, report: MeshReport) -> bool:
 
 
 def _has_sides(mesh: TriangleMesh) -> bool:
-    """Whether faces leave any vertex with a normal: those that lie on each other back to back leave none."""
+    """Whether faces leave any vertex with a normal: pairs that lie back to back leave none."""
     normals = area_vectors(mesh.vertices, mesh.faces)
     total = np.zeros((mesh.vertex_count, 3))
     for k in range(3):

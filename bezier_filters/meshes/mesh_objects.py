@@ -18,7 +18,7 @@ EXPECTED = (
     "a mesh of pyvista, VTK, vedo, trimesh, Open3D, meshio, napari or pymeshlab, a pair (vertices, faces), or the path "
     "of a file"
 )
-# attributes in which libraries keep what joins vertices, beside those that are read
+# other attributes in which libraries keep connectivity
 _UNREAD = ("polygons", "tetras", "quads", "simplices", "elements", "entities", "topology", "lines", "edges", "cells")
 _TRIANGLE, _QUAD = 3, 4  # corners
 _IGNORED_CELLS = ("vertex", "line")  # types of meshio that are no faces

@@ -194,7 +194,7 @@ def _merge_layers(ms: MeshSet, label: str) -> None:
 def _openable(path: Path) -> Iterator[Path]:
     """A path that pymeshlab can open: UTF-8, and no name that begins with a colon, which is none of a file to it.
 
-    For others there are links to all files of the folder, so that those that belong to the mesh are found, too.
+    For others there are links to all files of the folder, so that textures and materials of the mesh are found, too.
     """
     absolute = path.absolute()
     if is_utf8(str(absolute)) and not absolute.name.startswith(":"):
@@ -254,8 +254,8 @@ def save_mesh(
     Parameters
     ----------
     ms : pymeshlab.MeshSet
-        Nothing in it is changed, but that normals of vertices get the length 1: those that pymeshlab computes on
-        reading a file without any are up to 6.28 long.
+        Only its vertex normals change, to unit length: where a file has none, pymeshlab computes normals up to 6.28
+        long on reading.
     path : path
         File to write or replace; its suffix decides on the format.
     binary : bool
@@ -334,7 +334,7 @@ def save_mesh(
 
 
 def _normalize(ms: MeshSet) -> None:
-    """Make the normals of vertices unit vectors, but for those that are zero."""
+    """Make the normals of vertices unit vectors, but for zeros."""
     lengths = np.linalg.norm(current_mesh(ms).vertex_normal_matrix(), axis=1)
     if (np.abs(lengths[lengths > 0.0] - 1.0) > _UNIT).any():
         with preserved_filter_script(ms):

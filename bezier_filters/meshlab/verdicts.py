@@ -13,7 +13,7 @@ from bezier_filters.status import FitStatus
 
 def fit_verdict(what: str, geometry: VertexGeometry, mesh: CurrentMesh, mask: BoolArray, worst: FitStatus) -> Report:
     """Texts: a warning where no vertex of a mask has an estimate, a remark where most have none to rely on."""
-    if len(mesh.faces):  # else of those that are in no face, which is told by itself
+    if len(mesh.faces):  # isolated vertices have a message of their own
         in_faces = np.isin(np.arange(len(mask)), mesh.faces)
         mask = mask & in_faces if (mask & in_faces).any() else mask
     status = geometry.status[mask]

@@ -167,7 +167,7 @@ def field_panels(
 
 
 def _codes(file: MeshFile, values: FloatArray, words: dict[int, str], title: str) -> Panel:
-    """Each code in a colour of its own, or grey; a key has the names of those that are there, and how many."""
+    """Each code in a colour of its own, or grey; a key has the names and counts of the codes that occur."""
     import matplotlib
 
     own = matplotlib.colormaps["tab10"](np.arange(len(words)))[:, :3]

@@ -20,7 +20,7 @@ def kernel_key() -> str:
     """Key of all compiled functions of this installation, the same on every machine and in every folder.
 
     A function may call any other one, and holds the constants of modules that it imports. So all share a key: a hash of
-    the sources of all modules with compiled functions and of those that they import, and of the versions of this
+    the sources of all modules with compiled functions and of the modules that they import, and of the versions of this
     package and of the compiler. Where there are no sources, as in an archive, it is empty.
     """
     sources = compiled_sources(PACKAGE)

@@ -129,7 +129,6 @@ def test_children_do_not_wait_for_locks_of_other_threads():
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.slow  # beside other load it has ended with SIGSEGV once
 def test_children_of_a_process_whose_threads_run_filters_end():
     done = run(FILTERS.format(folders=FOLDERS))
     assert done.returncode == 0, done.stderr
