@@ -17,6 +17,7 @@ from bezier_filters.kernels.kernel_input import (
     KernelFit,
     KernelMesh,
     VertexResults,
+    hubs,
 )
 from bezier_filters.learning.learn import MOST_TURNED
 from bezier_filters.learning.plans import FitPlan
@@ -188,9 +189,8 @@ def _run(
     progress: Progress | None,
 ) -> ByteArray:
     """Run the kernel on the vertices `ids`; return their outcomes."""
-    n = len(mesh.vertices)
     if attempt.over_creases:
-        mesh = mesh._replace(stops=np.zeros(n, dtype=np.bool_))
+        mesh = mesh._replace(stops=hubs(mesh.ring_ptr))
     outcomes = np.empty(len(ids), dtype=np.int8)
     fit = kernel_fit(attempt, robust=robust)
     results = VertexResults(*(getattr(geometry, name) for name in VertexResults._fields))

@@ -103,6 +103,7 @@ class OpenMesh:
     known: KnownSurface  # with the region of each hole, in the order in which fills give way to earlier ones
     reports: list[HoleReport]  # of these holes, still open
     boxes: FloatArray  # (h, 2, 3): lowest and highest corner of the box that each fill must not leave
+    meeting: Rows  # boxes that each box meets, itself among them
     near: Rows  # faces of the mesh in each box
     method: FillingMethod
     creases: bool  # whether creases are continued
@@ -159,6 +160,12 @@ def hole_box(mesh: TriangleMesh, hole: Hole) -> tuple[FloatArray, FloatArray]:
     return rim.min(axis=0) - BULGE * hole.diameter, rim.max(axis=0) + BULGE * hole.diameter
 
 
+def meeting_boxes(boxes: FloatArray) -> Rows:
+    """Numbers, ascending, of the boxes (h, 2, 3) that each of them meets."""
+    faces = np.arange(2 * len(boxes), dtype=np.int32).reshape(-1, 2)[:, [0, 1, 1]]  # from corner to corner of each
+    return faces_in_boxes(boxes.reshape(-1, 3), faces, boxes[:, 0], boxes[:, 1])
+
+
 def groups_of_boxes(boxes: FloatArray) -> list[IntArray]:
     """Numbers, ascending, of boxes (h, 2, 3) that meet, directly or by way of others.
 
@@ -168,8 +175,7 @@ def groups_of_boxes(boxes: FloatArray) -> list[IntArray]:
     >>> [group.tolist() for group in groups_of_boxes(boxes)]
     [[0, 2], [1]]
     """
-    faces = np.arange(2 * len(boxes), dtype=np.int32).reshape(-1, 2)[:, [0, 1, 1]]  # from corner to corner of each
-    met = faces_in_boxes(boxes.reshape(-1, 3), faces, boxes[:, 0], boxes[:, 1])
+    met = meeting_boxes(boxes)
     graph = csr_array((np.ones(len(met.indices)), met.indices, met.indptr), shape=(len(boxes), len(boxes)))
     count, group = connected_components(graph, directed=False)
     by_group = np.argsort(group, kind="stable")
@@ -183,31 +189,29 @@ def fill_group(task: OpenMesh, group: Iterable[int]) -> list[tuple[HoleReport, F
     the creases only, by their places in the fill.
     """
     placed: dict[int, FaceSet] = {}
-    joined = np.empty((0, 2), dtype=np.int32)  # vertices of the mesh that fills join
+    joined: dict[int, IntArray] = {}  # pairs of vertices of the mesh that each fill joins
     result = []
     next_vertex = task.mesh.vertex_count
     for number in group:
-        region = task.known.regions[number]
-        region = region.with_joined(joined) if placed else region
+        region, meeting = task.known.regions[number], [k for k in task.meeting.row(number).tolist() if k in placed]
+        if meeting:
+            region = region.with_joined(np.concatenate([joined[k] for k in meeting]))
         hole = FillTask(task, region, task.known.normals[region.ids], region.is_noisy(task.known.noise))
-        report, fill = _first_without_cuts(hole, number, placed, next_vertex)
+        report, fill = _first_without_cuts(hole, number, [placed[k] for k in meeting], next_vertex)
         result.append((report, fill))
         if fill is not None:
             placed[number] = fill
             next_vertex += len(fill.ids) - region.rim_count
-            joined = np.concatenate([joined, vertex_pairs(fill.ids[fill.faces], task.mesh.vertex_count)])
+            joined[number] = vertex_pairs(fill.ids[fill.faces], task.mesh.vertex_count)
     return result
 
 
 def _first_without_cuts(
-    hole: FillTask, number: int, earlier: dict[int, FaceSet], next_vertex: int
+    hole: FillTask, number: int, meeting: Sequence[FaceSet], next_vertex: int
 ) -> tuple[HoleReport, FaceSet | None]:
     """The first attempt that cuts nothing, or else none; if fills may cut others, the first of those that cut least."""
     task, region, report = hole.mesh, hole.region, hole.mesh.reports[number]
     low, high = task.boxes[number]
-    places = np.fromiter(earlier, dtype=np.int64, count=len(earlier))
-    meets = ((task.boxes[places, 0] <= high) & (task.boxes[places, 1] >= low)).all(axis=1)
-    meeting = [earlier[k] for k in places[meets].tolist()]
     ids = task.mesh.faces[task.near.row(number)].ravel()
     of_mesh = FaceSet(ids, task.mesh.vertices[ids], np.arange(len(ids), dtype=np.int32).reshape(-1, 3))
     least, taken, placed = 0, None, None  # faces that cut others, in the best attempt so far and its place in the mesh

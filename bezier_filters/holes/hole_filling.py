@@ -20,6 +20,7 @@ from bezier_filters.holes.fill_methods import (
     fill_group,
     groups_of_boxes,
     hole_box,
+    meeting_boxes,
 )
 from bezier_filters.holes.hole_detection import HoleChoice, find_holes
 from bezier_filters.holes.influence_region import influence_regions, known_surface
@@ -117,13 +118,14 @@ def fill_holes(
 ) -> HoleFillingResult:
     """Fill the holes of a mesh.
 
-    The new triangles are about as large as those around the hole. By default they lie on the surface which
-    continues the one around the hole: the zero set of a polyharmonic spline that interpolates points of five rings and
-    the normals of their Bezier patches, or fits them on noisy meshes, where the smoothness of the spline follows from
-    the data. Where that is not possible, or cuts the mesh, simpler fills are tried, and the report says so. A hole
-    whose fills all cut other faces is left open, unless `intersecting` asks for it. The old vertices and faces stay as
-    they are. Left open are borders that lie on each other, which have no width, and those that meet an edge with more
-    than two faces or with two that run through it the same way; `reason` says where.
+    The new triangles are about as large as those around the hole, and larger far from the rim of a large one. By
+    default they lie on the surface which continues the one around the hole: the zero set of a polyharmonic spline that
+    interpolates points of five rings and the normals of their Bezier patches, or fits them on noisy meshes, where the
+    smoothness of the spline follows from the data. Where that is not possible, or cuts the mesh, simpler fills are
+    tried, and the report says so. A hole whose fills all cut other faces is left open, unless `intersecting` asks for
+    it. The old vertices and faces stay as they are. Left open are borders that lie on each other, which have no width,
+    and those that meet an edge with more than two faces or with two that run through it the same way; `reason` says
+    where.
 
     ``method="paper"`` lifts the Delaunay triangulation of the rim in the plane of the hole to one bicubic patch and
     corrects it to pass through the rim (Li, Barsky, Jin, "An effective third-order local fitting patch and its
@@ -225,7 +227,8 @@ def fill_holes(
         for h, refusal in zip(found, refusals, strict=True)
     ]
     open_ = [reports[k] for k in numbers]
-    task = OpenMesh(mesh, known, open_, boxes, near, method, creases, intersecting, float(alpha), correction)
+    meeting = meeting_boxes(boxes)
+    task = OpenMesh(mesh, known, open_, boxes, meeting, near, method, creases, intersecting, float(alpha), correction)
     points, triangles = [mesh.vertices], [mesh.faces]
     vertex_count, face_count = mesh.vertex_count, mesh.face_count
     for number, (described, fill) in zip(numbers, _filled(task, progress), strict=True):

@@ -16,6 +16,7 @@ from bezier_filters.runtime.jit import jit
 
 FEWEST_POINTS = 16  # with known normals, for a surface
 MOST_AT_ONCE = 200  # edges of a rim up to which the fill is faired at its final resolution
+MOST_FAIRED = 60_000  # vertices of a fill up to which that is done later on, where no surface goes on
 # of an edge, between rim and surface, that is worth a shift: less turns no face by more than that angle
 SMALLEST_GAP = 1e-4
 ROUNDS = 3  # of flips and relaxation on the surface
@@ -43,7 +44,7 @@ def smooth_attempts(region: InfluenceRegion, normals: FloatArray, *, noisy: bool
         return
     if len(fill.points) > fill.rim_count:
         yield _continued(fill, region, normals, noisy=noisy)
-        yield Attempt("variational", _faired(fill, region, 2 if noisy else 3))
+        yield Attempt("variational", _smoothest(fill, region, 2 if noisy else 3))
         yield Attempt("variational", fill)
         yield Attempt("flat", _faired(fill, region, 1))
     yield Attempt("flat", _triangulated(region))
@@ -59,16 +60,24 @@ def _continued(fill: Fill, region: InfluenceRegion, normals: FloatArray, *, nois
     return Attempt("surface", meet_rim(moved, region, surface))
 
 
-def first_fill(region: InfluenceRegion, order: int = 2) -> Fill | None:
+def _smoothest(fill: Fill, region: InfluenceRegion, order: int) -> Fill:
+    """A fill faired at its final resolution, or at the finest one that time and memory allow."""
+    if len(fill.points) <= MOST_FAIRED:
+        return _faired(fill, region, order)
+    return first_fill(region, order, coarse=float(np.sqrt(len(fill.points) / MOST_FAIRED))) or fill
+
+
+def first_fill(region: InfluenceRegion, order: int = 2, coarse: float | None = None) -> Fill | None:
     """Triangulate, refine and fair a hole; None if no triangulation of its rim makes a manifold.
 
     `order` is the power of the Laplacian that vanishes: 2, or 1 where there are no faces beyond a part of the rim,
-    whose tangent planes could be continued. Fills of large holes are faired coarsely and then refined.
+    whose tangent planes could be continued. Fills of large holes are faired with edges that are longer by a factor, and
+    then refined.
     """
     fill = _triangulated(region)
     if fill is None:
         return None
-    coarse = max(1.0, region.rim_count / MOST_AT_ONCE)
+    coarse = max(1.0, region.rim_count / MOST_AT_ONCE) if coarse is None else coarse
     fill = replace(fill, sizes=coarse * fill.sizes)
     fill = _faired(refine(fill, region.rim_edges), region, order)
     fill = refine(replace(fill, sizes=fill.sizes / coarse), region.rim_edges)

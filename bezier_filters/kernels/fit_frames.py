@@ -3,7 +3,7 @@
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.kernels.kernel_input import FITTED, FOLDED, ILL_POSED, NO_FRAME, KernelFit, KernelMesh
+from bezier_filters.kernels.kernel_input import FITTED, FOLDED, ILL_POSED, MOST_EDGES, NO_FRAME, KernelFit, KernelMesh
 from bezier_filters.meshes.frames import (
     FOLD_COSINE,
     TIE,
@@ -54,6 +54,8 @@ def folds(mesh: KernelMesh, members: IntArray, count: int, nx: float, ny: float,
     normals = mesh.normals
     for a in range(count):
         j = np.uint32(members[a])
+        if a > 0 and mesh.face_ptr[j + 1] - mesh.face_ptr[j] > MOST_EDGES:
+            continue  # its faces near the first vertex are those of other members, too
         if normals[j, 0] * nx + normals[j, 1] * ny + normals[j, 2] * nz > mesh.safe_cosine[j]:
             continue
         for q in range(mesh.face_ptr[j], mesh.face_ptr[j + 1]):
@@ -68,7 +70,7 @@ def other_normal(mesh: KernelMesh, members: IntArray, count: int, neighbours: in
     """Normal, nearest to that of members[0], of a neighbour over whose plane members[:count] do not fold; or zero."""
     normals, i = mesh.normals, members[0]
     best, nearest = -1, -np.inf
-    for a in range(1, neighbours + 1):
+    for a in range(1, min(neighbours, MOST_EDGES) + 1):
         j = members[a]
         nx, ny, nz = normals[j, 0], normals[j, 1], normals[j, 2]
         cosine = nx * normals[i, 0] + ny * normals[i, 1] + nz * normals[i, 2]

@@ -19,6 +19,9 @@ ILL_POSED = 2  # too few points, or points that do not determine the polynomial,
 FOLDED = 3  # the neighbourhood folds over when projected onto the plane
 OUTCOMES = (FITTED, NO_FRAME, ILL_POSED, FOLDED)
 
+# edges of a vertex beyond which no neighbourhood but its own goes on from it: those of all of its neighbours would have
+# all of them, n^2 points around the tip of a fan of n faces
+MOST_EDGES = 1_000
 # of a neighbourhood, a length: below, the squares of third derivatives, times noise, are too large for a float64
 SMALLEST_WIDTH = 1e-60
 
@@ -56,10 +59,15 @@ def kernel_mesh(
         adjacency.vertices.indices,
         planes.normals,
         planes.safe_cosine,
-        np.zeros(mesh.vertex_count, dtype=np.bool_) if stops is None else stops,
+        hubs(adjacency.vertices.indptr) if stops is None else stops | hubs(adjacency.vertices.indptr),
         np.arange(mesh.vertex_count, dtype=np.int32) if ordered is None else ordered.order,
         np.empty((0, 3)),
     )
+
+
+def hubs(ring_ptr: IntArray) -> BoolArray:
+    """Vertices (n,) with so many edges that neighbourhoods end there."""
+    return np.asarray(np.diff(ring_ptr) > MOST_EDGES)
 
 
 def fitted_mesh(
@@ -83,7 +91,8 @@ def with_edges_without_tips(mesh: KernelMesh, adjacency: Adjacency) -> KernelMes
     if not len(mesh.faces):
         return mesh
     flat = without_tips(TriangleMesh(mesh.vertices, mesh.faces), adjacency)
-    return mesh._replace(stops=sharp_edge_vertices(flat, adjacency, tangent_planes(flat, adjacency)))
+    stops = sharp_edge_vertices(flat, adjacency, tangent_planes(flat, adjacency))
+    return mesh._replace(stops=stops | hubs(mesh.ring_ptr))
 
 
 def with_vertices(mesh: KernelMesh, adjacency: Adjacency, vertices: FloatArray) -> KernelMesh:

@@ -15,6 +15,7 @@ from bezier_filters.runtime.jit import inner_jit, jit
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks, run_kernel
 
 FEW = 8  # faces around a vertex whose corners are sorted all at once
+FEW_FACES = 64  # at a vertex, up to which each is compared with each
 NO_VERTEX = np.iinfo(np.int32).max
 
 
@@ -173,6 +174,10 @@ def incoherent_vertices(faces: IntArray, adjacency: Adjacency) -> BoolArray:
     """Vertices at a face without three corners, or with two faces that run through an edge the same way, (n,)."""
     result = np.zeros(len(adjacency.faces), dtype=np.bool_)
     _mark_incoherent(faces, adjacency.faces.indptr, adjacency.faces.indices, result)
+    for i in np.flatnonzero(adjacency.faces.lengths > FEW_FACES).tolist():
+        around = faces[adjacency.faces.row(i)]
+        following = np.roll(around, -1, axis=1)[around == i]
+        result[i] |= len(np.unique(following)) < len(following)
     return result
 
 
@@ -183,6 +188,8 @@ def _mark_incoherent(faces: IntArray, face_ptr: IntArray, face_indices: IntArray
         if a == b or b == c or c == a:
             result[a] = result[b] = result[c] = True
     for i in range(len(face_ptr) - 1):
+        if face_ptr[i + 1] - face_ptr[i] > FEW_FACES:
+            continue
         for q in range(face_ptr[i], face_ptr[i + 1]):
             for p in range(face_ptr[i], q):
                 if next_corner(faces, face_indices[p], i) == next_corner(faces, face_indices[q], i):

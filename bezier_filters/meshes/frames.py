@@ -19,6 +19,7 @@ FOLD_COSINE, STEEPEST_SINE = cos(STEEPEST), sin(STEEPEST)
 ROUNDING = 2e-7  # more than a bound up to 2 may lose in single precision
 UNBOUNDED = 2.0  # more than any cosine: no direction is known to be safe
 STEADY_ROUNDS = 4  # of averaging normals that noise has turned
+MOST_TIED = 256  # edges that are equally far, of which the rest of a neighbourhood decides
 TIE = 1e-6  # relative difference below which lengths count as equal: far above rounding, far below irregularity
 
 
@@ -186,6 +187,8 @@ def farthest_direction(
         x, y, z = _projected_edge(vertices, members[0], members[a], nx, ny, nz)
         if x * x + y * y + z * z > (1.0 - TIE) * farthest:
             tied += 1
+            if tied > MOST_TIED:
+                break
             x, y, z = x / length, y / length, z / length
             if tied == 1:
                 bx, by, bz = x, y, z

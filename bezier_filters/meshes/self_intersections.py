@@ -10,6 +10,7 @@ from bezier_filters.meshes.triangles import area_vector, cosine_between, has_cor
 from bezier_filters.runtime.jit import inner_jit, jit, short_jit
 from bezier_filters.runtime.parallel import run_kernel
 
+LEAF = 8  # boxes that a leaf of their tree has at most
 FOLDED = -0.9999  # cosine of the angle between two faces on one edge from which down they lie on each other
 
 
@@ -31,20 +32,39 @@ def faces_in_boxes(vertices: FloatArray, faces: IntArray, low: FloatArray, high:
 
 
 class _Boxes(NamedTuple):
-    """Boxes in the order in which they begin along the first of the axes."""
+    """Boxes along a curve that fills space, and a binary tree over leaves of some of them that follow each other."""
 
-    low: FloatArray
+    low: FloatArray  # (b, 3)
     high: FloatArray
-    reach: FloatArray  # how far along that axis each, or one before it, reaches
     row: IntArray  # the number of each before they were sorted
-    axes: IntArray
+    node_low: FloatArray  # (2 l, 3): of node k, which has the children 2 k and 2 k + 1; the l leaves come last
+    node_high: FloatArray
 
 
 def _sorted_boxes(low: FloatArray, high: FloatArray) -> _Boxes:
-    axes = np.ptp(low, axis=0).argsort()[::-1].astype(np.int32)  # the longest first
-    order = low[:, axes[0]].argsort().astype(np.int32)
-    low, high = low[order][:, axes], high[order][:, axes]
-    return _Boxes(low, high, np.maximum.accumulate(high[:, 0]), order, axes)
+    order = _along_curve(0.5 * low + 0.5 * high)
+    low, high = low[order], high[order]
+    first = np.arange(0, len(low), LEAF)
+    leaves = 1 << (len(first) - 1).bit_length()
+    node_low, node_high = np.full((2 * leaves, 3), np.inf), np.full((2 * leaves, 3), -np.inf)
+    node_low[leaves : leaves + len(first)] = np.minimum.reduceat(low, first)
+    node_high[leaves : leaves + len(first)] = np.maximum.reduceat(high, first)
+    while leaves > 1:
+        below, leaves = slice(leaves, 2 * leaves), leaves // 2
+        node_low[leaves : 2 * leaves] = node_low[below].reshape(-1, 2, 3).min(axis=1)
+        node_high[leaves : 2 * leaves] = node_high[below].reshape(-1, 2, 3).max(axis=1)
+    return _Boxes(low, high, order, node_low, node_high)
+
+
+def _along_curve(points: FloatArray) -> IntArray:
+    """Order of points (n, 3) along Morton's curve, (n,); few stay as they are."""
+    if len(points) <= LEAF:
+        return np.arange(len(points), dtype=np.int32)
+    low = points.min(axis=0)
+    cells = ((points - low) * (1023.0 / max(float(np.ptp(points, axis=0).max()), 1e-300))).astype(np.int64)
+    for shift, mask in ((16, 0x30000FF), (8, 0x300F00F), (4, 0x30C30C3), (2, 0x9249249)):
+        cells = (cells | cells << shift) & mask
+    return np.argsort(cells @ [4, 2, 1], kind="stable").astype(np.int32)
 
 
 @jit()
@@ -69,20 +89,56 @@ def _collect(
             box = _next_box(vertices, faces, f, boxes, box)
 
 
-@inner_jit(inline="always")
+@inner_jit()
 def _next_box(vertices: FloatArray, faces: IntArray, f: int, boxes: _Boxes, last: int) -> int:
     """The next box after the last one that a face meets, -1 if there is none."""
-    x, end_x = _bounds(vertices, faces, f, boxes.axes[0])
-    y, end_y = _bounds(vertices, faces, f, boxes.axes[1])
-    z, end_z = _bounds(vertices, faces, f, boxes.axes[2])
-    # Those before the first end before the face begins.
-    for box in range(np.searchsorted(boxes.reach, x) if last < 0 else last + 1, boxes.low.shape[0]):
-        low, high = boxes.low[box], boxes.high[box]
-        if low[0] > end_x:
-            break
-        if x <= high[0] and low[1] <= end_y and y <= high[1] and low[2] <= end_z and z <= high[2]:
+    x, end_x = _bounds(vertices, faces, f, 0)
+    y, end_y = _bounds(vertices, faces, f, 1)
+    z, end_z = _bounds(vertices, faces, f, 2)
+    count, leaves, box = boxes.low.shape[0], boxes.node_low.shape[0] // 2, last + 1
+    while box % LEAF != 0 and box < count:  # the rest of the last leaf
+        if _meets(boxes.low, boxes.high, box, x, end_x, y, end_y, z, end_z):
             return box
-    return -1
+        box += 1
+    if box >= count:
+        return -1
+    node = leaves + box // LEAF
+    while True:
+        while node % 2 == 0:  # the largest subtree that begins here
+            node //= 2
+        while node < leaves and _meets(boxes.node_low, boxes.node_high, node, x, end_x, y, end_y, z, end_z):
+            node *= 2
+        if node >= leaves and _meets(boxes.node_low, boxes.node_high, node, x, end_x, y, end_y, z, end_z):
+            first = (node - leaves) * LEAF
+            for k in range(first, min(first + LEAF, count)):
+                if _meets(boxes.low, boxes.high, k, x, end_x, y, end_y, z, end_z):
+                    return k
+        node += 1
+        if node & (node - 1) == 0:  # that was the last one of its level
+            return -1
+
+
+@inner_jit(inline="always")
+def _meets(
+    low: FloatArray,
+    high: FloatArray,
+    k: int,
+    x: float,
+    end_x: float,
+    y: float,
+    end_y: float,
+    z: float,
+    end_z: float,
+) -> bool:
+    """Whether box k meets another one."""
+    return bool(
+        low[k, 0] <= end_x
+        and x <= high[k, 0]
+        and low[k, 1] <= end_y
+        and y <= high[k, 1]
+        and low[k, 2] <= end_z
+        and z <= high[k, 2]
+    )
 
 
 @inner_jit()
