@@ -57,10 +57,10 @@ def has_ended(process):
     """Whether a process that is no child of this one has ended, or is a zombie that nobody waits for here."""
     try:
         os.kill(process, 0)
-    except ProcessLookupError:
+        status = Path(f"/proc/{process}/stat")
+        return status.exists() and status.read_text().rpartition(")")[2].split()[0] == "Z"
+    except ProcessLookupError:  # of both: it may end between them
         return True
-    status = Path(f"/proc/{process}/stat")
-    return status.exists() and status.read_text().rpartition(")")[2].split()[0] == "Z"
 
 
 @pytest.mark.parametrize(("work", "number"), list(zip(LONG.values(), [2, 15], strict=True)), ids=LONG)
