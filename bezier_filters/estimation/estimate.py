@@ -47,6 +47,7 @@ from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
 from bezier_filters.meshes.spatial_order import as_it_is, in_spatial_order, is_in_turn
+from bezier_filters.meshes.unit_size import normalizes_size
 from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.runtime.parallel import Progress, on_threads
@@ -60,6 +61,7 @@ OFF_BESIDE, OFTEN_OFF_BESIDE, OFTEN_FAILED_BESIDE = 2.0, 0.06, 0.0007
 
 
 @takes_arrays
+@normalizes_size("radius", "noise", "detail")
 @on_threads
 def estimate_vertex_geometry(
     vertices: ArrayLike,

@@ -1,6 +1,6 @@
 """The result of the fit at every vertex: normals, curvatures and their derivatives, directions, torsion."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -8,6 +8,7 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.differential_geometry import DerivedCurvatures
 from bezier_filters.display import html_table, noise_in_words, summary
 from bezier_filters.fields import ESTIMATES, GRADE, fields_of
+from bezier_filters.meshes.unit_size import CURVATURE, LENGTH, SQUARED_CURVATURE
 from bezier_filters.status import FitStatus
 
 # quantities that notebooks list, and their units
@@ -35,7 +36,7 @@ class FitPart:
     vertices: int
     rings: int
     degree: int
-    noise_sigma: float
+    noise_sigma: float = field(metadata=LENGTH)
 
 
 @dataclass(frozen=True)
@@ -66,10 +67,10 @@ class FitChoice:
     rings: int
     degree: int
     alpha: float | None
-    noise_sigma: float | None
+    noise_sigma: float | None = field(metadata=LENGTH)
     parts: tuple[FitPart, ...] = ()
-    radius: float | None = None
-    noise_length: float | None = None
+    radius: float | None = field(default=None, metadata=LENGTH)
+    noise_length: float | None = field(default=None, metadata=LENGTH)
     noise_heavy: bool = False
 
     @property
@@ -130,22 +131,22 @@ class VertexGeometry(DerivedCurvatures):
     """
 
     normals: FloatArray
-    k_min: FloatArray
-    k_max: FloatArray
+    k_min: FloatArray = field(metadata=CURVATURE)
+    k_max: FloatArray = field(metadata=CURVATURE)
     direction_min: FloatArray
     direction_max: FloatArray
-    extremality_min: FloatArray
-    extremality_max: FloatArray
-    displacements: FloatArray
-    residual: FloatArray
+    extremality_min: FloatArray = field(metadata=SQUARED_CURVATURE)
+    extremality_max: FloatArray = field(metadata=SQUARED_CURVATURE)
+    displacements: FloatArray = field(metadata=LENGTH)
+    residual: FloatArray = field(metadata=LENGTH)
     normal_std: FloatArray
-    mean_curvature_std: FloatArray
-    gaussian_curvature_std: FloatArray
+    mean_curvature_std: FloatArray = field(metadata=CURVATURE)
+    gaussian_curvature_std: FloatArray = field(metadata=SQUARED_CURVATURE)
     rings_used: IntArray
     status: IntArray
     fit: FitChoice
     condition_number: FloatArray | None = None
-    noise_free: FloatArray | None = None
+    noise_free: FloatArray | None = field(default=None, metadata=LENGTH)
 
     @property
     def noise_sigma(self) -> float | None:

@@ -1,7 +1,7 @@
 """Creases of a mesh as lines: sharp edges, and the ridges and ravines of the surface between them."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import radians
 from typing import Literal, get_args
 
@@ -20,6 +20,7 @@ from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.half_edges import MeshEdges, mesh_edges
 from bezier_filters.meshes.mesh import TriangleMesh, takes_arrays, triangle_mesh
 from bezier_filters.meshes.sharp_edges import certainties, sharp_edges
+from bezier_filters.meshes.unit_size import LENGTH, normalizes_size
 from bezier_filters.runtime.parallel import Progress, on_threads
 from bezier_filters.status import FitStatus
 
@@ -57,7 +58,7 @@ class CreaseLine:
 
     kind: CreaseKind
     is_sharp: bool
-    points: FloatArray
+    points: FloatArray = field(metadata=LENGTH)
     edges: IntArray
     shares: FloatArray
     strength: float
@@ -165,6 +166,7 @@ def edge_mesh(lines: Sequence[CreaseLine]) -> tuple[FloatArray, IntArray, IntArr
 
 
 @takes_arrays
+@normalizes_size()
 @on_threads
 def find_creases(
     vertices: ArrayLike,
@@ -319,14 +321,14 @@ def _smooth_lines(
     usable = geometry.status <= FitStatus.LOWER_DEGREE
     usable[edges.vertices[sharp]] = False
     faces = np.flatnonzero(usable[mesh.faces].all(axis=1) & (edges.of_faces >= 0).all(axis=1)).astype(np.int32)
-    for kind, field in zip(get_args(CreaseKind), curvatures_along_lines(mesh, adjacency, geometry), strict=True):
-        pairs, shares, weights = crest_segments(mesh, edges, field, faces)
+    for kind, curvatures in zip(get_args(CreaseKind), curvatures_along_lines(mesh, adjacency, geometry), strict=True):
+        pairs, shares, weights = crest_segments(mesh, edges, curvatures, faces)
         for nodes, segments in chains(pairs):
             strength = float(weights[segments].sum())
             if strength < min_strength:
                 continue
             points = on_edges(mesh.vertices, edges, shares, nodes)
-            certainty = field.certainty(points)
+            certainty = curvatures.certainty(points)
             if certainty >= 0.5:
                 here = np.full(len(segments), certainty)
                 yield CreaseLine(kind, False, points, edges.vertices[nodes], shares[nodes], strength, here)

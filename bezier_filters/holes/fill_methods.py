@@ -24,6 +24,7 @@ from bezier_filters.meshes.adjacency import Rows
 from bezier_filters.meshes.half_edges import dihedral_angles, half_edge_lists, normals_along
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.self_intersections import cut_faces, faces_in_boxes
+from bezier_filters.meshes.unit_size import LENGTH
 
 FillingMethod = Literal["auto", "paper"]
 
@@ -80,8 +81,8 @@ class HoleReport:
     rim: IntArray
     islands: int
     edge_count: int
-    perimeter: float
-    diameter: float
+    perimeter: float = field(metadata=LENGTH)
+    diameter: float = field(metadata=LENGTH)
     is_outer_rim: bool
     filled: bool = False
     method: str = ""
@@ -90,7 +91,7 @@ class HoleReport:
     creases: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int32))
     new_vertices: range = range(0)
     new_faces: range = range(0)
-    rim_error: float = 0.0
+    rim_error: float = field(default=0.0, metadata=LENGTH)
     rim_dihedral: float = 0.0
     self_intersections: int = 0
 

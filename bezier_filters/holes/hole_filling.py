@@ -1,7 +1,7 @@
 """Hole filling: the function that users call, and what it gives."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, get_args
 
 import numpy as np
@@ -28,6 +28,7 @@ from bezier_filters.holes.planar_fill import Correction
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import checked_selection, takes_arrays, triangle_mesh
 from bezier_filters.meshes.self_intersections import faces_in_boxes
+from bezier_filters.meshes.unit_size import LENGTH, normalizes_size
 from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.runtime.parallel import Progress, on_threads, report, run_kernel
 
@@ -52,10 +53,10 @@ class HoleFillingResult:
         too small to learn it.
     """
 
-    vertices: FloatArray
+    vertices: FloatArray = field(metadata=LENGTH)
     faces: IntArray
     holes: tuple[HoleReport, ...]
-    noise: float | None
+    noise: float | None = field(metadata=LENGTH)
 
     @property
     def filled(self) -> int:
@@ -95,6 +96,7 @@ class HoleFillingResult:
 
 
 @takes_arrays
+@normalizes_size("max_perimeter", "max_diameter", "noise")
 @on_threads
 def fill_holes(
     vertices: ArrayLike,

@@ -20,6 +20,7 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import FieldFileError, InvalidMeshError
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.spatial_order import Grid, grid_around, widen_bounds
+from bezier_filters.meshes.unit_size import MOST_BITS, size_exponent
 from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.runtime.checksums import checksum_of
 from bezier_filters.runtime.jit import jit
@@ -190,6 +191,11 @@ def _grid(source: MeshSource, passes: _Passes) -> Grid:
                 f"{source.paths[0]}: vertex {bad} has a coordinate that is NaN or infinite; remove such vertices first"
             )
     triangle_mesh([low, high], [])  # sizes that cannot be computed with
+    if size_exponent([low, high]):
+        raise InvalidMeshError(
+            f"{source.paths[0]}: the largest coordinate is {max(abs(low).max(), abs(high).max()):.3g}; in tiles it "
+            f"must be between {2.0**-MOST_BITS:.2g} and {2.0**MOST_BITS:.2g}: scale the mesh, or compute it in memory"
+        )
     return grid_around(low, high, source.vertex_count)
 
 

@@ -1,6 +1,6 @@
 """Smoothing: the function that users call, and what it gives."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -17,6 +17,7 @@ from bezier_filters.meshes.adjacency import Adjacency, longest_edges, mean_edge,
 from bezier_filters.meshes.half_edges import unclear_vertices
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
 from bezier_filters.meshes.spatial_order import read_in_turn
+from bezier_filters.meshes.unit_size import LENGTH, VOLUME, normalizes_size
 from bezier_filters.runtime.parallel import Progress, on_threads
 from bezier_filters.smoothing.denoise import SmoothingOptions
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
@@ -65,17 +66,17 @@ class SmoothingResult:
         Faces that are flipped or degenerate, and were not before; none but where four times as many were mended.
     """
 
-    vertices: FloatArray
-    displacement: FloatArray
+    vertices: FloatArray = field(metadata=LENGTH)
+    displacement: FloatArray = field(metadata=LENGTH)
     sharpness: FloatArray
-    noise_before: float | None
-    noise_after: float | None
-    noise_length: float | None
+    noise_before: float | None = field(metadata=LENGTH)
+    noise_after: float | None = field(metadata=LENGTH)
+    noise_length: float | None = field(metadata=LENGTH)
     noise_heavy: bool
     iterations: int
-    mean_edge: float
-    volume_before: float | None
-    volume_after: float | None
+    mean_edge: float = field(metadata=LENGTH)
+    volume_before: float | None = field(metadata=VOLUME)
+    volume_after: float | None = field(metadata=VOLUME)
     flipped_before: int
     flipped_after: int
     degenerate_before: int
@@ -133,6 +134,7 @@ class SmoothingResult:
 
 
 @takes_arrays
+@normalizes_size("noise", "detail")
 @on_threads
 def smooth(
     vertices: ArrayLike,
