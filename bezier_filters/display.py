@@ -151,21 +151,23 @@ def noise_level(sigma: float | None, edge: float | None = None) -> str:
     return "too small to be learned" if sigma <= SMALLEST * (edge or 0.0) else _measured(sigma, edge)
 
 
-def noise_in_words(sigma: float | None, length: float | None, heavy: bool, edge: float | None = None) -> str:
+def noise_in_words(
+    sigma: float | None, length: float | None, heavy: bool, edge: float | None = None, *, reason: str = ""
+) -> str:
     """What is known of the noise: its standard deviation, how far it is correlated, and whether it is heavy.
 
-    The length is None if the noise is unknown, and 0 if it is independent from vertex to vertex.
+    The length is None if the noise is unknown, for a reason, and 0 if it is independent from vertex to vertex.
 
     >>> noise_in_words(0.009, 0.14, False, 0.1)
     'noise 0.09 edges, correlated over 1.4 edges'
     >>> noise_in_words(0.05, 0.0, True, 0.1)
     'noise 0.5 edges in all directions, independent from vertex to vertex'
-    >>> noise_in_words(None, None, False)
-    'noise unknown: the mesh is too small to learn it'
+    >>> noise_in_words(None, None, False, reason="no vertex has a normal")
+    'noise unknown: no vertex has a normal'
     """
     level = noise_level(sigma, edge)
     if sigma is None:
-        return f"noise {level}: the mesh is too small to learn it"
+        return ": ".join(filter(None, [f"noise {level}", reason]))
     if level != _measured(sigma, edge):
         return f"noise {level}"
     correlated = f"correlated over {_measured(length, edge)}" if length else "independent from vertex to vertex"

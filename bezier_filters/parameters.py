@@ -214,8 +214,9 @@ _ESTIMATE = """\
 dict
     ``status`` (number of vertices per status name), ``fit`` (the ``rings`` or ``radius``, ``degree`` and
     ``alpha`` that were used, the ``noise_sigma`` that was found and the ``noise_length`` over which it
-    is correlated, lengths, and ``noise_heavy``: whether it turns single normals), ``mean_edge`` (a
-    length, or None for a point cloud), ``attributes`` (names written), ``quality`` and ``unit``,
+    is correlated, lengths, ``noise_heavy``: whether it turns single normals, and ``noise_reason``: why it
+    is unknown), ``mean_edge`` (a length, or None for a point cloud), ``attributes`` (names written), ``quality``
+    and ``unit``,
     ``statistics`` (min, median, max and mean of the quality over the vertices with an estimate),
     ``warnings`` (texts: why no vertex has an estimate), ``remarks`` (texts: why most have none to rely on),
     ``repaired`` (as in `meshing_close_holes_by_bezier_patch`, or None),

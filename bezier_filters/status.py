@@ -12,6 +12,8 @@ class FitStatus(IntEnum):
     Meshes and files hold the `grade` instead, from 9 for `OK` down to 0 for `SKIPPED`: other programs give the
     value 0 to vertices that they add, and nothing was estimated there.
 
+    Give arrays ``int(FitStatus.OK)``: of a member, NumPy asks Python for attributes, and loses a Ctrl-C that comes then.
+
     >>> FitStatus.WIDER_RING.message
     'fitted on more rings than most: too few or badly placed points, as at a boundary'
     >>> FitStatus.OK.grade, FitStatus.FOLDED.grade, FitStatus.SKIPPED.grade
@@ -28,7 +30,7 @@ class FitStatus(IntEnum):
     LOWER_DEGREE = 5, "quadratic fit: too few or badly placed points for the patch asked for"
     FOLDED = 6, "quadratic fit of a folded neighbourhood: unreliable"
     NORMAL_ONLY = 7, "normal of the faces or nearest points; no curvature: its points determine none"
-    ISOLATED = 8, "no usable face, or points on a line: nothing estimated"
+    ISOLATED = 8, "no face with an area, here or at a neighbour, or points on a line: nothing estimated"
     SKIPPED = 9, "not selected, or added by another program: nothing estimated"
 
     message: str

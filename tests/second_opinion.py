@@ -51,7 +51,14 @@ def opinion(vertices, faces, vertex):
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(normals, axis=1)
     normals = np.divide(normals, lengths[:, None], out=np.zeros_like(normals), where=lengths[:, None] > 0)
-    total = normals[(faces == vertex).any(axis=1)].sum(axis=0)
+    total, has_area = normal_of_faces(faces, normals, vertex)
+    if not has_area:
+        around = set(faces[(faces == vertex).any(axis=1)].ravel().tolist()) - {vertex}
+        of_neighbours = [normal_of_faces(faces, normals, v)[0] for v in sorted(around)]
+        sizes = [np.linalg.norm(one) for one in of_neighbours]
+        if any(1e-10 < size < 1e-8 for size in sizes):
+            return Opinion(None)
+        total = sum((one / size for one, size in zip(of_neighbours, sizes, strict=True) if size > 1e-9), np.zeros(3))
     length = np.linalg.norm(total)
     if length < 1e-8:
         return Opinion(True if length < 1e-10 else None)
@@ -69,6 +76,12 @@ def opinion(vertices, faces, vertex):
     if (cosines <= FOLD_COSINE + CERTAIN).any():
         return Opinion(False)
     return fitted(vertices, vertex, rings, z_axis, largest_curvature(vertices, proper, vertex))
+
+
+def normal_of_faces(faces, normals, vertex):
+    """Sum of the normals of the faces at a vertex, and whether one of these has an area."""
+    here = normals[(faces == vertex).any(axis=1)]
+    return here.sum(axis=0), bool(here.any())
 
 
 def fitted(vertices, vertex, rings, z_axis, bound):

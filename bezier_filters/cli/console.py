@@ -96,9 +96,9 @@ def print_status(report: Report, source: str) -> None:
     fit = report["fit"]
     weight = "weights learned from the mesh" if fit["alpha"] is None else f"alpha {fit['alpha']:g}"
     noise = ""
-    if fit["noise_sigma"] is not None:
-        edge = report.get("mean_edge")
-        noise = f"; {noise_in_words(fit['noise_sigma'], fit['noise_length'], fit['noise_heavy'], edge)}"
+    if fit["noise_sigma"] is not None or fit["noise_reason"]:
+        known, edge = (fit["noise_sigma"], fit["noise_length"], fit["noise_heavy"]), report.get("mean_edge")
+        noise = f"; {noise_in_words(*known, edge, reason=fit['noise_reason'])}"
     where = f"on {fit['rings']} rings" if fit["radius"] is None else f"within a radius of {fit['radius']:.4g} (length)"
     out().print(f"  fitted {where}, degree {fit['degree']}, {weight}{noise}")
     for name, count in report["status"].items():
@@ -129,7 +129,8 @@ def print_noise(report: Report) -> None:
 def _smoothed_noise(report: Report) -> str:
     """The noise before smoothing, and what is left of it."""
     edge = report["mean_edge"]
-    before = noise_in_words(report["noise_before"], report["noise_length"], report["noise_heavy"], edge)
+    known = report["noise_before"], report["noise_length"], report["noise_heavy"]
+    before = noise_in_words(*known, edge, reason=report["noise_reason"])
     return f"{before}; {noise_level(report['noise_after'], edge)} after"
 
 

@@ -44,7 +44,7 @@ from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.learning.plans import THRIFT, Choices, plan_for
 from bezier_filters.learning.ring_analysis import FEWEST_SAMPLES, RingAnalysis
 from bezier_filters.meshes.adjacency import Adjacency
-from bezier_filters.patches.fitting import PatchFit
+from bezier_filters.patches.fitting import DEGREES, PatchFit
 from bezier_filters.runtime.parallel import Progress, run_kernel
 from bezier_filters.status import FitStatus
 
@@ -146,9 +146,14 @@ def choose_fit(
             return surface_fit, Learned(analyses, root, choices)
     if rings == "auto":
         rings = 2 if root is None else root.chosen.rings
-    fit = fixed or PatchFit()
+    fit = fixed or patch_of_degrees(degrees)
     choice = _with_noise(FitChoice(rings, fit.degree, fit.alpha, None), noise)
     return SurfaceFit(choice, tuple(fallback_chain(rings, fit)), choice.noise_heavy, bool(robust)), None
+
+
+def patch_of_degrees(degrees: tuple[int, ...]) -> PatchFit:
+    """The patch for a surface of which nothing can be learned: of the one degree that is allowed, 4 at most, or 3."""
+    return PatchFit(min(degrees[0], max(DEGREES))) if len(degrees) == 1 else PatchFit()
 
 
 def _with_noise(choice: FitChoice, noise: NoiseModel | None) -> FitChoice:
@@ -333,7 +338,7 @@ def fit_in_balls(
             mesh = mesh._replace(stops=mesh.stops | edges)
             leaf = _learn_balls(mesh, adjacency, radius, choices, robust)
     if leaf is None:
-        fit = fit or PatchFit()
+        fit = fit or patch_of_degrees(degrees)
         attempts = fallback_chain(1, fit, radius)
         choice = FitChoice(0, fit.degree, fit.alpha, None, radius=radius)
     else:

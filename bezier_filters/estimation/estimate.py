@@ -41,7 +41,7 @@ from bezier_filters.kernels.kernel_input import (
     with_steady_normals,
     with_vertices,
 )
-from bezier_filters.learning.learn import viewed_sample
+from bezier_filters.learning.learn import viewed_sample, why_unlearned
 from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample, draw_from_mesh
 from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
@@ -122,7 +122,8 @@ def estimate_vertex_geometry(
         Weight of the points against the smoothness, in (0, 1]; 1 fits the points alone.
     degree : int or "auto"
         With a number for `alpha`, degree of the patch in each parameter: 2, 3 or 4, and "auto"
-        is 3. Otherwise total degree of the polynomial: 2 to 6.
+        is 3. Otherwise total degree of the polynomial: 2 to 6. Where nothing can be learned of a mesh, as on one of a
+        few vertices, the fit has alpha 0.8 and this degree, 4 at most; ``fit.noise_reason`` says why.
     smoothness : {"third_order", "paper", "twists"}
         What S penalises: see `smoothness_matrix`. With ``"paper"``, "auto" stands for the paper's
         settings: 2 rings, alpha 0.8, degree 3. With ``"twists"``, `alpha` must be a number.
@@ -294,6 +295,8 @@ def _estimate(
                 fit, learned, fitted = _choose(
                     arrays, adjacency, lambda learn: choose_fit(learn, *options), hidden_edges
                 )
+                if wanted.fixed is None or wanted.rings == "auto":
+                    fit = replace(fit, choice=_with_reason(fit.choice, arrays, adjacency))
             if wanted.fixed is not None and wanted.fallbacks != "sound":
                 chain = fallback_chain(fit.choice.rings, wanted.fixed, fallbacks=wanted.fallbacks)
                 fit = replace(fit, attempts=tuple(chain))
@@ -320,6 +323,8 @@ def _estimate(
                 find_edges=hidden_edges,
                 progress=progress,
             )
+            if wanted.fixed is None:
+                choice = _with_reason(choice, arrays, adjacency)
         if mask is not None:
             _clear(geometry, ~mask & (geometry.status != FitStatus.SKIPPED))
         return replace(geometry, fit=choice, noise_free=surface)
@@ -348,6 +353,11 @@ def _choose(
         if edges is not None and (edges & ~fitted.stops).any():
             return chosen(arrays._replace(stops=arrays.stops | edges), edges)
     return fit, learned, fitted
+
+
+def _with_reason(choice: FitChoice, arrays: KernelMesh, adjacency: Adjacency) -> FitChoice:
+    """A choice that says why the noise is not known, if it is not."""
+    return choice if choice.noise_sigma is not None else replace(choice, noise_reason=why_unlearned(arrays, adjacency))
 
 
 def _misses_edges(arrays: KernelMesh, fit: SurfaceFit, sigma: float) -> bool:
@@ -433,4 +443,4 @@ def _clear(geometry: VertexGeometry, rows: BoolArray) -> None:
     """Forget what is known of some vertices."""
     places = np.flatnonzero(rows)
     for name, values in arrays_of(geometry).items():
-        values[places] = FitStatus.SKIPPED if name == "status" else 0
+        values[places] = int(FitStatus.SKIPPED) if name == "status" else 0

@@ -22,6 +22,7 @@ from bezier_filters.kernels.kernel_input import (
 from bezier_filters.learning.learn import MOST_TURNED
 from bezier_filters.learning.plans import FitPlan
 from bezier_filters.learning.quartic_mean import QUARTIC
+from bezier_filters.meshes.diagnosis import FEWEST_POINTS
 from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.patches.polynomials import elimination_order, lexicographic_places, row_starts
 from bezier_filters.runtime.parallel import Progress, run_in_chunks, run_kernel
@@ -35,6 +36,9 @@ ENOUGH_POINTS = 0.75
 Fallbacks = Literal["sound", "paper"]
 # practically a plain quadratic: six coefficients that six well-placed points determine
 QUADRATIC = PatchFit(degree=2, alpha=0.1)
+# the flattest quadratic through points that leave it open how much the surface bends some way, as two rows of them do
+FLATTEST = PatchFit(degree=2, alpha=0.1, smoothness="flattest")
+SMALLEST_FLAT_PIVOT = 1e-15  # below what flatness itself decides
 
 ROBUST_ROUNDS = 5  # most rounds of reweighting; nearly all neighbourhoods settle after two or three
 
@@ -87,6 +91,8 @@ def last_resorts(rings: int) -> Iterator[FitAttempt]:
     yield FitAttempt(FitStatus.ONE_RING, folded, 1, QUADRATIC)
     yield FitAttempt(FitStatus.LOWER_DEGREE, ill_posed, max(rings, 2), QUADRATIC)
     yield FitAttempt(FitStatus.LOWER_DEGREE, ill_posed, rings + MORE_RINGS, QUADRATIC)
+    for wide in (max(rings, 2), rings + MORE_RINGS):
+        yield FitAttempt(FitStatus.LOWER_DEGREE, ill_posed, wide, FLATTEST, fewest_points=FEWEST_POINTS)
     yield FitAttempt(FitStatus.FOLDED, ill_posed | folded, max(rings, 2), QUADRATIC, mean_plane=True, most_turned=1.0)
 
 
@@ -145,7 +151,7 @@ def fit_with_fallbacks(
         has_normal[start:stop] = mesh.normals[ids[start:stop]].any(axis=1)
 
     run_kernel(look, len(ids))
-    geometry.status[mesh.origin[ids[~has_normal]]] = FitStatus.ISOLATED
+    geometry.status[mesh.origin[ids[~has_normal]]] = int(FitStatus.ISOLATED)
     unsettled = _where(has_normal, ids)
     outcomes = np.full(len(unsettled), FITTED, dtype=np.int8)
     tried = 0
@@ -161,9 +167,9 @@ def fit_with_fallbacks(
         unsettled, outcomes = unsettled[~fitted], outcomes[~fitted]
         if not len(unsettled):
             return
-    never_fitted = unsettled[geometry.status[mesh.origin[unsettled]] == FitStatus.SKIPPED]
+    never_fitted = unsettled[geometry.status[mesh.origin[unsettled]] == int(FitStatus.SKIPPED)]
     geometry.normals[mesh.origin[never_fitted]] = mesh.normals[never_fitted]
-    geometry.status[mesh.origin[never_fitted]] = FitStatus.NORMAL_ONLY
+    geometry.status[mesh.origin[never_fitted]] = int(FitStatus.NORMAL_ONLY)
 
 
 def _give_status(status: FitStatus, ids: IntArray, mask: BoolArray, origin: IntArray, geometry: VertexGeometry) -> None:
@@ -215,7 +221,8 @@ def kernel_fit(attempt: FitAttempt, *, robust: bool = False) -> KernelFit:
     moment_exponents, moment_place = space.moments
     if isinstance(fit, PatchFit):
         free, square, penalty = fit.free_coefficients, fit.square, fit.monomial_penalty[np.ix_(order, order)][lower]
-        prior, smallest_pivot = np.zeros(len(lower[0])), SMALLEST_PIVOT
+        prior = np.zeros(len(lower[0]))
+        smallest_pivot = SMALLEST_FLAT_PIVOT if fit is FLATTEST else SMALLEST_PIVOT
     else:
         free, square, penalty = QUADRATIC.free_coefficients, True, np.zeros(len(lower[0]))
         if np.isfinite(fit.weight_radius):
@@ -254,7 +261,7 @@ def kernel_fit(attempt: FitAttempt, *, robust: bool = False) -> KernelFit:
         curvature_noise=attempt.noise[1],
         weight_scale=weight_scale,
         weight_power=weight_power,
-        rounds=ROBUST_ROUNDS if robust and fit is not QUADRATIC else 0,
+        rounds=ROBUST_ROUNDS if robust and fit not in (QUADRATIC, FLATTEST) else 0,
     )
 
 

@@ -8,6 +8,7 @@ from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.estimation.adaptive_fit import Learn, learn_without_outliers, learner
 from bezier_filters.estimation.outlier_removal import without_outliers
 from bezier_filters.kernels.kernel_input import fitted_mesh
+from bezier_filters.learning.learn import why_unlearned
 from bezier_filters.learning.noise_model import NoiseModel, known_noise
 from bezier_filters.learning.plans import Choices
 from bezier_filters.meshes.adjacency import Adjacency, from_middles, mean_edge
@@ -44,6 +45,11 @@ def learn_noise(
     """
     arrays, fitted = fitted_mesh(mesh, adjacency=adjacency, creases=True)
     return learned_noise(learner(arrays, fitted), sigma, robust, MOST_NOISE * mean_edge(mesh, adjacency))
+
+
+def why_noise_is_unknown(mesh: TriangleMesh, adjacency: Adjacency) -> str:
+    """Why `learn_noise` gives none."""
+    return why_unlearned(*fitted_mesh(mesh, adjacency=adjacency, creases=True))
 
 
 def learned_noise(learn: Learn, sigma: float | None, robust: bool | None, most: float = np.inf) -> NoiseModel | None:

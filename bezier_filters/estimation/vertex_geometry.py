@@ -62,6 +62,9 @@ class FitChoice:
         Distance over which the noise is correlated; 0 if it is independent from vertex to vertex.
     noise_heavy : bool
         Whether the noise turns single normals so far that they mean nothing, as noise in all directions does.
+    noise_reason : str
+        Why the noise could not be learned, and with it nothing that follows from it: then 2 rings, alpha 0.8 and the
+        degree that was asked for, 4 at most, or 3, take the place of what was left to the data. Empty otherwise.
     """
 
     rings: int
@@ -72,13 +75,14 @@ class FitChoice:
     radius: float | None = field(default=None, metadata=LENGTH)
     noise_length: float | None = field(default=None, metadata=LENGTH)
     noise_heavy: bool = False
+    noise_reason: str = ""
 
     @property
     def noise(self) -> str:
-        """The noise in words, or nothing where it was not learned."""
-        if self.noise_sigma is None:
+        """The noise in words, or nothing where it was not to be learned."""
+        if self.noise_sigma is None and not self.noise_reason:
             return ""
-        return noise_in_words(self.noise_sigma, self.noise_length, self.noise_heavy)
+        return noise_in_words(self.noise_sigma, self.noise_length, self.noise_heavy, reason=self.noise_reason)
 
 
 @dataclass(frozen=True, repr=False)
@@ -255,6 +259,6 @@ def empty_geometry(n: int) -> VertexGeometry:
         **dict(zip(vectors, of_vectors.reshape(len(vectors), n, 3), strict=True)),
         **dict(zip(scalars, of_scalars.reshape(len(scalars), n), strict=True)),
         rings_used=np.zeros(n, dtype=np.int32),
-        status=np.full(n, FitStatus.SKIPPED, dtype=np.int32),
+        status=np.full(n, int(FitStatus.SKIPPED), dtype=np.int32),
         fit=FitChoice(0, 0, None, None),
     )

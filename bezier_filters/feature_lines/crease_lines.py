@@ -318,7 +318,7 @@ def _smooth_lines(
     min_strength: float,
 ) -> Iterator[CreaseLine]:
     """Chains of crest segments of either kind, where fits are sound and no sharp edge is near."""
-    usable = geometry.status <= FitStatus.LOWER_DEGREE
+    usable = geometry.status <= int(FitStatus.LOWER_DEGREE)
     usable[edges.vertices[sharp]] = False
     faces = np.flatnonzero(usable[mesh.faces].all(axis=1) & (edges.of_faces >= 0).all(axis=1)).astype(np.int32)
     for kind, curvatures in zip(get_args(CreaseKind), curvatures_along_lines(mesh, adjacency, geometry), strict=True):

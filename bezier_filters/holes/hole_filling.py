@@ -49,8 +49,8 @@ class HoleFillingResult:
     holes : tuple of HoleReport
         One for every hole and every outer rim, ordered by the smallest vertex of the rim.
     noise : float or None
-        Standard deviation of the noise along the normal that fills were fitted with, a length; None if the mesh is
-        too small to learn it.
+        Standard deviation of the noise along the normal that fills were fitted with, a length; None if it could not be
+        learned.
     """
 
     vertices: FloatArray = field(metadata=LENGTH)

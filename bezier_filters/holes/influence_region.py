@@ -187,7 +187,7 @@ class KnownSurface:
     """What is known of a mesh around its holes."""
 
     normals: FloatArray  # (n, 3): of the Bezier patches at the points that surfaces are fitted to, zero elsewhere
-    noise: float | None  # standard deviation of its noise, a length; None if the mesh is too small to learn it
+    noise: float | None  # standard deviation of its noise, a length; None if it could not be learned
     regions: list[InfluenceRegion]  # with their shape
 
 

@@ -10,12 +10,18 @@ import numpy as np
 from bezier_filters.arrays import IntArray
 from bezier_filters.kernels.kernel_input import KernelMesh, with_edges_without_tips, with_steady_normals
 from bezier_filters.learning.model_tree import Leaf, best_leaf, leaf_of
-from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample, draw_from_mesh, sample_neighbourhoods
+from bezier_filters.learning.neighbourhood_samples import (
+    NEAR,
+    NeighbourhoodSample,
+    draw_from_mesh,
+    sample_neighbourhoods,
+)
 from bezier_filters.learning.noise_spectrum import learn_noise
 from bezier_filters.learning.outliers import RINGS, outlier_share
 from bezier_filters.learning.plans import Choices
 from bezier_filters.learning.ring_analysis import RingAnalysis, analyse_rings
 from bezier_filters.learning.surface_model import RingModel, white_noise
+from bezier_filters.learning.unlearned import USABLE_SHARE, reason_unlearned
 from bezier_filters.meshes.adjacency import Adjacency
 
 CANDIDATE_RINGS = (1, 2, 3, 4, 5, 6, 8, 10)
@@ -25,7 +31,6 @@ SAMPLES = {1: 300, 2: 400, 3: 400, 4: 240, 5: 180, 6: 200, 8: 160, 10: 120}
 MOST_TURNED = 0.02  # share of the vertices of a neighbourhood whose normals noise may turn away from its plane
 MAY_TURN = 0.25  # the same where outliers are looked for, which turn more
 MANY_UNUSABLE = 0.05  # share of the neighbourhoods from which on they are looked at for outliers, too
-USABLE_SHARE = 0.8  # a ring that folds at more than the rest of the sampled vertices is too wide
 HOPELESS = 10.0  # wider rings are not tried once the predicted error has grown by this factor
 
 # share of the places with a normal near them that turns away, and of all normals: more of both is heavy noise,
@@ -62,6 +67,11 @@ def viewed_sample(mesh: KernelMesh, adjacency: Adjacency, ids: IntArray, rings: 
     if view == "tolerant":
         mesh, most_turned = with_edges_without_tips(mesh, adjacency), MAY_TURN
     return sample_neighbourhoods(mesh, adjacency, ids, rings=rings, most_turned=most_turned)
+
+
+def why_unlearned(mesh: KernelMesh, adjacency: Adjacency) -> str:
+    """Why `learn_surface` learns nothing of a mesh."""
+    return reason_unlearned(viewed_sample(mesh, adjacency, draw_from_mesh(mesh, SAMPLES[NEAR]), NEAR, "plain"))
 
 
 def learn_from_samples(sampler: Sampler, vertex_count: int, choices: Choices) -> tuple[list[RingAnalysis], Leaf | None]:

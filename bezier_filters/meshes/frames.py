@@ -18,6 +18,7 @@ STEEPEST = radians(89.0)  # a face that leans further than this from the plane m
 FOLD_COSINE, STEEPEST_SINE = cos(STEEPEST), sin(STEEPEST)
 ROUNDING = 2e-7  # more than a bound up to 2 may lose in single precision
 UNBOUNDED = 2.0  # more than any cosine: no direction is known to be safe
+WITHOUT_AREA = 3.0  # the same, of vertices all of whose faces have no area
 STEADY_ROUNDS = 4  # of averaging normals that noise has turned
 MOST_TIED = 256  # edges that are equally far, of which the rest of a neighbourhood decides
 TIE = 1e-6  # relative difference below which lengths count as equal: far above rounding, far below irregularity
@@ -27,7 +28,9 @@ TIE = 1e-6  # relative difference below which lengths count as equal: far above 
 class TangentPlanes:
     """Approximate tangent planes of all vertices."""
 
-    normals: FloatArray  # (n, 3): mean of the unit normals of the faces at each vertex, normalised; zero without any
+    # (n, 3): mean of the unit normals of the faces at each vertex, normalised; zero without any. Where no face has an
+    # area, as at vertices that marching cubes put in one place, it is the mean of the neighbours.
+    normals: FloatArray
     # (n,): if the cosine between a direction and the normal is larger than this, no face at the vertex folds when
     # projected along that direction; `UNBOUNDED` if none is known
     safe_cosine: SingleArray
@@ -42,6 +45,8 @@ def tangent_planes(mesh: TriangleMesh, adjacency: Adjacency) -> TangentPlanes:
     run_kernel(_unit_face_normals, mesh.face_count, mesh.vertices, mesh.faces, of_faces)
     planes = of_faces, rows.indptr, rows.indices, normals, safe_cosine
     run_kernel(_vertex_planes, mesh.vertex_count, *planes)
+    neighbours = adjacency.vertices
+    run_kernel(_normals_without_area, mesh.vertex_count, neighbours.indptr, neighbours.indices, normals, safe_cosine)
     return TangentPlanes(normals, safe_cosine)
 
 
@@ -89,7 +94,13 @@ def _vertex_planes(
             f = face_indices[q]
             x, y, z = x + of_faces[f, 0], y + of_faces[f, 1], z + of_faces[f, 2]
         length = np.sqrt(x * x + y * y + z * z)
-        if length < 1e-9:  # no face, or faces that cancel out
+        if length < 1e-9:  # no face, or faces that cancel out, or have no area
+            if face_ptr[i + 1] > face_ptr[i]:
+                has_area = False
+                for q in range(face_ptr[i], face_ptr[i + 1]):
+                    f = face_indices[q]
+                    has_area = has_area or of_faces[f, 0] != 0.0 or of_faces[f, 1] != 0.0 or of_faces[f, 2] != 0.0
+                safe_cosine[i] = UNBOUNDED if has_area else WITHOUT_AREA
             continue
         x, y, z = x / length, y / length, z / length
         normals[i, 0], normals[i, 1], normals[i, 2] = x, y, z
@@ -104,6 +115,24 @@ def _vertex_planes(
         if cosine > FOLD_COSINE:
             bound = FOLD_COSINE * cosine + STEEPEST_SINE * np.sqrt(1.0 - cosine * cosine)
             safe_cosine[i] = bound + ROUNDING
+
+
+@jit()
+def _normals_without_area(
+    ptr: IntArray, indices: IntArray, normals: FloatArray, safe_cosine: SingleArray, start: int, stop: int
+) -> None:
+    """Give those of vertices start .. stop-1 whose faces have no area the mean normal of neighbours that have one."""
+    for i in range(start, stop):
+        if safe_cosine[i] != WITHOUT_AREA:
+            continue
+        x, y, z = 0.0, 0.0, 0.0
+        for q in range(ptr[i], ptr[i + 1]):
+            j = indices[q]
+            if safe_cosine[j] != WITHOUT_AREA:  # whose normal another thread may be writing
+                x, y, z = x + normals[j, 0], y + normals[j, 1], z + normals[j, 2]
+        length = np.sqrt(x * x + y * y + z * z)
+        if length > 1e-9:
+            normals[i, 0], normals[i, 1], normals[i, 2] = x / length, y / length, z / length
 
 
 @inner_jit()

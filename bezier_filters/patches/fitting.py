@@ -10,7 +10,7 @@ from bezier_filters.arrays import FloatArray
 from bezier_filters.errors import InvalidParameterError, is_real
 from bezier_filters.patches.patch import BezierPatch, ParameterRectangle
 from bezier_filters.patches.polynomials import PolynomialSpace, monomials_from_bernstein, tensor_space
-from bezier_filters.patches.smoothness import Smoothness, smoothness_matrix
+from bezier_filters.patches.smoothness import Penalty, smoothness_matrix
 
 DEGREES = (2, 3, 4)
 
@@ -36,7 +36,7 @@ class PatchFit:
 
     degree: int = 3
     alpha: float = 0.8
-    smoothness: Smoothness = "third_order"
+    smoothness: Penalty = "third_order"
 
     def __post_init__(self) -> None:
         if not is_real(self.degree) or self.degree not in DEGREES:
@@ -71,9 +71,9 @@ class PatchFit:
     def square(self) -> bool:
         """Whether the parameters cover the square around the vertex, not the paper's bounding rectangle.
 
-        The result of ``"third_order"`` does not depend on the rectangle's place.
+        The result of these does not depend on the rectangle's place.
         """
-        return self.smoothness == "third_order"
+        return self.smoothness in ("third_order", "flattest")
 
     def rectangle(self, x: FloatArray, y: FloatArray) -> ParameterRectangle:
         """Parameter rectangle of points whose own vertex is at (0, 0); see `square`."""

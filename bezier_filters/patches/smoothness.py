@@ -4,8 +4,9 @@ The fit solves [alpha A; (1 - alpha) S] b = [alpha z; 0]. The rows of S say what
 should rather not do; what they leave alone (their null space) is fitted without bias.
 """
 
+from collections.abc import Callable
 from math import factorial
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -14,20 +15,25 @@ from bezier_filters.errors import InvalidParameterError
 from bezier_filters.patches.polynomials import monomials_from_bernstein
 
 Smoothness = Literal["third_order", "paper", "twists"]
+Penalty = Smoothness | Literal["flattest"]  # which is for points that leave quadratics open
+# Weight of second-order coefficients beside those of third order and more, in the flattest fit: an extent of 1/300 of a
+# neighbourhood still decides about the curvature along it. Ten times more, 1/100; ten times less is lost to rounding.
+SLIGHT = 1e-7
 
 
-def smoothness_matrix(smoothness: Smoothness, degree: int) -> FloatArray:
+def smoothness_matrix(smoothness: Penalty, degree: int) -> FloatArray:
     """Rows S for a patch of the given bi-degree, shape (r, (degree + 1)**2).
 
     Parameters
     ----------
-    smoothness : {"third_order", "paper", "twists"}
+    smoothness : {"third_order", "paper", "twists", "flattest"}
         ``"paper"``: the second differences of the four boundary polygons of the control net
         (Li, Barsky, Jin 2009). It penalises quadratics, so curvature is biased at every
         resolution. ``"third_order"``: the patch's monomial coefficients of total degree >= 3;
         all quadratics are free, so the fit is consistent for every alpha. ``"twists"``: the mixed
         second differences of the control net (Farin's shape equations); u^2 and v^2 are free,
-        u v is not, so curvature is biased and depends on the axes.
+        u v is not, so curvature is biased and depends on the axes. ``"flattest"``, which users are not offered: as
+        ``"third_order"``, and of all fits to the points the one with the least second-order coefficients.
     degree : int
         2, 3 or 4.
 
@@ -36,13 +42,14 @@ def smoothness_matrix(smoothness: Smoothness, degree: int) -> FloatArray:
     InvalidParameterError
         If the name is unknown.
     """
-    rows = {
+    rows: dict[str, Callable[[int], FloatArray]] = {
         "third_order": third_order_coefficients,
+        "flattest": all_but_slopes,
         "paper": boundary_second_differences,
         "twists": mixed_second_differences,
     }
     if smoothness not in rows:
-        raise InvalidParameterError(f"smoothness: got {smoothness!r}, expected one of {tuple(rows)}")
+        raise InvalidParameterError(f"smoothness: got {smoothness!r}, expected one of {get_args(Smoothness)}")
     return rows[smoothness](degree)
 
 
@@ -80,3 +87,10 @@ def third_order_coefficients(degree: int) -> FloatArray:
     a, b = np.divmod(np.arange(size * size), size)
     weight = np.sqrt([factorial(i) * factorial(j) / factorial(i + j) for i, j in zip(a, b, strict=True)])
     return (weight[:, np.newaxis] * monomials_from_bernstein(degree))[a + b >= 3]
+
+
+def all_but_slopes(degree: int) -> FloatArray:
+    """The same, and slightly those with a + b = 2."""
+    second = [[2, 0], [1, 1], [0, 2]]
+    rows = monomials_from_bernstein(degree)[[(degree + 1) * a + b for a, b in second]]
+    return np.vstack([third_order_coefficients(degree), SLIGHT * np.sqrt([[1.0], [0.5], [1.0]]) * rows])

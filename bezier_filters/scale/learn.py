@@ -1,7 +1,7 @@
 """Learns how to fit a mesh on disk from the same samples as in memory."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
 
@@ -23,9 +23,10 @@ from bezier_filters.estimation.noise_free import learned_noise
 from bezier_filters.estimation.outlier_removal import OUTLIER_REACH, without_outliers
 from bezier_filters.estimation.vertex_geometry import empty_geometry
 from bezier_filters.kernels.kernel_input import KernelMesh, fitted_mesh, with_steady_normals
-from bezier_filters.learning.learn import View, learn_from_samples, viewed_sample
+from bezier_filters.learning.learn import SAMPLES, View, learn_from_samples, viewed_sample
 from bezier_filters.learning.model_tree import Leaf, leaves
 from bezier_filters.learning.neighbourhood_samples import (
+    NEAR,
     NeighbourhoodSample,
     Population,
     draw_vertices,
@@ -33,6 +34,7 @@ from bezier_filters.learning.neighbourhood_samples import (
 from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.learning.plans import Choices
 from bezier_filters.learning.ring_analysis import RingAnalysis
+from bezier_filters.learning.unlearned import reason_unlearned
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.frames import STEADY_ROUNDS, tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
@@ -42,6 +44,7 @@ from bezier_filters.scale.halo import Part, in_source_order, part_around, part_a
 from bezier_filters.scale.store import Store
 from bezier_filters.smoothing.mesh_parts import PART, MeshPart, grow, mesh_part, next_unseen, sampled_vertices
 
+NORMAL_RINGS = 2  # around a vertex, within which faces decide about its normal, should its own have no area
 CREASE_RINGS = 2  # around a vertex, within which faces decide about its plane and its creases
 # rings, to look that way; learning alone looks at samples the tolerant way
 MORE_FOR: dict[View, int] = {"plain": 0, "steady": STEADY_ROUNDS, "tolerant": 1}
@@ -85,6 +88,8 @@ def learn_fit(store: Store, options: FitOptions) -> SurfaceFit:
     learn = partial(_learn_surface, store, options)
     fit, learned = choose_fit(learn, rings, fixed, degrees, options.robust, options.noise, options.detail)
     if learned is None:
+        if fit.choice.noise_sigma is None and (fixed is None or rings == "auto"):
+            fit = replace(fit, choice=replace(fit.choice, noise_reason=_why_unlearned(store, options)))
         return fit
     drawn = _draw(store, LOOKED_AT)
     known = np.union1d(learned.centers, drawn)
@@ -102,6 +107,11 @@ def learn_fit(store: Store, options: FitOptions) -> SurfaceFit:
 
     places = Places(drawn, lambda centers: features[np.searchsorted(known, centers)], sample)
     return with_parts(fit, learned, places)
+
+
+def _why_unlearned(store: Store, options: FitOptions) -> str:
+    """Why nothing is learned of a mesh, as in memory."""
+    return reason_unlearned(_sample_at(store, options, _draw(store, SAMPLES[NEAR]), NEAR, "plain"))
 
 
 def learn_noise(store: Store, sigma: float | None = None, robust: bool | None = None) -> NoiseModel | None:
@@ -140,7 +150,7 @@ def _draw(store: Store, count: int) -> IntArray:
     """The vertices that would be drawn in memory."""
 
     def have_normals(ids: IntArray) -> BoolArray:
-        part = part_around_samples(store, np.unique(ids), 1)
+        part = part_around_samples(store, np.unique(ids), NORMAL_RINGS)
         return _have_normals(part)[part.local(ids)]
 
     every = Population(store.layout.vertex_count, partial(_ranks, store))
@@ -173,7 +183,7 @@ def _with_normals(store: Store) -> Population:
     """All vertices that have a normal, in the order of the source: found out tile by tile, 9 bytes per vertex."""
     marks = np.zeros(store.layout.vertex_count, dtype=np.bool_)
     for tile in range(store.layout.tile_count):
-        part = tile_part(store, tile, 1)
+        part = tile_part(store, tile, NORMAL_RINGS)
         marks[store.sources(part.ids[part.own])] = _have_normals(part)[part.own]
     numbers = np.flatnonzero(marks).astype(np.int32)
     return Population(len(numbers), lambda chosen: _ranks(store, numbers[chosen]))

@@ -12,7 +12,7 @@ from bezier_filters.errors import InvalidParameterError, is_integer
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.first_call import first_call
 from bezier_filters.estimation.fit_options import check_detail, check_noise
-from bezier_filters.estimation.noise_free import denoised, learn_noise
+from bezier_filters.estimation.noise_free import denoised, learn_noise, why_noise_is_unknown
 from bezier_filters.meshes.adjacency import Adjacency, longest_edges, mean_edge, vertex_adjacency
 from bezier_filters.meshes.half_edges import unclear_vertices
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
@@ -47,11 +47,13 @@ class SmoothingResult:
         From 0, where the surface was smoothed like a scan of something round, to 1, where edges were kept as sharp
         as can be; 0 with ``method="paper"``.
     noise_before, noise_after : float or None
-        Standard deviation of the noise along the normal, a length; None if the mesh is too small to learn it.
+        Standard deviation of the noise along the normal, a length; None if it could not be learned.
     noise_length : float or None
         Distance over which the noise before is correlated; 0 if it is independent from vertex to vertex.
     noise_heavy : bool
         Whether the noise before turns single normals so far that they mean nothing, as noise in all directions does.
+    noise_reason : str
+        Why the noise before could not be learned; empty if it was.
     iterations : int
         How often it was smoothed: as asked for, or until nothing was left to do.
     mean_edge : float
@@ -73,6 +75,7 @@ class SmoothingResult:
     noise_after: float | None = field(metadata=LENGTH)
     noise_length: float | None = field(metadata=LENGTH)
     noise_heavy: bool
+    noise_reason: str
     iterations: int
     mean_edge: float = field(metadata=LENGTH)
     volume_before: float | None = field(metadata=VOLUME)
@@ -93,7 +96,9 @@ class SmoothingResult:
     @property
     def noise(self) -> str:
         """The noise before, in words."""
-        return noise_in_words(self.noise_before, self.noise_length, self.noise_heavy, self.mean_edge)
+        return noise_in_words(
+            self.noise_before, self.noise_length, self.noise_heavy, self.mean_edge, reason=self.noise_reason
+        )
 
     @property
     def mean_displacement(self) -> float:
@@ -283,6 +288,7 @@ def smooth(
             noise_after=None if left is None else left.sigma,
             noise_length=None if known is None else known.length,
             noise_heavy=known is not None and known.heavy,
+            noise_reason="" if known is not None else why_noise_is_unknown(mesh, adjacency),
             iterations=done,
             mean_edge=mean_edge(mesh, adjacency),
             volume_before=float(volumes_before.sum()) if components.count else None,

@@ -326,6 +326,7 @@ def test_the_noise_is_told_in_words_and_may_be_given(tmp_path):
         assert words.startswith("independent from vertex to vertex")
     known = json.loads(run("info", scan, "--json").stdout)["noise"]
     report = json.loads(run("curvature", scan, tmp_path / "a.ply", "--json").stdout)
+    assert known.pop("reason") == report["fit"]["noise_reason"] == ""
     assert [report["fit"][f"noise_{key}"] for key in known] == pytest.approx(list(known.values()), rel=1e-9)
     given = json.loads(run("curvature", scan, tmp_path / "b.ply", "--noise", 2 * edge, "--json").stdout)["fit"]
     assert given["noise_sigma"] == pytest.approx(2 * edge)
