@@ -159,6 +159,9 @@ correction : {{"harmonic", "lagrange", "lagrange_pieces"}}, default "harmonic"
     How patches are made to end at the rim: harmonic, lagrange or lagrange_pieces; for the paper's method.
     The paper's products of Lagrange polynomials are infinite where two vertices of the rim share a parameter;
     ``"lagrange_pieces"`` takes them in pieces of the plane with four vertices of the rim at most.
+refine : bool, default True
+    Give patches new vertices, so that triangles are as large as those around; may be False for the paper's method.
+    Then a patch is the Delaunay triangulation of its rim alone, as in the paper.
 """)
 LINES = parameters("""
 angle : float, default 40.0
