@@ -392,7 +392,7 @@ def figure_9(where: Where) -> Found:
     patches = sum(row["way"] == "paper" and row["fill"] == "paper" for row in rows)
     note = f"{patches} of {len(rows) // len(ways)} holes get the paper's patch."
     if not is_found:
-        note += " This is the scan in 10,000 faces; some of them cut each other at the rim of the hole that gets none."
+        note += " This is the scan in 10,000 faces; the patch of the hole that gets none would cut faces around it."
     return Found("Figure 9: the holes of the Stanford bunny", path, rows, note)
 
 
