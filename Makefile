@@ -4,6 +4,7 @@ MESH ?=
 OUT ?= out
 ARGS ?=
 DIR ?=
+MODELS ?=
 PYTHONS ?= python3.10 python3.13
 SOURCES := pyproject.toml
 BIN := $(if $(filter Windows_NT,$(OS)),Scripts,bin)
@@ -74,8 +75,8 @@ bench-scale: .venv-dev/ready  ## 50 million vertices in tiles, next to smaller m
 	.venv-dev/$(BIN)/python benchmarks/scale.py --vertices 1000000 7000000 50000000 --save benchmarks/results/scale.json
 	.venv-dev/$(BIN)/python benchmarks/scale.py --smooth --save benchmarks/results/scale_smoothing.json
 
-paper: .venv-dev/ready  ## the paper's figures and tables on one page, in build/paper (some three minutes)
-	.venv-dev/$(BIN)/python benchmarks/paper_figures.py $(ARGS)
+paper: .venv-dev/ready  ## the paper's figures and tables on one page, in build/paper; MODELS=folder has fandisk, dragon, bunny
+	.venv-dev/$(BIN)/python benchmarks/paper_figures.py $(if $(MODELS),--models '$(MODELS)') $(ARGS)
 
 bench-kernels: .venv-dev/bench-ready  ## times of the stages, next to the last run of this target
 	.venv-dev/$(BIN)/python -m pytest -q -W default benchmarks/bench_kernels.py --benchmark-autosave --benchmark-compare \

@@ -3,12 +3,15 @@
     python benchmarks/paper_figures.py              # all of them and paper.html, into build/paper
     python benchmarks/paper_figures.py figure_7     # one of them
     python benchmarks/paper_figures.py --out FOLDER
+    python benchmarks/paper_figures.py --models FOLDER
 
-Figure 3: fields of a model; 7: smoothing, with the volume ratio; 8: smoothing next to Ohtake, Belyaev and Seidel (2002)
-and to Desbrun et al. (1999); 9: smooth holes; 10: holes across sharp edges. Tables 1 and 2: how far estimates move when
-vertices are deleted, without and with noise. The paper's models but the bunny are not public: the bunny and the cow of
-the pymeshlab wheel and the sample meshes stand for them. `deviations` measures where ours departs from the paper: see
-docs/deviations.md.
+Figure 3: the patch through eight points, by a random S and by the paper's; 4: a model and its normals; 5: its mean and
+Gaussian curvature; 6: its principal geodesic torsion; 7: smoothing, with the volume ratio; 8: smoothing next to Ohtake,
+Belyaev and Seidel (2002) and to Desbrun et al. (1999); 9: holes of the bunny; 10: a hole across sharp edges. Table 1:
+how far normals move when vertices are deleted, next to OuYang and Feng (2005); Table 2: H and K, next to Razdan and Bae
+(2005); both without and with noise. Figures 8 to 10 take fandisk, a dragon and the Stanford bunny from a folder of
+common test models, where file names have these words; meshes of the pymeshlab wheel and of this project stand in for
+those that are not there. `deviations` measures where ours departs from the paper: see docs/deviations.md.
 """
 
 import argparse
@@ -17,6 +20,8 @@ import html
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -28,17 +33,29 @@ import reduction
 from baselines import adaptive_gaussian_smoothing
 from bezier_filters import surfaces
 from bezier_filters.display import color_range, round_limits
-from cut_holes import cut
+from bezier_filters.holes.influence_region import farthest_points
+from bezier_filters.holes.loops import vector_area
+from bezier_filters.patches.bernstein import design_matrix
+from bezier_filters.patches.smoothness import smoothness_matrix
+from cut_holes import normals
+from paper_deviations import PAPER, WHEEL, deviations
 from peers import ours, ouyang_feng, razdan_bae
 from smoothing import Case, scores, with_noise
 from smoothing_peers import implicit_fairing, volume
+from sub_holes import load, random_holes
 
 ROOT = Path(__file__).parents[1]
-WHEEL = Path(pymeshlab.__file__).parent / "tests" / "sample_meshes"
-PAPER = {"rings": 2, "alpha": 0.8, "smoothness": "paper"}
+FAN = ROOT / "sample_meshes" / "fan.ply"
+TABLE_NOISE = 0.05
+"""Of the tables, standard deviation in mean edges."""
 PAPERS_VOLUME = 0.9936
 """Volume ratio that the paper gives for its cat."""
 OLD, NEW = (0.75, 0.75, 0.75), (1.0, 0.6, 0.2)
+RED, BLUE, BACK = (0.85, 0.1, 0.1), (0.1, 0.25, 0.8), (0.45, 0.6, 0.75)
+NO_MODELS = "Other models stand in for its fandisk, dragon and Stanford bunny; make paper MODELS=folder takes these."
+FORMATS = (".obj", ".off", ".ply", ".stl")
+MOST_FACES = 100_000
+"""Faces of a model, beyond which it is simplified to so many: twice as many take twice the time of Figure 8."""
 
 
 class Found(NamedTuple):
@@ -47,21 +64,46 @@ class Found(NamedTuple):
     title: str
     picture: Path | None
     rows: list[dict[str, object]]
+    note: str = ""
 
 
-def load(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices and faces of a mesh."""
-    meshset = pymeshlab.MeshSet()
-    meshset.load_new_mesh(str(path))
-    mesh = meshset.current_mesh()
-    return mesh.vertex_matrix(), mesh.face_matrix().astype(np.int32)
+class Model(NamedTuple):
+    """A mesh and its name."""
+
+    name: str
+    vertices: np.ndarray
+    faces: np.ndarray
+    is_found: bool = True
+    """Whether it is the model that was asked for, not a stand-in."""
+
+
+class Where(NamedTuple):
+    """Folder that pictures are written to, and that of models, if there is one."""
+
+    out: Path
+    models: Path | None
+
+    def model(self, name: str, words: tuple[str, ...], stand_in: Path) -> Model:
+        """The mesh whose file name has the first of some words, the shortest such name; else one that stands in."""
+        files = [] if self.models is None else [p for p in self.models.rglob("*") if p.suffix.lower() in FORMATS]
+        paths = next(filter(None, ([p for p in files if word in p.stem.lower()] for word in words)), [])
+        if not paths:
+            return Model(f"{stand_in.stem} in the place of the {name}", *load(stand_in), is_found=False)
+        path = min(paths, key=lambda p: (len(p.name), p))
+        meshset = pymeshlab.MeshSet()
+        meshset.load_new_mesh(str(path))
+        count = meshset.current_mesh().face_number()
+        if count > MOST_FACES:
+            meshset.meshing_decimation_quadric_edge_collapse(targetfacenum=MOST_FACES)
+            name += f", {MOST_FACES:,} of {count:,} faces"
+        mesh = meshset.current_mesh()
+        return Model(name, mesh.vertex_matrix(), mesh.face_matrix().astype(np.int32))
 
 
 def flat(vertices: np.ndarray, faces: np.ndarray, title: str, new: np.ndarray | None = None) -> bf.Panel:
     """A mesh drawn face by face, new faces in orange."""
-    a, b, c = vertices[faces].transpose(1, 0, 2)
-    normals = np.cross(b - a, c - a)
-    level = normals @ [0.3, 0.5, 0.8] / np.maximum(np.linalg.norm(normals, axis=1), 1e-300)
+    directions = normals(vertices, faces)
+    level = directions @ [0.3, 0.5, 0.8] / np.maximum(np.linalg.norm(directions, axis=1), 1e-300)
     is_new = np.zeros(len(faces), dtype=bool) if new is None else new
     colors = np.where(is_new[:, None], NEW, OLD) * (0.65 + 0.35 * np.abs(level)[:, None])
     corners = np.ascontiguousarray(vertices[faces].reshape(-1, 3))
@@ -69,33 +111,156 @@ def flat(vertices: np.ndarray, faces: np.ndarray, title: str, new: np.ndarray | 
     return bf.Panel(corners, separate, colors=np.repeat(np.minimum(colors, 1.0), 3, axis=0), title=title)
 
 
-def figure_3(out: Path) -> Found:
-    """Mean and Gaussian curvature and geodesic torsion by the paper's method, and the vertex normals as colours."""
+def joined(path: Path, pictures: list[Path], *, axis: int = 0) -> None:
+    """Pictures below one another (axis 0) or side by side (1), on white; they are deleted."""
+    from matplotlib.image import imread, imsave
+
+    images = [imread(picture)[..., :3] for picture in pictures]
+    longest = max(image.shape[1 - axis] for image in images)
+    sides = [((0, longest - i.shape[0]), (0, 0)) if axis else ((0, 0), (0, longest - i.shape[1])) for i in images]
+    padded = [np.pad(i, (*side, (0, 0)), constant_values=1.0) for i, side in zip(images, sides, strict=True)]
+    for picture in pictures:
+        picture.unlink()
+    imsave(path, np.concatenate(padded, axis=axis))
+
+
+def eight_points() -> np.ndarray:
+    """A vertex at the top of a sphere of radius 2 around (0, 0, -2), and seven neighbours, uneven, about one away."""
+    rng = np.random.default_rng(0)
+    angles = 2.0 * np.pi * (np.arange(7) + 0.25 * rng.uniform(-1.0, 1.0, 7)) / 7.0
+    radii = 1.0 + 0.2 * rng.uniform(-1.0, 1.0, 7)
+    x, y = np.r_[0.0, radii * np.cos(angles)], np.r_[0.0, radii * np.sin(angles)]
+    return np.column_stack([x, y, np.sqrt(4.0 - x * x - y * y) - 2.0])
+
+
+def off_sphere(points: np.ndarray) -> float:
+    """RMS distance of points to that sphere, in percent of its radius."""
+    distances = np.linalg.norm(points - np.array([0.0, 0.0, -2.0]), axis=1) - 2.0
+    return float(100.0 * np.sqrt(np.square(distances).mean()) / 2.0)
+
+
+def control_points(points: np.ndarray, s: np.ndarray, alpha: float = 0.8) -> np.ndarray:
+    """Those of the patch that solves [alpha A; (1 - alpha) S] b = [alpha P; 0], (16, 3)."""
+    low, sides = points[:, :2].min(axis=0), np.ptp(points[:, :2], axis=0)
+    system = np.vstack([alpha * design_matrix(*((points[:, :2] - low) / sides).T, 3), (1.0 - alpha) * s])
+    return np.linalg.lstsq(system, np.vstack([alpha * points, np.zeros((len(s), 3))]), rcond=None)[0]
+
+
+def figure_3(where: Where) -> Found:
+    """The bicubic patch of eight points, which leave half of its control points to the rows of S."""
+    points = eight_points()
+    grid = np.linspace(0.0, 1.0, 41)
+    basis = design_matrix(*(k.ravel() for k in np.meshgrid(grid, grid, indexing="ij")), 3)
+    random = [control_points(points, np.random.default_rng(seed).standard_normal((8, 16))) for seed in range(99)]
+    random.sort(key=lambda net: off_sphere(basis @ net))
+    nets = {"random S": random} | {
+        title: [control_points(points, smoothness_matrix(kind, 3))]
+        for title, kind in (("the paper's S", "paper"), ("third derivatives", "third_order"))
+    }
+    rows = []
+    for k, (title, several) in enumerate(nets.items()):
+        net = several[len(several) // 2]
+        off = [off_sphere(basis @ one) for one in several]
+        rows.append(
+            {
+                "S": title,
+                "number of them": len(several),
+                "patch off the sphere, RMS [% of the radius]": float(np.median(off)),
+                "least": min(off),
+                "most": max(off),
+            }
+        )
+        panel = patch_panel((basis @ net).reshape(41, 41, 3), points, title)
+        bf.render_panels(where.out / f"figure_3_{k}.png", [panel], views=["iso"], size=(420, 420), up="z")
+    joined(where.out / "figure_3.png", [where.out / f"figure_3_{k}.png" for k in range(len(nets))], axis=1)
+    note = (
+        "The points (red) lie on a sphere. Each patch has a scale of its own; of the random ones the middle is shown."
+    )
+    return Found("Figure 3: the patch of eight points by different S", where.out / "figure_3.png", rows, note)
+
+
+def patch_panel(surface: np.ndarray, points: np.ndarray, title: str) -> bf.Panel:
+    """A patch (k, k, 3) with lines of equal parameters and the points that it is fitted to."""
+    side = len(surface)
+    place = np.arange(side * side).reshape(side, side)
+    a, b, c, d = (k.ravel() for k in (place[:-1, :-1], place[1:, :-1], place[1:, 1:], place[:-1, 1:]))
+    size = np.linalg.norm(np.ptp(surface, axis=(0, 1)))
+    ball = surfaces.sphere(radius=0.015 * size, resolution=6)
+    balls = (points[:, np.newaxis] + ball.vertices).reshape(-1, 3)
+    of_balls = (ball.faces + len(ball.vertices) * np.arange(len(points))[:, np.newaxis, np.newaxis]).reshape(-1, 3)
+    faces = np.vstack([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1), of_balls + side * side])
+    step = (side - 1) // 8
+    return bf.Panel(
+        np.vstack([surface.reshape(-1, 3), balls]),
+        faces.astype(np.int32),
+        colors=np.vstack([np.tile(OLD, (side * side, 1)), np.tile(RED, (len(balls), 1))]),
+        title=title,
+        lines=[(line, BLUE) for line in (*surface[::step], *surface.transpose(1, 0, 2)[::step])],
+        line_radius=0.002 * size,
+    )
+
+
+@cache
+def paper_geometry() -> tuple[np.ndarray, np.ndarray, bf.VertexGeometry]:
+    """The closed bunny of the wheel, and what the paper's method says of it."""
     vertices, faces = load(WHEEL / "bunny.obj")
-    g = bf.estimate_vertex_geometry(vertices, faces, **PAPER)
-    panels, rows = [bf.Panel(vertices, faces, colors=0.5 + 0.5 * g.normals, title="normals")], []
-    for name, unit in (
-        ("mean_curvature", "1/length"),
-        ("gaussian_curvature", "1/length²"),
-        ("geodesic_torsion", "1/length"),
-    ):
+    return vertices, faces, bf.estimate_vertex_geometry(vertices, faces, **PAPER)
+
+
+def figure_4(where: Where) -> Found:
+    """A model and its normals, as lines and as colours."""
+    vertices, faces, g = paper_geometry()
+    size = np.linalg.norm(np.ptp(vertices, axis=0))
+    spread = farthest_points(vertices, np.zeros(len(vertices), dtype=bool), 900)
+    lines = [(np.stack([vertices[k], vertices[k] + 0.03 * size * g.normals[k]]), BLUE) for k in spread]
+    grey = np.tile(OLD, (len(vertices), 1))
+    panels = [
+        bf.Panel(vertices, faces, colors=grey, title="model"),
+        bf.Panel(vertices, faces, colors=grey, title="normals", lines=lines, line_radius=size / 900.0),
+        bf.Panel(vertices, faces, colors=0.5 + 0.5 * g.normals, title="(1 + normal) / 2 as red, green, blue"),
+    ]
+    bf.render_panels(where.out / "figure_4.png", panels, views=["front"], size=(400, 400))
+    rows = [{"vertices": len(vertices), "normals drawn": len(lines)} | g.status_counts()]
+    return Found("Figure 4: the bunny and its normals", where.out / "figure_4.png", rows)
+
+
+def of_fields(where: Where, number: int, fields: dict[str, str], colormap: str, title: str) -> Found:
+    """Fields, with their units, of the bunny in colours; four percent of the values lie beyond each end."""
+    vertices, faces, g = paper_geometry()
+    panels, rows = [], []
+    for name, unit in fields.items():
         values = getattr(g, name)
         limits = round_limits(*color_range(values, signed=False, percentile=4.0))
-        label = name.replace("_", " ")
-        panels.append(bf.Panel(vertices, faces, values, label, unit, limits=limits, colormap="Paper", title=label))
+        label = name.replace("_", " ").replace("gaussian", "Gaussian")
+        panels.append(bf.Panel(vertices, faces, values, label, unit, limits=limits, colormap=colormap, title=label))
         low, middle, high = np.percentile(values, [4, 50, 96])
-        rows.append({"field": label, "4 %": low, "median": middle, "96 %": high})
-    bf.render_panels(out / "figure_3.png", panels, views=["front"], size=(400, 400))
-    return Found("Figure 3: fields of the bunny, red where high", out / "figure_3.png", rows)
+        rows.append({"field": f"{label} [{unit}]", "4 %": low, "median": middle, "96 %": high})
+    path = where.out / f"figure_{number}.png"
+    bf.render_panels(path, panels, views=["front", "back"], size=(400, 400))
+    return Found(f"Figure {number}: {title}", path, rows)
 
 
-def figure_7(out: Path) -> Found:
+def figure_5(where: Where) -> Found:
+    """Mean and Gaussian curvature by the paper's method."""
+    fields = {"mean_curvature": "1/length", "gaussian_curvature": "1/length²"}
+    title = "mean and Gaussian curvature of the bunny, red high, green medium, blue low"
+    return of_fields(where, 5, fields, "Paper Curvature", title)
+
+
+def figure_6(where: Where) -> Found:
+    """Principal geodesic torsion by the paper's method."""
+    title = "principal geodesic torsion of the bunny, red high, blue medium, green low"
+    return of_fields(where, 6, {"geodesic_torsion": "1/length"}, "Paper", title)
+
+
+def figure_7(where: Where) -> Found:
     """Every vertex is replaced by its place on its patch; volume ratios of closed animals."""
-    rows, panels = [], []
+    rows, pictures = [], []
     for name in ("bunny", "cow"):
+        panels = []
         vertices, faces = load(WHEEL / f"{name}.obj")
         noisy = with_noise(Case(vertices, faces, 0.2), 1)
-        for title, points in ((name, vertices), (f"{name} with noise of 0.2 edges", noisy)):
+        for title, points in ((name, vertices), (f"{name}, noise of 0.2 edges", noisy)):
             result = bf.smooth(points, faces, "paper")
             panels += [flat(points, faces, title), flat(result.vertices, faces, "smoothed")]
             ratios = [volume(bf.smooth(points, faces, "paper", iterations=k).vertices, faces) for k in (1, 3)]
@@ -109,26 +274,32 @@ def figure_7(out: Path) -> Found:
                     "the paper's cat": PAPERS_VOLUME,
                 }
             )
-    bf.render_panels(out / "figure_7.png", panels, columns=4, views=["front"], size=(400, 330))
-    return Found("Figure 7: smoothing, and what becomes of the volume", out / "figure_7.png", rows)
+        pictures.append(where.out / f"figure_7_{name}.png")
+        bf.render_panels(pictures[-1], panels, views=["iso"], size=(400, 330), up="y")
+    joined(where.out / "figure_7.png", pictures)
+    return Found("Figure 7: smoothing, and what becomes of the volume", where.out / "figure_7.png", rows)
 
 
-def figure_8(out: Path) -> Found:
-    """Smoothing next to other methods, on a model and a part with noise of 0.2 mean edges."""
-    fan = bf.fill_holes(*load(ROOT / "sample_meshes" / "fan.ply"))
-    models = {"cow": load(WHEEL / "cow.obj"), "fan": (fan.vertices, fan.faces)}
+def figure_8(where: Where) -> Found:
+    """Smoothing next to other methods, on a dragon and a part with noise of 0.2 mean edges."""
+    dragon = where.model("dragon", ("dragon",), WHEEL / "cow.obj")
+    part = where.model("fandisk", ("fandisk",), FAN)
+    if not part.is_found:
+        fan = bf.fill_holes(part.vertices, part.faces)
+        part = part._replace(vertices=fan.vertices, faces=fan.faces)
     ways: dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
         "noisy": lambda vertices, _: vertices,
         "paper": lambda vertices, faces: bf.smooth(vertices, faces, "paper").vertices,
         "paper, three passes": lambda vertices, faces: bf.smooth(vertices, faces, "paper", iterations=3).vertices,
         "Ohtake, Belyaev, Seidel": adaptive_gaussian_smoothing,
-        "Desbrun": implicit_fairing,
+        "Desbrun et al.": implicit_fairing,
         "automatic": lambda vertices, faces: bf.smooth(vertices, faces).vertices,
     }
-    rows, panels = [], []
-    for name, (vertices, faces) in models.items():
+    rows, pictures = [], []
+    for number, (name, vertices, faces, is_found) in enumerate((dragon, part)):
         case = Case(vertices, faces, 0.2)
         noisy = with_noise(case, 1)
+        panels = [flat(vertices, faces, "clean")]
         for way, smooth in ways.items():
             points = smooth(noisy, faces)
             found = scores(points, case)
@@ -141,173 +312,165 @@ def figure_8(out: Path) -> Found:
                     "turned faces": int(found["flipped"]),
                 }
             )
-            panels.append(flat(points, faces, f"{way}: {found['angle']:.1f} degrees"))
-    bf.render_panels(out / "figure_8.png", panels, columns=len(ways), views=["front"], size=(330, 330))
-    return Found("Figure 8: smoothing next to other methods, noise of 0.2 edges", out / "figure_8.png", rows)
+            panels.append(flat(points, faces, f"{way}: {found['angle']:.1f}°"))
+        pictures.append(where.out / f"figure_8_{number}.png")
+        up = "y" if is_found or number == 0 else "z"
+        bf.render_panels(pictures[-1], panels, columns=4, views=["iso"], size=(400, 330), title=name, up=up)
+    joined(where.out / "figure_8.png", pictures)
+    title = "Figure 8: smoothing next to other methods, noise of 0.2 edges, mean angle between normals and clean ones"
+    return Found(title, where.out / "figure_8.png", rows)
 
 
-def filled(title: str, vertices: np.ndarray, faces: np.ndarray, ways: dict[str, dict]) -> tuple[list, list]:
-    """Panels and rows of a mesh with holes and of its fills."""
-    panels, rows = [flat(vertices, faces, title)], []
+class Window(NamedTuple):
+    """A part of a mesh that is drawn: within a radius of a centre (3,), seen against a direction (3,)."""
+
+    center: np.ndarray
+    radius: float
+    direction: np.ndarray
+
+
+class Fill(NamedTuple):
+    """A mesh before or after its holes are filled; faces of fills come last."""
+
+    way: str
+    vertices: np.ndarray
+    faces: np.ndarray
+    old_faces: int
+
+    def panel(self, window: Window | None = None) -> bf.Panel:
+        """The mesh, or the part of it within a window, with backs of faces in blue."""
+        vertices, faces, new = self.vertices, self.faces, np.arange(len(self.faces)) >= self.old_faces
+        if window is not None:
+            near = np.linalg.norm(vertices[faces].mean(axis=1) - window.center, axis=1) < window.radius
+            vertices, faces, new = vertices @ turn_to_viewer(window.direction).T, faces[near], new[near]
+        return replace(flat(vertices, faces, self.way, new), back=BACK)
+
+
+def filled(
+    name: str, vertices: np.ndarray, faces: np.ndarray, ways: dict[str, dict]
+) -> tuple[list[Fill], list[dict[str, object]]]:
+    """The mesh and its fills, and a row for each hole and way."""
+    fills, rows = [Fill("before", vertices, faces, len(faces))], []
     for way, options in ways.items():
         result = bf.fill_holes(vertices, faces, **options)
-        new = np.arange(len(result.faces)) >= len(faces)
-        panels.append(flat(result.vertices, result.faces, way, new))
+        fills.append(Fill(way, result.vertices, result.faces, len(faces)))
         rows += [
             {
-                "mesh": title,
+                "mesh": name,
                 "way": way,
                 "edges of the rim": hole.edge_count,
                 "fill": hole.method or "left open",
                 "parts": hole.parts,
+                "new vertices": len(hole.new_vertices),
                 "rim angle [degrees]": hole.rim_dihedral,
                 "faces that cut others": hole.self_intersections,
+                "why": hole.reason,
             }
             for hole in result.holes
             if not hole.is_outer_rim
         ]
-    return panels, rows
+    return fills, rows
 
 
-def figure_9(out: Path) -> Found:
-    """Holes in smooth models, filled by one patch each."""
-    vertices, faces = load(WHEEL / "bunny.obj")
-    size = np.linalg.norm(np.ptp(vertices, axis=0))
-    for place in (9000, 15000, 21000):
-        faces = cut("", vertices, faces, vertices[place], 0.05 * size).faces
-    ways: dict[str, dict] = {"paper": {"method": "paper"}, "automatic": {}}
-    panels, rows = filled("bunny", vertices, faces, ways)
-    more, others = filled("egg carton", *load(ROOT / "sample_meshes" / "punched_patch.ply"), ways)
-    bf.render_panels(out / "figure_9_bunny.png", panels, views=["front", "back"], size=(420, 420))
-    bf.render_panels(out / "figure_9.png", more, views=["iso"], size=(420, 420), up="z")
-    joined(out / "figure_9.png", [out / "figure_9_bunny.png", out / "figure_9.png"])
-    return Found("Figure 9: smooth holes", out / "figure_9.png", rows + others)
+def figure_9(where: Where) -> Found:
+    """The holes of the Stanford bunny, filled by one patch each."""
+    stand_in = WHEEL / "bunny10k_textured.obj"
+    name, vertices, faces, is_found = where.model("Stanford bunny", ("stanford-bunny", "bun_zipper", "bunny"), stand_in)
+    ways: dict[str, dict] = {
+        "paper": {"method": "paper"},
+        "paper, no new vertices": {"method": "paper", "refine": False},
+        "automatic": {},
+    }
+    fills, rows = filled(name, vertices, faces, ways)
+    loops = bf.boundary_loops(bf.triangle_mesh(vertices, faces))
+    rim = vertices[max(loops, key=lambda loop: vertices[loop, 1].mean())]  # the bottom hides the highest one
+    window = Window(rim.mean(axis=0), 1.2 * np.linalg.norm(np.ptp(rim, axis=0)), -vector_area(rim))
+    path, pictures = where.out / "figure_9.png", [where.out / "figure_9_0.png", where.out / "figure_9_1.png"]
+    bf.render_panels(pictures[0], [f.panel() for f in fills], views=["bottom"], size=(430, 430), up="y", title=name)
+    bf.render_panels(pictures[1], [f.panel(window) for f in fills], size=(430, 250), up="y", title="the hole inside")
+    joined(path, pictures)
+    patches = sum(row["way"] == "paper" and row["fill"] == "paper" for row in rows)
+    note = f"{patches} of {len(rows) // len(ways)} holes get the paper's patch."
+    if not is_found:
+        note += " This is the scan in 10,000 faces; the patch of the hole that gets none would cut faces around it."
+    return Found("Figure 9: the holes of the Stanford bunny", path, rows, note)
 
 
-def figure_10(out: Path) -> Found:
-    """A hole across two curved edges: one patch, and a patch for each part that curves cut it into."""
+def figure_10(where: Where) -> Found:
+    """A hole across two sharp edges: one patch, and a patch for each part that curves cut it into."""
+    name, vertices, faces, is_found = where.model("fandisk", ("fandisk",), FAN)
+    window = None
+    if is_found:
+        (case,) = random_holes(vertices, faces, 1, 4, seed=0)
+        faces, lost = case.faces, vertices[case.removed].reshape(-1, 3)
+        direction = normals(vertices, case.removed).sum(axis=0)
+        window = Window(lost.mean(axis=0), 0.8 * np.linalg.norm(np.ptp(lost, axis=0)), direction)
     ways: dict[str, dict] = {
         "one patch": {"method": "paper", "creases": False},
         "a patch for each part": {"method": "paper"},
         "automatic": {},
     }
-    panels, rows = filled("fan", *load(ROOT / "sample_meshes" / "fan.ply"), ways)
-    bf.render_panels(out / "figure_10.png", panels, views=["iso", "back"], size=(420, 380), up="z")
-    return Found("Figure 10: a hole across sharp edges", out / "figure_10.png", rows)
+    fills, rows = filled(name, vertices, faces, ways)
+    path = where.out / "figure_10.png"
+    if window is None:
+        panels = [fill.panel() for fill in fills]
+        bf.render_panels(path, panels, views=["iso", "back"], size=(420, 380), up="z", title=name)
+    else:
+        pictures = [where.out / "figure_10_0.png", where.out / "figure_10_1.png"]
+        whole = fills[0].panel(window._replace(radius=np.inf))
+        bf.render_panels(pictures[0], [replace(whole, title="")], size=(420, 420), up="y", title=name)
+        bf.render_panels(pictures[1], [fill.panel(window) for fill in fills], size=(420, 420), up="y")
+        joined(path, pictures)
+    note = "Curves across the hole continue the sharp edges that end at it; each part between them has a patch."
+    return Found("Figure 10: a hole across sharp edges", path, rows, note)
 
 
-def joined(path: Path, pictures: list[Path]) -> None:
-    """Pictures below one another, on white."""
-    from matplotlib.image import imread, imsave
-
-    images = [imread(picture)[..., :3] for picture in pictures]
-    width = max(image.shape[1] for image in images)
-    padded = [np.pad(i, ((0, 0), (0, width - i.shape[1]), (0, 0)), constant_values=1.0) for i in images]
-    imsave(path, np.vstack(padded))
+def turn_to_viewer(direction: np.ndarray) -> np.ndarray:
+    """Rotation (3, 3) that turns a direction towards the viewer of the front view."""
+    z = direction / np.linalg.norm(direction)
+    x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
+    x /= np.linalg.norm(x)
+    return np.array([x, np.cross(z, x), z])
 
 
-def tables(noise: float, number: int, out: Path) -> Found:
-    """Deviations from the full model at the vertices that are left."""
+@cache
+def measured() -> list[tuple]:
+    """How far estimates move when vertices are deleted, without and with noise; see `reduction`."""
+    methods = {"paper": ours(smoothness="paper"), "OuYang, Feng": ouyang_feng, "Razdan, Bae": razdan_bae("edges")}
     vertices, faces = load(WHEEL / "bunny.obj")
-    methods = {
-        "paper": ours(smoothness="paper"),
-        "OuYang, Feng": ouyang_feng,
-        "Razdan, Bae": razdan_bae("edges"),
-        "automatic": ours(),
-    }
-    found = reduction.measured(vertices, faces, methods, reduction.DELETED, (noise,), seed=0)
+    levels = 0.0, TABLE_NOISE
+    return reduction.measured(vertices, faces, {**methods, "automatic": ours()}, reduction.DELETED, levels, seed=0)
+
+
+def table(number: int, measures: tuple[str, ...], methods: tuple[str, ...], title: str) -> Found:
+    """Deviations from the full model at the vertices that are left."""
     rows = []
-    for k, measure in enumerate(reduction.MEASURES):
-        for method in methods:
-            cells = {row[1]: row[3 + k] for row in found if row[2] == method}
-            if not np.isnan(list(cells.values())).any():
-                rows.append(
-                    {"quantity": reduction.TITLES[measure], "method": method} | {f"{d} %": v for d, v in cells.items()}
-                )
-    model = f"with noise of {noise:g} edges" if noise else "without noise"
-    return Found(f"Table {number}: deviation when vertices are deleted, {model}", None, rows)
+    for measure in measures:
+        column = 3 + reduction.MEASURES.index(measure)
+        for noise in (0.0, TABLE_NOISE):
+            for method in methods:
+                cells = {f"{row[1]} %": row[column] for row in measured() if row[0] == noise and row[2] == method}
+                model = f"noise of {noise:g} edges" if noise else "without noise"
+                rows.append({"quantity": reduction.TITLES[measure], "model": model, "method": method} | cells)
+    note = "Columns: share of the vertices deleted. Deviation of each method from its own estimate on the full model."
+    return Found(f"Table {number}: {title}", None, rows, note)
 
 
-def table_1(out: Path) -> Found:
-    """Deviations on the clean model."""
-    return tables(0.0, 1, out)
+def table_1(_: Where) -> Found:
+    """Normals, next to OuYang and Feng."""
+    return table(1, ("normal",), ("paper", "OuYang, Feng", "automatic"), "how far normals move, in the mean")
 
 
-def table_2(out: Path) -> Found:
-    """Deviations on the model with noise."""
-    return tables(0.05, 2, out)
+def table_2(_: Where) -> Found:
+    """Mean and Gaussian curvature, next to Razdan and Bae."""
+    title = "how far H and K move, sum of the differences over sum of the references"
+    return table(2, ("H", "K"), ("paper", "Razdan, Bae", "automatic"), title)
 
 
-def relative(a: np.ndarray, b: np.ndarray) -> float:
-    """Median of the differences over the median size, in percent."""
-    return float(100 * np.median(np.abs(a - b)) / np.median(np.abs(b)))
-
-
-def deviations(out: Path) -> Found:
-    """What each departure from the paper changes."""
-    bunny = load(WHEEL / "bunny.obj")
-    cow = load(WHEEL / "cow.obj")
-    block = surfaces.block_with_sharp_edges(resolution=16, jitter=0.2)
-    ball = surfaces.sphere(resolution=20)
-    rng = np.random.default_rng(0)
-
-    def estimate(mesh: tuple[np.ndarray, np.ndarray], **options: object) -> bf.VertexGeometry:
-        return bf.estimate_vertex_geometry(*mesh, **{**PAPER, **options})  # type: ignore[arg-type]
-
-    rows: list[dict[str, object]] = []
-
-    def note(what: str, figure: str) -> None:
-        rows.append({"deviation": what, "figure": figure})
-
-    sphere = ball.vertices, ball.faces
-    biased, exact = (estimate(sphere, smoothness=s).mean_curvature.mean() for s in ("paper", "third_order"))
-    note("smoothness", f"H of a unit sphere with alpha 0.8: paper {biased:.3f}, third_order {exact:.3f}")
-    g = estimate(bunny)
-    moved = estimate(bunny, x_axis=rng.standard_normal(bunny[0].shape))
-    note("x axis", f"H of the bunny with random x axes: {relative(moved.mean_curvature, g.mean_curvature):.1f} % off")
-    moved, far = estimate(cow, x_axis=[1.0, 0.0, 0.0]), estimate(cow)
-    note(
-        "x axis",
-        f"H of the cow with one x axis for all: {relative(moved.mean_curvature, far.mean_curvature):.1f} % off",
-    )
-    sound, paper = estimate(block), estimate(block, fallbacks="paper")
-    for name, fit in (("sound", sound), ("paper", paper)):
-        counts = ", ".join(f"{status} {count}" for status, count in fit.status_counts().items())
-        note("other plane", f"vertices of a block, {name}: {counts}")
-    both = (sound.status == bf.FitStatus.OTHER_PLANE) & (paper.status == bf.FitStatus.OTHER_PLANE)
-    cosines = np.einsum("ij,ij->i", sound.normals[both], paper.normals[both]).clip(-1.0, 1.0)
-    note("other plane", f"normals over both planes: {np.degrees(np.median(np.arccos(cosines))):.1f} degrees apart")
-    single = estimate(bunny, rings=1, fallbacks="paper")
-    solved = single.status == bf.FitStatus.OK
-    note("1-ring", f"the paper's system is singular on {100 * (~solved).mean():.1f} % of the 1-rings of the bunny")
-    default = bf.estimate_vertex_geometry(*bunny).mean_curvature[solved]
-    quadratic = bf.estimate_vertex_geometry(*bunny, rings=1, degree=2, alpha=0.1).mean_curvature[solved]
-    off = relative(single.mean_curvature[solved], default), relative(quadratic, default)
-    note("1-ring", f"H on the others, from the default: patch {off[0]:.0f} % off, quadratic {off[1]:.0f} %")
-    root = np.sqrt(np.maximum(g.mean_curvature**2 - g.gaussian_curvature, 0.0))
-    largest = np.abs(root - g.geodesic_torsion).max() / g.geodesic_torsion.max()
-    note("torsion", f"sqrt(H^2 - K) and (k_max - k_min) / 2 on the bunny: {largest:.0e} of the largest apart")
-    note("border correction", lagrange_holes(bunny))
-    return Found("Deviations from the paper (medians)", None, rows)
-
-
-def lagrange_holes(mesh: tuple[np.ndarray, np.ndarray]) -> str:
-    """How many of some holes each correction fills."""
-    vertices, faces = mesh
-    size = np.linalg.norm(np.ptp(vertices, axis=0))
-    counts = dict.fromkeys(("harmonic", "lagrange", "lagrange_pieces"), 0)
-    holes = [cut("", vertices, faces, vertices[k], r * size) for k in range(2000, 26000, 4000) for r in (0.01, 0.02)]
-    for hole in holes:
-        for correction in counts:
-            result = bf.fill_holes(vertices, hole.faces, "paper", correction=correction)
-            counts[correction] += result.holes[0].method == "paper"
-    words = ", ".join(f"{name} {count}" for name, count in counts.items())
-    return f"of {len(holes)} small holes of the bunny the patch is taken with the correction {words}"
-
-
-PARTS: dict[str, Callable[[Path], Found]] = {
-    f.__name__: f for f in (figure_3, table_1, table_2, figure_7, figure_8, figure_9, figure_10, deviations)
-}
+PARTS: dict[str, Callable[[Where], Found]] = {
+    f.__name__: f
+    for f in (figure_3, figure_4, figure_5, figure_6, table_1, table_2, figure_7, figure_8, figure_9, figure_10)
+} | {"deviations": lambda _: Found("Deviations from the paper (medians)", None, deviations())}
 
 
 def cell(value: object) -> str:
@@ -320,18 +483,19 @@ def text_table(rows: list[dict[str, object]]) -> str:
     return "\n".join([*lines, *("| " + " | ".join(cell(v) for v in row.values()) + " |" for row in rows)])
 
 
-def page(found: list[Found], path: Path) -> None:
+def page(found: list[Found], path: Path, models: str) -> None:
     """One page with everything in it."""
     parts = ["<!doctype html><meta charset=utf-8><title>The paper's figures</title>",
              "<style>body{font:15px sans-serif;margin:2em;max-width:1500px}img{max-width:100%}"
              "td,th{padding:2px 12px 2px 0;text-align:left;border-bottom:1px solid #ddd}</style>",
              "<h1>The paper's figures and tables</h1><p>Li, Barsky, Jin, An effective third-order local fitting patch "
-             "and its application, IEEE SMI 2009; other models stand for the paper's.</p>"]  # fmt: skip
+             "and its application, IEEE SMI 2009. " + html.escape(models) + "</p>"]  # fmt: skip
     for item in found:
         parts.append(f"<h2>{html.escape(item.title)}</h2>")
         if item.picture:
             data = base64.b64encode(item.picture.read_bytes()).decode()
             parts.append(f'<img src="data:image/png;base64,{data}">')
+        parts.append(f"<p>{html.escape(item.note)}</p>" * bool(item.note))
         head = "".join(f"<th>{html.escape(name)}" for name in item.rows[0])
         body = "".join("<tr>" + "".join(f"<td>{html.escape(cell(v))}" for v in row.values()) for row in item.rows)
         parts.append(f"<table><tr>{head}{body}</table>")
@@ -342,17 +506,23 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("parts", nargs="*", choices=[[], *PARTS], help="by default all, and the page")
     parser.add_argument("--out", type=Path, default=ROOT / "build" / "paper", help="folder for pictures and page")
+    parser.add_argument("--models", type=Path, help="folder with fandisk, a dragon and the Stanford bunny")
     options = parser.parse_args()
+    if options.models is not None and not options.models.is_dir():
+        parser.error(f"--models: got {str(options.models)!r}, expected a folder")
     options.out.mkdir(parents=True, exist_ok=True)
-    found = []
+    where, found = Where(options.out, options.models), []
+    begin = time.perf_counter()
     for name in options.parts or PARTS:
         start = time.perf_counter()
-        found.append(PARTS[name](options.out))
+        found.append(PARTS[name](where))
         print(f"\n{found[-1].title}\n\n{text_table(found[-1].rows)}", flush=True)
+        if found[-1].note:
+            print(f"\n{found[-1].note}", flush=True)
         print(f"{name}: {time.perf_counter() - start:.0f} s", file=sys.stderr)
     if not options.parts:
-        page(found, options.out / "paper.html")
-        print(f"\nwrote {options.out / 'paper.html'}")
+        page(found, options.out / "paper.html", NO_MODELS if options.models is None else "")
+        print(f"\nwrote {options.out / 'paper.html'}", f"in {time.perf_counter() - begin:.0f} s")
 
 
 if __name__ == "__main__":

@@ -84,8 +84,10 @@ def round_limits(low: float, high: float) -> tuple[float, float]:
 PALETTES = {
     # blue below zero, light grey at zero, red above: told apart with any kind of colour vision, and in every shadow
     "Cool Warm": ((0.23, 0.30, 0.75), (0.90, 0.90, 0.90), (0.75, 0.02, 0.15)),
-    # of the torsion in Li, Barsky, Jin (2009): red is high, blue medium, green low. Not for red-green colour blindness.
+    # of Li, Barsky, Jin (2009), neither for red-green colour blindness. Of the torsion (Figure 6): red is high, blue
+    # medium, green low; of the curvatures (Figure 5): red is high, green medium, blue low.
     "Paper": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
+    "Paper Curvature": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)),
 }
 
 

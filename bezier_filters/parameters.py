@@ -84,8 +84,9 @@ color : bool, default False
     There must be one. Where it has both signs by nature, zero gets the middle colour.
 colormap : str, default "auto"
     auto (Cool Warm where zero is in the middle, else Viridis), Paper, or a map of pymeshlab: Turbo, French RGB, ...
-    Paper is red for high, blue for medium and green for low; in the others, too, red or bright is high (see
-    `color_by_quality`). Names may be in upper or lower case.
+    Paper is red for high, blue for medium and green for low, as the paper's torsion; Paper Curvature is red for high,
+    green for medium and blue for low. In the others, too, red or bright is high (see `color_by_quality`). Names may be
+    in upper or lower case.
 percentile : float, default 2.0
     Percentage of the values that may lie beyond each end of the colours, in [0, 50).
 colorrange : (float, float), optional
@@ -159,6 +160,9 @@ correction : {{"harmonic", "lagrange", "lagrange_pieces"}}, default "harmonic"
     How patches are made to end at the rim: harmonic, lagrange or lagrange_pieces; for the paper's method.
     The paper's products of Lagrange polynomials are infinite where two vertices of the rim share a parameter;
     ``"lagrange_pieces"`` takes them in pieces of the plane with four vertices of the rim at most.
+refine : bool, default True
+    Give patches new vertices, so that triangles are as large as those around; may be False for the paper's method.
+    Then a patch is the Delaunay triangulation of its rim alone, as in the paper.
 """)
 LINES = parameters("""
 angle : float, default 40.0

@@ -12,7 +12,8 @@ class FitStatus(IntEnum):
     Meshes and files hold the `grade` instead, from 9 for `OK` down to 0 for `SKIPPED`: other programs give the
     value 0 to vertices that they add, and nothing was estimated there.
 
-    Give arrays ``int(FitStatus.OK)``: of a member, NumPy asks Python for attributes, and loses a Ctrl-C that comes then.
+    Give arrays ``int(FitStatus.OK)``: of a member, NumPy asks Python for attributes, and loses a Ctrl-C that comes
+    then.
 
     >>> FitStatus.WIDER_RING.message
     'fitted on more rings than most: too few or badly placed points, as at a boundary'

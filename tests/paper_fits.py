@@ -35,9 +35,10 @@ class Fit(NamedTuple):
 
 
 class PaperFits:
-    """A mesh, rows S, alpha, rings and x axes: (3,), or None for the farthest neighbour."""
+    """A mesh, rows S, alpha, rings, x axes: (3,), or None for the farthest neighbour, and what counts as a fold."""
 
-    def __init__(self, vertices, faces, rows, alpha, rings, x_axis=None):
+    def __init__(self, vertices, faces, rows, alpha, rings, x_axis=None, fold_test="angle"):
+        self.fold_test = fold_test
         self.vertices, self.faces, self.rows, self.alpha, self.rings = vertices, faces, rows, alpha, rings
         self.x_axis = x_axis
         a, b, c = vertices[faces].transpose(1, 0, 2)
@@ -55,6 +56,30 @@ class PaperFits:
         return [vertex, *sorted(found - {vertex})]
 
     def folds(self, vertex, rings, normal):
+        """Whether a neighbourhood is folded over a plane, by the test that was chosen."""
+        return (self.leans if self.fold_test == "angle" else self.crosses)(vertex, rings, normal)
+
+    def crosses(self, vertex, rings, normal):
+        """Whether two edges between vertices of the neighbourhood, without a common end, meet in the plane."""
+        members = self.members(vertex, rings)
+        edges = np.array([(i, j) for i in members for j in self.around[i] if i < j and j in members])
+        flat = (self.vertices - self.vertices[vertex]) @ np.linalg.svd(normal[np.newaxis])[2][1:].T
+        first, second = np.triu_indices(len(edges), 1)
+        apart = (edges[first][:, :, np.newaxis] != edges[second][:, np.newaxis, :]).all(axis=(1, 2))
+        a, b = flat[edges[first[apart]]].transpose(1, 0, 2)
+        c, d = flat[edges[second[apart]]].transpose(1, 0, 2)
+        # a + s (b - a) = c + t (d - c)
+        size = np.linalg.det(np.stack([b - a, c - d], axis=2))
+        lengths = np.linalg.norm(b - a, axis=1) * np.linalg.norm(d - c, axis=1)
+        if (np.abs(size) < ROUNDING * lengths).any():
+            raise Doubt  # parallel
+        places = np.linalg.solve(np.stack([b - a, c - d], axis=2), (c - a)[:, :, np.newaxis])[:, :, 0]
+        beyond = np.maximum(-places, places - 1.0).max(axis=1, initial=-np.inf)
+        if (np.abs(beyond) < ROUNDING).any():
+            raise Doubt
+        return bool((beyond < 0.0).any())
+
+    def leans(self, vertex, rings, normal):
         """Whether a face at the neighbourhood, without its last ring, leans 89 degrees or more."""
         touching = np.isin(self.faces, self.members(vertex, rings - 1)).any(axis=1)
         least = (self.face_normals[touching] @ normal).min()

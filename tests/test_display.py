@@ -60,8 +60,10 @@ def test_zero_is_neutral_and_the_lightest_colour_of_the_diverging_map():
     assert (np.diff(lightness[50:]) < 0).all()
 
 
-def test_the_palette_of_the_paper():
+def test_the_palettes_of_the_paper():
+    """From low to high: Figure 6, the torsion, and Figure 5, the curvatures."""
     assert [to_rgb(name) for name in ("lime", "blue", "red")] == list(PALETTES["Paper"])
+    assert [to_rgb(name) for name in ("blue", "lime", "red")] == list(PALETTES["Paper Curvature"])
 
 
 def test_the_default_depends_on_the_sign():

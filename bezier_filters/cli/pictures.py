@@ -64,7 +64,8 @@ FieldNames = Annotated[
     ),
 ]
 PictureColors = Annotated[
-    str, typer.Option(help="auto (Cool Warm or Viridis), Paper, or a colour map of matplotlib: turbo, RdBu_r, ...")
+    str,
+    typer.Option(help="auto (Cool Warm or Viridis), Paper, Paper Curvature, or a map of matplotlib: RdBu_r, ..."),
 ]
 Scale = Annotated[ColorScale, typer.Option(help="symlog is logarithmic both ways from zero, for values of all sizes.")]
 Up = Annotated[str, typer.Option(help="Axis that points up: auto, x, y, z, -x, -y or -z.")]
@@ -170,7 +171,8 @@ def qmap(
     target: Annotated[Path, typer.Argument(help="Quality mapper file to write.", metavar="OUTPUT.qmap")],
     field: Annotated[str, typer.Option(help="Field whose range is taken: quality or a bz_* column.")] = "quality",
     colormap: Annotated[
-        str, typer.Option(help="auto (Cool Warm or Viridis), Paper, or a colour map of pymeshlab: Turbo, ...")
+        str,
+        typer.Option(help="auto (Cool Warm or Viridis), Paper, Paper Curvature, or a map of pymeshlab: Turbo, ..."),
     ] = "auto",
     percentile: Percentile = 2.0,
     limits: ColorRange = None,

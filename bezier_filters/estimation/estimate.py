@@ -25,7 +25,13 @@ from bezier_filters.estimation.adaptive_fit import (
     learner,
     with_parts,
 )
-from bezier_filters.estimation.fallbacks import Fallbacks, fallback_chain, fit_with_fallbacks, overall_progress
+from bezier_filters.estimation.fallbacks import (
+    Fallbacks,
+    FoldTest,
+    fallback_chain,
+    fit_with_fallbacks,
+    overall_progress,
+)
 from bezier_filters.estimation.first_call import first_call
 from bezier_filters.estimation.fit_options import Automatic, check_detail, check_fit_noise, check_radius, fit_options
 from bezier_filters.estimation.noise_free import hides_sharp_edges, noise_free_surface
@@ -74,6 +80,7 @@ def estimate_vertex_geometry(
     degree: int | Automatic = "auto",
     smoothness: Smoothness = "third_order",
     fallbacks: Fallbacks = "sound",
+    fold_test: FoldTest = "angle",
     x_axis: ArrayLike | None = None,
     robust: bool | None = None,
     noise: float | None = None,
@@ -132,6 +139,12 @@ def estimate_vertex_geometry(
         of the mean normal of the neighbourhood, then a quadratic fit of the 1-ring. ``"paper"``: the plane of the
         neighbour whose normal is closest, then the patch itself on the 1-ring; only where that determines no patch, as
         it seldom does with six neighbours or fewer, a quadratic. Not with a radius.
+    fold_test : {"angle", "crossings"}
+        Where the surface counts as folded, with a number for `alpha`. ``"angle"``: a face that touches the
+        neighbourhood without its last ring leans 89 degrees or more from the plane. ``"crossings"``, as in the paper:
+        two edges between vertices of the neighbourhood cross or touch in the plane, and do not end at one vertex;
+        it takes several times as long. Where there are more than 1,000 points, angles decide. Not with a radius, nor
+        for point clouds.
     x_axis : (3,) or (n, 3) array_like of float, optional
         Directions of any length, one for all vertices or one each, whose projections are the x axes of the tangent
         planes. By default, and where they are zero or normal to the plane, x points to the neighbour that projects
@@ -194,8 +207,14 @@ def estimate_vertex_geometry(
     check_detail(detail, rings, radius)
     if fallbacks not in get_args(Fallbacks):
         raise InvalidParameterError(f"fallbacks: got {fallbacks!r}, expected one of {get_args(Fallbacks)}")
-    if fixed is None and (fallbacks != "sound" or x_axis is not None):
-        raise InvalidParameterError("fallbacks and x_axis are for fits with a number for alpha; give alpha, or neither")
+    if fold_test not in get_args(FoldTest):
+        raise InvalidParameterError(f"fold_test: got {fold_test!r}, expected one of {get_args(FoldTest)}")
+    if fixed is None and (fallbacks != "sound" or fold_test != "angle" or x_axis is not None):
+        raise InvalidParameterError(
+            "fallbacks, fold_test and x_axis are for fits with a number for alpha; give alpha, or none of them"
+        )
+    if fold_test != "angle" and (radius is not None or not mesh.face_count):
+        raise InvalidParameterError(f"fold_test: got {fold_test!r}; that is for rings of meshes with faces")
     if fallbacks != "sound" and radius is not None:
         raise InvalidParameterError(f"fallbacks: got {fallbacks!r} and a radius; those of the paper are for rings")
     axes = None if x_axis is None else _directions(x_axis, mesh, "x_axis")
@@ -210,6 +229,7 @@ def estimate_vertex_geometry(
         detail,
         radius=radius,
         fallbacks=fallbacks,
+        fold_test=fold_test,
         axes=axes,
         outside=outside,
         conditions=conditions,
@@ -237,6 +257,7 @@ class _Wanted:
     detail: float | None = None
     radius: float | None = None
     fallbacks: Fallbacks = "sound"
+    fold_test: FoldTest = "angle"
     axes: FloatArray | None = None  # (n, 3)
     outside: FloatArray | None = None  # (n, 3)
     conditions: bool = False
@@ -284,7 +305,9 @@ def _estimate(
             options = wanted.rings, wanted.fixed, wanted.degrees, wanted.robust, wanted.noise, wanted.detail
             is_learned = (wanted.fixed is None or wanted.rings == "auto") and given.vertex_count <= LARGEST
             key = (
-                key_of(given.vertices, given.faces, wanted.outside, wanted.fallbacks, *options) if is_learned else None
+                key_of(given.vertices, given.faces, wanted.outside, wanted.fallbacks, wanted.fold_test, *options)
+                if is_learned
+                else None
             )
             known, learned = recall(key), None
             if known is not None:
@@ -297,9 +320,10 @@ def _estimate(
                 )
                 if wanted.fixed is None or wanted.rings == "auto":
                     fit = replace(fit, choice=_with_reason(fit.choice, arrays, adjacency))
-            if wanted.fixed is not None and wanted.fallbacks != "sound":
+            if wanted.fixed is not None and (wanted.fallbacks != "sound" or wanted.fold_test != "angle"):
+                crossings = wanted.fold_test == "crossings"
                 chain = fallback_chain(fit.choice.rings, wanted.fixed, fallbacks=wanted.fallbacks)
-                fit = replace(fit, attempts=tuple(chain))
+                fit = replace(fit, attempts=tuple(replace(one, by_crossings=crossings) for one in chain))
             mask = select(fit.choice.noise_sigma)
             ids = places(mask)
             choice, fit = _fit(fitted, adjacency, ids, fit, learned, geometry, progress)

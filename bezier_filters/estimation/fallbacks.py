@@ -8,6 +8,7 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, ByteArray, IntArray
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
+from bezier_filters.kernels.crossing_edges import MEAN, OTHER, OWN, find_planes
 from bezier_filters.kernels.fit_kernel import fit_task
 from bezier_filters.kernels.kernel_input import (
     FITTED,
@@ -34,6 +35,7 @@ MORE_RINGS = 3  # how many rings an ill-posed neighbourhood may grow
 # of the usual number: at a boundary or a crease, where a neighbourhood has fewer, it takes more rings
 ENOUGH_POINTS = 0.75
 Fallbacks = Literal["sound", "paper"]
+FoldTest = Literal["angle", "crossings"]
 # practically a plain quadratic: six coefficients that six well-placed points determine
 QUADRATIC = PatchFit(degree=2, alpha=0.1)
 # the flattest quadratic through points that leave it open how much the surface bends some way, as two rows of them do
@@ -56,6 +58,7 @@ class FitAttempt:
     other_plane: bool = False  # whether it is that of a neighbour
     # share of the vertices whose normals may turn away from the plane; if negative, not even a single face may fold
     most_turned: float = -1.0
+    by_crossings: bool = False  # whether, if that is negative, a fold is where edges cross in the plane, not a face
     # standard deviation of the heights, a length, for the standard errors of normal and curvatures; 0 for none
     noise: tuple[float, float] = (0.0, 0.0)
     over_creases: bool = False  # whether the neighbourhood may reach across creases
@@ -195,6 +198,8 @@ def _run(
     progress: Progress | None,
 ) -> ByteArray:
     """Run the kernel on the vertices `ids`; return their outcomes."""
+    if attempt.by_crossings and attempt.most_turned < 0.0:
+        return _run_without_crossings(attempt, mesh, ids, geometry, robust, progress)
     if attempt.over_creases:
         mesh = mesh._replace(stops=hubs(mesh.ring_ptr))
     outcomes = np.empty(len(ids), dtype=np.int8)
@@ -205,6 +210,27 @@ def _run(
         len(ids),
         progress=progress,
     )
+    return outcomes
+
+
+def _run_without_crossings(
+    attempt: FitAttempt,
+    mesh: KernelMesh,
+    ids: IntArray,
+    geometry: VertexGeometry,
+    robust: bool,
+    progress: Progress | None,
+) -> ByteArray:
+    """The same over planes that edges do not cross in; angles decide where there are too many points to tell."""
+    plane = OTHER if attempt.other_plane else MEAN if attempt.mean_plane else OWN
+    fewest = kernel_fit(attempt).fewest_points
+    found, outcomes = find_planes(mesh, ids, attempt.rings, fewest, plane)
+    flat, untold = outcomes == FITTED, outcomes == ILL_POSED
+    normals = mesh.normals.copy()
+    normals[ids[flat]] = found[flat]
+    own = replace(attempt, mean_plane=False, other_plane=False, most_turned=1.0)
+    outcomes[flat] = _run(own, mesh._replace(normals=normals), ids[flat], geometry, robust, progress)
+    outcomes[untold] = _run(replace(attempt, by_crossings=False), mesh, ids[untold], geometry, robust, None)
     return outcomes
 
 

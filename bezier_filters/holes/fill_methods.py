@@ -112,6 +112,7 @@ class OpenMesh:
     # for ``"paper"``
     alpha: float  # weight of the points
     correction: Correction  # how patches are made to end at the rim
+    refine: bool  # whether there are new vertices between those of the rim
 
 
 @dataclass(frozen=True)
@@ -133,8 +134,9 @@ def _automatic(task: FillTask) -> Iterator[Attempt]:
 
 def _paper(task: FillTask) -> Iterator[Attempt]:
     """In the paper's way: a patch for each part that creases cut the hole into, or one patch; or else smooth."""
-    fill_part = partial(paper_fill, alpha=task.mesh.alpha, correction=task.mesh.correction)
-    if task.mesh.creases:
+    mesh = task.mesh
+    fill_part = partial(paper_fill, alpha=mesh.alpha, correction=mesh.correction, refined=mesh.refine)
+    if mesh.creases:
         for attempt in crease_attempts(task.region, noisy=task.noisy, fill_part=fill_part):
             yield replace(attempt, kind="paper")
     fill = fill_part(task.region)

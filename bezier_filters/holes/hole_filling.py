@@ -114,6 +114,7 @@ def fill_holes(
     noise: float | None = None,
     alpha: float | None = None,
     correction: Correction = "harmonic",
+    refine: bool = True,
     on_border: BoolArray | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -166,6 +167,10 @@ def fill_holes(
         How the patch is made to end at the rim, for ``"paper"`` only: by harmonic functions, by the paper's products of
         Lagrange polynomials, which are infinite where two vertices of the rim share a parameter, or by such products
         in pieces of the plane with four vertices of the rim at most, which do not meet between these.
+    refine : bool
+        Whether the patch gets new vertices, so that its triangles are as large as those around the hole. False, for
+        ``"paper"`` only, is the Delaunay triangulation of the rim alone, as in the paper; a curve that continues a
+        sharp edge has vertices all the same, and fills by other methods, where there is no patch, are refined.
     on_border : (n,) bool, optional
         Vertices on an edge of one face only, if another program has found them; by default they are found here.
     threads : int, optional
@@ -210,6 +215,8 @@ def fill_holes(
     PatchFit(alpha=alpha)
     if correction not in get_args(Correction):
         raise InvalidParameterError(f"correction: got {correction!r}, expected one of {get_args(Correction)}")
+    if method != "paper" and not refine:
+        raise InvalidParameterError(f"refine: method={method!r} always refines; leave it out")
     choice = HoleChoice(max_edges, max_perimeter, max_diameter, holes, selected, outer_rims)
     adjacency = vertex_adjacency(mesh)
     if on_border is not None:
@@ -230,7 +237,9 @@ def fill_holes(
     ]
     open_ = [reports[k] for k in numbers]
     meeting = meeting_boxes(boxes)
-    task = OpenMesh(mesh, known, open_, boxes, meeting, near, method, creases, intersecting, float(alpha), correction)
+    task = OpenMesh(
+        mesh, known, open_, boxes, meeting, near, method, creases, intersecting, float(alpha), correction, refine
+    )
     points, triangles = [mesh.vertices], [mesh.faces]
     vertex_count, face_count = mesh.vertex_count, mesh.face_count
     for number, (described, fill) in zip(numbers, _filled(task, progress), strict=True):

@@ -29,15 +29,20 @@ MOST_IN_PIECE = 4  # vertices of the rim whose product of Lagrange polynomials i
 Correction = Literal["harmonic", "lagrange", "lagrange_pieces"]
 
 
-def paper_fill(region: InfluenceRegion, alpha: float, correction: Correction = "harmonic") -> Fill | str:
-    """Fill a hole in the paper's way, or say why it is not possible; `alpha` weighs the points, as in `PatchFit`."""
+def paper_fill(
+    region: InfluenceRegion, alpha: float, correction: Correction = "harmonic", *, refined: bool = True
+) -> Fill | str:
+    """Fill a hole in the paper's way, or say why it is not possible; `alpha` weighs the points, as in `PatchFit`.
+
+    Unless it is refined, the fill has no vertices but those of the rim, and of the patch only its plane matters.
+    """
     if not region.has_simple_rim:
         return "there is an island in the hole"
     area = np.flatnonzero(region.rings <= INFLUENCE)
     area = area if len(area) >= PLENTY else np.arange(len(region.ids))
     fill: Fill | str = "the hole and its surroundings have no mean normal"
     for origin, axes in _frames(region):
-        fill = _flat_fill(region, origin, axes)
+        fill = _flat_fill(region, origin, axes, refined=refined)
         if not isinstance(fill, str):
             break
     if isinstance(fill, str):
@@ -120,8 +125,8 @@ def lagrange_displacement(flat: FloatArray, shift: FloatArray, most: int) -> Flo
     return result
 
 
-def _flat_fill(region: InfluenceRegion, origin: FloatArray, axes: FloatArray) -> Fill | str:
-    """Triangulate and refine a hole in a plane through an origin (3,), or say why that is not possible.
+def _flat_fill(region: InfluenceRegion, origin: FloatArray, axes: FloatArray, *, refined: bool = True) -> Fill | str:
+    """Triangulate a hole in a plane through an origin (3,) and refine it, or say why that is not possible.
 
     Rows of `axes` are the x and y axes of the plane and its normal. Points have local coordinates (x, y, 0).
     """
@@ -136,7 +141,7 @@ def _flat_fill(region: InfluenceRegion, origin: FloatArray, axes: FloatArray) ->
         return "the rim cannot be triangulated in the plane of its surroundings"
     # Where the rim is straight there may be triangles without area; split, they would put vertices onto it.
     fill = flip_edges(Fill(flat, region.sizes, faces, region.rim_count), region.rim_edges)
-    return refine(fill, region.rim_edges)
+    return refine(fill, region.rim_edges) if refined else fill
 
 
 def _angles(polygon: FloatArray) -> FloatArray:

@@ -48,12 +48,13 @@ def color_by_quality(ms: MeshSet, low: float, high: float, colormap: str = AUTO)
     low, high : float
         Qualities of the first and the last colour; those beyond get the colours of the ends.
     colormap : str
-        A colour map of pymeshlab, in any case: RGB, Viridis, Plasma, Cividis, Turbo, RdPu, Meshlab RGB, French
-        RGB, Red Scale, Green Scale, Blue Scale, Grey Scale, Flat, Saw 4 or Saw 8; or one of ours: Cool Warm, from
-        blue over grey to red, or Paper, from green over blue to red. ``"auto"`` is Cool Warm for a range that is
-        symmetric about 0, else Viridis; both are told apart with any kind of colour vision. High values are red or
-        bright, unlike in pymeshlab, whose RGB and French RGB have red low. RdPu ends in dark purple, as it does
-        elsewhere; Flat is a single grey, Saw 4 and Saw 8 are 4 and 8 ramps from black to light.
+        A colour map of pymeshlab, in any case: RGB, Viridis, Plasma, Cividis, Turbo, RdPu, Meshlab RGB, French RGB,
+        Red Scale, Green Scale, Blue Scale, Grey Scale, Flat, Saw 4 or Saw 8; or one of ours: Cool Warm, from blue
+        over grey to red, Paper, from green over blue to red, or Paper Curvature, from blue over green to red.
+        ``"auto"`` is Cool Warm for a range that is symmetric about 0, else Viridis; both are told apart with any kind
+        of colour vision. High values are red or bright, unlike in pymeshlab, whose RGB and French RGB have red low.
+        RdPu ends in dark purple, as it does elsewhere; Flat is a single grey, Saw 4 and Saw 8 are 4 and 8 ramps from
+        black to light.
 
     Raises
     ------

@@ -93,7 +93,8 @@ class Panel:
     limits : (low, high), optional
         Values of the lowest and highest colour; by default those of `color_range`.
     colormap : str
-        ``"auto"`` (``"Cool Warm"`` if `signed`, else ``"Viridis"``), ``"Paper"``, or any colour map of matplotlib.
+        ``"auto"`` (``"Cool Warm"`` if `signed`, else ``"Viridis"``), ``"Paper"``, ``"Paper Curvature"``, or any colour
+        map of matplotlib.
     colors : (n, 3) or (n, 4) array, optional
         Colours instead of `values`: floats in 0..1 or uint8.
     back : (red, green, blue), optional
@@ -215,8 +216,9 @@ def view_axes(view: str, up: str) -> FloatArray:
 
 
 def view_of(panel: Panel, axes: FloatArray) -> View:
-    """View of a panel's mesh along given axes."""
-    projected = panel.vertices[panel.drawn()] @ axes.T
+    """View of a panel's mesh and lines along given axes."""
+    shown = np.vstack([panel.vertices[panel.drawn()], *(line for line, _ in panel.lines)])
+    projected = shown @ axes.T
     return View(axes, projected.min(axis=0), projected.max(axis=0))
 
 

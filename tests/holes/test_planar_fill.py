@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hole_cases import assert_filled, sheet, without_faces_near, without_squares
 from plyfile import PlyData
+from scipy.spatial import Delaunay
 
 from bezier_filters import fill_holes
 from bezier_filters.errors import InvalidParameterError
@@ -45,6 +46,42 @@ def test_a_plane_is_filled_with_its_delaunay_triangulation():
     assert_filled(vertices, faces, result)
     assert result.holes[1].method == "paper"
     assert np.abs(result.vertices[len(vertices) :, 2]).max() < 1e-9
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_without_new_vertices_a_fill_is_the_delaunay_triangulation_of_the_rim(seed):
+    """Of a convex rim, which has only one."""
+    rng = np.random.default_rng(seed)
+    n = 30
+    angles = 2.0 * np.pi * (np.arange(n) + rng.uniform(-0.4, 0.4, n)) / n
+    rings = [(1.0 + 0.3 * k) * np.column_stack([2.0 * np.cos(angles), np.sin(angles), 0.0 * angles]) for k in range(5)]
+    i = np.arange(4 * n)
+    after = i - i % n + (i + 1) % n
+    faces = np.vstack([np.column_stack([i, i + n, after]), np.column_stack([after, i + n, after + n])])
+    vertices = np.vstack(rings)
+    result = fill_holes(vertices, faces, "paper", refine=False)
+    assert_filled(vertices, faces, result)
+    hole = next(hole for hole in result.holes if hole.filled)
+    assert (hole.method, len(hole.new_vertices)) == ("paper", 0)
+    expected = Delaunay(vertices[:n, :2]).simplices
+    new = result.faces[hole.new_faces.start :]
+    assert sorted(np.sort(new, axis=1).tolist()) == sorted(np.sort(expected, axis=1).tolist())
+
+
+def test_without_new_vertices_only_curves_through_the_hole_have_some():
+    """The two of the fan, whose hole three patches fill."""
+    vertices, faces = fan_with_hole()
+    result = fill_holes(vertices, faces, "paper", refine=False)
+    assert_filled(vertices, faces, result)
+    (hole,) = result.holes
+    assert (hole.method, hole.parts) == ("paper", 3)
+    assert np.isin(hole.new_vertices, hole.creases).all()
+
+
+def test_only_the_papers_method_does_without_new_vertices():
+    ball = sphere(resolution=4)
+    with pytest.raises(InvalidParameterError, match="refine: method='auto' always refines"):
+        fill_holes(ball.vertices, ball.faces, refine=False)
 
 
 def test_the_fill_is_the_patch_plus_what_the_rim_asks_for():

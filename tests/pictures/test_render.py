@@ -55,6 +55,14 @@ def draw(panel: Panel, view: str = "front", up: str = "y", scale: float = 50.0) 
     return scene.draw(panel, [seen], scale=scale, background="#ffffff")[0] / 255.0
 
 
+def test_views_have_room_for_lines_that_stick_out():
+    line = np.array([[0.0, 0.0, 0.0], [3.0, -2.0, 5.0]])
+    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    panel = Panel(vertices, np.array([[0, 1, 2]], np.int32), vertices[:, 0], lines=[(line, (0.0, 0.0, 0.0))])
+    seen = scene.view_of(panel, scene.view_axes("front", "y"))
+    assert (seen.low.tolist(), seen.high.tolist()) == ([0.0, -2.0, 0.0], [3.0, 1.0, 5.0])
+
+
 # colour ranges
 
 
