@@ -106,7 +106,7 @@ REFUSED = {
     "two_numbers.off": (off(changed("1 0")), "line 5 has '1 0'"),
     "less.off": (off(counts=(5, 6)), "announces 5 vertices and 6 faces, but it has lines for 5 and 5"),
     "less.ply": (ply(counts=(6, 5)), "it is cut short or damaged: "),
-    "more.ply": (ply(counts=(4, 5)), "Bad vertex index in face"),
+    "more.ply": (ply(counts=(4, 5)), "expected end-of-line"),
     "a_word.xyz": (xyz(changed("1 abc 2")), "line 3 has '1 abc 2'"),
     "two_numbers.xyz": (xyz(changed("1 2")), "line 3 has '1 2'"),
     "a_header.xyz": ("x y z\n" + xyz(), "line 1 has 'x y z'"),
