@@ -64,7 +64,7 @@ def count_mesh(path: Path) -> MeshCounts:
 
 
 def _count_obj(path: Path) -> MeshCounts:
-    vertices = faces = 0
+    vertices = faces = highest = 0
     is_odd = False
     for block in text_blocks(path, continued=True):
         first, second = block.heads.T
@@ -78,8 +78,13 @@ def _count_obj(path: Path) -> MeshCounts:
         if is_face.any():
             lines = block.chosen(is_face)
             faces += lines.word_count() - _TRIANGLE * len(lines)  # the f, and two corners more than triangles
-            is_odd |= lines.has_odd(integers=True, heads=2)
-    return MeshCounts(vertices, faces, is_odd)
+            is_odd = is_odd or lines.has_odd(integers=True, heads=2)
+            if not is_odd and lines.word_count() != (_TRIANGLE + 1) * len(lines):  # its reader looks at triangles
+                corners = lines.integers()
+                highest = max(highest, int(corners.max(initial=0)))
+                # Negative ones count back from here, more or less.
+                is_odd = bool((corners == 0).any()) or int(corners.min(initial=0)) < -vertices
+    return MeshCounts(vertices, faces, is_odd or highest > vertices)
 
 
 def _count_points(path: Path, suffix: str) -> MeshCounts:
@@ -96,7 +101,7 @@ def _count_points(path: Path, suffix: str) -> MeshCounts:
         count += len(rows)
         is_odd |= rows.has_odd() or rows.word_count() < _TRIANGLE * len(rows)
     is_odd |= announced not in (None, count)
-    return MeshCounts(count, 0 if suffix == ".xyz" else None, is_odd)
+    return MeshCounts(count, 0, is_odd)
 
 
 def _count_off(path: Path, head: bytes) -> MeshCounts:
@@ -104,17 +109,26 @@ def _count_off(path: Path, head: bytes) -> MeshCounts:
     if counts is None:
         return MeshCounts()
     *announced, offset = counts
+    is_plain = head.lstrip().startswith(b"OFF")
     rows, triangles, is_odd = [0, 0, 0], 0, False
     for section, block in sections(text_blocks(path, offset), announced):
         rows[section] += len(block)
         if section == 0:
             is_odd |= block.has_odd() or block.word_count() < _TRIANGLE * len(block)
+            if is_plain and not is_odd and block.word_count() != _TRIANGLE * len(block):
+                raise FieldFileError(
+                    f"{path} has vertices of more than three numbers; where these are colours, its first line is COFF"
+                )
         elif section == 1:
             first, second = block.heads.T
             corners = first.astype(np.int64) - ord("0")
             triangles += int(np.maximum(corners - 2, 0).sum())
             is_odd |= block.has_odd() or block.has_long_number() or bool((second != ord(" ")).any())
             is_odd = is_odd or not _are_lists_below(block, announced[0], more=True)
+            if not is_odd and (block.words_per_line() == corners + 2).any():
+                raise FieldFileError(
+                    f"{path} has faces with a number of a colour map, which end its reader; remove them"
+                )
     return MeshCounts(announced[0], triangles, is_odd or rows[:2] != announced, _rows_left(path, rows[2]))
 
 
@@ -196,7 +210,7 @@ def _are_lists_below(block: TextBlock, limit: int, *, more: bool = False) -> boo
     """Whether each row is a length and so many integers from 0 to below a limit, with `more` or nothing behind."""
     words = block.words_per_line()
     has_reals = any(sign in block.text for sign in (b".", b"e", b"E"))  # colours
-    numbers = np.fromstring(block.text, np.float64 if has_reals else np.int64, sep=" ")
+    numbers = np.fromstring(block.text, sep=" ") if has_reals else block.integers()
     if len(numbers) != words.sum():
         return False
     ends = np.cumsum(words)

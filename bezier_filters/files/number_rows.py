@@ -128,6 +128,24 @@ class TextBlock:
             run, length = run[:-step] & run[step:], length + step
         return bool(run.any())
 
+    def integers(self) -> NDArray[np.int64]:
+        """The integers, of nine digits at most, but those behind a slash, in their order."""
+        content, is_digit = np.frombuffer(self.text, np.uint8), self.classes == _DIGIT
+        is_last = is_digit.copy()
+        is_last[:-1] &= ~is_digit[1:]
+        places = np.flatnonzero(is_last)
+        numbers, power = np.zeros(len(places), np.int64), 1
+        rest = np.arange(len(places))  # numbers that have digits left, from the last on
+        while len(rest):
+            numbers[rest] += power * (content[places[rest]].astype(np.int64) - ord("0"))
+            places[rest] -= 1
+            power *= 10
+            rest = rest[(places[rest] >= 0) & is_digit[places[rest]]]
+        before = np.where(places >= 0, content[places], ord(" "))
+        numbers[before == ord("-")] *= -1
+        result: NDArray[np.int64] = numbers[before != ord("/")]
+        return result
+
     def lines(self, first: int, last: int) -> "TextBlock":
         """Lines first .. last-1."""
         begin, end = (int(self.starts[k]) if k < len(self) else len(self.text) for k in (first, last))

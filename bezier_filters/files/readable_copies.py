@@ -1,5 +1,6 @@
-"""Copies of valid files that pymeshlab refuses or misreads: PLY in other number types, OBJ with lines put together."""
+"""Copies of valid files that pymeshlab refuses or misreads: PLY in other types, OBJ and OFF in plain lines."""
 
+import re
 from pathlib import Path
 from typing import BinaryIO
 
@@ -9,6 +10,7 @@ from bezier_filters.errors import FieldFileError
 from bezier_filters.files.mesh_headers import BYTE_ORDER, HEADER_LIMIT, PlyHeader, parse_header
 
 _BLOCK = 1 << 24
+_COMMENT, _COMMENT_BEHIND = re.compile(rb"#[^\n]*"), re.compile(rb"^[^#\n]*[^#\s][^#\n]*#", re.MULTILINE)
 _CONTINUED = b"\\\r\n"
 _AXES = ("x", "y", "z")
 _REAL = ("f4", "f8")
@@ -25,14 +27,17 @@ _LISTS = {
 def is_misread(path: Path) -> bool:
     """Whether pymeshlab refuses or misreads a valid file.
 
-    In PLY files it takes coordinates only as floating-point numbers, corners only in some types of lists, and does not
-    turn the bytes of big-endian doubles; in OBJ files it loses lines that go on in the next one where these end with
-    carriage returns, too.
+    In PLY files it takes coordinates only as floating-point numbers, corners only in some types of lists and behind the
+    vertices, and does not turn the bytes of big-endian doubles; in OBJ files it loses lines that go on in the next one
+    where these end with carriage returns, too; in OFF files it takes comments behind rows for numbers.
     """
     suffix = path.suffix.lower()
-    if suffix == ".obj":
+    if suffix in (".obj", ".off"):
         with path.open("rb") as stream:
-            return any(_CONTINUED in block for block in iter(lambda: _whole_lines(stream), b""))
+            blocks = iter(lambda: _whole_lines(stream), b"")
+            if suffix == ".obj":
+                return any(_CONTINUED in block for block in blocks)
+            return any(b"#" in block and _COMMENT_BEHIND.search(block) for block in blocks)
     if suffix != ".ply":
         return False
     with path.open("rb") as stream:
@@ -48,9 +53,10 @@ def write_copy(path: Path, target: Path) -> None:
     if path.suffix.lower() == ".ply":
         _convert_ply(path, target)
         return
+    is_off = path.suffix.lower() == ".off"
     with path.open("rb") as source, target.open("wb") as copy:
         while block := _whole_lines(source):
-            copy.write(block.replace(_CONTINUED, b"   "))
+            copy.write(_COMMENT.sub(b"", block) if is_off else block.replace(_CONTINUED, b"   "))
 
 
 def _whole_lines(stream: BinaryIO) -> bytes:
@@ -58,6 +64,9 @@ def _whole_lines(stream: BinaryIO) -> bytes:
 
 
 def _is_misread(header: PlyHeader) -> bool:
+    names = [element.name for element in header.elements]
+    if "face" in names[: max(header.vertex_index, 0)]:
+        return True
     for element in header.elements:
         for item in element.properties:
             if header.format == _BIG and item.type == "f8":
@@ -84,6 +93,7 @@ def _convert_ply(path: Path, target: Path) -> None:
                         item.val_dtype = "i4"
                 elif element.name == "vertex" and item.name in _AXES and item.val_dtype not in _REAL:
                     item.val_dtype = "f8"
+        data = plyfile.PlyData(sorted(data.elements, key=lambda element: element.name != "vertex"))
         data.text, data.byte_order = False, BYTE_ORDER["binary_little_endian"]
         with np.errstate(all="ignore"):
             data.write(str(target))

@@ -134,7 +134,9 @@ def load_rows(path: Path, *, skip: bool) -> tuple[MeshSet, BoolArray | None]:
             patience,
             _process_as_it_was(),
         ):
-            meshset.load_new_mesh(str(opened))
+            # Else pymeshlab makes faces between points, in rows of a grid that it guesses.
+            options = {"triangulate": False} if path.suffix.lower() == ".asc" else {}
+            meshset.load_new_mesh(str(opened), **options)
             _merge_layers(meshset, path.name)
         mesh = meshset.current_mesh() if len(list(meshset)) else None
         if mesh is None or mesh.vertex_number() == 0:
