@@ -82,9 +82,10 @@ bench-kernels: .venv-dev/bench-ready  ## times of the stages, next to the last r
 	.venv-dev/$(BIN)/python -m pytest -q -W default benchmarks/bench_kernels.py --benchmark-autosave --benchmark-compare \
 	    --benchmark-columns=min,median --benchmark-sort=name
 
-fuzz: .venv-dev/ready  ## damage 100,000 meshes and 10,000 files at random and run everything on them
+fuzz: .venv-dev/ready  ## damage 100,000 meshes, 10,000 files and 300 stores and caches at random, and run on them
 	.venv-dev/$(BIN)/python benchmarks/fuzz.py
 	.venv-dev/$(BIN)/python benchmarks/fuzz_files.py
+	.venv-dev/$(BIN)/python benchmarks/fuzz_stored.py
 
 mutants: .venv-dev/bench-ready  ## change the code at 250 places, one at a time: do the tests notice? ARGS="--first 500" goes on
 	.venv-dev/$(BIN)/python benchmarks/mutants.py $(if $(ARGS),$(ARGS),--first 250)

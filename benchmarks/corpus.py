@@ -26,6 +26,10 @@ RESULTS = ["done", "refused", "failed", "crashed", "stopped"]
 COLUMNS = ["file", "vertices", "faces", "operation", "result", "seconds", "size", "statuses", "implausible", "message"]
 FAR = 3.0
 """Edges of a vertex, the longest, that smoothing may move it."""
+NOISES = 5.0
+"""Standard deviations of the noise, as reported, that smoothing may move a vertex."""
+ROUNDING = 1e-12
+"""Part of the largest coordinate by which a vertex may move anyway."""
 VOLUME = 0.2
 """Part of the volume that smoothing may change."""
 PATIENCE, MEMORY = 180, 4 << 30
@@ -99,7 +103,8 @@ def smoothing(method):
 
         ms, vertices, faces = new_meshset(state), state["v"], state["f"]
         report = bf.apply_coord_bezier_patch_smoothing(ms, method=method)
-        moved = np.linalg.norm(ms.current_mesh().vertex_matrix() - vertices, axis=1)
+        smoothed = ms.current_mesh().vertex_matrix()
+        moved, rounding = np.linalg.norm(smoothed - vertices, axis=1), ROUNDING * np.abs(vertices).max()
         longest = np.zeros(len(vertices))
         for k in range(3):
             length = np.linalg.norm(vertices[faces[:, k]] - vertices[faces[:, k - 1]], axis=1)
@@ -107,12 +112,29 @@ def smoothing(method):
                 np.maximum.at(longest, end, length)
         if not np.isfinite(moved).all():
             yield "coordinates are not finite"
-        elif (moved > FAR * longest + 1e-12 * np.abs(vertices).max()).any():
-            yield f"{(moved > FAR * longest).sum()} vertices moved more than {FAR:g} edges"
-        if method == "auto" and report["volume_ratio"] and abs(report["volume_ratio"] - 1.0) > VOLUME:
+            return
+        if (moved > FAR * longest + rounding).any():
+            yield f"{(moved > FAR * longest + rounding).sum()} vertices moved more than {FAR:g} edges"
+        if method != "auto":
+            return
+        if report["volume_ratio"] and abs(report["volume_ratio"] - 1.0) > VOLUME:
             yield f"volume {report['volume_ratio']:.3g} times as before"
+        noise = report["noise_before"] or 0.0
+        if (far := moved > NOISES * noise + rounding).any():
+            times = moved.max() / noise if noise else np.inf
+            yield f"{far.sum()} vertices moved more than {NOISES:g} times the noise, the farthest {times:.3g} times"
+        yield from check_cuts(vertices, smoothed, faces)
 
     return run
+
+
+def check_cuts(before, after, faces):
+    """No face cuts another that did not before."""
+    from bezier_filters.meshes.self_intersections import cut_faces
+
+    cut, cuts = (cut_faces(np.ascontiguousarray(points), faces, len(faces)) for points in (before, after))
+    if (new := cuts & ~cut).any():
+        yield f"{new.sum()} faces cut others that did not ({cut.sum()} before, {cuts.sum()} after)"
 
 
 def creases(path, state):
@@ -142,6 +164,8 @@ def filling(method, repair):
             yield "old vertices or faces changed"
         if method == "auto" and (cuts := sum(hole["filled"] * hole["self_intersections"] for hole in holes)):
             yield f"{cuts} new faces cut others"
+        if method == "auto" and report["new_faces"] and (cuts := cutting_faces(ms)[-report["new_faces"] :].sum()):
+            yield f"{cuts} of {report['new_faces']} new faces intersect others, says pymeshlab"
         many = [hole for hole in holes if hole["new_vertices"] > 10 * hole["edge_count"] ** 2]
         if many:
             yield f"{many[0]['new_vertices']} new vertices in a hole of {many[0]['edge_count']} edges"
@@ -150,6 +174,12 @@ def filling(method, repair):
             yield f"{closed} border edges closed, but rims have others"
 
     return run
+
+
+def cutting_faces(ms):
+    """Which faces pymeshlab selects as intersecting others, which is not how fills are looked at."""
+    ms.compute_selection_by_self_intersections_per_face()
+    return ms.current_mesh().face_selection_array()
 
 
 def render(path, state):

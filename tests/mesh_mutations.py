@@ -140,3 +140,21 @@ def mutated(seed):
         if len(faces):
             vertices, faces = EDITS[rng.integers(len(EDITS))](vertices, faces, rng)
     return vertices, faces
+
+
+def spoil_rows(seed):
+    """A mesh with rows that no mesh has, and the array that they are in.
+
+    Coordinates that are not finite; corners beyond the vertices, beyond 32 bits, before the first or no integers.
+    """
+    rng = np.random.default_rng(seed)
+    vertices, faces = STARTS[rng.integers(len(STARTS))]()
+    if rng.random() < 0.4:
+        rows = some(rng, len(vertices))
+        vertices[rows, rng.integers(3, size=len(rows))] = rng.choice([np.nan, np.inf, -np.inf], len(rows))
+        return vertices, faces, "vertices"
+    kind = (np.int64, np.uint64, np.float64)[rng.integers(3)]
+    wide, rows = faces.astype(kind), some(rng, len(faces))
+    beyond = [len(vertices), 2**31, 2**32, 2**32 + 1, 2**53, *([] if kind == np.uint64 else [-1, -(2**32)])]
+    wide[rows, rng.integers(3, size=len(rows))] = np.array(beyond, kind)[rng.integers(len(beyond), size=len(rows))]
+    return vertices, wide, "faces"

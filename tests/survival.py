@@ -210,6 +210,17 @@ def check_filter(vertices, faces, function, options):
         assert np.isfinite(mesh.vertex_custom_scalar_attribute_array(attribute)).all()
 
 
+def check_refusal(vertices, faces, name):
+    """Rows that no mesh has are refused by every function, which names their array and leaves both as they were."""
+    before = vertices.copy(), faces.copy()
+    for function in REFUSING:
+        result, refusal = attempt(function, vertices, faces)
+        assert result is None, function.__name__
+        assert refusal.startswith(f"{name}: "), refusal
+    for old, new in zip(before, (vertices, faces), strict=True):
+        np.testing.assert_array_equal(old, new)
+
+
 def meshset_with(vertices, faces):
     """A MeshSet with one mesh, which may be empty."""
     ms = pymeshlab.MeshSet()
@@ -226,6 +237,18 @@ def _check(function, *arguments):
     return lambda vertices, faces: function(vertices, faces, *arguments)
 
 
+REFUSING = (
+    triangle_mesh,
+    inspect_mesh,
+    boundary_loops,
+    vertex_adjacency,
+    estimate_vertex_geometry,
+    smooth,
+    fill_holes,
+    find_creases,
+    razdan_bae,
+    ouyang_feng_normals,
+)
 CHECKS = {f"estimate, {mode}": _check(check_estimate, mode) for mode in ESTIMATES}
 CHECKS |= {f"smooth, {method}": _check(check_smoothing, method) for method in ("auto", "paper")}
 CHECKS |= {f"fill_holes, {method}": _check(check_holes, method) for method in ("auto", "paper")}

@@ -109,6 +109,12 @@ def _numbers(path: Path, line: int, words: list[bytes]) -> list[float]:
     return numbers
 
 
+def _integer(word: bytes) -> int:
+    if b"_" in word:  # which Python takes for a separator
+        raise ValueError(word)
+    return int(word)
+
+
 def _misread(path: Path, line: int, words: list[bytes], expected: str) -> FieldFileError:
     got = b" ".join(words)[:_SHOWN].decode("ascii", "replace")
     return FieldFileError(f"{path} cannot be relied on: line {line} has {got!r}, expected {expected}")
@@ -127,7 +133,7 @@ def _read_obj(path: Path) -> FileContents:
             found.vertex_places.append(number)
         elif words[0] == b"f":
             try:
-                corners = [int(word.partition(b"/")[0]) for word in words[1:]]
+                corners = [_integer(word.partition(b"/")[0]) for word in words[1:]]
             except ValueError:
                 raise _misread(path, number, words, "numbers of vertices and nothing else") from None
             # Negative ones count back from here; 0 is none.
@@ -152,7 +158,7 @@ def _read_off(path: Path, vertex_count: int, face_count: int, header_lines: int)
             found.vertex_places.append(number)
         elif len(found.faces) < face_count:
             try:
-                size, *corners = (int(word) for word in words[: int(words[0]) + 1])
+                size, *corners = (_integer(word) for word in words[: _integer(words[0]) + 1])
             except ValueError:
                 raise _misread(path, number, words, "a number of corners and those") from None
             if size > len(corners):
@@ -232,6 +238,12 @@ def _soup(corners: FloatArray, places: list[int]) -> FileContents:
 def _read_ply(path: Path) -> FileContents:
     import plyfile
 
+    content = path.read_bytes()
+    start = content.find(b"\nend_header")
+    if b"format ascii" in content[:start] and b"_" in content[start + len(b"\nend_header") :]:
+        line = content[: content.index(b"_", start + len(b"\nend_header"))].count(b"\n")
+        row = content.splitlines()[line]
+        raise _misread(path, line + 1, row.split(), "numbers")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of empty lists

@@ -44,8 +44,10 @@ class _Scene:
         kind, width = np.dtype("<" + _COMPONENTS[accessor["componentType"]]), _WIDTHS[accessor["type"]]
         count, row = accessor["count"], width * kind.itemsize
         stride = view.get("byteStride", row)
-        offset = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
-        if min(count, offset, stride) < 0 or (count and offset + (count - 1) * stride + row > len(data)):
+        inside, first = accessor.get("byteOffset", 0), view.get("byteOffset", 0)
+        offset = first + inside
+        end = (count - 1) * stride + row if count else 0
+        if min(count, inside, first, stride) < 0 or inside + end > view["byteLength"] or offset + end > len(data):
             raise FieldFileError(f"{self.path} is cut short or damaged: its buffer ends before what it announces")
         return np.ndarray((count, width), kind, data, offset, (stride, kind.itemsize))
 

@@ -27,26 +27,27 @@ def find_lost_rows(path: Path, promised: MeshCounts, vertices: int, faces: int, 
 
     `FieldFileError` if vertices are lost, except those without finite coordinates where these are to be skipped.
     """
-    if promised.vertices in (None, vertices) and promised.faces in (None, faces):
-        return LostRows()
+    losses = [promised.surplus] if promised.surplus else []
+    if not promised.is_odd and promised.vertices in (None, vertices) and promised.faces in (None, faces):
+        return LostRows(warnings=tuple(losses))
     contents = read_contents(path)
     if contents is None:
         if promised.vertices not in (None, vertices):
             raise FieldFileError(_counts(path, "vertices", promised.vertices, vertices))
-        return LostRows(warnings=(_counts(path, "faces", promised.faces, faces),))
+        return LostRows(warnings=(*losses, _counts(path, "faces", promised.faces, faces)))
     is_finite = contents.is_finite
     kept = int(is_finite.sum())
-    notes, losses = list[str](), list[str]()
+    notes = list[str]()
     if kept < len(is_finite):
         if not skip:
             raise FieldFileError(_not_finite(path, contents))
         notes.append(f"{len(is_finite) - kept} vertices without finite coordinates were left out, with their faces")
     if kept != vertices and not contents.welds:
-        raise FieldFileError(_counts(path, "vertices", kept, vertices))
-    expected, without_area = _triangles(contents, is_finite)
+        raise FieldFileError(_counts(path, "vertices with finite coordinates", kept, vertices))
+    expected, uncertain, without_area = _triangles(contents, is_finite)
     if without_area:
         notes.append(f"{without_area} faces with fewer than three different corners were left out")
-    if promised.faces is not None and expected != faces:
+    if promised.faces is not None and not expected <= faces <= expected + uncertain:
         losses.append(_counts(path, "triangles", expected, faces))
     return LostRows(None if kept == len(is_finite) else is_finite, tuple(notes), tuple(losses))
 
@@ -62,15 +63,15 @@ def _not_finite(path: Path, contents: FileContents) -> str:
     return f"{path} has vertices without finite coordinates: {names}{more}; skip=True leaves them and their faces out"
 
 
-def _triangles(contents: FileContents, is_finite: BoolArray) -> tuple[int, int]:
-    """Triangles that polygons on finite vertices are cut into, and faces without any."""
-    count = without_area = 0
+def _triangles(contents: FileContents, is_finite: BoolArray) -> tuple[int, int, int]:
+    """Triangles that polygons on finite vertices are cut into, those that others may leave, and faces without any."""
+    count = uncertain = without_area = 0
     all_finite = bool(is_finite.all())
     for face in contents.faces:
         if not all_finite and not all(is_finite[corner] for corner in face):
-            continue
-        if len(set(face)) < 3:
+            uncertain += max(len(face) - 3, 0)  # readers that cut before they look keep those of other corners
+        elif len(set(face)) < 3:
             without_area += 1
         else:
             count += len(face) - 2 - (len(face) - len(set(face)))
-    return count, without_area
+    return count, uncertain, without_area

@@ -13,13 +13,17 @@ from bezier_filters.errors import FieldFileError
 from bezier_filters.files.mesh_headers import (
     CORNERS,
     HEADER_LIMIT,
+    STL_HEADER,
+    STL_TRIANGLE,
+    PlyElement,
     PlyHeader,
     is_binary_stl,
     off_counts,
     parse_header,
     stl_count,
 )
-from bezier_filters.files.number_rows import sections, text_blocks
+from bezier_filters.files.number_rows import TextBlock, sections, text_blocks
+from bezier_filters.files.ply_corners import read_face_rows
 from bezier_filters.files.three_ds import count_3ds
 
 _TRIANGLE = 3
@@ -32,6 +36,7 @@ class MeshCounts:
     vertices: int | None = None
     faces: int | None = None  # triangles, polygons being cut
     is_odd: bool = False  # whether a row cannot be what it should be, or has to be looked at
+    surplus: str = ""  # a remark on rows that the file has, but does not announce
 
 
 def count_mesh(path: Path) -> MeshCounts:
@@ -51,14 +56,15 @@ def count_mesh(path: Path) -> MeshCounts:
         return _count_stl(path, head)
     if suffix == ".ply":
         try:
-            return _count_ply(path, parse_header(path, head))
+            header = parse_header(path, head)
         except FieldFileError:  # not understood: its reader has to judge
             return MeshCounts()
+        return _count_ply(path, header)
     return MeshCounts()
 
 
 def _count_obj(path: Path) -> MeshCounts:
-    vertices = faces = 0
+    vertices = faces = highest = 0
     is_odd = False
     for block in text_blocks(path, continued=True):
         first, second = block.heads.T
@@ -72,13 +78,18 @@ def _count_obj(path: Path) -> MeshCounts:
         if is_face.any():
             lines = block.chosen(is_face)
             faces += lines.word_count() - _TRIANGLE * len(lines)  # the f, and two corners more than triangles
-            is_odd |= lines.has_odd(integers=True, heads=2)
-    return MeshCounts(vertices, faces, is_odd)
+            is_odd = is_odd or lines.has_odd(integers=True, heads=2)
+            if not is_odd and lines.word_count() != (_TRIANGLE + 1) * len(lines):  # its reader looks at triangles
+                corners = lines.integers()
+                highest = max(highest, int(corners.max(initial=0)))
+                # Negative ones count back from here, more or less.
+                is_odd = bool((corners == 0).any()) or int(corners.min(initial=0)) < -vertices
+    return MeshCounts(vertices, faces, is_odd or highest > vertices)
 
 
 def _count_points(path: Path, suffix: str) -> MeshCounts:
     count, is_odd, announced = 0, False, None
-    for block in text_blocks(path):
+    for block in text_blocks(path, commas=suffix == ".asc"):
         rows = block.rows()
         if not count and len(rows):
             start, first = 0, rows.lines(0, 1).text.split()
@@ -88,10 +99,9 @@ def _count_points(path: Path, suffix: str) -> MeshCounts:
                 start = int(np.argmax(np.isin(rows.heads[:, 0], np.frombuffer(b"0123456789+-.", np.uint8))))
             rows = rows.lines(start, len(rows))
         count += len(rows)
-        if suffix != ".asc":  # where commas may be between the numbers
-            is_odd |= rows.has_odd() or rows.word_count() < _TRIANGLE * len(rows)
+        is_odd |= rows.has_odd() or rows.word_count() < _TRIANGLE * len(rows)
     is_odd |= announced not in (None, count)
-    return MeshCounts(count, 0 if suffix == ".xyz" else None, is_odd)
+    return MeshCounts(count, 0, is_odd)
 
 
 def _count_off(path: Path, head: bytes) -> MeshCounts:
@@ -99,51 +109,117 @@ def _count_off(path: Path, head: bytes) -> MeshCounts:
     if counts is None:
         return MeshCounts()
     *announced, offset = counts
+    is_plain = head.lstrip().startswith(b"OFF")
     rows, triangles, is_odd = [0, 0, 0], 0, False
     for section, block in sections(text_blocks(path, offset), announced):
         rows[section] += len(block)
         if section == 0:
             is_odd |= block.has_odd() or block.word_count() < _TRIANGLE * len(block)
+            if is_plain and not is_odd and block.word_count() != _TRIANGLE * len(block):
+                raise FieldFileError(
+                    f"{path} has vertices of more than three numbers; where these are colours, its first line is COFF"
+                )
         elif section == 1:
             first, second = block.heads.T
             corners = first.astype(np.int64) - ord("0")
             triangles += int(np.maximum(corners - 2, 0).sum())
             is_odd |= block.has_odd() or block.has_long_number() or bool((second != ord(" ")).any())
-            is_odd |= bool((block.words_per_line() <= corners).any())
-    return MeshCounts(announced[0], triangles, is_odd or rows[:2] != announced)
+            is_odd = is_odd or not _are_lists_below(block, announced[0], more=True)
+            if not is_odd and (block.words_per_line() == corners + 2).any():
+                raise FieldFileError(
+                    f"{path} has faces with a number of a colour map, which end its reader; remove them"
+                )
+    return MeshCounts(announced[0], triangles, is_odd or rows[:2] != announced, _rows_left(path, rows[2]))
 
 
 def _count_stl(path: Path, head: bytes) -> MeshCounts:
     """The triangles; vertices are where corners of triangles are the same."""
     if is_binary_stl(head):
-        return MeshCounts(None, stl_count(head))
+        announced, held = stl_count(head), (path.stat().st_size - STL_HEADER) // STL_TRIANGLE
+        surplus = f"{path} holds {held} triangles, but its header announces {announced}" if held > announced else ""
+        return MeshCounts(None, announced, surplus=surplus)
     facets = corners = ends = 0
+    is_odd = False
     for block in text_blocks(path):
         text = block.text.lower()
         facets += text.count(b"facet normal")
         corners += text.count(b"vertex ")
         ends += text.count(b"endfacet")
-    return MeshCounts(None, facets, not facets == ends == corners / _TRIANGLE)
+        first, second = block.heads.T
+        is_vertex = np.isin(first, (ord("v"), ord("V"))) & np.isin(second, (ord("e"), ord("E")))
+        is_odd |= block.has_odd(is_vertex, heads=len("vertex"))
+    return MeshCounts(None, facets, is_odd or not facets == ends == corners / _TRIANGLE)
 
 
 def _count_ply(path: Path, header: PlyHeader) -> MeshCounts:
     """Of elements with one list, the corners are all that has no known size."""
     counts = {element.name: element.count for element in header.elements}
     vertices, faces = counts.get("vertex", 0), counts.get("face", 0)
-    if not faces:
-        return MeshCounts(vertices, 0 if counts.keys() == {"vertex"} else None)
     lists = [item for element in header.elements for item in element.properties if item.length_type]
-    if len(lists) != 1 or lists[0].name not in CORNERS:
+    of_faces = [element for element in header.elements if element.name == "face"]
+    if any(item.name not in CORNERS or item not in of_faces[0].properties for item in lists if of_faces):
         return MeshCounts(vertices)
-    if not header.is_ascii:
-        known = sum(element.count * element.least_row_size(is_ascii=False) for element in header.elements)
-        more, rest = divmod(path.stat().st_size - header.size - known, int(lists[0].type[1]))
-        return MeshCounts(vertices, faces + more, rest != 0)
-    triangles, rows, is_odd, names = 0, 0, False, [*counts, ""]
-    for section, block in sections(text_blocks(path, header.size), list(counts.values())):
-        rows += len(block) if names[section] else 0
-        if names[section] == "face":
-            columns = next(len(element.properties) for element in header.elements if element.name == "face")
-            triangles += block.word_count() - (columns + 2) * len(block)
-            is_odd |= columns == 1 and block.has_long_number()
-    return MeshCounts(vertices, triangles, is_odd or rows < sum(counts.values()))
+    if len(lists) > 1 or (lists and not of_faces):
+        return MeshCounts(vertices)
+    if header.is_ascii:
+        return _count_text_ply(path, header, vertices)
+    if faces and lists:
+        rows = read_face_rows(path, header)
+        if rows.bytes_left < 0:
+            return MeshCounts(vertices, rows.triangles, True)
+        surplus = _surplus(path, rows.bytes_left, header.elements[-1])
+        return MeshCounts(vertices, rows.triangles, surplus=surplus)
+    known = sum(element.count * element.least_row_size(is_ascii=False) for element in header.elements)
+    surplus = _surplus(path, path.stat().st_size - header.size - known, header.elements[-1]) if counts else ""
+    return MeshCounts(vertices, 0 if counts.keys() == {"vertex"} else None, surplus=surplus)
+
+
+def _surplus(path: Path, bytes_left: int, last: PlyElement) -> str:
+    least = last.least_row_size(is_ascii=False)
+    return f"{path} has {bytes_left} bytes after the last row that its header announces" if bytes_left >= least else ""
+
+
+def _count_text_ply(path: Path, header: PlyHeader, vertices: int) -> MeshCounts:
+    triangles, rows, is_odd = 0, 0, False
+    elements = {element.name: element for element in header.elements}
+    names, surplus = [*elements, ""], 0
+    for section, block in sections(text_blocks(path, header.size), [element.count for element in elements.values()]):
+        if not names[section]:
+            surplus += len(block)
+            continue
+        element = elements[names[section]]
+        rows += len(block)
+        is_odd |= block.has_odd()
+        if not any(item.length_type for item in element.properties):
+            is_odd |= block.word_count() != len(element.properties) * len(block)
+        elif element.name == "face":
+            triangles += block.word_count() - (len(element.properties) + 2) * len(block)
+            if len(element.properties) == 1 and not is_odd:
+                is_odd = block.has_long_number() or not _are_lists_below(block, vertices)
+    is_odd |= rows < sum(element.count for element in header.elements)
+    if elements.keys() != {"vertex"} and "face" not in elements:
+        return MeshCounts(vertices, None, is_odd, _rows_left(path, surplus))
+    return MeshCounts(vertices, triangles, is_odd, _rows_left(path, surplus))
+
+
+def _rows_left(path: Path, rows: int) -> str:
+    return f"{path} has {rows} rows after the last one that its header announces" if rows else ""
+
+
+def _are_lists_below(block: TextBlock, limit: int, *, more: bool = False) -> bool:
+    """Whether each row is a length and so many integers from 0 to below a limit, with `more` or nothing behind."""
+    words = block.words_per_line()
+    has_reals = any(sign in block.text for sign in (b".", b"e", b"E"))  # colours
+    numbers = np.fromstring(block.text, sep=" ") if has_reals else block.integers()
+    if len(numbers) != words.sum():
+        return False
+    ends = np.cumsum(words)
+    starts = ends - words
+    lengths = numbers[starts].astype(np.int64)
+    if (lengths < 0).any() or (lengths >= words if more else lengths != words - 1).any():
+        return False
+    steps = np.zeros(len(numbers) + 1, np.int8)  # +1 where a list begins, -1 behind it
+    steps[starts + 1] += 1
+    steps[starts + 1 + lengths] -= 1
+    corners = numbers[np.cumsum(steps[:-1], dtype=np.int8).astype(np.bool_)]
+    return bool(((corners >= 0) & (corners < limit) & (corners == np.floor(corners))).all())

@@ -6,6 +6,7 @@ pymeshlab read a file after it has passed.
 
 import os
 import re
+from codecs import BOM_UTF8
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -17,6 +18,7 @@ BYTE_ORDER = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"
 TRIPLE = 3  # entries of the lists that meshes have: corners of a triangle, a point attribute
 
 _BLOCK = 1 << 20
+_MARKED = (".obj", ".ply", ".stl", ".xyz", ".pts", ".asc")  # formats in which a byte order mark changes the first row
 STL_HEADER, STL_TRIANGLE = 84, 50  # bytes
 _STL_LOOK = 1000  # bytes that tell text from numbers
 _OFF_VERTEX, _OFF_FACE = 6, 2  # least bytes of a line of three coordinates, and of the number of corners
@@ -151,6 +153,11 @@ def check_header(path: str | os.PathLike[str]) -> None:
     path = Path(path)
     with path.open("rb") as stream:
         head = stream.read(HEADER_LIMIT)
+    # In an OBJ file, a comment in the first line does not suffer.
+    if head.startswith(BOM_UTF8) and path.suffix.lower() in _MARKED and head[len(BOM_UTF8) :][:1] not in b"#\r\n":
+        raise FieldFileError(
+            f"{path} begins with a byte order mark, which readers take for text; save it as UTF-8 without one"
+        )
     checks = {".ply": _check_ply, ".stl": _check_stl, ".off": _check_off}
     check = checks.get(path.suffix.lower())
     if check is not None:

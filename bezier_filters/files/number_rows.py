@@ -17,11 +17,13 @@ from bezier_filters.arrays import BoolArray, IntArray
 _BLOCK = 1 << 20
 _LONGEST_INDEX = 9  # digits: more may overflow 32 bits
 # classes of characters
-_SIGN_OR_DIGIT, _OF_FLOATS, _SLASH, _OTHER, _SPACE, _NEWLINE = range(6)
+_DIGIT, _SIGN, _POINT, _EXPONENT, _SLASH, _OTHER, _SPACE, _NEWLINE = range(8)
 _CLASSES = bytearray([_OTHER] * 256)
 for _class, _characters in {
-    _SIGN_OR_DIGIT: b"0123456789+-",
-    _OF_FLOATS: b".eE",
+    _DIGIT: b"0123456789",
+    _SIGN: b"+-",
+    _POINT: b".",
+    _EXPONENT: b"eE",
     _SLASH: b"/",
     _SPACE: b" \t\r\v\f",
     _NEWLINE: b"\n",
@@ -29,6 +31,21 @@ for _class, _characters in {
     for _character in _characters:
         _CLASSES[_character] = _class
 _TABLE = bytes(_CLASSES)
+# of two classes that follow each other, 8 times the first plus the second: whether no number has them
+_ENDS = (_SLASH, _SPACE, _NEWLINE)
+_NO_PAIRS = bytearray(256)
+for _class, _others in {
+    _DIGIT: (_SIGN,),
+    _SIGN: (_SIGN, _EXPONENT, *_ENDS),
+    _POINT: (_SIGN, _POINT),
+    _EXPONENT: (_POINT, _EXPONENT, *_ENDS),
+    **dict.fromkeys(_ENDS, (_EXPONENT,)),
+}.items():
+    for _other in _others:
+        _NO_PAIRS[8 * _class + _other] = 1
+_PAIRS = bytes(_NO_PAIRS)
+_BETWEEN = bytes([_DIGIT, _SIGN, _SLASH, _OTHER])
+_TWICE = [bytes(pair) for pair in ((_POINT, _POINT), (_EXPONENT, _POINT), (_EXPONENT, _EXPONENT))]
 _INDENTATION = re.compile(rb"^[ \t]+", re.MULTILINE)
 
 
@@ -68,12 +85,16 @@ class TextBlock:
         return result
 
     def has_odd(self, is_looked_at: BoolArray | None = None, *, integers: bool = False, heads: int = 0) -> bool:
-        """Whether a character occurs in some lines, after so many at the beginning of each, that no number has.
+        """Whether a word in some lines, after so many characters at the beginning of each, can be no number.
 
         Integers, which may have slashes between them, also have no point, no exponent and nine digits at most.
         """
         is_odd = self.classes == _OTHER
-        is_odd |= self.classes == (_OF_FLOATS if integers else _SLASH)
+        if integers:
+            is_odd |= (self.classes == _POINT) | (self.classes == _EXPONENT)
+        else:
+            is_odd |= self.classes == _SLASH
+        is_odd |= self._is_misspelt()
         for k in range(heads):
             is_odd[np.minimum(self.starts + k, len(is_odd) - 1)] = False
         places = np.flatnonzero(is_odd)
@@ -81,13 +102,49 @@ class TextBlock:
             places = places[is_looked_at[np.searchsorted(self.starts, places, side="right") - 1]]
         return bool(len(places)) or (integers and self.has_long_number())
 
+    def _is_misspelt(self) -> BoolArray:
+        """Where signs, points and exponents are that no number can have there, for each byte."""
+        pairs = self.classes.copy()  # each class with the one before, and an end behind the last
+        pairs[1:] += 8 * self.classes[:-1]
+        pairs[:1] += 8 * _NEWLINE
+        result = np.frombuffer(bytearray(pairs.tobytes().translate(_PAIRS)), np.bool_)
+        result[-1:] |= np.isin(self.classes[-1:], (_SIGN, _EXPONENT))
+        # A number has one point, and one exponent behind it: between two others there is a space.
+        left = self.classes.tobytes().translate(None, _BETWEEN)
+        if any(pair in left for pair in _TWICE):
+            places = np.flatnonzero((self.classes == _POINT) | (self.classes == _EXPONENT) | (self.classes >= _SPACE))
+            kinds = self.classes[places]
+            wrong = (kinds[1:] <= _EXPONENT) & (
+                (kinds[:-1] == _EXPONENT) | ((kinds[:-1] == _POINT) & (kinds[1:] == _POINT))
+            )
+            result[places[1:][wrong]] = True
+        return result
+
     def has_long_number(self) -> bool:
         """Whether there are more digits in a row than an index can have."""
-        run, length = self.classes == _SIGN_OR_DIGIT, 1
+        run, length = self.classes <= _SIGN, 1
         while length <= _LONGEST_INDEX and len(run):
             step = min(length, _LONGEST_INDEX + 1 - length)
             run, length = run[:-step] & run[step:], length + step
         return bool(run.any())
+
+    def integers(self) -> NDArray[np.int64]:
+        """The integers, of nine digits at most, but those behind a slash, in their order."""
+        content, is_digit = np.frombuffer(self.text, np.uint8), self.classes == _DIGIT
+        is_last = is_digit.copy()
+        is_last[:-1] &= ~is_digit[1:]
+        places = np.flatnonzero(is_last)
+        numbers, power = np.zeros(len(places), np.int64), 1
+        rest = np.arange(len(places))  # numbers that have digits left, from the last on
+        while len(rest):
+            numbers[rest] += power * (content[places[rest]].astype(np.int64) - ord("0"))
+            places[rest] -= 1
+            power *= 10
+            rest = rest[(places[rest] >= 0) & is_digit[places[rest]]]
+        before = np.where(places >= 0, content[places], ord(" "))
+        numbers[before == ord("-")] *= -1
+        result: NDArray[np.int64] = numbers[before != ord("/")]
+        return result
 
     def lines(self, first: int, last: int) -> "TextBlock":
         """Lines first .. last-1."""
@@ -108,16 +165,17 @@ class TextBlock:
         return self.chosen(~np.isin(self.heads[:, 0], np.frombuffer(b"#\r\n\v\f", np.uint8)))
 
 
-def text_blocks(path: Path, offset: int = 0, *, continued: bool = False) -> Iterator[TextBlock]:
+def text_blocks(path: Path, offset: int = 0, *, continued: bool = False, commas: bool = False) -> Iterator[TextBlock]:
     """A text file from a place on, in blocks of whole lines.
 
-    Where lines may be `continued`, a backslash at the end of a line and the end itself count as spaces.
+    Where lines may be `continued`, a backslash at the end of a line and the end itself count as spaces; `commas` may
+    stand for spaces, too.
     """
     with path.open("rb") as stream:
         stream.seek(offset)
         rest = b""
         while data := stream.read(_BLOCK):
-            data = rest + data
+            data = rest + (data.replace(b",", b" ") if commas else data)
             end = data.rfind(b"\n") + 1
             while continued and end and data[:end].rstrip(b"\r\n").endswith(b"\\"):
                 end = data.rfind(b"\n", 0, end - 1) + 1

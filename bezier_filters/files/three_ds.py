@@ -15,10 +15,11 @@ _HEADER = 6  # bytes of a chunk: two for its kind, four for its size with all th
 _MAIN, _EDITOR, _OBJECT, _MESH = 0x4D4D, 0x3D3D, 0x4000, 0x4100
 _POINTS, _TRIANGLES = 0x4110, 0x4120
 _POINT, _TRIANGLE = 12, 8  # bytes: three floats; three corners and flags
+_OF_MESHES = 0x41  # first byte of the kinds of chunks that follow the triangles, inside of their chunk
 
 
 def count_3ds(path: Path) -> tuple[int, int]:
-    """Numbers of vertices and triangles; `FieldFileError` if they are more than there is room for."""
+    """Numbers of vertices and triangles; `FieldFileError` if the file does not hold these, or they do not fit."""
     meshes = list(read_3ds(path))
     return sum(len(vertices) for vertices, _ in meshes), sum(len(faces) for _, faces in meshes)
 
@@ -41,7 +42,12 @@ def read_3ds(path: Path) -> Iterator[tuple[FloatArray, IntArray]]:
                     f"{path} is cut short or damaged: a mesh in it announces {count} {name}, but holds {held}"
                 )
             numbers = np.frombuffer(data, f"<{code}", count * size // int(code[1]), start + 2)
+            after = start + 2 + count * size
+            if count < held and not (inner == _TRIANGLES and data[after + 1] == _OF_MESHES):
+                raise FieldFileError(f"{path} is damaged: a mesh in it announces {count} {name}, but holds {held}")
             tables[inner] = numbers.reshape(count, -1)[:, :3]
+        if tables[_TRIANGLES].size and tables[_TRIANGLES].max() >= len(tables[_POINTS]):
+            raise FieldFileError(f"{path} has faces on vertices that are not in it")  # which end its reader
         yield tables[_POINTS].astype(np.float64), tables[_TRIANGLES].astype(np.int32)
 
 

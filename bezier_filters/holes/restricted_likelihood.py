@@ -152,7 +152,7 @@ def _multiply(matrix: FloatArray, columns: FloatArray, products: FloatArray) -> 
             product[i] += total + row[i] * x
 
 
-@inner_jit(fastmath=FAST)
+@inner_jit(fastmath=FAST, inline="always")
 def _subtract_products(v: FloatArray, b: FloatArray, matrix: FloatArray) -> float:
     """Subtract V^T B + B^T V of (10, n) from the lower triangle; return the sum of squares of all from row 10 on."""
     squares = 0.0

@@ -19,6 +19,7 @@ from bezier_filters.fields import PREFIX
 from bezier_filters.files.field_files import read_fields
 from bezier_filters.files.lost_rows import find_lost_rows
 from bezier_filters.files.mesh_checks import check_mesh_file
+from bezier_filters.files.readable_copies import is_misread, write_copy
 from bezier_filters.meshlab.mesh_attributes import SCALAR, listed_attributes
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
@@ -133,7 +134,9 @@ def load_rows(path: Path, *, skip: bool) -> tuple[MeshSet, BoolArray | None]:
             patience,
             _process_as_it_was(),
         ):
-            meshset.load_new_mesh(str(opened))
+            # Else pymeshlab makes faces between points, in rows of a grid that it guesses.
+            options = {"triangulate": False} if path.suffix.lower() == ".asc" else {}
+            meshset.load_new_mesh(str(opened), **options)
             _merge_layers(meshset, path.name)
         mesh = meshset.current_mesh() if len(list(meshset)) else None
         if mesh is None or mesh.vertex_number() == 0:
@@ -153,6 +156,8 @@ def load_rows(path: Path, *, skip: bool) -> tuple[MeshSet, BoolArray | None]:
         raise
     except (PyMeshLabException, RuntimeError, IndexError) as error:
         raise BezierFilterError(f"cannot read {shown_path(path)}: {reason_of(error)}") from error
+    if not np.isfinite(mesh.vertex_matrix()).all():
+        raise BezierFilterError(f"cannot read {shown_path(path)}: it has vertices without finite coordinates")
     faces = mesh.face_matrix()
     if len(faces) and not 0 <= faces.min() <= faces.max() < mesh.vertex_number():
         raise BezierFilterError(f"cannot read {shown_path(path)}: it has faces on vertices that are not in it")
@@ -194,10 +199,11 @@ def _merge_layers(ms: MeshSet, label: str) -> None:
 def _openable(path: Path) -> Iterator[Path]:
     """A path that pymeshlab can open: UTF-8, and no name that begins with a colon, which is none of a file to it.
 
-    For others there are links to all files of the folder, so that textures and materials of the mesh are found, too.
+    For others there are links to all files of the folder, so that textures and materials of the mesh are found, too;
+    and beside them a copy, where pymeshlab would misread the file itself.
     """
-    absolute = path.absolute()
-    if is_utf8(str(absolute)) and not absolute.name.startswith(":"):
+    absolute, converts = path.absolute(), is_misread(path)
+    if is_utf8(str(absolute)) and not absolute.name.startswith(":") and not converts:
         yield absolute
         return
     with temporary_folder() as folder:
@@ -205,7 +211,10 @@ def _openable(path: Path) -> Iterator[Path]:
             if is_utf8(other.name):
                 (folder / other.name).symlink_to(other)
         link = folder / f"{uuid.uuid4().hex}{absolute.suffix}"
-        link.symlink_to(absolute)
+        if converts:
+            write_copy(absolute, link)
+        else:
+            link.symlink_to(absolute)
         yield link
 
 

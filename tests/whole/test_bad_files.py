@@ -4,6 +4,7 @@ import ast
 import os
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +12,12 @@ import pymeshlab
 import pytest
 from file_mutations import mutated_file, sound_files
 from furnished import furnished, punched_torus
+from misleading_files import NOTICED, REFUSED, misleading_file
 
 import bezier_filters
 from bezier_filters import read_fields
 from bezier_filters.cli import commands as command_line
-from bezier_filters.errors import FieldFileError
+from bezier_filters.errors import FieldFileError, MeshFileWarning
 from bezier_filters.files.lost_rows import LostRows
 from bezier_filters.files.mesh_headers import check_header
 from bezier_filters.meshlab.mesh_files import SAVE_SUFFIXES, load_mesh, save_mesh
@@ -61,7 +63,10 @@ FILES = {
         "announces 4294967295 triangles, but it holds 2",
     ),
     "many_vertices.off": (b"OFF # x\n999999999999 1 0\n0 0 0\n", "it announces 999999999999 vertices"),
-    "a_bad_corner.ply": (hostile(3, 1)[:-100] + bytes(36) + b"\3" + bytes(8) + b"\xff" * 4, "Bad vertex index"),
+    "a_bad_corner.ply": (
+        hostile(3, 1)[:-100] + bytes(36) + b"\3" + bytes(8) + b"\xff" * 4,
+        "has no vertex -1, which its face 0 names",
+    ),
     "no_vertices.ply": (hostile(0, 0)[:-100], "there are no vertices in it"),
 }
 
@@ -192,6 +197,7 @@ def test_an_output_survives_a_kill_in_the_middle(tmp_path):
     """Killed again and again at random, the output is always a whole file, the old one or the new one."""
     code = f"""
 import sys
+import warnings
 sys.path.insert(0, {str(Path(__file__).parents[1])!r})
 from furnished import furnished, punched_torus
 from bezier_filters.meshlab.mesh_files import save_mesh
@@ -253,6 +259,35 @@ def test_damaged_files_are_read_or_refused_by_our_own_readers(seed, tmp_path):
         assert str(path) in reason
 
 
+@pytest.mark.parametrize("seed", range(150))
+def test_no_row_of_a_misleading_file_is_lost_without_a_word(seed, tmp_path):
+    file = misleading_file(seed)
+    path = tmp_path / f"misleading{file.suffix}"
+    path.write_bytes(file.data)
+    with warnings.catch_warnings(record=True) as remarks:
+        warnings.simplefilter("always")
+        if file.outcome == REFUSED:
+            with pytest.raises(BezierFilterError):
+                load_mesh(path, skip=file.skip)
+            return
+        try:
+            ms = load_mesh(path, skip=file.skip)
+        except BezierFilterError:
+            if file.outcome == NOTICED:
+                return
+            raise
+    losses = [remark for remark in remarks if remark.category is MeshFileWarning]
+    if file.outcome == NOTICED:
+        assert losses
+        return
+    mesh = ms.current_mesh()
+    assert not losses
+    assert bool(remarks) == file.skip
+    assert file.triangles[0] <= mesh.face_number() <= file.triangles[1]
+    if file.suffix != ".stl":  # whose corners are welded, in another order
+        np.testing.assert_array_equal(mesh.vertex_matrix(), file.vertices)
+
+
 def test_sound_headers_pass(tmp_path):
     for number, (suffix, data) in enumerate(sound_files()):
         path = tmp_path / f"{number}{suffix}"
@@ -275,6 +310,7 @@ def test_faces_on_vertices_that_are_not_there_are_refused(tmp_path, monkeypatch)
 
             class View:
                 vertex_number = staticmethod(lambda: mesh.vertex_number() - 1)
+                vertex_matrix = staticmethod(mesh.vertex_matrix)
                 face_number = staticmethod(mesh.face_number)
                 face_matrix = staticmethod(mesh.face_matrix)
 

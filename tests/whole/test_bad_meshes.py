@@ -5,8 +5,8 @@ import pytest
 from bad_meshes import MAKERS
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from mesh_mutations import mutated
-from survival import CHECKS
+from mesh_mutations import mutated, spoil_rows
+from survival import CHECKS, check_refusal
 
 from bezier_filters import estimate_vertex_geometry
 
@@ -30,6 +30,12 @@ def test_bad_meshes(name):
 @example(1350)  # a side of a crease of coordinates below 1e-40
 def test_mutated_meshes(check, seed):
     CHECKS[check](*mutated(seed))
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_rows_that_no_mesh_has_are_refused_by_every_function(seed):
+    check_refusal(*spoil_rows(seed))
 
 
 @pytest.mark.parametrize("name", ["tiny", "huge", "far_away"])
