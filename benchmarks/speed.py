@@ -88,6 +88,18 @@ def vtk_discrete(vertices: np.ndarray, faces: np.ndarray) -> Call:
     return lambda: surface.curvature("mean")
 
 
+def corrected(radius: float) -> Callable[[np.ndarray, np.ndarray], Call]:
+    """Interpolated corrected curvatures in balls of a radius in mean edges, by the code beside this file."""
+
+    def prepare(vertices: np.ndarray, faces: np.ndarray) -> Call:
+        from corrected_curvatures import corrected_curvatures
+        from strongest_peer import mean_edge
+
+        return lambda: corrected_curvatures(vertices, faces, radius * mean_edge(vertices, faces))
+
+    return prepare
+
+
 def compiled(source: str, flags: Callable[[], list[str]], degree: int = 0) -> Callable[[np.ndarray, np.ndarray], Call]:
     """A C++ function beside this file that writes principal curvatures, compiled here with some flags and files."""
 
@@ -132,6 +144,8 @@ CONTENDERS: dict[str, Callable[[np.ndarray, np.ndarray], Call]] = {
     "trimesh2, 1 ring, 1 thread": compiled("trimesh2_curvature.cpp", of_trimesh2),
     "CGAL, jets of degree 3, 2 rings": compiled("cgal_jets.cpp", of_cgal, 3),
     "CGAL, jets of degree 4, 2 rings": compiled("cgal_jets.cpp", of_cgal, 4),
+    "corrected curvatures, radius 2 edges, our code, 1 thread": corrected(2.0),
+    "corrected curvatures, radius 6 edges, our code, 1 thread": corrected(6.0),
     "2 rings, degree 3, 1 thread": estimate(1, rings=2, alpha=0.8),
     "2 rings, degree 3, 2 threads": estimate(2, rings=2, alpha=0.8),
     "paper, 2 threads": estimate(2, smoothness="paper"),
@@ -142,7 +156,7 @@ CONTENDERS: dict[str, Callable[[np.ndarray, np.ndarray], Call]] = {
     "automatic (filter), 2 threads": bezier_filter(),
 }
 
-PEERS = ("MeshLab", "libigl", "VTK", "CGAL", "trimesh2")
+PEERS = ("MeshLab", "libigl", "VTK", "CGAL", "trimesh2", "corrected")
 
 
 def resident(field: str) -> int:
@@ -219,6 +233,7 @@ def plot(rows: list[dict[str, object]], path: Path) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--levels", type=int, nargs="+", default=[0, 2], choices=LEVELS, help="subdivisions (4x each)")
+    parser.add_argument("--only", nargs="+", default=[""], help="contenders whose names start with one of these texts")
     parser.add_argument("--save", action="store_true", help="write benchmarks/results/speed.csv and .png")
     parser.add_argument("--measure", nargs=3, metavar=("NAME", "MESHES", "LEVEL"), help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -234,7 +249,7 @@ def main() -> None:
         for level in options.levels:
             meshlab = None
             for name in CONTENDERS:
-                if name.startswith("CGAL") and level not in SLOW_LEVELS:
+                if (name.startswith("CGAL") and level not in SLOW_LEVELS) or not name.startswith(tuple(options.only)):
                     continue
                 command = [sys.executable, __file__, "--measure", name, folder, str(level)]
                 done = subprocess.run(command, capture_output=True, text=True, env=os.environ, check=False)

@@ -1,8 +1,18 @@
 """Curvatures of surfaces, with MeshLab's sign: positive where a surface is convex towards its normal."""
 
-import numpy as np
+from dataclasses import dataclass
+from typing import NamedTuple
 
-from bezier_filters.arrays import FloatArray
+import numpy as np
+from numpy.typing import ArrayLike
+
+from bezier_filters.arguments import in_short, real_array
+from bezier_filters.arrays import BoolArray, FloatArray
+from bezier_filters.errors import InvalidParameterError
+
+SQUARE_ON = 1e-12
+"""Sine of the angle between a normal and a direction up to which the direction has no tangential part: where it does
+not exist, rounding leaves 1e-16 to 1e-14. Half or twice of it changes slopes of 1e-12 radians alone."""
 
 
 class DerivedCurvatures:
@@ -40,3 +50,74 @@ def principal_curvatures_of(
     angle = 0.5 * np.arctan2(s12, difference)[:, np.newaxis]
     direction_min, direction_max = np.cos(angle) * e2 - np.sin(angle) * e1, np.cos(angle) * e1 + np.sin(angle) * e2
     return mean - torsion, mean + torsion, direction_min, direction_max
+
+
+class TangentAngles(NamedTuple):
+    """Where the tangential parts of directions point, each (n,)."""
+
+    cosine: FloatArray  # of the angle from direction_max, counter-clockwise about the normal; 0 where there is none
+    sine: FloatArray
+    length: FloatArray  # of the tangential part of the unit direction: the sine of the angle to the normal
+    exist: BoolArray
+
+
+def tangent_angles(directions: ArrayLike, direction_max: FloatArray, direction_min: FloatArray) -> TangentAngles:
+    """Angles of the tangential parts of directions, (3,) or (n, 3), in the bases of principal directions, each (n, 3).
+
+    Directions may have any length; those of length 0 have no tangential part. What is not finite or has another shape
+    raises an InvalidParameterError.
+    """
+    unit = unit_directions(directions, len(direction_max))
+    cosine, sine = (np.asarray(np.einsum("ij,ij->i", axes, unit)) for axes in (direction_max, direction_min))
+    length = np.hypot(cosine, sine)
+    exist = length > SQUARE_ON
+    scale = np.divide(1.0, length, out=np.zeros_like(length), where=exist)
+    return TangentAngles(cosine * scale, sine * scale, length, exist)
+
+
+def unit_directions(directions: ArrayLike, n: int) -> FloatArray:
+    """Directions (3,) or (n, 3) of any length as unit vectors (n, 3); those of length 0 stay."""
+    expected = f"expected finite numbers of the shape (3,) or ({n}, 3)"
+    try:
+        array = real_array(directions)
+    except (TypeError, ValueError) as error:
+        raise InvalidParameterError(f"directions: {expected}; {error}") from None
+    if array.shape not in ((3,), (n, 3)):
+        raise InvalidParameterError(f"directions: got the shape {array.shape}, {expected}")
+    if not np.isfinite(array).all():
+        raise InvalidParameterError(f"directions: got {in_short(float(array[~np.isfinite(array)][0]))}, {expected}")
+    largest = np.abs(array).max(axis=-1, keepdims=True)  # against squares that overflow, or underflow
+    scaled = np.divide(array, largest, out=np.zeros_like(array), where=largest > 0.0)
+    unit = scaled / np.maximum(np.linalg.norm(scaled, axis=-1, keepdims=True), 1.0)  # lengths are 0, or 1 and more
+    return np.broadcast_to(unit, (n, 3))
+
+
+@dataclass(frozen=True)
+class TerrainCurvature:
+    """Curvatures of a land surface under gravity, row ``i`` for vertex ``i``.
+
+    All are positive where the land is convex to the side of the normals, which on terrain look up: on ridges and
+    spurs, and negative in hollows and valleys. Every value is finite; those of curvature are 0 where `is_defined` is
+    False.
+
+    Attributes
+    ----------
+    slope : (n,) float64
+        Angle between the surface and the horizontal plane in radians, in [0, pi]; over pi / 2 the normal looks
+        down, as under an overhang. 0 where there is no normal.
+    profile : (n,) float64
+        Normal curvature along the line of steepest slope, 1/length.
+    tangential : (n,) float64
+        Normal curvature along the contour line, 1/length.
+    plan : (n,) float64
+        Curvature of the contour line itself, ``tangential / sin(slope)`` (Meusnier), 1/length. It grows without limit
+        towards summits and level land.
+    is_defined : (n,) bool
+        Whether there is a curvature and a direction of slope; there is none where the land is level.
+    """
+
+    slope: FloatArray
+    profile: FloatArray
+    tangential: FloatArray
+    plan: FloatArray
+    is_defined: BoolArray

@@ -66,6 +66,7 @@ def _along(curvature: str) -> str:
 
 _ANY_SIGN = "unit vector of arbitrary sign"
 _ERROR, _LEARNED = "standard error of the", "0 where alpha is given"
+_DIRECTED = "if a direction is given; 0 where that is along the normal"
 FIELDS = (
     Field("normal_angle", "angle to the previous normal", "degrees", (NORMALS,), quality="angle", attribute=None),
     *_vector("normal", "normal", (NORMALS,), attribute="normals", quality="xyz"),
@@ -82,6 +83,36 @@ FIELDS = (
     *_vector("direction_max", "direction of k_max", (CURVATURE,), remark=_ANY_SIGN),
     Field("extremality_min", "extremality of k_min", "1/length²", (CURVATURE,), signed=True, remark=_along("k_min")),
     Field("extremality_max", "extremality of k_max", "1/length²", (CURVATURE,), signed=True, remark=_along("k_max")),
+    Field(
+        "curvature_along",
+        "normal curvature along the direction",
+        "1/length",
+        (CURVATURE,),
+        signed=True,
+        quality="along",
+        attribute=None,
+        remark=_DIRECTED,
+    ),
+    Field(
+        "curvature_across",
+        "normal curvature across the direction",
+        "1/length",
+        (CURVATURE,),
+        signed=True,
+        quality="across",
+        attribute=None,
+        remark=_DIRECTED,
+    ),
+    Field(
+        "plan_curvature",
+        "plan curvature",
+        "1/length",
+        (CURVATURE,),
+        signed=True,
+        quality="plan",
+        attribute=None,
+        remark=_DIRECTED,
+    ),
     Field("geodesic_torsion", "principal geodesic torsion", "1/length", (TORSION,), quality="torsion"),
     *_vector("torsion_direction_plus", "direction of +t_max", (TORSION,), remark=_ANY_SIGN),
     *_vector("torsion_direction_minus", "direction of -t_max", (TORSION,), remark=_ANY_SIGN),
@@ -113,6 +144,11 @@ def fields_of(*filters: str) -> list[Field]:
 def qualities(*filters: str) -> dict[str, Field]:
     """Fields of some filters that can be the quality of a mesh, by what users type."""
     return {field.quality: field for field in fields_of(*filters) if field.quality}
+
+
+def stored_qualities(*filters: str) -> dict[str, Field]:
+    """Those of the qualities that a result holds."""
+    return {word: field for word, field in qualities(*filters).items() if field.attribute is not None}
 
 
 def columns(name: str, result: object) -> dict[str, "FloatArray"]:

@@ -13,7 +13,18 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import TypeVar
 
-from bezier_filters.fields import CREASES, CURVATURE, ESTIMATES, NORMALS, SMOOTH, TORSION, Field, fields_of, qualities
+from bezier_filters.fields import (
+    CREASES,
+    CURVATURE,
+    ESTIMATES,
+    NORMALS,
+    SMOOTH,
+    TORSION,
+    Field,
+    fields_of,
+    qualities,
+    stored_qualities,
+)
 
 
 @dataclass(frozen=True)
@@ -77,6 +88,13 @@ noise : {LENGTH}, optional
 detail : {LENGTH}, optional
     Size of the smallest detail to keep: no wider neighbourhoods than this are chosen. A length or a percentage.
     The percentage is one of the diagonal of the bounding box. The narrowest ring may always be chosen.
+""")
+DIRECTION = parameters("""
+direction : (float, float, float), optional
+    Direction for the curvatures along it and across it, and for plan curvature; for terrain that of gravity, 0 0 -1.
+    Its length does not matter. Along gravity is the profile curvature of terrain analysis, across it the tangential
+    one; plan curvature is that of the contour lines, the plane sections across the direction. See
+    `VertexGeometry.terrain_curvature` for formulas and signs.
 """)
 COLORS = parameters("""
 color : bool, default False
@@ -173,9 +191,8 @@ minstrength : float, default 2.0
 """)
 
 
-def _quality(name: str, default: str | None) -> Parameter:
-    """The parameter that says which field of a filter becomes the quality."""
-    fields = qualities(name)
+def _quality(fields: dict[str, Field], default: str | None) -> Parameter:
+    """The parameter that says which of some fields becomes the quality."""
     *others, last = fields
     meant = [f'``"{word}"`` is the {_meaning(field)}' for word, field in fields.items() if word != field.name]
     stays = "; the old one stays if left out" if default is None else ""
@@ -194,14 +211,15 @@ def _meaning(field: Field) -> str:
 
 # of the filters that let the user choose
 QUALITY_OF = {
-    NORMALS: _quality(NORMALS, "angle"),
-    CURVATURE: _quality(CURVATURE, "mean"),
-    SMOOTH: _quality(SMOOTH, None),
+    NORMALS: _quality(qualities(NORMALS), "angle"),
+    CURVATURE: _quality(qualities(CURVATURE), "mean"),
+    SMOOTH: _quality(qualities(SMOOTH), None),
 }
+QUALITY_IN_TILES = _quality(stored_qualities(CURVATURE), "mean")
 # of the filters by their commands, in the order of the commands' help
 PARAMETERS = {
     NORMALS: (QUALITY_OF[NORMALS], *FIT, *REPAIR, *COLORS, *RUN),
-    CURVATURE: (QUALITY_OF[CURVATURE], *FIT, *REPAIR, *COLORS, *RUN),
+    CURVATURE: (QUALITY_OF[CURVATURE], *DIRECTION, *FIT, *REPAIR, *COLORS, *RUN),
     TORSION: (*FIT, *REPAIR, *COLORS, *RUN),
     SMOOTH: (*SMOOTHING, *REPAIR, QUALITY_OF[SMOOTH], *COLORS, *RUN),
     "fill-holes": (*FILLING, *REPAIR, *RUN),

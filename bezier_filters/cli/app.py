@@ -292,6 +292,7 @@ _KINDS: dict[str, tuple[Any, Callable[[str], object] | None, str | None]] = {
     "path": (Path, None, None),
     "address": (str, None, "tcp://HOST:8786"),
     "(float, float)": (tuple[float, float], None, "LOW HIGH"),
+    "(float, float, float)": (tuple[float, float, float], None, "X Y Z"),
     'int or "auto"': (Any, _auto_or(int), "NUMBER|auto"),
     'float or "auto"': (Any, _auto_or(float), "NUMBER|auto"),
     LENGTH: (Any, _length, "LENGTH|PERCENT%"),

@@ -131,6 +131,7 @@ def curvature() -> None:
 
     Example: bezier-filters curvature bunny.ply curved.ply --quality gaussian --colormap 'French RGB'
     Example: bezier-filters curvature scan.ply curved.ply --radius 2% --range -20 20 --json
+    Example: bezier-filters curvature scan.ply curved.ply --direction 0 0 -1 --quality along
     """
 
 

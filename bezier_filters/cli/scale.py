@@ -22,8 +22,7 @@ from bezier_filters.cli.app import (
     to_pipe,
 )
 from bezier_filters.errors import CancelledError
-from bezier_filters.fields import CURVATURE
-from bezier_filters.parameters import FIT, QUALITY_OF, SMOOTHING, Parameter, parameters
+from bezier_filters.parameters import FIT, QUALITY_IN_TILES, SMOOTHING, Parameter, parameters
 from bezier_filters.runtime.file_names import shown_path
 
 if TYPE_CHECKING:
@@ -88,7 +87,7 @@ keep_store : switch, default False
 
 
 @scale_app.command(epilog="Example: bezier-filters scale curvature statue.ply curved.ply --memory-limit 2GB")
-@options(QUALITY_OF[CURVATURE], *TILE_FIT, *TILES)
+@options(QUALITY_IN_TILES, *TILE_FIT, *TILES)
 def curvature(
     source: BigSource,
     target: BigTarget,

@@ -3,9 +3,16 @@
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.differential_geometry import DerivedCurvatures
+from bezier_filters.differential_geometry import (
+    DerivedCurvatures,
+    TangentAngles,
+    TerrainCurvature,
+    tangent_angles,
+    unit_directions,
+)
 from bezier_filters.display import html_table, noise_in_words, summary
 from bezier_filters.fields import ESTIMATES, GRADE, fields_of
 from bezier_filters.meshes.unit_size import CURVATURE, LENGTH, SQUARED_CURVATURE
@@ -176,7 +183,46 @@ class VertexGeometry(DerivedCurvatures):
         """
         return np.arctan2(self.k_max + self.k_min, self.k_max - self.k_min) * (2.0 / np.pi)
 
-    def torsion_along(self, directions: FloatArray) -> FloatArray:
+    def curvature_along(self, directions: ArrayLike) -> FloatArray:
+        """Normal curvature of the surface in given directions.
+
+        By Euler's theorem it is k(theta) = k_max cos^2 theta + k_min sin^2 theta, theta being the angle from
+        `direction_max` to the tangential part of the direction (do Carmo, "Differential geometry of curves and
+        surfaces", 1976, section 3-2). Like all curvatures it is positive where the surface is convex towards its
+        normal, and flipping the mesh negates it.
+
+        Parameters
+        ----------
+        directions : (3,) or (n, 3) array_like of float
+            One direction for all vertices, or one for each, of any length; the part along the normal is ignored.
+
+        Returns
+        -------
+        (n,) float64
+            Normal curvature, 1/length; 0 where there is no estimate, or a direction has no tangential part.
+
+        Raises
+        ------
+        InvalidParameterError
+            If the directions are not finite or have another shape.
+
+        Examples
+        --------
+        A tube of radius 2 along z is straight that way and a circle around it:
+
+        >>> from bezier_filters import estimate_vertex_geometry
+        >>> from bezier_filters.surfaces import cylinder
+        >>> tube = cylinder(radius=2.0)
+        >>> geometry = estimate_vertex_geometry(tube.vertices, tube.faces)
+        >>> bool(abs(geometry.curvature_along([0, 0, 1])).max() < 0.005)
+        True
+        >>> bool(abs(geometry.curvature_along(np.cross([0, 0, 1], tube.vertices)) - 0.5).max() < 0.005)
+        True
+        """
+        angles = self._angles(directions)
+        return self.k_max * angles.cosine**2 + self.k_min * angles.sine**2
+
+    def torsion_along(self, directions: ArrayLike) -> FloatArray:
         """Geodesic torsion of the surface in given tangent directions.
 
         The torsion is t(theta) = t_max sin(2 theta), theta being the angle from `direction_max`
@@ -186,19 +232,85 @@ class VertexGeometry(DerivedCurvatures):
 
         Parameters
         ----------
-        directions : (n, 3) or (3,) float64
+        directions : (n, 3) or (3,) array_like of float
             Directions, of any non-zero length; their normal component is ignored.
 
         Returns
         -------
         (n,) float64
             Torsion, 1/length; 0 where a direction has no tangential part.
+
+        Raises
+        ------
+        InvalidParameterError
+            If the directions are not finite or have another shape.
         """
-        along_max = np.einsum("ij,ij->i", self.direction_max, np.broadcast_to(directions, self.normals.shape))
-        along_min = np.einsum("ij,ij->i", self.direction_min, np.broadcast_to(directions, self.normals.shape))
-        squared = along_max**2 + along_min**2
-        sine = np.divide(2.0 * along_max * along_min, squared, out=np.zeros_like(squared), where=squared > 0)
-        return np.asarray(self.geodesic_torsion * sine)
+        angles = self._angles(directions)
+        return 2.0 * self.geodesic_torsion * angles.cosine * angles.sine
+
+    def terrain_curvature(self, gravity: ArrayLike = (0.0, 0.0, -1.0)) -> TerrainCurvature:
+        """Slope, and profile, tangential and plan curvature, of a land surface under gravity.
+
+        Profile and tangential curvature are the normal curvatures along the line of steepest slope and across it,
+        along the contour line; plan curvature is that of the contour line. For a height field z(x, y) under
+        gravity (0, 0, -1), with p = z_x, q = z_y, r = z_xx, s = z_xy, t = z_yy and g = p^2 + q^2, they are
+
+            profile = -(p^2 r + 2 p q s + q^2 t) / (g (1 + g)^(3/2))
+            tangential = -(q^2 r - 2 p q s + p^2 t) / (g (1 + g)^(1/2))
+            plan = -(q^2 r - 2 p q s + p^2 t) / g^(3/2)
+
+        (Florinsky, "An illustrated introduction to general geomorphometry", Progress in Physical Geography 41, 2017:
+        vertical, horizontal and plan curvature; Minar, Evans, Jenco, "A comprehensive system of definitions of land
+        surface curvatures", Earth-Science Reviews 211, 2020: normal slope line, normal contour and projected contour
+        curvature). The signs are those of these articles, convex positive, if the faces look up. Some programs negate
+        one or the other.
+
+        Parameters
+        ----------
+        gravity : (3,) or (n, 3) array_like of float
+            Direction of gravity, downward, of any length; one for all vertices, or one for each.
+
+        Returns
+        -------
+        TerrainCurvature
+            Where the land is level to rounding there is no direction of slope, and curvatures are 0.
+
+        Raises
+        ------
+        InvalidParameterError
+            If gravity is not finite or has another shape.
+
+        Notes
+        -----
+        The direction of a slope is as uncertain as the normal: where `slope` is not well above `normal_std`, so are
+        these curvatures.
+
+        Examples
+        --------
+        On a round hill profile and tangential curvature are the same, that of the sphere, and contour lines
+        are circles around the axis:
+
+        >>> from bezier_filters import estimate_vertex_geometry
+        >>> from bezier_filters.surfaces import sphere
+        >>> ball = sphere(radius=2.0, resolution=20)
+        >>> terrain = estimate_vertex_geometry(ball.vertices, ball.faces).terrain_curvature()
+        >>> bool(abs(terrain.profile[terrain.is_defined] - 0.5).max() < 1e-6)
+        True
+        >>> axis = np.hypot(*ball.vertices[:, :2].T)  # distance to it
+        >>> bool(abs(terrain.plan * axis - 1.0)[axis > 0.1].max() < 1e-5)
+        True
+        """
+        angles = self._angles(gravity)
+        profile = self.k_max * angles.cosine**2 + self.k_min * angles.sine**2
+        tangential = self.k_max * angles.sine**2 + self.k_min * angles.cosine**2
+        plan = np.divide(tangential, angles.length, out=np.zeros_like(tangential), where=angles.exist)
+        down = unit_directions(gravity, len(self.normals))
+        sine = np.linalg.norm(np.cross(self.normals, down), axis=1)
+        slope = np.where(self.normals.any(axis=1), np.arctan2(sine, -np.einsum("ij,ij->i", self.normals, down)), 0.0)
+        return TerrainCurvature(slope, profile, tangential, plan, angles.exist)
+
+    def _angles(self, directions: ArrayLike) -> TangentAngles:
+        return tangent_angles(directions, self.direction_max, self.direction_min)
 
     def torsion_directions(self) -> tuple[FloatArray, FloatArray]:
         """Directions of the largest (+t_max) and the smallest (-t_max) torsion, each (n, 3).

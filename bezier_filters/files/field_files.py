@@ -20,7 +20,7 @@ from bezier_filters.arguments import in_short, path_of
 from bezier_filters.arrays import FloatArray
 from bezier_filters.errors import FieldFileError, InvalidParameterError
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
-from bezier_filters.fields import CURVATURE, GRADE, PREFIX, QUALITY, TORSION, qualities
+from bezier_filters.fields import CURVATURE, GRADE, PREFIX, QUALITY, TORSION, stored_qualities
 from bezier_filters.files.mesh_headers import (
     BYTE_ORDER,
     HEADER_LIMIT,
@@ -34,7 +34,10 @@ from bezier_filters.files.stored_grades import are_grades, grades_of_codes
 from bezier_filters.runtime.atomic import atomic_write
 
 _DEFLATE_LIMIT = 1032  # largest compression ratio that deflate can reach
-_DERIVED = [*sorted(field.source for field in qualities(CURVATURE, TORSION).values()), GRADE.removeprefix(PREFIX)]
+_DERIVED = [
+    *sorted(field.source for field in stored_qualities(CURVATURE, TORSION).values()),
+    GRADE.removeprefix(PREFIX),
+]
 # what version 0.2.0 and earlier ones wrote in the place of grades: codes, of which 0 was the best
 _CODES, _RINGS = PREFIX + "fit_status", PREFIX + "rings_used"
 

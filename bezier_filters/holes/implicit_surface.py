@@ -215,7 +215,7 @@ def _project(surface: ImplicitSurface, points: FloatArray, found: BoolArray) -> 
         found[i] = project_point(surface, points, i)
 
 
-@inner_jit(fastmath=FAST)
+@inner_jit(fastmath=FAST, inline="always")
 def project_point(surface: ImplicitSurface, points: FloatArray, i: int) -> bool:
     """Move a point to the surface, and say whether it got there."""
     origin, scale, found = surface.origin, surface.scale, False
@@ -234,7 +234,7 @@ def project_point(surface: ImplicitSurface, points: FloatArray, i: int) -> bool:
     return found
 
 
-@inner_jit(fastmath=FAST)
+@inner_jit(fastmath=FAST, inline="always")
 def _value_and_gradient(surface: ImplicitSurface, x: float, y: float, z: float) -> tuple[float, float, float, float]:
     q, centers, weights, power = surface.quadratic, surface.centers, surface.weights, surface.power
     value = q[0] + q[1] * x + q[2] * y + q[3] * z

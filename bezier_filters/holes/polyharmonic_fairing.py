@@ -125,7 +125,7 @@ def _continue_densely(
     _substitute(matrix, result, first)
 
 
-@inner_jit(fastmath=FAST)
+@inner_jit(fastmath=FAST, inline="always")
 def _factorise(matrix: FloatArray) -> None:
     """Replace the lower triangle of a small matrix by Cholesky's factor."""
     for i in range(matrix.shape[0]):
@@ -139,7 +139,7 @@ def _factorise(matrix: FloatArray) -> None:
         row[i] = np.sqrt(square)
 
 
-@inner_jit(fastmath=FAST)
+@inner_jit(fastmath=FAST, inline="always")
 def _substitute(factor: FloatArray, result: FloatArray, first: int) -> None:
     """Solve L L^T X = B in place, for columns of B (u, c) side by side, which begin at a row of the result."""
     count = factor.shape[0]

@@ -139,7 +139,7 @@ def _turn(
     return _subtract_products(vectors, products, matrix)
 
 
-@inner_jit(fastmath=FAST)
+@inner_jit(fastmath=FAST, inline="always")
 def _multiply(matrix: FloatArray, columns: FloatArray, products: FloatArray) -> None:
     """Add a symmetric matrix, of which the lower triangle is read, times columns (k, n) to `products` (k, n)."""
     for i in range(matrix.shape[0]):

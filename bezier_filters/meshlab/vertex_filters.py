@@ -16,7 +16,7 @@ from bezier_filters.estimation.fit_options import Automatic
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
 from bezier_filters.feature_lines.crease_lines import COLORS, Creases, crease_columns, edge_mesh, find_creases
 from bezier_filters.fields import CREASES, CURVATURE, GRADE, NORMALS, PREFIX, SMOOTH, TORSION, column_names, columns
-from bezier_filters.meshes.half_edges import distinct_edges
+from bezier_filters.meshlab.direction_columns import Direction, check_direction, direction_columns
 from bezier_filters.meshlab.filter_run import Computed, Output, run_filter
 from bezier_filters.meshlab.mesh_attributes import write_coordinates
 from bezier_filters.meshlab.meshset import (
@@ -37,7 +37,6 @@ from bezier_filters.runtime.parallel import Progress
 from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, SmoothingResult, smooth
 from bezier_filters.status import FitStatus
 
-MEASURED = 20_000  # faces whose edges are measured, at most
 CREASE_COLUMNS = tuple(column_names(CREASES))
 # attribute of the points of the lines, which is that of the piece that follows: pymeshlab has none of edges
 CERTAINTY = PREFIX + "certainty"
@@ -115,6 +114,7 @@ def compute_curvature_by_bezier_patch_per_vertex(
     robust: bool | None = None,
     noise: Length | None = None,
     detail: Length | None = None,
+    direction: tuple[float, float, float] | None = None,
     quality: str | None = "mean",
     onselected: bool = False,
     repair: bool = False,
@@ -130,6 +130,9 @@ def compute_curvature_by_bezier_patch_per_vertex(
     Curvatures are positive on a convex body with outward normals, as in pymeshlab, and have the unit
     1/length; the Gaussian curvature has 1/length^2.
 
+    Where a direction is given, the report has ``without_direction``: the number of vertices that have an estimate, but
+    whose normals are along it, as on level land under gravity.
+
     Examples
     --------
     >>> from pymeshlab import MeshSet
@@ -140,9 +143,20 @@ def compute_curvature_by_bezier_patch_per_vertex(
     ('1/length', True)
     >>> bool(abs(ms.current_mesh().vertex_scalar_array() - 0.5).max() < 0.01)
     True
+
+    Profile curvature of a terrain, along gravity:
+
+    >>> from pymeshlab import Mesh
+    >>> from bezier_filters.surfaces import waves
+    >>> hills = waves()
+    >>> ms.add_mesh(Mesh(hills.vertices, hills.faces))
+    >>> result = compute_curvature_by_bezier_patch_per_vertex(ms, direction=(0, 0, -1), quality="along")
+    >>> result["without_direction"], [name for name in result["attributes"] if "along" in name]
+    (0, ['bz_curvature_along'])
     """
     fit = FitArguments(rings, radius, alpha, degree, smoothness, robust, noise, detail, threads, progress)
-    return _run(ms, CURVATURE, fit, Output(quality, onselected, color, colormap, percentile, colorrange, repair))
+    output = Output(quality, onselected, color, colormap, percentile, colorrange, repair)
+    return _run(ms, CURVATURE, fit, output, check_direction(direction, quality))
 
 
 @checks_filter_arguments
@@ -186,7 +200,7 @@ def compute_torsion_by_bezier_patch_per_vertex(
     return _run(ms, TORSION, fit, Output("torsion", onselected, color, colormap, percentile, colorrange, repair))
 
 
-def _run(ms: MeshSet, name: str, fit: FitArguments, output: Output) -> Report:
+def _run(ms: MeshSet, name: str, fit: FitArguments, output: Output, direction: Direction | None = None) -> Report:
     """Run a filter on the current mesh and return its report; see `run_filter`."""
     # Normals are estimated where curvature is not.
     worst = FitStatus.NORMAL_ONLY if name == NORMALS else FitStatus.FOLDED
@@ -196,13 +210,19 @@ def _run(ms: MeshSet, name: str, fit: FitArguments, output: Output) -> Report:
         found = columns(name, geometry)
         if name == NORMALS:
             found[f"{PREFIX}normal_angle"] = _angles_in_degrees(geometry.normals, mesh.vertex_normals)
+        directed = direction_columns(geometry, direction, geometry.status <= worst, output.quality)
+        found |= directed.columns
         parts = [asdict(part) for part in geometry.fit.parts]
+        verdict = fit_verdict("normal" if name == NORMALS else "curvature", geometry, mesh, mask, worst)
         report = {
             "status": geometry.status_counts(),
             "fit": asdict(geometry.fit) | {"parts": parts},
-            "mean_edge": _mean_edge(mesh),
-        } | fit_verdict("normal" if name == NORMALS else "curvature", geometry, mesh, mask, worst)
-        return Computed(found, geometry.status <= worst, report, set_normals if name == NORMALS else lambda: None)
+            "mean_edge": mesh.mean_edge(),
+            **directed.report,
+            **verdict,
+            "remarks": verdict["remarks"] + directed.remarks,
+        }
+        return Computed(found, directed.known, report, set_normals if name == NORMALS else lambda: None)
 
     def set_normals() -> None:
         """To the new ones where there is an estimate; the old ones stay elsewhere."""
@@ -211,14 +231,6 @@ def _run(ms: MeshSet, name: str, fit: FitArguments, output: Output) -> Report:
         ms.compute_normal_by_function_per_vertex(**new, onselected=output.onselected)
 
     return run_filter(ms, name, work, output)
-
-
-def _mean_edge(mesh: CurrentMesh) -> float | None:
-    """Mean length of the edges of some 10,000 faces or more, or of all; None for a point cloud."""
-    edges, _, _ = distinct_edges(mesh.faces[:: 1 + len(mesh.faces) // MEASURED], len(mesh.vertices))
-    start, stop = edges[edges[:, 0] < edges[:, 1]].T
-    lengths = np.linalg.norm(mesh.vertices[start] - mesh.vertices[stop], axis=1)
-    return float(lengths.mean()) if len(lengths) else None
 
 
 def fit_mesh(mesh: CurrentMesh, mask: BoolArray, fit: FitArguments) -> VertexGeometry:

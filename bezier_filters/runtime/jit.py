@@ -44,6 +44,9 @@ def inner_jit(**options: object) -> Callable[[Function], Function]:
     take a quarter of the time of the first compilation. Functions are compiled once more for every literal
     number that they are given, see `variable`. A call with several arrays takes some 30 ns, as each is handed over in
     parts: with ``inline="always"`` there is none.
+
+    Those with `fastmath` must have that, too: of a function that is not inlined, the process that compiles links the
+    copy that was compiled by itself, and later ones link that of the caller, whose sums may be in another order.
     """
     return _compiler(_nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)
 

@@ -14,7 +14,7 @@ import bezier_filters as bf
 import bezier_filters_adapters.filters
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.fields import PREFIX
-from bezier_filters.parameters import COLORS, PARAMETERS, RUN
+from bezier_filters.parameters import COLORS, DIRECTION, PARAMETERS, RUN
 from bezier_filters.surfaces import torus
 from bezier_filters_adapters.filters import (
     FILL_HOLES,
@@ -36,7 +36,7 @@ def test_every_filter_has_an_adapter():
 
 @pytest.mark.parametrize("name", LABELS)
 def test_all_parameters_are_there_but_those_of_meshsets(name):
-    of_meshsets = {parameter.name for parameter in (*COLORS, *RUN)} | {"quality", "repair"}
+    of_meshsets = {parameter.name for parameter in (*COLORS, *DIRECTION, *RUN)} | {"quality", "repair"}
     offered = [parameter.name for parameter in parameters_of(name)]
     assert offered == [parameter.name for parameter in PARAMETERS[name] if parameter.name not in of_meshsets]
 

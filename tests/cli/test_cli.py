@@ -13,7 +13,7 @@ import pymeshlab
 import pytest
 from command_line import run
 
-from bezier_filters import estimate_vertex_geometry, read_fields
+from bezier_filters import estimate_vertex_geometry, mesh_arrays, read_fields
 from bezier_filters._version import __version__
 from bezier_filters.surfaces import sphere
 
@@ -86,6 +86,21 @@ def test_the_quality_is_the_field_asked_for(tmp_path):
 
     truth = PlyData.read(SAMPLES / "ellipsoid.ply")["vertex"]["true_gaussian_curvature"]
     assert np.abs(fields["quality"] - truth).max() < 0.1 * np.abs(truth).max()
+
+
+def test_curvature_along_gravity(tmp_path):
+    target, script = tmp_path / "result.ply", tmp_path / "steps.mlx"
+    gravity = "--direction", 0, 0, -1, "--quality", "along"
+    result = run(
+        "curvature", SAMPLES / "waves.ply", target, *gravity, "--rings", 2, "--alpha", 1, "--save-script", script
+    )
+    assert "normal curvature along the direction" in result.stdout
+    fields = read_fields(target)
+    geometry = estimate_vertex_geometry(*mesh_arrays(SAMPLES / "waves.ply"), rings=2, alpha=1.0)
+    np.testing.assert_array_equal(fields["quality"], geometry.terrain_curvature().profile)
+    again = tmp_path / "again.ply"
+    assert run("run", script, SAMPLES / "waves.ply", again).returncode == 0
+    np.testing.assert_array_equal(read_fields(again)["quality"], fields["quality"])
 
 
 def test_json_is_a_report_and_nothing_else(tmp_path):

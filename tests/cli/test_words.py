@@ -29,10 +29,19 @@ def holed_ball(path):
     [
         (["--radius", "0"], "--radius: got 0.0, expected a positive length"),
         (["--detail", "-1"], "--detail: got -1.0, expected a positive length"),
+        (
+            ["--quality", "along"],
+            "--direction: got None, which quality='along' needs; gravity is (0, 0, -1)",
+        ),
+        (
+            ["--direction", "0", "0", "0"],
+            "--direction: got (0.0, 0.0, 0.0), expected three finite numbers, not all 0",
+        ),
         (["--noise", "nan"], "--noise: got nan, expected a length of 0 or more"),
         (
             ["--quality", "foo"],
-            "--quality: got 'foo', expected 'mean', 'gaussian', 'min', 'max', 'curvedness', 'shape_index', 'std'",
+            "--quality: got 'foo', expected 'mean', 'gaussian', 'min', 'max', 'curvedness', 'shape_index', 'std', "
+            "'along', 'across', 'plan'",
         ),
     ],
 )

@@ -17,6 +17,7 @@ from bezier_filters.meshlab.vertex_filters import (
     compute_torsion_by_bezier_patch_per_vertex,
 )
 from bezier_filters.status import FitStatus
+from bezier_filters.surfaces import height_field, waves
 
 FILTERS = (
     compute_curvature_by_bezier_patch_per_vertex,
@@ -155,10 +156,57 @@ class TestValues:
 
     @pytest.mark.parametrize("quality", qualities("curvature"))
     def test_quality_of_curvature(self, textured, quality):
-        result = compute_curvature_by_bezier_patch_per_vertex(textured, quality=quality, **GIVEN)
+        result = compute_curvature_by_bezier_patch_per_vertex(textured, quality=quality, direction=(1, 2, 3), **GIVEN)
         field = qualities("curvature")[quality]
         assert np.array_equal(textured.current_mesh().vertex_scalar_array(), array(textured, field.column))
         assert (result["quality"], result["unit"]) == (quality, field.unit)
+
+    def test_curvature_of_a_direction(self):
+        """Under gravity columns, quality and statistics are those of the arrays; without a direction there are none."""
+        ms, hill = pymeshlab.MeshSet(), waves()
+        ms.add_mesh(pymeshlab.Mesh(hill.vertices, hill.faces))
+        assert not {"bz_curvature_along", "bz_plan_curvature"} & set(
+            compute_curvature_by_bezier_patch_per_vertex(ms, **GIVEN)["attributes"]
+        )
+        report = compute_curvature_by_bezier_patch_per_vertex(ms, direction=(0, 0, -9.81), quality="plan", **GIVEN)
+        terrain = estimate_vertex_geometry(hill.vertices, hill.faces, **GIVEN).terrain_curvature()
+        assert np.array_equal(array(ms, "bz_curvature_along"), terrain.profile)
+        assert np.array_equal(array(ms, "bz_curvature_across"), terrain.tangential)
+        assert np.array_equal(ms.current_mesh().vertex_scalar_array(), terrain.plan)
+        assert report["statistics"]["max"] == terrain.plan.max()
+        assert (report["without_direction"], report["remarks"]) == (0, [])
+
+    def test_level_land_has_no_direction_of_slope(self):
+        """Such vertices hold 0, are counted, and do not count for statistics and colours."""
+        land = height_field(lambda x, y: (np.maximum(x, 0.0) ** 4, 4.0 * np.maximum(x, 0.0) ** 3, 0, 0, 0, 0))
+        ms = pymeshlab.MeshSet()
+        ms.add_mesh(pymeshlab.Mesh(land.vertices, land.faces))
+        report = compute_curvature_by_bezier_patch_per_vertex(ms, direction=(0, 0, -1), quality="along", **GIVEN)
+        level = estimate_vertex_geometry(land.vertices, land.faces, **GIVEN).terrain_curvature().slope < 1e-12
+        assert report["without_direction"] == level.sum() > 300
+        assert not array(ms, "bz_curvature_along")[level].any()
+        assert report["statistics"]["median"] == np.median(array(ms, "bz_curvature_along")[~level])
+        (remark,) = report["remarks"]
+        assert remark.startswith(f"direction: it is along the normal at {level.sum():,} of 1,369 vertices")
+
+    @pytest.mark.parametrize(
+        ("direction", "got"),
+        [
+            ((0, 0, 0), r"\(0, 0, 0\)"),
+            ((0, np.nan, 1), r"\(0, nan, 1\)"),
+            ((0, 1), r"\(0, 1\)"),
+            ("down", "'down'"),
+            (np.ones((2, 2)), "ndarray"),
+        ],
+    )
+    def test_directions_that_are_none_are_refused(self, direction, got):
+        with pytest.raises(BezierFilterError, match=f"direction: got {got}, expected three finite numbers, not all 0"):
+            compute_curvature_by_bezier_patch_per_vertex(sphere(), direction=direction)
+
+    @pytest.mark.parametrize("quality", ["along", "across", "plan"])
+    def test_qualities_of_a_direction_need_one(self, quality):
+        with pytest.raises(BezierFilterError, match=f"direction: got None, which quality='{quality}' needs"):
+            compute_curvature_by_bezier_patch_per_vertex(sphere(), quality=quality)
 
     def test_a_sphere_is_positively_curved(self):
         ms = sphere(radius=2.0)

@@ -87,7 +87,7 @@ def prepared(tmp_path_factory):
     (folder / "scans").mkdir()
     shutil.copy(folder / "scan.ply", folder / "scans")
     for command, result, *options in (
-        ("curvature", "curved.ply"),
+        ("curvature", "curved.ply", "--direction", "0", "0", "-1"),
         ("smooth", "clean.ply", "--quality", "displacement"),
     ):
         arguments = [command, str(folder / "scan.ply"), str(folder / result), *options]

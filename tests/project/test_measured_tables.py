@@ -21,6 +21,7 @@ import noise
 import red_blood_cell
 import reduction
 import smoothing
+import strongest_peer
 import sub_holes
 import uneven_shape
 from bezier_filters import estimate_vertex_geometry, fill_holes, smooth, surfaces
@@ -156,6 +157,33 @@ def test_the_page_of_accuracy_has_the_kept_deviations():
     assert compared == 90
 
 
+def test_the_page_of_accuracy_has_the_kept_figures_of_the_strongest_peer():
+    with (RESULTS / "strongest_peer.csv").open(newline="", encoding="utf-8") as file:
+        kept_rows = list(csv.DictReader(file))
+    rows = [row for row in rows_of_page("accuracy.md", 13) if row[0] in strongest_peer.SURFACES]
+    assert len(kept_rows) == 2 * len(rows) == 2 * 12 * len(strongest_peer.LEVELS)
+    for (surface, vertices, level, *figures), row_h, row_k in zip(rows, kept_rows[::2], kept_rows[1::2], strict=True):
+        for row, texts in ((row_h, figures[:5]), (row_k, figures[5:])):
+            assert (row["surface"], row["vertices"], row["noise"]) == (surface, vertices.replace(",", ""), level)
+            for text, value in zip(texts, list(row.values())[4:], strict=True):
+                assert_printed(text, float(value))
+
+
+@pytest.mark.parametrize(("level", "quantity"), [(level, q) for level in strongest_peer.LEVELS for q in ("H", "K")])
+def test_the_page_of_accuracy_has_the_kept_summary_of_the_strongest_peer(level, quantity):
+    with (RESULTS / "strongest_peer.csv").open(newline="", encoding="utf-8") as file:
+        rows = [{key: number_of(text) for key, text in row.items()} for row in csv.DictReader(file)]
+    assert strongest_peer.summary(rows, level, quantity) in (ROOT / "docs" / "accuracy.md").read_text(encoding="utf-8")
+
+
+def number_of(text):
+    """A number, or the text if it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
 def test_the_page_of_holes_has_the_kept_figures():
     fillers = ["ours", "ours, paper", "MeshLab", "CGAL, continuity 1", "CGAL, continuity 2", "MeshLib", "pymeshfix"]
     with (RESULTS / "holes.csv").open(newline="", encoding="utf-8") as file:
@@ -179,6 +207,13 @@ def test_accuracy(method, level, tolerance):
     found = accuracy.errors(surface, estimate, accuracy.inner_vertices(surface))
     row = kept("accuracy.csv", surface="ellipsoid", noise=level, method=method)
     assert_kept(row, dict(zip(list(row)[3:], found, strict=True)), tolerance)
+
+
+def test_strongest_peer():
+    for found in strongest_peer.rows_of("ellipsoid", 15, 0.1):
+        row = kept("strongest_peer.csv", surface="ellipsoid", vertices=2252, noise=0.1, quantity=found["quantity"])
+        assert_kept(row, {"corrected": found["corrected"]}, GIVEN)
+        assert_kept(row, {name: found[name] for name in ("ours", "corrected_by_our_normals")}, LEARNED)
 
 
 @pytest.mark.parametrize(("method", "tolerance"), [("paper", GIVEN), ("automatic", LEARNED)])

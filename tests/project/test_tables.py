@@ -33,6 +33,7 @@ KINDS = {
     "float": float,
     "str": str,
     "(float, float)": tuple[float, float],
+    "(float, float, float)": tuple[float, float, float],
     LENGTH: PercentageValue | PureValue | float,
 }
 
@@ -113,7 +114,7 @@ from bezier_filters.pictures.field_panels import read_mesh_file
 
 curvature = bf.compute_curvature_by_bezier_patch_per_vertex
 assert "- ``bz_dummy``: dummy curvature [1/length]" in curvature.__doc__
-assert '"std", "dummy"}' in curvature.__doc__
+assert '"plan", "dummy"}' in curvature.__doc__
 ms = pymeshlab.MeshSet()
 ms.create_sphere(subdiv=3)
 ms.save_current_mesh("ball.ply")
@@ -121,7 +122,7 @@ report = curvature(ms, rings=2, alpha=0.8, quality="dummy")
 assert "bz_dummy" in report["attributes"] and report["unit"] == "1/length", report
 
 command = typer.main.get_command(app).commands["curvature"]
-assert "std or dummy." in next(option.help for option in command.params if option.name == "quality")
+assert "plan or dummy." in next(option.help for option in command.params if option.name == "quality")
 fixed = ["ball.ply", "out.ply", "--rings", "2", "--alpha", "0.8", "--quality", "dummy"]
 for arguments in (["curvature"], ["scale", "curvature", "--scheduler", "synchronous", "--column", "dummy"]):
     Path("out.ply").unlink(missing_ok=True)

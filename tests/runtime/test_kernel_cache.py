@@ -2,6 +2,7 @@
 
 import ast
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -230,3 +231,32 @@ def test_no_function_of_the_package_has_another_cache():
     for path in PACKAGE.rglob("*.py"):
         if path.name != "jit.py":
             assert "njit" not in path.read_text(encoding="utf-8"), f"{path.name}: take a compiler of runtime/jit.py"
+
+
+FILLS = """
+import hashlib
+from bezier_filters import fill_holes
+from bezier_filters.surfaces import bumpy_star
+star = bumpy_star(resolution=30)
+middles = star.vertices[star.faces].mean(axis=1)
+filled = fill_holes(star.vertices, star.faces[(middles < 0.8).all(axis=1) & (middles > -0.9).all(axis=1)])
+print(hashlib.sha256(filled.vertices.tobytes() + filled.faces.tobytes()).hexdigest(), filled.filled)
+"""
+
+
+@pytest.mark.slow
+def test_the_process_that_compiles_finds_what_later_ones_find(tmp_path):
+    """To the last bit: functions whose sums may be reordered differ where they are compiled by themselves."""
+    variables = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    prints = [
+        subprocess.run([sys.executable, "-c", FILLS], env=variables, check=True, capture_output=True).stdout
+        for _ in range(2)
+    ]
+    assert prints[0] == prints[1]
+
+
+def test_functions_that_reorder_sums_are_inlined():
+    pattern = re.compile(r"@inner_jit\(([^)]*fastmath[^)]*)\)")
+    options = [found for path in PACKAGE.rglob("*.py") for found in pattern.findall(path.read_text("utf-8"))]
+    assert options
+    assert all('inline="always"' in found for found in options)
