@@ -240,9 +240,11 @@ dict
     is unknown), ``mean_edge`` (a length, or None for a point cloud), ``attributes`` (names written), ``quality``
     and ``unit``,
     ``statistics`` (min, median, max and mean of the quality over the vertices with an estimate),
-    ``warnings`` (texts: why no vertex has an estimate), ``remarks`` (texts: why most have none to rely on),
+    ``warnings`` (texts: why no vertex has an estimate), ``remarks`` (texts: why most have none to rely on,
+    and where the mesh is no manifold), ``topology`` (what pymeshlab counts, as in
+    `meshing_close_holes_by_bezier_patch`; None for a point cloud),
     ``repaired`` (as in `meshing_close_holes_by_bezier_patch`, or None),
-    ``seconds`` (read, fit, write, color) and, if coloured, ``color_range`` and ``colormap``. It can be
+    ``seconds`` (read, fit, topology, write, color) and, if coloured, ``color_range`` and ``colormap``. It can be
     written as JSON."""
 _NOTHING_ELSE = """\
 Where there is no estimate, columns hold 0. Nothing else in the MeshSet changes: not its{} selections,

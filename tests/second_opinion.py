@@ -51,9 +51,10 @@ def opinion(vertices, faces, vertex):
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(normals, axis=1)
     normals = np.divide(normals, lengths[:, None], out=np.zeros_like(normals), where=lengths[:, None] > 0)
+    proper = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])]
     total, has_area = normal_of_faces(faces, normals, vertex)
     if not has_area:
-        around = set(faces[(faces == vertex).any(axis=1)].ravel().tolist()) - {vertex}
+        around = set(proper[(proper == vertex).any(axis=1)].ravel().tolist()) - {vertex}
         of_neighbours = [normal_of_faces(faces, normals, v)[0] for v in sorted(around)]
         sizes = [np.linalg.norm(one) for one in of_neighbours]
         if any(1e-10 < size < 1e-8 for size in sizes):
@@ -63,7 +64,6 @@ def opinion(vertices, faces, vertex):
     if length < 1e-8:
         return Opinion(True if length < 1e-10 else None)
     z_axis = total / length
-    proper = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])]
     rings = [{vertex}]
     for _ in range(RINGS):
         rings.append(rings[-1] | set(proper[np.isin(proper, list(rings[-1])).any(axis=1)].ravel().tolist()))

@@ -69,8 +69,8 @@ def write_block(
         bend = max(-outputs[LANES * K_MIN + lane], outputs[LANES * K_MAX + lane])
         if has_errors:
             bend = max(bend, outputs[LANES * (STANDARD_ERRORS + 1) + lane])
-        farthest = np.sqrt(work.box[4 * LANES + lane])  # of the points: no height is larger
-        if bend * farthest > np.pi and bend * _smallest_height(mesh, block[lane]) > np.pi:
+        farthest = np.sqrt(work.box[4 * LANES + lane])  # of the points: no height is larger, unless a ball cuts faces
+        if (fit.radius > 0.0 or bend * farthest > np.pi) and bend * _smallest_height(mesh, block[lane]) > np.pi:
             outcomes[lane] = ILL_POSED
             continue
         i = mesh.origin[block[lane]]

@@ -25,7 +25,7 @@ from bezier_filters.meshlab.meshset import (
     preserved_filter_script,
     read_current_mesh,
 )
-from bezier_filters.meshlab.topology import repair, repaired_copy
+from bezier_filters.meshlab.topology import repair, repaired_copy, topology_of
 
 STATISTICS = ("min", "median", "max", "mean")  # of the quality, functions of NumPy
 
@@ -87,6 +87,8 @@ def run_filter(ms: MeshSet, name: str, work: Work, output: Output) -> Report:
             computed = work(mesh, mask)
         except (InvalidMeshError, InvalidParameterError) as error:
             raise BezierFilterError(str(error)) from error
+    with _timed(seconds, "topology"):
+        topology = topology_of(mesh.vertices, mesh.faces) if len(mesh.faces) else None
     check_unchanged(ms, given)
     quality = np.empty(0) if field is None else computed.columns[field.column][computed.known]
     limits = output.color_range if output.color else None  # values of the first and the last colour
@@ -114,6 +116,8 @@ def run_filter(ms: MeshSet, name: str, work: Work, output: Output) -> Report:
         "quality": output.quality,
         "unit": None if field is None else field.unit,
         "repaired": repaired,
+        "topology": None if topology is None else dict(topology.counts),
+        "remarks": computed.report["remarks"] + ([] if topology is None else topology.remarks),
         "statistics": {name: float(getattr(np, name)(quality)) for name in STATISTICS} if len(quality) else None,
         "seconds": seconds,
     }

@@ -90,8 +90,8 @@ def meshing_close_holes_by_bezier_patch(
         mesh now), ``noise`` (standard deviation, a length, or None), ``lost_attributes`` (custom attributes that
         pymeshlab does not let us copy: those with capital letters or signs in their names), ``textured`` (whether the
         new faces show a texture), ``repaired`` (numbers of ``welded_vertices``, ``split_vertices``, ``removed_faces``
-        without area or there twice, and ``turned_faces``, or None), ``topology_before`` (after that) and
-        ``topology_after`` (what pymeshlab counts: ``components``, ``genus``, ``boundary_loops`` with those of outer
+        without area or there twice, and ``turned_faces``, or None), ``topology`` (after that, as ``topology_before``)
+        and ``topology_after`` (what pymeshlab counts: ``components``, ``genus``, ``boundary_loops`` with those of outer
         rims and islands, ``boundary_edges``, ``non_manifold_faces`` at such edges, ``non_manifold_vertices`` and
         ``two_manifold``; where the mesh is not a manifold the genus is None, and ``boundary_loops_by`` says that we
         have counted the loops), ``warnings`` (texts: fills that need a look, because they cut faces, or are as wide as
@@ -155,7 +155,7 @@ def meshing_close_holes_by_bezier_patch(
         with preserved_filter_script(ms):
             lost_attributes, textured = grow_mesh(ms, _growth(mesh, result), select=newfaceselected)
     written = time.perf_counter()
-    remarks = list[str]()
+    remarks = topology.remarks
     if diameter is not None and diameter > diagonal:  # a length in other units than those of the mesh, perhaps
         where = f"where all of the mesh is {diagonal:.3g} across"
         remarks.append(f"maxdiameter: no hole can have a diameter of {diameter:g} {where}")
@@ -170,8 +170,9 @@ def meshing_close_holes_by_bezier_patch(
         "lost_attributes": lost_attributes,
         "textured": textured,
         "repaired": repaired,
-        "topology_before": topology.counts,
-        "topology_after": after.counts,
+        "topology": dict(topology.counts),
+        "topology_before": dict(topology.counts),
+        "topology_after": dict(after.counts),
         "warnings": fill_warnings(result, diagonal),
         "remarks": remarks,
         "holes": [_described(hole) for hole in result.holes],

@@ -1,10 +1,14 @@
 """What pymeshlab says of the topology of a mesh: its borders and holes, its components, whether it is a manifold."""
 
+from collections import OrderedDict
+from collections.abc import Hashable
 from dataclasses import dataclass
+from threading import Lock
 
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, Report
+from bezier_filters.estimation.remembered import key_of
 from bezier_filters.holes.hole_detection import find_holes
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.face_sides import face_sides
@@ -35,6 +39,8 @@ _MEASURES = {
     "non_manifold_vertices": "non_two_manifold_vertices",
     "two_manifold": "is_mesh_two_manifold",
 }
+_KEPT = 4  # meshes whose topology is kept, as filters follow each other: pymeshlab takes about as long as an estimate
+_lock, _recent = Lock(), OrderedDict[Hashable, "Topology"]()
 
 
 @dataclass(frozen=True)
@@ -43,9 +49,40 @@ class Topology:
 
     counts: Report
     on_border: BoolArray  # (n,): vertices on an edge of one face only
+    not_manifold: BoolArray  # (n,): ends of edges of three or more faces, and vertices at which surfaces only touch
+
+    @property
+    def remarks(self) -> list[str]:
+        """What users of estimates have to know of it."""
+        texts = {
+            "non_manifold_faces": "faces lie on edges of three or more, where neighbourhoods mix sheets",
+            "non_manifold_vertices": "vertices join surfaces that only touch, which neighbourhoods mix",
+        }
+        found = ((self.counts[name], text) for name, text in texts.items())
+        return [f"topology: {count:,} {text}; repair=True splits them" for count, text in found if count > 0]
 
 
 def topology_of(vertices: FloatArray, faces: IntArray) -> Topology:
+    """What pymeshlab says of the topology of a mesh, or said of one of the last that it was asked for."""
+    key = key_of(np.ascontiguousarray(faces), len(vertices))
+    with _lock:
+        known = _recent.pop(key, None)
+    if known is None:
+        known = _ask_for_topology(vertices, faces)
+    with _lock:
+        _recent[key] = known
+        while len(_recent) > _KEPT:
+            _recent.popitem(last=False)
+    return known
+
+
+def forget_topology() -> None:
+    """Ask pymeshlab again from now on."""
+    with _lock:
+        _recent.clear()
+
+
+def _ask_for_topology(vertices: FloatArray, faces: IntArray) -> Topology:
     """Ask pymeshlab for the topology of a mesh given as arrays.
 
     On a MeshSet that filter clears the selection, so it runs on a MeshSet of its own. Faces that name a vertex twice
@@ -59,6 +96,12 @@ def topology_of(vertices: FloatArray, faces: IntArray) -> Topology:
         scratch.add_mesh(Mesh(vertices, proper))
         measures = scratch.get_topological_measures()
         beyond = current_mesh(scratch).face_face_adjacency_matrix()
+        not_manifold = np.zeros(len(vertices), dtype=np.bool_)
+        if not measures["is_mesh_two_manifold"]:
+            scratch.compute_selection_by_non_manifold_per_vertex()
+            not_manifold |= current_mesh(scratch).vertex_selection_array()
+            scratch.compute_selection_by_non_manifold_edges_per_face()  # and the ends of these edges
+            not_manifold |= current_mesh(scratch).vertex_selection_array()
     on_border = np.zeros(len(vertices), dtype=np.bool_)
     for k in range(3):
         on_border[proper[beyond[:, k] < 0][:, [k, (k + 1) % 3]]] = True
@@ -68,7 +111,7 @@ def topology_of(vertices: FloatArray, faces: IntArray) -> Topology:
         holes = find_holes(mesh, vertex_adjacency(mesh))
         loops = None if any(hole.unclear_edges for hole in holes) else sum(len(hole.loops) for hole in holes)
         counts |= {"genus": None, "boundary_loops": loops, "boundary_loops_by": "bezier_filters"}
-    return Topology(counts, on_border)
+    return Topology(counts, on_border, not_manifold)
 
 
 def repaired_copy(ms: MeshSet) -> tuple[CurrentMesh, Report]:

@@ -304,10 +304,11 @@ def apply_coord_bezier_patch_smoothing(
         something: after those there is nothing left to do), ``remarks`` (texts), ``warnings`` (texts: why nothing could
         be smoothed), ``repaired`` (as in `meshing_close_holes_by_bezier_patch`, or None), ``volume_before``,
         ``volume_after`` (length^3) and ``volume_ratio`` (None if nothing is closed), ``topology`` (what pymeshlab
-        counts, as in `meshing_close_holes_by_bezier_patch`), ``mean_edge``, ``flipped_before``, ``flipped_after``,
+        counts, as in `meshing_close_holes_by_bezier_patch`; it says which vertices are on the border, or on edges of
+        more than two faces, which the paper's method holds), ``mean_edge``, ``flipped_before``, ``flipped_after``,
         ``degenerate_before``, ``degenerate_after`` and ``new_bad_faces`` (numbers of faces), ``attributes`` (names
         written), ``quality``, ``unit``, ``statistics`` (min, median, max and mean of the quality), ``seconds`` (read,
-        fit, write, color) and, if coloured, ``color_range`` and ``colormap``. It can be written as JSON.
+        fit, topology, write, color) and, if coloured, ``color_range`` and ``colormap``. It can be written as JSON.
 
     Examples
     --------
@@ -328,6 +329,11 @@ def apply_coord_bezier_patch_smoothing(
                 "the current mesh has no faces, and smoothing needs a surface; make one first, for example with "
                 "generate_surface_reconstruction_screened_poisson"
             )
+        topology, movable = topology_of(mesh.vertices, mesh.faces), mask.copy()
+        if borders == "fixed":
+            movable &= ~topology.on_border
+        if method == "paper":  # which has no patch where faces are not one surface
+            movable &= ~topology.not_manifold
         result = smooth(
             mesh.vertices,
             mesh.faces,
@@ -340,13 +346,12 @@ def apply_coord_bezier_patch_smoothing(
             relax=relax,
             rings=rings,
             alpha=alpha,
-            selected=None if mask.all() else mask,
+            selected=None if movable.all() else movable,
             threads=threads,
             progress=progress,
         )
         remark = f"iterations: {result.iterations} of {iterations} moved something, then nothing was left to do"
         report = _smoothing_report(result) | {
-            "topology": topology_of(mesh.vertices, mesh.faces).counts,
             "remarks": [remark] if 0 < result.iterations < iterations else [],
             "warnings": smoothing_warnings(result, mesh),
         }
@@ -417,7 +422,8 @@ def compute_selection_by_bezier_crease_per_edge(
         ``strength``, ``certainty`` (mean), ``length`` and ``points`` (number), the strongest first;
         ``selected_vertices`` and ``sharp_edges`` (numbers), ``crest_lines_told`` (whether the fit can tell smooth
         lines), ``polylines_id`` (of the new layer, or None), ``status`` (vertices per status name), ``attributes``,
-        ``quality`` (None), ``unit``, ``statistics`` and ``seconds`` (read, fit, write). It can be written as JSON.
+        ``quality`` (None), ``unit``, ``statistics``, ``topology`` (what pymeshlab counts, as in
+        `meshing_close_holes_by_bezier_patch`) and ``seconds`` (read, fit, topology, write). It can be written as JSON.
 
     Examples
     --------

@@ -318,7 +318,7 @@ class TestReport:
             "max": quality.max(),
             "mean": quality.mean(),
         }
-        assert set(result["seconds"]) == {"read", "fit", "write", "color"}
+        assert set(result["seconds"]) == {"read", "fit", "topology", "write", "color"}
         low, high = result["color_range"]
         assert high == -low == np.abs(np.percentile(quality, [5.0, 95.0])).max()
         assert result["colormap"] == "Cool Warm"
@@ -327,7 +327,7 @@ class TestReport:
         result = compute_normal_by_bezier_patch_per_vertex(textured, quality=None, **GIVEN)
         assert (result["quality"], result["unit"], result["statistics"]) == (None, None, None)
         assert "color_range" not in result
-        assert set(result["seconds"]) == {"read", "fit", "write"}
+        assert set(result["seconds"]) == {"read", "fit", "topology", "write"}
 
     def test_statistics_leave_out_what_was_not_estimated(self):
         ms = sphere_and_a_lone_vertex()

@@ -1,5 +1,7 @@
 """Topology by pymeshlab next to our own: sample meshes, damaged meshes, scans."""
 
+from collections import OrderedDict
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +15,19 @@ from bezier_filters.holes.hole_detection import find_holes
 from bezier_filters.holes.hole_filling import fill_holes
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.diagnosis import inspect_mesh
-from bezier_filters.meshes.half_edges import boundary_loops
+from bezier_filters.meshes.half_edges import boundary_loops, distinct_edges, proper_faces
 from bezier_filters.meshes.mesh import LARGEST, triangle_mesh
+from bezier_filters.meshlab import topology as topology_module
 from bezier_filters.meshlab.converters import mesh_arrays
 from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
-from bezier_filters.meshlab.topology import topology_of
-from bezier_filters.meshlab.vertex_filters import apply_coord_bezier_patch_smoothing
+from bezier_filters.meshlab.topology import forget_topology, topology_of
+from bezier_filters.meshlab.vertex_filters import (
+    apply_coord_bezier_patch_smoothing,
+    compute_curvature_by_bezier_patch_per_vertex,
+    compute_normal_by_bezier_patch_per_vertex,
+    compute_selection_by_bezier_crease_per_edge,
+    compute_torsion_by_bezier_patch_per_vertex,
+)
 
 ROOT = Path(__file__).parents[2]
 SAMPLES = sorted((ROOT / "sample_meshes").glob("*.ply"))
@@ -39,6 +48,9 @@ def compare(vertices, faces):
     adjacency, topology = vertex_adjacency(mesh), topology_of(mesh.vertices, mesh.faces)
     np.testing.assert_array_equal(topology.on_border, adjacency.on_boundary)
     assert topology.counts["boundary_edges"] == inspect_mesh(mesh).boundary_edges
+    edges, _, count = distinct_edges(proper_faces(mesh.faces), mesh.vertex_count)
+    assert topology.not_manifold[edges[count > 2]].all()
+    assert topology.not_manifold.sum() == len(np.unique(edges[count > 2])) + topology.counts["non_manifold_vertices"]
     holes = find_holes(mesh, adjacency)
     # more than two faces, or faces with another side up, at a border
     loops = None if any(hole.unclear_edges for hole in holes) else sum(len(hole.loops) for hole in holes)
@@ -124,3 +136,84 @@ def test_borders_that_are_given_are_those_that_are_filled():
         fill_holes(mesh.vertices, mesh.faces, on_border=broken)
     with pytest.raises(InvalidParameterError, match="on_border: got bool of shape"):
         fill_holes(mesh.vertices, mesh.faces, on_border=given[1:])
+
+
+FILTERS = (
+    compute_normal_by_bezier_patch_per_vertex,
+    compute_curvature_by_bezier_patch_per_vertex,
+    compute_torsion_by_bezier_patch_per_vertex,
+    compute_selection_by_bezier_crease_per_edge,
+    apply_coord_bezier_patch_smoothing,
+    meshing_close_holes_by_bezier_patch,
+)
+
+
+class FakeMeshSet(pymeshlab.MeshSet):
+    """A pymeshlab that says what is not so."""
+
+    def get_topological_measures(self):
+        false = {"connected_components_number": 99, "incident_faces_on_non_two_manifold_edges": 7}
+        return super().get_topological_measures() | false
+
+
+@pytest.fixture
+def forgotten(monkeypatch):
+    """Nothing that was asked before is known, nor is what is asked now known after."""
+    monkeypatch.setattr(topology_module, "_recent", OrderedDict())
+
+
+@pytest.mark.usefixtures("forgotten")
+class TestEveryFilterAsks:
+    @pytest.mark.parametrize("function", FILTERS, ids=lambda function: function.__name__)
+    def test_what_pymeshlab_says_is_in_the_report(self, function, monkeypatch):
+        true = function(load(ROOT / "sample_meshes" / "punched_patch.ply"))
+        assert true["topology"]["components"] == 1
+        assert true["topology"]["boundary_loops_by"] == "pymeshlab"
+        assert not any("topology" in remark for remark in true["remarks"])
+        forget_topology()
+        monkeypatch.setattr(topology_module, "MeshSet", FakeMeshSet)
+        false = function(load(ROOT / "sample_meshes" / "punched_patch.ply"))
+        assert false["topology"]["components"] == 99
+        remarks = " ".join(false["remarks"])
+        assert "topology: 7 faces lie on edges of three or more, where neighbourhoods mix sheets; " in remarks
+
+    def test_its_borders_are_those_that_are_held(self, monkeypatch):
+        def moved_at_border():
+            ms = load(ROOT / "sample_meshes" / "punched_patch.ply")
+            ms.apply_coord_random_displacement(displacement=pymeshlab.PureValue(0.003))
+            before = ms.current_mesh().vertex_matrix()
+            apply_coord_bezier_patch_smoothing(ms, borders="fixed")
+            return np.linalg.norm(ms.current_mesh().vertex_matrix() - before, axis=1) > 0.0
+
+        vertices, faces = mesh_arrays(ROOT / "sample_meshes" / "punched_patch.ply")
+        true = topology_of(vertices, faces)
+        moved = moved_at_border()
+        assert not moved[true.on_border].any()
+        half = vertices[:, 0] > 0.0
+        false = replace(true, on_border=true.on_border | half)
+        monkeypatch.setattr(topology_module, "_ask_for_topology", lambda *_: false)
+        forget_topology()
+        assert moved[half].any()
+        assert not moved_at_border()[half].any()
+
+    def test_where_it_says_that_surfaces_only_touch_the_papers_method_holds(self, monkeypatch):
+        true = topology_of(*mesh_arrays(ROOT / "sample_meshes" / "torus.ply"))
+        some = np.arange(len(true.on_border)) % 3 == 0
+        monkeypatch.setattr(topology_module, "_ask_for_topology", lambda *_: replace(true, not_manifold=some))
+        forget_topology()
+        ms = load(ROOT / "sample_meshes" / "torus.ply")
+        before = ms.current_mesh().vertex_matrix()
+        apply_coord_bezier_patch_smoothing(ms, method="paper")
+        moved = (ms.current_mesh().vertex_matrix() != before).any(axis=1)
+        assert not moved[some].any()
+        assert moved[~some].all()
+
+    def test_a_report_that_is_changed_changes_no_later_one(self):
+        ms = load(ROOT / "sample_meshes" / "torus.ply")
+        compute_curvature_by_bezier_patch_per_vertex(ms)["topology"]["genus"] = 17
+        assert compute_curvature_by_bezier_patch_per_vertex(ms)["topology"]["genus"] == 1
+
+    def test_point_clouds_have_none(self):
+        ms = pymeshlab.MeshSet()
+        ms.add_mesh(pymeshlab.Mesh(np.random.default_rng(0).normal(size=(50, 3))))
+        assert compute_normal_by_bezier_patch_per_vertex(ms)["topology"] is None

@@ -19,6 +19,8 @@ MESHES = {
     "a share of correlated noise that rounding made negative": ("estimate, automatic", 912969),
     "robust fits of a mesh too small to tell its outliers": ("estimate, robust", 919091),
     "fits in balls of a mesh whose outliers came back": ("estimate, radius", 926063),
+    "faces that reach out of a ball, and hold less curvature than its points": ("estimate, radius", 2009823),
+    "a vertex in faces that name another one twice, which is no neighbour": ("estimate, fixed", 3016270),
 }
 
 
