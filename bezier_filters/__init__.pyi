@@ -33,6 +33,9 @@ from .meshes.neighbourhoods import k_rings as k_rings
 from .meshlab.converters import mesh_arrays as mesh_arrays
 from .meshlab.converters import to_pyvista as to_pyvista
 from .meshlab.converters import to_trimesh as to_trimesh
+from .meshlab.crease_filter import (
+    compute_selection_by_bezier_crease_per_edge as compute_selection_by_bezier_crease_per_edge,
+)
 from .meshlab.hole_filter import meshing_close_holes_by_bezier_patch as meshing_close_holes_by_bezier_patch
 from .meshlab.mesh_colors import color_by_quality as color_by_quality
 from .meshlab.mesh_colors import save_quality_map as save_quality_map
@@ -50,9 +53,6 @@ from .meshlab.vertex_filters import (
 )
 from .meshlab.vertex_filters import (
     compute_normal_by_bezier_patch_per_vertex as compute_normal_by_bezier_patch_per_vertex,
-)
-from .meshlab.vertex_filters import (
-    compute_selection_by_bezier_crease_per_edge as compute_selection_by_bezier_crease_per_edge,
 )
 from .meshlab.vertex_filters import (
     compute_torsion_by_bezier_patch_per_vertex as compute_torsion_by_bezier_patch_per_vertex,

@@ -205,8 +205,9 @@ def creases(
 ) -> None:
     """Find sharp edges, ridges and ravines, and write them as lines."""
     from bezier_filters.files.ply_text import check_line_file, save_lines
+    from bezier_filters.meshlab.crease_filter import creases_of, lines_as_mesh, report_of
     from bezier_filters.meshlab.meshset import read_current_mesh
-    from bezier_filters.meshlab.vertex_filters import FitArguments, creases_of, lines_as_mesh, report_of
+    from bezier_filters.meshlab.vertex_filters import FitArguments
     from bezier_filters.pictures.render import check_picture
 
     check_line_file(target)

@@ -17,6 +17,7 @@ import numpy as np
 from bezier_filters.arrays import Report
 from bezier_filters.errors import InvalidScriptError
 from bezier_filters.files.filter_scripts import ScriptStep
+from bezier_filters.meshlab.crease_filter import compute_selection_by_bezier_crease_per_edge
 from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
@@ -33,7 +34,6 @@ from bezier_filters.meshlab.vertex_filters import (
     apply_coord_bezier_patch_smoothing,
     compute_curvature_by_bezier_patch_per_vertex,
     compute_normal_by_bezier_patch_per_vertex,
-    compute_selection_by_bezier_crease_per_edge,
     compute_torsion_by_bezier_patch_per_vertex,
 )
 from bezier_filters.runtime.parallel import Progress

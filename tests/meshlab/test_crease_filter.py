@@ -11,9 +11,9 @@ from typer.testing import CliRunner
 from bezier_filters import estimate_vertex_geometry, find_creases
 from bezier_filters.cli.commands import app
 from bezier_filters.errors import CancelledError
+from bezier_filters.meshlab.crease_filter import CREASE_COLUMNS, compute_selection_by_bezier_crease_per_edge
 from bezier_filters.meshlab.mesh_files import load_mesh
 from bezier_filters.meshlab.meshset import BezierFilterError
-from bezier_filters.meshlab.vertex_filters import CREASE_COLUMNS, compute_selection_by_bezier_crease_per_edge
 from bezier_filters.surfaces import block_with_sharp_edges, ellipsoid
 
 ALLOWED = {"vertex_selection_array", *CREASE_COLUMNS}

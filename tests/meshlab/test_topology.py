@@ -19,13 +19,13 @@ from bezier_filters.meshes.half_edges import boundary_loops, distinct_edges, pro
 from bezier_filters.meshes.mesh import LARGEST, triangle_mesh
 from bezier_filters.meshlab import topology as topology_module
 from bezier_filters.meshlab.converters import mesh_arrays
+from bezier_filters.meshlab.crease_filter import compute_selection_by_bezier_crease_per_edge
 from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
 from bezier_filters.meshlab.topology import forget_topology, topology_of
 from bezier_filters.meshlab.vertex_filters import (
     apply_coord_bezier_patch_smoothing,
     compute_curvature_by_bezier_patch_per_vertex,
     compute_normal_by_bezier_patch_per_vertex,
-    compute_selection_by_bezier_crease_per_edge,
     compute_torsion_by_bezier_patch_per_vertex,
 )
 
