@@ -57,6 +57,13 @@ class Spectrum:
     correlated: FloatArray  # (e, lengths)
     shape: FloatArray  # (e, degrees from 3)
 
+    @property
+    def is_within_range(self) -> bool:
+        """Whether squares of all entries, and of these over the errors of what was observed, are numbers."""
+        weights = (1.0 / (self.observed * np.sqrt(self.variances)))[:, np.newaxis]
+        entries = np.column_stack([self.observed, self.white, self.correlated, self.shape])
+        return bool(np.isfinite(np.square(np.hstack([entries, entries * weights]))).all())
+
 
 @dataclass(frozen=True)
 class Contributions:
@@ -125,7 +132,7 @@ def _explained(
     if len(entries) < len(analyses):
         return None
     spectrum, edge = Spectrum(*(np.concatenate(part) for part in zip(*entries, strict=True))), causes[0].edge
-    if not (spectrum.observed > 0.0).all() or not all(np.isfinite(part).all() for part in vars(spectrum).values()):
+    if not (spectrum.observed > 0.0).all() or not spectrum.is_within_range:
         return None  # coordinates of very different sizes are no numbers any more when squared
     chosen: list[int] = []
     variances, deviance = _explain(spectrum, chosen)

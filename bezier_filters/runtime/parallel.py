@@ -7,7 +7,7 @@ safe to fork, and each vertex is computed by the same operations whatever the th
 
 import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache, partial, wraps
@@ -125,9 +125,15 @@ def run_in_chunks(
         work(0, make_task())
         return
     work_beside = use_threads(1)(work)
-    helpers = [_pool().submit(work_beside, thread, make_task()) for thread in range(1, threads)]
+    helpers = list[Future[None]]()
     try:
+        for thread in range(1, threads):
+            helpers.append(_pool().submit(work_beside, thread, make_task()))
         work_beside(0, make_task())
+    except BaseException:
+        for _ in starts:  # an interrupt may come before all threads have work
+            pass
+        raise
     finally:
         # those that have not begun are not needed any more: threads may all be at work for others, or for the caller
         begun = [helper for helper in helpers if not helper.cancel()]

@@ -142,3 +142,29 @@ def test_threads_are_those_of_the_block_around_and_one_in_tasks_side_by_side(mon
     assert seen == [1, 7, 1, 1, 2, 7]
     with pytest.raises(InvalidParameterError, match="threads: got 0"), use_threads(0):
         pass
+
+
+def test_an_interrupt_while_work_is_handed_out_waits_for_what_has_begun():
+    """And no thread begins another chunk: none is at work in arrays that nobody has any more."""
+    begun, ended, made = [], [], []
+
+    def make_task():
+        made.append(1)
+        if len(made) == 3:  # of the threads beside, one has its task
+            while not begun:
+                sleep(0.001)
+            raise KeyboardInterrupt
+
+        def task(start, stop):
+            begun.append(start)
+            sleep(0.05)
+            ended.append(start)
+
+        return task
+
+    with use_threads(4), pytest.raises(KeyboardInterrupt):
+        run_in_chunks(make_task, 10_000, chunk=10)
+    assert begun == ended
+    assert 0 < len(begun) <= 2
+    sleep(0.15)
+    assert len(begun) <= 2

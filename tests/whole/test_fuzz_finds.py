@@ -20,6 +20,7 @@ MESHES = {
     "robust fits of a mesh too small to tell its outliers": ("estimate, robust", 919091),
     "fits in balls of a mesh whose outliers came back": ("estimate, radius", 926063),
     "faces that reach out of a ball, and hold less curvature than its points": ("estimate, radius", 2009823),
+    "squares of weights beyond what a number holds": ("estimate, robust", 3037477),
     "a vertex in faces that name another one twice, which is no neighbour": ("estimate, fixed", 3016270),
 }
 
