@@ -136,6 +136,8 @@ def smallest_pivot(matrix):
     """Least share of its diagonal entry that elimination leaves of a pivot."""
     rest, share = matrix.copy(), np.inf
     for k in range(len(matrix)):
+        if matrix[k, k] <= 0.0:  # a term that is 0 at all points
+            return 0.0
         share = min(share, rest[k, k] / matrix[k, k])
         if rest[k, k] <= 0.0:
             return share

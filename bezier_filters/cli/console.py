@@ -138,7 +138,7 @@ def print_smoothing(report: Report, source: str) -> None:
     """Say what smoothing did to a mesh."""
 
     def edges(length: float | None) -> str:
-        return "unknown" if length is None else f"{length / report['mean_edge']:.3g}"
+        return f"{length / report['mean_edge']:.3g}" if length is not None and report["mean_edge"] else "unknown"
 
     table = _table(show_header=False, padding=(0, 2, 0, 2))
     table.add_row("noise", _smoothed_noise(report).removeprefix("noise "))

@@ -11,6 +11,7 @@ import zipfile
 import zlib
 from dataclasses import fields
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -34,6 +35,7 @@ from bezier_filters.files.stored_grades import are_grades, grades_of_codes
 from bezier_filters.runtime.atomic import atomic_write
 
 _DEFLATE_LIMIT = 1032  # largest compression ratio that deflate can reach
+_DAMAGES = (ValueError, OSError, EOFError, RuntimeError, SyntaxError, TokenError, zipfile.BadZipFile, zlib.error)
 _DERIVED = [
     *sorted(field.source for field in stored_qualities(CURVATURE, TORSION).values()),
     GRADE.removeprefix(PREFIX),
@@ -146,8 +148,8 @@ def _read_npz(path: Path, stream: BinaryIO) -> dict[str, FloatArray]:
         stream.seek(0)
         with np.load(stream, allow_pickle=False) as arrays:
             return {name: arrays[name].astype(np.float64) for name in arrays.files}
-    except (ValueError, OSError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
-        raise FieldFileError(f"{path} is not a sound NPZ file ({error}); write it again with save_fields") from error
+    except _DAMAGES as error:
+        raise FieldFileError(f"{path} is not a whole NPZ file ({error}); write it again with save_fields") from error
 
 
 def _read_ply(path: Path, stream: BinaryIO, head: bytes) -> dict[str, FloatArray]:

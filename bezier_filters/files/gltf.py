@@ -26,6 +26,7 @@ _INDEX_COMPONENTS = (5121, 5123, 5125)
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _MAGIC, _HEADER, _CHUNK_HEADER = b"glTF", 12, 8
 _DATA_URI = "data:"
+_LOOKS = ("KHR_materials", "KHR_texture", "KHR_lights", "EXT_texture")  # extensions that change no geometry
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,8 @@ class _Scene:
     def table(self, index: int) -> NDArray[Any]:
         """The numbers of an accessor, (count, width)."""
         accessor = self.content["accessors"][index]
+        if "sparse" in accessor:  # the reader ignores the values that replace some of the others
+            raise FieldFileError(f"{self.path} has sparse accessors, which cannot be read")
         view = self.content["bufferViews"][accessor["bufferView"]]
         data = self.buffers[view["buffer"]]
         kind, width = np.dtype("<" + _COMPONENTS[accessor["componentType"]]), _WIDTHS[accessor["type"]]
@@ -64,6 +67,9 @@ def check_gltf(path: Path) -> int | None:
             (size,) = struct.unpack_from("<I", content, _HEADER)
             content, chunk = content[start : start + size], content[start + size + _CHUNK_HEADER :]
         scene = _Scene(path, json.loads(content), {})
+        for extension in scene.content.get("extensionsRequired", []):
+            if not extension.startswith(_LOOKS):
+                raise FieldFileError(f"{path} requires the extension {extension}, which cannot be read")
         for index, buffer in enumerate(scene.content.get("buffers", [])):
             scene.buffers[index] = _buffer(path, buffer, chunk)
         for image in scene.content.get("images", []):
@@ -114,6 +120,8 @@ def _checked_vertices(scene: _Scene, primitive: dict[str, Any]) -> int:
     if mode not in (_POINTS, _TRIANGLES):
         raise FieldFileError(f"{scene.path} holds {_MODES[mode]}; only points and separate triangles can be read")
     tables = {name: scene.table(index) for name, index in primitive["attributes"].items()}
+    if tables["POSITION"].dtype != np.float32:
+        raise FieldFileError(f"{scene.path} has quantized coordinates, which cannot be read; store them as floats")
     vertices = corners = len(tables["POSITION"])
     if any(len(table) < vertices for table in tables.values()):
         raise FieldFileError(f"{scene.path} has fewer normals, colours or texture coordinates than vertices")

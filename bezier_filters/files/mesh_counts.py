@@ -27,6 +27,7 @@ from bezier_filters.files.ply_corners import read_face_rows
 from bezier_filters.files.three_ds import count_3ds
 
 _TRIANGLE = 3
+_GRID_WORDS = (b"ncols", b"nrows")  # first words of rasters, whose rows are heights in lines of the grid
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class MeshCounts:
     vertices: int | None = None
     faces: int | None = None  # triangles, polygons being cut
     is_odd: bool = False  # whether a row cannot be what it should be, or has to be looked at
-    surplus: str = ""  # a remark on rows that the file has, but does not announce
+    surplus: str = ""  # a remark on rows that the file has, but does not announce, or on an end that it lacks
 
 
 def count_mesh(path: Path) -> MeshCounts:
@@ -95,6 +96,8 @@ def _count_points(path: Path, suffix: str) -> MeshCounts:
             start, first = 0, rows.lines(0, 1).text.split()
             if suffix == ".pts" and len(first) == 1 and first[0].isdigit():
                 start, announced = 1, int(first[0])
+            elif suffix == ".asc" and first[:1] and first[0].lower() in _GRID_WORDS:
+                raise FieldFileError(f"{path} is a grid of heights; convert it to a mesh or to rows of points first")
             elif suffix == ".asc":  # names of columns
                 start = int(np.argmax(np.isin(rows.heads[:, 0], np.frombuffer(b"0123456789+-.", np.uint8))))
             rows = rows.lines(start, len(rows))
@@ -138,17 +141,19 @@ def _count_stl(path: Path, head: bytes) -> MeshCounts:
         announced, held = stl_count(head), (path.stat().st_size - STL_HEADER) // STL_TRIANGLE
         surplus = f"{path} holds {held} triangles, but its header announces {announced}" if held > announced else ""
         return MeshCounts(None, announced, surplus=surplus)
-    facets = corners = ends = 0
+    facets = corners = ends = solids = 0
     is_odd = False
     for block in text_blocks(path):
         text = block.text.lower()
         facets += text.count(b"facet normal")
         corners += text.count(b"vertex ")
         ends += text.count(b"endfacet")
+        solids += text.count(b"endsolid")
         first, second = block.heads.T
         is_vertex = np.isin(first, (ord("v"), ord("V"))) & np.isin(second, (ord("e"), ord("E")))
         is_odd |= block.has_odd(is_vertex, heads=len("vertex"))
-    return MeshCounts(None, facets, is_odd or not facets == ends == corners / _TRIANGLE)
+    surplus = "" if solids else f"{path} has no endsolid after its last facet: it may have been cut short"
+    return MeshCounts(None, facets, is_odd or not facets == ends == corners / _TRIANGLE, surplus)
 
 
 def _count_ply(path: Path, header: PlyHeader) -> MeshCounts:

@@ -273,9 +273,9 @@ class HoleChoice:
         if self.max_edges is not None and hole.edge_count > self.max_edges:
             return f"{hole.edge_count} edges, more than max_edges={self.max_edges}"
         if self.max_perimeter is not None and hole.perimeter > self.max_perimeter:
-            return f"perimeter {hole.perimeter:.6g}, more than max_perimeter={self.max_perimeter:.6g}"
+            return "its perimeter is more than max_perimeter"
         if self.max_diameter is not None and hole.diameter > self.max_diameter:
-            return f"diameter {hole.diameter:.6g}, more than max_diameter={self.max_diameter:.6g}"
+            return "its diameter is more than max_diameter"
         if self.selected is not None and not self.selected[hole.rim].any():
             return "no vertex of its rim is selected"
         return ""

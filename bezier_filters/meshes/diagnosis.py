@@ -233,16 +233,7 @@ def diagnose(mesh: TriangleMesh | ArrayLike, report: MeshReport | ArrayLike | No
         findings.append(f"{pieces}: curvature takes {FEWEST_POINTS} or more")
     elif not report.inner_vertices:
         findings.append("all vertices lie on the border: there is no surface around any of them")
-    if report.flipped_faces:
-        share = f"{report.flipped_faces:,} of {mesh.face_count:,} faces ({report.flipped_faces / mesh.face_count:.0%})"
-        findings.append(
-            f"{share} are flipped against the others: signs are wrong there (meshing_re_orient_faces_coherently)"
-        )
-    elif report.incoherent_edges:
-        findings.append(
-            f"{report.incoherent_edges:,} edges between faces that disagree about the outside, and always will: a "
-            "surface with one side; signs are wrong there"
-        )
+    findings += _orientation_findings(mesh, report)
     if report.unwelded_faces:
         share = (
             f"{report.unwelded_faces:,} of {mesh.face_count:,} faces ({report.unwelded_faces / mesh.face_count:.0%})"
@@ -254,6 +245,25 @@ def diagnose(mesh: TriangleMesh | ArrayLike, report: MeshReport | ArrayLike | No
     counts = ((getattr(report, name), text) for name, text in _FINDINGS.items())
     findings += [f"{count:,} {text}" for count, text in counts if count]
     return findings
+
+
+def orientation_findings(mesh: TriangleMesh) -> list[str]:
+    """Those of `diagnose` that say where signs of curvatures and normals are wrong."""
+    report = inspect_mesh(mesh)
+    count = report.inside_out_bodies
+    return _orientation_findings(mesh, report) + ([f"{count:,} {_FINDINGS['inside_out_bodies']}"] if count else [])
+
+
+def _orientation_findings(mesh: TriangleMesh, report: MeshReport) -> list[str]:
+    if report.flipped_faces:
+        share = f"{report.flipped_faces:,} of {mesh.face_count:,} faces ({report.flipped_faces / mesh.face_count:.0%})"
+        return [f"{share} are flipped against the others: signs are wrong there (meshing_re_orient_faces_coherently)"]
+    if report.incoherent_edges:
+        return [
+            f"{report.incoherent_edges:,} edges between faces that disagree about the outside, and always will: a "
+            "surface with one side; signs are wrong there"
+        ]
+    return []
 
 
 def explain(failure: str, otherwise: str, mesh: TriangleMesh) -> str:

@@ -19,7 +19,19 @@ EXPECTED = (
     "of a file"
 )
 # other attributes in which libraries keep connectivity
-_UNREAD = ("polygons", "tetras", "quads", "simplices", "elements", "entities", "topology", "lines", "edges", "cells")
+_UNREAD = (
+    "polygons",
+    "tris",
+    "tetras",
+    "quads",
+    "simplices",
+    "elements",
+    "entities",
+    "topology",
+    "lines",
+    "edges",
+    "cells",
+)
 _TRIANGLE, _QUAD = 3, 4  # corners
 _IGNORED_CELLS = ("vertex", "line")  # types of meshio that are no faces
 

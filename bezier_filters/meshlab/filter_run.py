@@ -26,6 +26,7 @@ from bezier_filters.meshlab.meshset import (
     read_current_mesh,
 )
 from bezier_filters.meshlab.topology import repair, repaired_copy, topology_of
+from bezier_filters.meshlab.verdicts import orientation_remarks
 
 STATISTICS = ("min", "median", "max", "mean")  # of the quality, functions of NumPy
 
@@ -89,6 +90,8 @@ def run_filter(ms: MeshSet, name: str, work: Work, output: Output) -> Report:
             raise BezierFilterError(str(error)) from error
     with _timed(seconds, "topology"):
         topology = topology_of(mesh.vertices, mesh.faces) if len(mesh.faces) else None
+        remarks = [] if topology is None else topology.remarks + orientation_remarks(mesh, topology)
+        said = " ".join([*computed.report["warnings"], *computed.report["remarks"]])
     check_unchanged(ms, given)
     quality = np.empty(0) if field is None else computed.columns[field.column][computed.known]
     limits = output.color_range if output.color else None  # values of the first and the last colour
@@ -117,7 +120,7 @@ def run_filter(ms: MeshSet, name: str, work: Work, output: Output) -> Report:
         "unit": None if field is None else field.unit,
         "repaired": repaired,
         "topology": None if topology is None else dict(topology.counts),
-        "remarks": computed.report["remarks"] + ([] if topology is None else topology.remarks),
+        "remarks": computed.report["remarks"] + [one for one in remarks if one.split(";")[0] not in said],
         "statistics": {name: float(getattr(np, name)(quality)) for name in STATISTICS} if len(quality) else None,
         "seconds": seconds,
     }

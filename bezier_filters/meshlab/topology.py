@@ -10,10 +10,10 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, Report
 from bezier_filters.estimation.remembered import key_of
 from bezier_filters.holes.hole_detection import find_holes
-from bezier_filters.meshes.adjacency import vertex_adjacency
+from bezier_filters.meshes.adjacency import incoherent_vertices, vertex_adjacency
 from bezier_filters.meshes.face_sides import face_sides
 from bezier_filters.meshes.half_edges import COINCIDENT, border_edges, doubled_edges, proper_faces
-from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
     CurrentMesh,
@@ -49,6 +49,7 @@ class Topology:
 
     counts: Report
     on_border: BoolArray  # (n,): vertices on an edge of one face only
+    is_coherent: bool  # whether neighbouring faces agree on which side is outside; of this pymeshlab says nothing
     not_manifold: BoolArray  # (n,): ends of edges of three or more faces, and vertices at which surfaces only touch
 
     @property
@@ -111,7 +112,8 @@ def _ask_for_topology(vertices: FloatArray, faces: IntArray) -> Topology:
         holes = find_holes(mesh, vertex_adjacency(mesh))
         loops = None if any(hole.unclear_edges for hole in holes) else sum(len(hole.loops) for hole in holes)
         counts |= {"genus": None, "boundary_loops": loops, "boundary_loops_by": "bezier_filters"}
-    return Topology(counts, on_border, not_manifold)
+    is_coherent = not incoherent_vertices(proper, vertex_adjacency(TriangleMesh(vertices, proper))).any()
+    return Topology(counts, on_border, is_coherent, not_manifold)
 
 
 def repaired_copy(ms: MeshSet) -> tuple[CurrentMesh, Report]:

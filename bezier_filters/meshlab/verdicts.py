@@ -4,9 +4,10 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, Report
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
-from bezier_filters.meshes.diagnosis import can_be_repaired, explain, inspect_mesh, is_fit
+from bezier_filters.meshes.diagnosis import can_be_repaired, explain, inspect_mesh, is_fit, orientation_findings
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshlab.meshset import CurrentMesh
+from bezier_filters.meshlab.topology import Topology
 from bezier_filters.smoothing.smooth import SmoothingResult
 from bezier_filters.status import FitStatus
 
@@ -26,6 +27,22 @@ def fit_verdict(what: str, geometry: VertexGeometry, mesh: CurrentMesh, mask: Bo
         return {"warnings": [explain(f"no vertex has a {what}", most.message, shape)], "remarks": []}
     bad = f"{len(status) - int(good.sum()):,} of {len(status):,} vertices have no {what} to rely on"
     return {"warnings": [], "remarks": [explain(bad, most.message, shape)]}
+
+
+def orientation_remarks(mesh: CurrentMesh, topology: Topology) -> list[str]:
+    """Where signs of curvatures and normals are wrong, because faces disagree or a body is inside out."""
+    is_closed = not topology.counts["boundary_edges"]
+    if topology.is_coherent and not (is_closed and _volume(mesh) < 0.0):
+        return []
+    found = orientation_findings(triangle_mesh(mesh.vertices, mesh.faces))
+    return [f"{finding}; repair=True of the filter mends what can be mended" for finding in found]
+
+
+def _volume(mesh: CurrentMesh) -> float:
+    """What all faces together enclose, length^3."""
+    middle = mesh.vertices.mean(axis=0)
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] - middle for k in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 
 
 def smoothing_warnings(result: SmoothingResult, mesh: CurrentMesh) -> list[str]:

@@ -13,6 +13,8 @@ from bezier_filters.patches.polynomials import PolynomialSpace, monomials_from_b
 from bezier_filters.patches.smoothness import Penalty, smoothness_matrix
 
 DEGREES = (2, 3, 4)
+# of the largest entry of S in monomials: smaller ones are rounding (6e-16 at most; others are 7e-8 or more)
+PENALTY_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,8 @@ class PatchFit:
     def monomial_penalty(self) -> FloatArray:
         """((1 - alpha) / alpha)^2 S^T S, what the smoothness adds to A^T A, for monomials on [-1, 1]^2."""
         rows = self.smoothness_rows @ np.linalg.inv(monomials_from_bernstein(self.degree))
+        # What is free must stay so: next to points on a line, even rounding would determine it.
+        rows[np.abs(rows) < PENALTY_ROUNDING * np.abs(rows).max()] = 0.0
         return ((1.0 - self.alpha) / self.alpha) ** 2 * (rows.T @ rows)
 
     @property

@@ -38,7 +38,9 @@ def on_threads(function: Callable[Parameters, Result]) -> Callable[Parameters, R
 
     @wraps(function)
     def run(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
-        threads: Any = kwargs.get("threads")
+        threads, progress = kwargs.get("threads"), kwargs.get("progress")  # type: Any, Any
+        if not (progress is None or callable(progress)):
+            raise InvalidParameterError(f"progress: got {progress!r}, expected a function of two numbers, or None")
         with use_threads(threads), one_thread_for_matrices():
             return function(*args, **kwargs)
 

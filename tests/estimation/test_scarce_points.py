@@ -45,6 +45,19 @@ class TestTwoRows:
         assert not geometry.mean_curvature.any()
         assert geometry.status_counts()["LOWER_DEGREE"] == 40
 
+    @pytest.mark.parametrize("width", [1e-13, 1e-10, 1e-8, 1e-5, 0.1])
+    def test_a_strip_of_any_width_determines_no_patch(self, width):
+        """However narrow, nothing is known across it: rounding does not stand in for points."""
+        along = 0.1 * np.arange(12)
+        vertices = np.zeros((24, 3))
+        vertices[:, 1] = np.concatenate([along, along + 0.03])
+        vertices[12:, 0] = width
+        i = np.arange(11)
+        faces = np.concatenate([np.column_stack([i, i + 1, i + 12]), np.column_stack([i + 1, i + 13, i + 12])])
+        geometry = estimate_vertex_geometry(vertices, faces, rings=2, alpha=0.8)
+        assert not geometry.mean_curvature.any()
+        assert "OK" not in geometry.status_counts()
+
     def test_separate_triangles_and_tetrahedra_have_no_curvature(self):
         corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
         tetrahedra = np.concatenate([corners + 3.0 * k for k in range(30)])

@@ -143,3 +143,25 @@ def test_several_meshes_are_one(tmp_path):
     vertices, faces = mesh_arrays(written(tmp_path, scene, data))
     assert (len(vertices), len(faces)) == (8, 4)
     assert vertices[:, 0].max() == 4.0
+
+
+def test_values_that_replace_others_are_refused(tmp_path):
+    """pymeshlab's reader ignores sparse accessors: the mesh would be another one."""
+    scene, data = scene_of()
+    scene["accessors"][0]["sparse"] = {"count": 1, "indices": {}, "values": {}}
+    assert "sparse accessors" in refusal(written(tmp_path, scene, data))
+
+
+@pytest.mark.parametrize("name", ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_mesh_quantization"])
+def test_required_extensions_of_the_geometry_are_refused(name, tmp_path):
+    scene, data = scene_of()
+    scene["extensionsRequired"] = [name]
+    assert f"requires the extension {name}" in refusal(written(tmp_path, scene, data))
+    scene["extensionsRequired"] = ["KHR_materials_unlit"]
+    assert len(mesh_arrays(written(tmp_path, scene, data))[1]) == 2
+
+
+def test_quantized_coordinates_are_refused(tmp_path):
+    scene, data = scene_of()
+    scene["accessors"][0]["componentType"] = 5122
+    assert "quantized coordinates" in refusal(written(tmp_path, scene, data))

@@ -1,5 +1,6 @@
 """Topology by pymeshlab next to our own: sample meshes, damaged meshes, scans."""
 
+import re
 from collections import OrderedDict
 from dataclasses import replace
 from pathlib import Path
@@ -217,3 +218,32 @@ class TestEveryFilterAsks:
         ms = pymeshlab.MeshSet()
         ms.add_mesh(pymeshlab.Mesh(np.random.default_rng(0).normal(size=(50, 3))))
         assert compute_normal_by_bezier_patch_per_vertex(ms)["topology"] is None
+
+
+class TestSidesOfFaces:
+    """Curvatures of faces that look inwards have the wrong sign, which a status does not show."""
+
+    @staticmethod
+    def remarks(vertices, faces, function=compute_curvature_by_bezier_patch_per_vertex, **options):
+        ms = pymeshlab.MeshSet()
+        ms.add_mesh(pymeshlab.Mesh(vertices, faces))
+        return function(ms, **options)["remarks"]
+
+    def test_flipped_faces(self):
+        vertices, faces = mesh_arrays(ROOT / "sample_meshes" / "torus.ply")
+        half = vertices[faces].mean(axis=1)[:, 0] > 0.1
+        flipped = np.where(half[:, np.newaxis], faces[:, ::-1], faces)
+        share = (
+            rf"{half.sum():,} of {len(faces):,} faces \(\d+%\) are flipped against the others: signs are wrong there"
+        )
+        for function in FILTERS[:5]:
+            assert any(re.match(share, remark) for remark in self.remarks(vertices, flipped, function)), function
+            assert not self.remarks(vertices, faces, function)
+        assert not self.remarks(vertices, flipped, repair=True)
+
+    def test_bodies_that_are_inside_out(self):
+        vertices, faces = mesh_arrays(ROOT / "sample_meshes" / "torus.ply")
+        (remark,) = self.remarks(vertices, faces[:, ::-1])
+        assert remark.startswith("1 closed bodies are inside out: the signs of their curvatures and normals are wrong")
+        assert not self.remarks(vertices, faces[:, ::-1], repair=True)
+        assert not self.remarks(vertices, faces[: len(faces) // 2, ::-1])  # a sheet has no inside
