@@ -7,9 +7,9 @@ import numpy as np
 from scipy.sparse import coo_matrix
 
 from bezier_filters.kernels.kernel_input import fitted_mesh
-from bezier_filters.learning.learn import MOST_TURNED, NEAR_RINGS, SAMPLES
+from bezier_filters.learning.learn import MAX_FLIPPED_FRACTION, NEAR_RINGS, SAMPLES
 from bezier_filters.learning.neighbourhood_samples import draw_from_mesh, sample_neighbourhoods
-from bezier_filters.learning.noise_spectrum import learn_noise
+from bezier_filters.learning.noise_spectrum import learn_noise_covariance
 from bezier_filters.learning.ring_analysis import analyse_rings
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.surfaces import sphere, torus
@@ -64,9 +64,9 @@ def learned(vertices, faces):
     """The correlated noise that narrow rings tell of, as in the package; None if it is white."""
     mesh, adjacency = fitted_mesh(triangle_mesh(vertices, faces), creases=True)
     ids = draw_from_mesh(mesh, SAMPLES[2])
-    sample = sample_neighbourhoods(mesh, adjacency, ids, rings=NEAR_RINGS, most_turned=MOST_TURNED)
+    sample = sample_neighbourhoods(mesh, adjacency, ids, rings=NEAR_RINGS, most_turned=MAX_FLIPPED_FRACTION)
     rings = {k: SAMPLES[k] for k in range(1, NEAR_RINGS + 1)}
-    return learn_noise(analyse_rings(sample, rings, vertex_count=len(vertices)))
+    return learn_noise_covariance(analyse_rings(sample, rings, vertex_count=len(vertices)))
 
 
 def ball_with_a_narrow_ring(level):

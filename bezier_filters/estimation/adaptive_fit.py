@@ -23,26 +23,32 @@ from bezier_filters.estimation.outlier_removal import without_outliers
 from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, arrays_of
 from bezier_filters.kernels.graph_geometry import bound_errors
 from bezier_filters.kernels.kernel_input import KernelMesh, with_steady_normals
-from bezier_filters.learning.learn import CANDIDATE_RINGS, MOST_TURNED, View, learn_from_samples, learn_surface
+from bezier_filters.learning.learn import (
+    CANDIDATE_RINGS,
+    MAX_FLIPPED_FRACTION,
+    SampleMode,
+    learn_from_samples,
+    learn_surface,
+)
 from bezier_filters.learning.model_tree import (
-    DEEPEST,
-    WORTHWHILE_IF_CORRELATED,
+    MAX_TREE_DEPTH,
+    MIN_CORRELATED_SPLIT_GAIN,
     Features,
     Leaf,
     Split,
     Tree,
-    at_leaves,
     best_leaf,
     grow,
     leaf_numbers,
     leaf_of,
     leaves,
-    saved,
+    log_error_reduction,
+    map_leaves,
 )
 from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample, draw_from_mesh, sample_neighbourhoods
 from bezier_filters.learning.noise_model import NoiseModel
-from bezier_filters.learning.plans import THRIFT, Choices, plan_for
-from bezier_filters.learning.ring_analysis import FEWEST_SAMPLES, RingAnalysis
+from bezier_filters.learning.plans import COST_EXPONENT, Choices, plan_for
+from bezier_filters.learning.ring_analysis import MIN_SAMPLES, RingAnalysis
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.patches.fitting import DEGREES, PatchFit
 from bezier_filters.runtime.parallel import Progress, run_kernel
@@ -197,7 +203,7 @@ def with_parts(fit: SurfaceFit, learned: Learned, places: Places) -> SurfaceFit:
     tree = grow(root, learned.analyses, places.features, learned.choices)
     if not fit.robust:  # outliers are off, too
         tree = _without_what_is_off(tree, root, learned.choices, places)
-    return fit if isinstance(tree, Leaf) else replace(fit, parts=at_leaves(tree, partial(_part_fit, root)))
+    return fit if isinstance(tree, Leaf) else replace(fit, parts=map_leaves(tree, partial(_part_fit, root)))
 
 
 def _without_what_is_off(tree: Tree[Leaf], root: Leaf, choices: Choices, places: Places) -> Tree[Leaf]:
@@ -207,7 +213,7 @@ def _without_what_is_off(tree: Tree[Leaf], root: Leaf, choices: Choices, places:
     if not FEWEST_OFF <= len(off) <= MOST_OFF * len(places.drawn):
         return tree
 
-    def sample(rings: int, count: int, _: View) -> NeighbourhoodSample:
+    def sample(rings: int, count: int, _: SampleMode) -> NeighbourhoodSample:
         return places.sample(off[:count], rings)
 
     vertex_count, noise = root.surface.by_rings[0].analysis.vertex_count, root.surface.noise
@@ -217,11 +223,11 @@ def _without_what_is_off(tree: Tree[Leaf], root: Leaf, choices: Choices, places:
     # none elsewhere, they are shape.
     if leaf is not None and leaf.surface.sigma > noise.sigma and (noise.sills or leaf.surface.noise.sills):
         leaf = leaf_of(analyses, choices, noise, heavy=noise.heavy)
-        worthwhile = WORTHWHILE_IF_CORRELATED if noise.sills else WORTHWHILE_THERE
+        worthwhile = MIN_CORRELATED_SPLIT_GAIN if noise.sills else WORTHWHILE_THERE
     # without rings as wide as those of the first fit, there are none that do not fold
-    if leaf is None or -np.inf < saved(root.chosen, leaf) <= worthwhile:
+    if leaf is None or -np.inf < log_error_reduction(root.chosen, leaf) <= worthwhile:
         return tree
-    return Split(RESIDUAL, threshold, tree, grow(leaf, analyses, places.features, choices, DEEPEST - 1))
+    return Split(RESIDUAL, threshold, tree, grow(leaf, analyses, places.features, choices, MAX_TREE_DEPTH - 1))
 
 
 def _part_fit(root: Leaf, leaf: Leaf) -> PartFit:
@@ -232,7 +238,7 @@ def _part_fit(root: Leaf, leaf: Leaf) -> PartFit:
     # Where the whole is exact, its standard errors are 0, and tell nothing of those of a part that is not.
     if there is not None and before.normal_noise > 0.0 and before.curvature_noise > 0.0:
         ratios = there.normal_noise / before.normal_noise, there.curvature_noise / before.curvature_noise
-        if there.error <= plan.error * (1.0 + (plan.cost - plan.overhead) / there.cost) ** THRIFT:
+        if there.error <= plan.error * (1.0 + (plan.cost - plan.overhead) / there.cost) ** COST_EXPONENT:
             return PartFit(there.rings, there.degree, sigma, (), ratios)
     return PartFit(plan.rings, plan.degree, sigma, tuple(planned_chain(leaf.plans, plan)), ratios)
 
@@ -364,12 +370,12 @@ def _learn_balls(mesh: KernelMesh, adjacency: Adjacency, radius: float, choices:
 def nearest_rings(mesh: KernelMesh, adjacency: Adjacency, radius: float) -> int:
     """Number of rings, as many as can be analysed at most, whose median radius is nearest to a length."""
     ids = draw_from_mesh(mesh, RADIUS_SAMPLES)
-    sample = sample_neighbourhoods(mesh, adjacency, ids, rings=max(CANDIDATE_RINGS), most_turned=MOST_TURNED)
+    sample = sample_neighbourhoods(mesh, adjacency, ids, rings=max(CANDIDATE_RINGS), most_turned=MAX_FLIPPED_FRACTION)
     distances = np.sqrt(np.square(sample.points[..., :2]).sum(axis=2))
     best, smallest = 1, np.inf
     for rings in range(1, sample.sizes.shape[1]):
         usable = sample.usable[:, rings]
-        if usable.sum() < FEWEST_SAMPLES:
+        if usable.sum() < MIN_SAMPLES:
             break
         within = np.arange(distances.shape[1]) < sample.sizes[usable, rings, np.newaxis]
         difference = abs(float(np.median((distances[usable] * within).max(axis=1))) - radius)

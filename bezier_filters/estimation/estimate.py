@@ -47,7 +47,7 @@ from bezier_filters.kernels.kernel_input import (
     with_steady_normals,
     with_vertices,
 )
-from bezier_filters.learning.learn import viewed_sample, why_unlearned
+from bezier_filters.learning.learn import sample_by_mode, why_unlearned
 from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample, draw_from_mesh
 from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
@@ -426,7 +426,7 @@ def _fit(
             return first_features(geometry, arrays.origin[centers])
 
         def sample(centers: IntArray, rings: int) -> NeighbourhoodSample:
-            return viewed_sample(arrays, adjacency, centers, rings, "plain")
+            return sample_by_mode(arrays, adjacency, centers, rings, "plain")
 
         fit = with_parts(fit, learned, Places(drawn, features, sample))
     return fit_parts(arrays, ids, fit, geometry, progress=progress), fit

@@ -20,7 +20,7 @@ from bezier_filters.kernels.kernel_input import (
     VertexResults,
     hubs,
 )
-from bezier_filters.learning.learn import MOST_TURNED
+from bezier_filters.learning.learn import MAX_FLIPPED_FRACTION
 from bezier_filters.learning.plans import FitPlan
 from bezier_filters.learning.quartic_mean import QUARTIC
 from bezier_filters.meshes.diagnosis import FEWEST_POINTS
@@ -115,7 +115,7 @@ def planned_chain(plans: Sequence[FitPlan], chosen: FitPlan, radius: float | Non
             rings,
             plan,
             mean_plane=True,
-            most_turned=MOST_TURNED,
+            most_turned=MAX_FLIPPED_FRACTION,
             noise=(plan.normal_noise, plan.curvature_noise),
             fewest_points=fewest,
         )
@@ -147,7 +147,7 @@ def fit_with_fallbacks(
     If robust, points far off a fit lose their weight, except in the last resorts, which have too few to tell.
     """
     if not len(mesh.faces):  # only the points' normals can tell a fold
-        attempts = [replace(one, most_turned=max(one.most_turned, MOST_TURNED)) for one in attempts]
+        attempts = [replace(one, most_turned=max(one.most_turned, MAX_FLIPPED_FRACTION)) for one in attempts]
     has_normal = np.empty(len(ids), dtype=np.bool_)
 
     def look(start: int, stop: int) -> None:

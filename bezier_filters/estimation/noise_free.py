@@ -9,7 +9,7 @@ from bezier_filters.estimation.adaptive_fit import Learn, learn_without_outliers
 from bezier_filters.estimation.outlier_removal import without_outliers
 from bezier_filters.kernels.kernel_input import fitted_mesh
 from bezier_filters.learning.learn import why_unlearned
-from bezier_filters.learning.noise_model import NoiseModel, known_noise
+from bezier_filters.learning.noise_model import NoiseModel, rescale_noise
 from bezier_filters.learning.plans import Choices
 from bezier_filters.meshes.adjacency import Adjacency, from_middles, mean_edge
 from bezier_filters.meshes.frames import tangent_planes
@@ -60,7 +60,7 @@ def learned_noise(learn: Learn, sigma: float | None, robust: bool | None, most: 
     learned = None if leaf is None or leaf.surface.noise.sigma > most else leaf.surface.noise
     if learned is not None and robust is False:
         learned = replace(learned, outliers=0.0)
-    return learned if sigma is None else known_noise(learned, sigma)
+    return learned if sigma is None else rescale_noise(learned, sigma)
 
 
 def denoised(

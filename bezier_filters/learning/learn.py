@@ -11,38 +11,38 @@ from bezier_filters.arrays import IntArray
 from bezier_filters.kernels.kernel_input import KernelMesh, with_edges_without_tips, with_steady_normals
 from bezier_filters.learning.model_tree import Leaf, best_leaf, leaf_of
 from bezier_filters.learning.neighbourhood_samples import (
-    NEAR,
+    NORMAL_CHECK_RINGS,
     NeighbourhoodSample,
     draw_from_mesh,
     sample_neighbourhoods,
 )
-from bezier_filters.learning.noise_spectrum import learn_noise
-from bezier_filters.learning.outliers import RINGS, outlier_share
+from bezier_filters.learning.noise_spectrum import learn_noise_covariance
+from bezier_filters.learning.outliers import OUTLIER_RINGS, outlier_share
 from bezier_filters.learning.plans import Choices
 from bezier_filters.learning.ring_analysis import RingAnalysis, analyse_rings
-from bezier_filters.learning.surface_model import RingModel, white_noise
-from bezier_filters.learning.unlearned import USABLE_SHARE, reason_unlearned
+from bezier_filters.learning.surface_model import RingModel, estimate_white_noise
+from bezier_filters.learning.unlearned import MIN_USABLE_SHARE, reason_unlearned
 from bezier_filters.meshes.adjacency import Adjacency
 
 CANDIDATE_RINGS = (1, 2, 3, 4, 5, 6, 8, 10)
 NEAR_RINGS = 5  # most meshes need no wider rings than these, of which many neighbourhoods can be afforded
 # neighbourhoods analysed per ring: the wider, the more points each has
 SAMPLES = {1: 300, 2: 400, 3: 400, 4: 240, 5: 180, 6: 200, 8: 160, 10: 120}
-MOST_TURNED = 0.02  # share of the vertices of a neighbourhood whose normals noise may turn away from its plane
-MAY_TURN = 0.25  # the same where outliers are looked for, which turn more
-MANY_UNUSABLE = 0.05  # share of the neighbourhoods from which on they are looked at for outliers, too
-HOPELESS = 10.0  # wider rings are not tried once the predicted error has grown by this factor
+MAX_FLIPPED_FRACTION = 0.02  # share of the vertices of a neighbourhood whose normals noise may turn away from its plane
+MAX_FLIPPED_FRACTION_AMONG_OUTLIERS = 0.25  # the same where outliers are looked for, which turn more
+MANY_UNUSABLE_FRACTION = 0.05  # share of the neighbourhoods from which on they are looked at for outliers, too
+MAX_ERROR_GROWTH = 10.0  # wider rings are not tried once the predicted error has grown by this factor
 
 # share of the places with a normal near them that turns away, and of all normals: more of both is heavy noise,
-OFTEN_TURNED, MANY_TURNED = 0.03, 0.0015
+FLIPPED_PLACE_FRACTION, FLIPPED_NORMAL_FRACTION = 0.03, 0.0015
 # if most places are so rough, too: heights of the neighbours over their distances. At knife edges only few are.
-ROUGH = 0.25
+ROUGH_SLOPE = 0.25
 
 # how neighbourhoods are looked at: as the mesh is; with steady normals; or without the sharp edges around lone tips,
 # and where outliers turn normals away, too
-View = Literal["plain", "steady", "tolerant"]
+SampleMode = Literal["plain", "steady", "tolerant"]
 # gives neighbourhoods out to some rings of some number of vertices
-Sampler = Callable[[int, int, View], NeighbourhoodSample]
+Sampler = Callable[[int, int, SampleMode], NeighbourhoodSample]
 
 
 def learn_surface(mesh: KernelMesh, adjacency: Adjacency, choices: Choices) -> tuple[list[RingAnalysis], Leaf | None]:
@@ -53,25 +53,29 @@ def learn_surface(mesh: KernelMesh, adjacency: Adjacency, choices: Choices) -> t
     """
     drawn = cache(partial(draw_from_mesh, mesh))
 
-    def sample(rings: int, count: int, view: View) -> NeighbourhoodSample:
-        return viewed_sample(mesh, adjacency, drawn(count), rings, view)
+    def sample(rings: int, count: int, view: SampleMode) -> NeighbourhoodSample:
+        return sample_by_mode(mesh, adjacency, drawn(count), rings, view)
 
     return learn_from_samples(sample, len(mesh.vertices), choices)
 
 
-def viewed_sample(mesh: KernelMesh, adjacency: Adjacency, ids: IntArray, rings: int, view: View) -> NeighbourhoodSample:
+def sample_by_mode(
+    mesh: KernelMesh, adjacency: Adjacency, ids: IntArray, rings: int, view: SampleMode
+) -> NeighbourhoodSample:
     """The neighbourhoods of vertices `ids`, looked at in some way."""
-    most_turned = MOST_TURNED
+    most_turned = MAX_FLIPPED_FRACTION
     if view == "steady":
         mesh = with_steady_normals(mesh)
     if view == "tolerant":
-        mesh, most_turned = with_edges_without_tips(mesh, adjacency), MAY_TURN
+        mesh, most_turned = with_edges_without_tips(mesh, adjacency), MAX_FLIPPED_FRACTION_AMONG_OUTLIERS
     return sample_neighbourhoods(mesh, adjacency, ids, rings=rings, most_turned=most_turned)
 
 
 def why_unlearned(mesh: KernelMesh, adjacency: Adjacency) -> str:
     """Why `learn_surface` learns nothing of a mesh."""
-    return reason_unlearned(viewed_sample(mesh, adjacency, draw_from_mesh(mesh, SAMPLES[NEAR]), NEAR, "plain"))
+    return reason_unlearned(
+        sample_by_mode(mesh, adjacency, draw_from_mesh(mesh, SAMPLES[NORMAL_CHECK_RINGS]), NORMAL_CHECK_RINGS, "plain")
+    )
 
 
 def learn_from_samples(sampler: Sampler, vertex_count: int, choices: Choices) -> tuple[list[RingAnalysis], Leaf | None]:
@@ -98,7 +102,7 @@ def learn_from_samples(sampler: Sampler, vertex_count: int, choices: Choices) ->
             sample = steady if heavy else sample
         most: dict[int, int] = {}
         for k in stage:
-            promising = promising and sample.usable[:, k].sum() >= USABLE_SHARE * sample.clear[:, k].sum()
+            promising = promising and sample.usable[:, k].sum() >= MIN_USABLE_SHARE * sample.clear[:, k].sum()
             if promising or k == choices.rings or not (analyses or most):
                 most[k] = SAMPLES.get(k, SAMPLES[10])
         found = analyse_rings(sample, most, vertex_count=vertex_count)
@@ -106,14 +110,14 @@ def learn_from_samples(sampler: Sampler, vertex_count: int, choices: Choices) ->
             continue
         analyses += found
         if stage is stages[0]:
-            correlated, outliers = learn_noise(analyses), _outliers(sample, sampler, count)
+            correlated, outliers = learn_noise_covariance(analyses), _outliers(sample, sampler, count)
         # by itself first: what wider rings say of narrower ones does not matter for how far to go on
-        alone = leaf_of(found, any_rings, correlated or white_noise(analyses), heavy=heavy, outliers=outliers)
+        alone = leaf_of(found, any_rings, correlated or estimate_white_noise(analyses), heavy=heavy, outliers=outliers)
         if alone is not None:
             leaf = alone
             known += leaf.surface.by_rings
             errors += [plan.error for plan in leaf.plans]
-            promising = promising and errors[-1] <= HOPELESS * min(errors)
+            promising = promising and errors[-1] <= MAX_ERROR_GROWTH * min(errors)
         if choices.only_noise and correlated is not None:
             break
     if choices.only_noise:
@@ -125,8 +129,8 @@ def learn_from_samples(sampler: Sampler, vertex_count: int, choices: Choices) ->
 
 def _outliers(sample: NeighbourhoodSample, sampler: Sampler, count: int) -> float:
     """The `outlier_share`; of neighbourhoods that are not usable, too, if these are many: outliers may be why."""
-    if (~sample.usable[:, RINGS]).mean() > MANY_UNUSABLE:
-        sample = sampler(RINGS, count, "tolerant")
+    if (~sample.usable[:, OUTLIER_RINGS]).mean() > MANY_UNUSABLE_FRACTION:
+        sample = sampler(OUTLIER_RINGS, count, "tolerant")
     return outlier_share(sample)
 
 
@@ -134,7 +138,9 @@ def _turns_normals(sample: NeighbourhoodSample) -> bool:
     """Whether many normals turn away from those around them, and not only at few places, as at thin parts."""
     if not len(sample.turned):
         return False
-    return bool(sample.turned.mean() > MANY_TURNED and (sample.turned > 0.0).mean() > OFTEN_TURNED)
+    return bool(
+        sample.turned.mean() > FLIPPED_NORMAL_FRACTION and (sample.turned > 0.0).mean() > FLIPPED_PLACE_FRACTION
+    )
 
 
 def _is_rough(sample: NeighbourhoodSample) -> bool:
@@ -142,4 +148,4 @@ def _is_rough(sample: NeighbourhoodSample) -> bool:
     seen = sample.usable[:, 1:].any(axis=1)
     is_near = np.arange(sample.points.shape[1]) < sample.sizes[:, 1:2]
     x, y, z = np.moveaxis(np.square(sample.points).sum(axis=1, where=is_near[..., np.newaxis])[seen], 1, 0)
-    return bool(seen.any() and np.median(z / np.maximum(x + y, np.finfo(np.float64).tiny)) > ROUGH**2)
+    return bool(seen.any() and np.median(z / np.maximum(x + y, np.finfo(np.float64).tiny)) > ROUGH_SLOPE**2)

@@ -12,17 +12,17 @@ from typing import Generic, TypeAlias, TypeVar
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
-from bezier_filters.learning.noise_model import NoiseModel, known_noise
+from bezier_filters.learning.noise_model import NoiseModel, rescale_noise
 from bezier_filters.learning.plans import (
     THIRD_ORDER,
     Choices,
     FitPlan,
     all_plans,
     best_plan,
-    first_valley,
     plan_for,
     plans_around,
-    steady_plan,
+    plans_to_first_local_minimum,
+    prefer_cubic,
 )
 from bezier_filters.learning.ring_analysis import FREE_DEGREE, RingAnalysis
 from bezier_filters.learning.surface_model import RingModel, SurfaceModel, learn_model
@@ -32,11 +32,11 @@ Kind = TypeVar("Kind")
 Other = TypeVar("Other")
 Features = Callable[[IntArray], FloatArray]  # gives the features (k, F) of vertices (k,)
 
-QUANTILES = (0.15, 0.3, 0.5, 0.7, 0.85)  # where a sample is tried to be split
-FEWEST_ON_A_SIDE = 40  # neighbourhoods of the sample that a model of its own needs
-WORTHWHILE = 0.1  # mean logarithm of the predicted error that a split must save,
-WORTHWHILE_IF_CORRELATED = 0.35  # and under correlated noise, which is less surely told from the shape of a part
-DEEPEST = 3  # splits above each leaf
+SPLIT_QUANTILES = (0.15, 0.3, 0.5, 0.7, 0.85)  # where a sample is tried to be split
+MIN_SPLIT_SAMPLES = 40  # neighbourhoods of the sample that a model of its own needs
+MIN_SPLIT_GAIN = 0.1  # mean logarithm of the predicted error that a split must save,
+MIN_CORRELATED_SPLIT_GAIN = 0.35  # and under correlated noise, which is less surely told from the shape of a part
+MAX_TREE_DEPTH = 3  # splits above each leaf
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def leaf_of(
     if not any(analysis.degree > FREE_DEGREE for analysis in analyses):
         return None
     if choices.noise is not None:
-        correlated = known_noise(correlated, choices.noise)
+        correlated = rescale_noise(correlated, choices.noise)
     with _overflows():
         surface = learn_model(analyses, correlated, known=known)
         surface = replace(surface, noise=replace(surface.noise, heavy=heavy, outliers=outliers))
@@ -95,8 +95,8 @@ def best_leaf(surface: SurfaceModel, plans: Sequence[FitPlan], choices: Choices)
     allowed = choices.among(sound)
     if not allowed or not np.isfinite(surface.sigma):
         return None
-    best = best_plan(first_valley(allowed) if surface.noise.sills else allowed)
-    return Leaf(surface, sound, steady_plan(surface, best) if THIRD_ORDER in choices.degrees else best)
+    best = best_plan(plans_to_first_local_minimum(allowed) if surface.noise.sills else allowed)
+    return Leaf(surface, sound, prefer_cubic(surface, best) if THIRD_ORDER in choices.degrees else best)
 
 
 def part_of(root: Leaf, analyses: Sequence[RingAnalysis], choices: Choices) -> Leaf | None:
@@ -115,7 +115,7 @@ def part_of(root: Leaf, analyses: Sequence[RingAnalysis], choices: Choices) -> L
 
 
 def grow(
-    root: Leaf, analyses: Sequence[RingAnalysis], features: Features, choices: Choices, depth: int = DEEPEST
+    root: Leaf, analyses: Sequence[RingAnalysis], features: Features, choices: Choices, depth: int = MAX_TREE_DEPTH
 ) -> Tree[Leaf]:
     """Split a leaf, the model of some neighbourhoods, as long as that is worthwhile, `depth` times at most.
 
@@ -134,16 +134,16 @@ def grow(
     leaves_ = [leaf for leaf in parts if leaf is not None]
     if len(leaves_) < len(parts):
         return root
-    gains = [saved(root.chosen, leaf) for leaf in leaves_]
+    gains = [log_error_reduction(root.chosen, leaf) for leaf in leaves_]
     sizes = [max(len(part.centers) for part in side) for side in sides]
-    worthwhile = WORTHWHILE_IF_CORRELATED if root.surface.noise.sills else WORTHWHILE
+    worthwhile = MIN_CORRELATED_SPLIT_GAIN if root.surface.noise.sills else MIN_SPLIT_GAIN
     if sum(s * n for s, n in zip(gains, sizes, strict=True)) <= worthwhile * sum(sizes):
         return root
     low, high = (grow(leaf, side, features, choices, depth - 1) for leaf, side in zip(leaves_, sides, strict=True))
     return Split(feature, threshold, low, high)
 
 
-def saved(plan: FitPlan, leaf: Leaf) -> float:
+def log_error_reduction(plan: FitPlan, leaf: Leaf) -> float:
     """Logarithm of what a leaf's own plan takes off the predicted error of another; -inf if it has no such ring."""
     before = plan_for(plan, leaf.surface)
     smallest = np.finfo(np.float64).tiny  # on exact planes there is no error at all
@@ -157,11 +157,11 @@ def leaves(tree: Tree[Kind]) -> list[Kind]:
     return leaves(tree.low) + leaves(tree.high) if isinstance(tree, Split) else [tree]
 
 
-def at_leaves(tree: Tree[Kind], function: Callable[[Kind], Other]) -> Tree[Other]:
+def map_leaves(tree: Tree[Kind], function: Callable[[Kind], Other]) -> Tree[Other]:
     """The same tree with something else at every leaf."""
     if not isinstance(tree, Split):
         return function(tree)
-    low, high = at_leaves(tree.low, function), at_leaves(tree.high, function)
+    low, high = map_leaves(tree.low, function), map_leaves(tree.high, function)
     return Split(tree.feature, tree.threshold, low, high)
 
 
@@ -180,9 +180,9 @@ def _candidates(root: Leaf, analyses: Sequence[RingAnalysis], features: Features
     of_rows = features(analysis.centers)
     everywhere = np.ones(len(of_rows), dtype=np.bool_)
     for feature in range(of_rows.shape[1]):
-        for threshold in np.unique(np.quantile(of_rows[:, feature], QUANTILES)):
+        for threshold in np.unique(np.quantile(of_rows[:, feature], SPLIT_QUANTILES)):
             low = of_rows[:, feature] <= threshold
-            if min(low.sum(), (~low).sum()) < FEWEST_ON_A_SIDE:
+            if min(low.sum(), (~low).sum()) < MIN_SPLIT_SAMPLES:
                 continue
             gain = _log_likelihood(analysis, low) + _log_likelihood(analysis, ~low)
             gain -= _log_likelihood(analysis, everywhere)

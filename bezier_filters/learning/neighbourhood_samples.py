@@ -14,9 +14,9 @@ from bezier_filters.meshes.neighbourhoods import forget, next_ring
 from bezier_filters.runtime.jit import inner_jit, jit, variable
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
-CHUNK = 32  # neighbourhoods per chunk
-NEAR = 2  # rings in which it is counted how many normals turn away
-MOST_POINTS = 450  # of a neighbourhood that is looked at
+SAMPLE_CHUNK = 32  # neighbourhoods per chunk
+NORMAL_CHECK_RINGS = 2  # rings in which it is counted how many normals turn away
+MAX_NEIGHBOURHOOD_POINTS = 450  # of a neighbourhood that is looked at
 
 
 class NeighbourhoodSample(NamedTuple):
@@ -46,12 +46,13 @@ def sample_neighbourhoods(
 ) -> NeighbourhoodSample:
     """Project the neighbourhoods of some vertices, out to a widest ring, onto their tangent planes.
 
-    Rings with a larger share of turned vertices than `most_turned`, or with more than `MOST_POINTS`, are not usable.
+    Rings with a larger share of turned vertices than `max_flipped_fraction`, or with more points than
+    `MAX_NEIGHBOURHOOD_POINTS`, are not usable.
     """
     by_ring = len(ids), rings + 1
     sample = NeighbourhoodSample(
         ids,
-        np.zeros((len(ids), MOST_POINTS, 3)),
+        np.zeros((len(ids), MAX_NEIGHBOURHOOD_POINTS, 3)),
         np.zeros(by_ring, dtype=np.int32),
         np.zeros(by_ring, dtype=np.bool_),
         np.zeros(by_ring, dtype=np.bool_),
@@ -65,7 +66,7 @@ def sample_neighbourhoods(
             mesh, adjacency.on_boundary, most_turned, members, visited, sample, start, stop
         )
 
-    run_in_chunks(make_task, len(ids), chunk=CHUNK)
+    run_in_chunks(make_task, len(ids), chunk=SAMPLE_CHUNK)
     return sample
 
 
@@ -75,32 +76,32 @@ def draw_from_mesh(mesh: KernelMesh, count: int) -> IntArray:
     def has_normal(ids: IntArray) -> BoolArray:
         return np.asarray(mesh.normals[ids].any(axis=1))
 
-    def with_normals() -> Population:
+    def find_with_normals() -> Population:
         candidates = vertex_of_row[has_normal(vertex_of_row)]
         return Population(len(candidates), candidates.__getitem__)
 
     vertex_of_row = np.empty_like(mesh.origin)
     vertex_of_row[mesh.origin] = np.arange(len(mesh.origin), dtype=np.int32)
     every = Population(len(vertex_of_row), vertex_of_row.__getitem__)
-    return draw_vertices(every, has_normal, with_normals, count)
+    return draw_vertices(every, has_normal, find_with_normals, count)
 
 
 def draw_vertices(
     every: Population,
     has_normal: Callable[[IntArray], BoolArray],
-    with_normals: Callable[[], Population],
+    find_with_normals: Callable[[], Population],
     count: int,
 ) -> IntArray:
     """Up to `count` of all vertices that have a normal, in random order.
 
     One is drawn from each of as many stretches of the user's mesh, so that hardly a region is missed and
-    turning the mesh does not matter. `with_normals` finds those that have a normal, and is called only if one
+    turning the mesh does not matter. `find_with_normals` finds those that have a normal, and is called only if one
     without was drawn from all.
     """
     generator = np.random.default_rng(0)
     ids = every.members(_one_per_stretch(every.size, count, generator))
     if not has_normal(ids).all():
-        candidates = with_normals()
+        candidates = find_with_normals()
         ids = candidates.members(_one_per_stretch(candidates.size, count, generator))
     return generator.permutation(ids)
 
@@ -142,7 +143,7 @@ def _project_sample(
             nx, ny, nz = mean_normal(mesh.normals, members, count)
             if nx == 0.0 and ny == 0.0 and nz == 0.0:
                 continue
-            if k == NEAR:
+            if k == NORMAL_CHECK_RINGS:
                 sample.turned[row] = turned_share(mesh.normals, members, count, nx, ny, nz)
             if turned_share(mesh.normals, members, inner, nx, ny, nz) > most_turned:
                 continue

@@ -14,11 +14,12 @@ from bezier_filters.learning.ring_analysis import RingAnalysis
 from bezier_filters.patches.harmonics import harmonic_basis
 from bezier_filters.runtime.cached_property import cached_property
 
-STEEP = 1.02  # mean of 1 / cos^2 of the slopes, below which white noise along the normal counts as that of the heights
+# mean of 1 / cos^2 of the slopes, below which white noise along the normal counts as that of the heights
+STEEP_MEAN_SQUARE = 1.02
 # times the standard deviation of correlated noise that was learned: most that it is mistaken by. If it is known to be
 # stronger, the rest has so many times the length of what was learned
-MISTAKEN, UNSEEN = 2.5, 4.0
-FEWEST_RINGS_FOR_SLOPES = 3  # narrower ones have too few points to tell slopes from noise, and count as flat
+MAX_UNDERESTIMATION, HIDDEN_RANGE_FACTOR = 2.5, 4.0
+MIN_SLOPE_RINGS = 3  # narrower ones have too few points to tell slopes from noise, and count as flat
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ class NoiseModel:
         array([[[3.   , 0.736],
                 [0.736, 3.   ]]])
         """
-        squares = squared_distances(points)
+        squares = pairwise_squared_distances(points)
         result = np.zeros(squares.shape)
         for sill, length in zip(self.sills, self.lengths, strict=True):  # in place: new arrays take longer than sums
             correlations = -0.5 / length**2 * squares
@@ -76,28 +77,30 @@ class NoiseModel:
         return result
 
 
-def known_noise(learned: NoiseModel | None, sigma: float) -> NoiseModel:
+def rescale_noise(learned: NoiseModel | None, sigma: float) -> NoiseModel:
     """Noise of a given standard deviation: how alike neighbouring vertices are is learned all the same.
 
     If it is correlated, and much more than could be learned, the rest has not been seen, so it is as long as shape.
 
-    >>> known_noise(NoiseModel(1.0, (3.0,), (0.5,)), 1.0)
+    >>> rescale_noise(NoiseModel(1.0, (3.0,), (0.5,)), 1.0)
     NoiseModel(white=0.25, sills=(0.75,), lengths=(0.5,), heavy=False, outliers=0.0, given=True)
-    >>> known_noise(NoiseModel(1.0, (3.0,), (0.5,)), 10.0)
+    >>> rescale_noise(NoiseModel(1.0, (3.0,), (0.5,)), 10.0)
     NoiseModel(white=6.25, sills=(18.75, 75.0), lengths=(0.5, 2.0), heavy=False, outliers=0.0, given=True)
     """
     known = replace(learned or NoiseModel(0.0), given=True)
     if not known.sills or sigma == 0.0:
         return replace(known, white=sigma**2, sills=(), lengths=())
-    seen = min(sigma, MISTAKEN * known.sigma)
+    seen = min(sigma, MAX_UNDERESTIMATION * known.sigma)
     known = known.times(seen**2 / known.variance)
     if seen == sigma:
         return known
     rest = sigma**2 - seen**2
-    return replace(known, sills=(*known.sills, rest), lengths=(*known.lengths, UNSEEN * max(known.lengths)))
+    return replace(
+        known, sills=(*known.sills, rest), lengths=(*known.lengths, HIDDEN_RANGE_FACTOR * max(known.lengths))
+    )
 
 
-def squared_distances(points: FloatArray) -> FloatArray:
+def pairwise_squared_distances(points: FloatArray) -> FloatArray:
     """Between all points of every neighbourhood, (T, n, d) to (T, n, n).
 
     |a - b|^2 = -2 a b + |a|^2 + |b|^2 is one product of longer vectors, which needs no other arrays of this size.
@@ -173,7 +176,7 @@ class RingNoise:
 
 def _is_flat(analysis: RingAnalysis) -> bool:
     """Whether slopes do not matter to white noise along the normal."""
-    return analysis.rings < FEWEST_RINGS_FOR_SLOPES or analysis.steep < STEEP
+    return analysis.rings < MIN_SLOPE_RINGS or analysis.steep < STEEP_MEAN_SQUARE
 
 
 def ring_noise(noise: NoiseModel, analysis: RingAnalysis) -> RingNoise:
@@ -194,12 +197,12 @@ def ring_noise(noise: NoiseModel, analysis: RingAnalysis) -> RingNoise:
         noise,
         analysis,
         parts,
-        _of_residuals(analysis.degree, points, noise.variance * analysis.steep, parts),
-        _of_coefficients(analysis, of_pairs, noise.white),
+        _residual_variances(analysis.degree, points, noise.variance * analysis.steep, parts),
+        _coefficient_variances(analysis, of_pairs, noise.white),
     )
 
 
-def _of_residuals(highest: int, points: float, variance: float, parts: FloatArray) -> FloatArray:
+def _residual_variances(highest: int, points: float, variance: float, parts: FloatArray) -> FloatArray:
     """Trace of the covariance less what the parts of each degree take of it, per degree of freedom, (J + 1,)."""
     counts = np.array([harmonic_basis().up_to(degree) for degree in range(highest + 1)])
     taken = np.array([parts[:count].sum() for count in counts])
@@ -207,7 +210,7 @@ def _of_residuals(highest: int, points: float, variance: float, parts: FloatArra
     return result
 
 
-def _of_coefficients(analysis: RingAnalysis, of_pairs: FloatArray, white: float) -> FloatArray:
+def _coefficient_variances(analysis: RingAnalysis, of_pairs: FloatArray, white: float) -> FloatArray:
     """See `RingNoise.coefficients`; as white noise, for terms that no points see.
 
     `of_pairs` (k, m, m) are the covariances of the orthonormal terms.

@@ -7,26 +7,28 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample
-from bezier_filters.learning.ring_analysis import FEWEST_SAMPLES, term_values
+from bezier_filters.learning.ring_analysis import MIN_SAMPLES, term_values
 
-RINGS, DEGREE = 3, 3  # of the fit whose residuals are looked at: as narrow as there are enough points
-INNER_RINGS = 2  # where they are looked at: the outermost points pull the fit towards them
-PLACES = 150  # neighbourhoods that are looked at
-FAR, NEAR = 5.0, 2.0  # standard deviations from which on a residual is large, and up to which those around it are not
-MEDIAN = 0.6745  # of the absolute value of a standard normal variable
-NEAREST = 5  # points around one
+OUTLIER_RINGS, OUTLIER_DEGREE = 3, 3  # of the fit whose residuals are looked at: as narrow as there are enough points
+OUTLIER_INNER_RINGS = 2  # where they are looked at: the outermost points pull the fit towards them
+OUTLIER_PLACES = 150  # neighbourhoods that are looked at
+# standard deviations from which on a residual is large, and up to which those around it are not
+OUTLIER_DEVIATIONS, INLIER_DEVIATIONS = 5.0, 2.0
+NORMAL_MEDIAN_DEVIATION = 0.6745  # of the absolute value of a standard normal variable
+NEAREST_POINTS = 5  # points around one
 # shares of the vertices that are outliers, and of the places that have one: up to either, chance or borders of noise,
 # which are as few places, may be why
-FEW, RARE = 0.006, 0.09
+MIN_OUTLIER_SHARE, MIN_OUTLIER_PLACE_SHARE = 0.006, 0.09
 # standard deviations, and share of white noise beyond them: as the few residuals of a place tell them, 0.012 more
-TAIL, OF_NORMAL = 2.0, 0.0575
+TAIL_DEVIATIONS, NORMAL_TAIL_SHARE = 2.0, 0.0575
 # share of what there is beyond that which must be outliers: else the noise is heavy everywhere, not outliers in it
-MOST_OF = 0.45
-LEAST_FREEDOM = 0.05  # share of a point that a fit leaves free, at the least
-REWEIGHTED, REACH = 4, 6.0  # times that points are weighed anew; standard deviations from which on they weigh nothing
-SUSPICIOUS = 3.0  # standard deviations of a residual from which on there may be outliers around it
-LEAST_NOISE = 3e-4  # times the radius of a neighbourhood: what is off by less than 0.005 edges hardly matters
-RIDGE, TINY = 1e-12, 1e-300  # what keeps matrices and ratios finite
+MIN_TAIL_FRACTION = 0.45
+MIN_POINT_FREEDOM = 0.05  # share of a point that a fit leaves free, at the least
+# times that points are weighed anew; standard deviations from which on they weigh nothing
+BIWEIGHT_ROUNDS, BIWEIGHT_DEVIATIONS = 4, 6.0
+SUSPICIOUS_DEVIATIONS = 3.0  # standard deviations of a residual from which on there may be outliers around it
+MIN_SIGMA_RADII = 3e-4  # times the radius of a neighbourhood: what is off by less than 0.005 edges hardly matters
+BIWEIGHT_RIDGE, TINY_SIGMA = 1e-12, 1e-300  # what keeps matrices and ratios finite
 
 
 @np.errstate(all="ignore")
@@ -38,19 +40,21 @@ def outlier_share(sample: NeighbourhoodSample) -> float:
     >>> outlier_share(NeighbourhoodSample(none[:, 0], np.zeros((0, 9, 3)), none, none > 0, none > 0, np.zeros(0)))
     0.0
     """
-    rows = np.flatnonzero(sample.usable[:, RINGS])[:PLACES]
-    if len(rows) < FEWEST_SAMPLES:
+    rows = np.flatnonzero(sample.usable[:, OUTLIER_RINGS])[:OUTLIER_PLACES]
+    if len(rows) < MIN_SAMPLES:
         return 0.0
-    sizes = sample.sizes[rows, RINGS]
+    sizes = sample.sizes[rows, OUTLIER_RINGS]
     points = sample.points[rows, : sizes.max()]
     present = np.arange(points.shape[1]) < sizes[:, np.newaxis]
     relative = _relative_residuals(points, present)
-    inner = np.arange(points.shape[1]) < sample.sizes[rows, INNER_RINGS, np.newaxis]
-    outliers = inner & (relative > FAR)
-    outliers[outliers] = _medians_around(outliers, points, present, relative) < NEAR
+    inner = np.arange(points.shape[1]) < sample.sizes[rows, OUTLIER_INNER_RINGS, np.newaxis]
+    outliers = inner & (relative > OUTLIER_DEVIATIONS)
+    outliers[outliers] = _medians_around(outliers, points, present, relative) < INLIER_DEVIATIONS
     share, places = float(outliers.sum() / inner.sum()), float(outliers.any(axis=1).mean())
-    tail = float((inner & (relative > TAIL)).sum() / inner.sum()) - OF_NORMAL
-    return share if share > max(FEW, MOST_OF * tail) and places > RARE else 0.0
+    tail = float((inner & (relative > TAIL_DEVIATIONS)).sum() / inner.sum()) - NORMAL_TAIL_SHARE
+    return (
+        share if share > max(MIN_OUTLIER_SHARE, MIN_TAIL_FRACTION * tail) and places > MIN_OUTLIER_PLACE_SHARE else 0.0
+    )
 
 
 def _relative_residuals(points: FloatArray, present: BoolArray) -> FloatArray:
@@ -60,15 +64,15 @@ def _relative_residuals(points: FloatArray, present: BoolArray) -> FloatArray:
     would bend towards outliers, and hide them, otherwise.
     """
     radius = np.sqrt(np.square(points[..., :2]).sum(axis=2).max(axis=1, keepdims=True))
-    design = term_values(points[..., 0] / radius, points[..., 1] / radius, DEGREE)
+    design = term_values(points[..., 0] / radius, points[..., 1] / radius, OUTLIER_DEGREE)
     heights, weights = points[..., 2:], present.astype(np.float64)
     result, rows = np.zeros(present.shape), np.arange(len(points))
-    for k in range(REWEIGHTED + 1):
-        found = design[rows], heights[rows], weights[rows], present[rows], LEAST_NOISE * radius[rows]
+    for k in range(BIWEIGHT_ROUNDS + 1):
+        found = design[rows], heights[rows], weights[rows], present[rows], MIN_SIGMA_RADII * radius[rows]
         result[rows] = residuals = _residuals(*found)
         if k > 0:  # outliers may hide from the first fit
-            rows = rows[(residuals > SUSPICIOUS).any(axis=1)]
-        weights[rows] = present[rows] * np.square(np.maximum(1.0 - np.square(result[rows] / REACH), 0.0))
+            rows = rows[(residuals > SUSPICIOUS_DEVIATIONS).any(axis=1)]
+        weights[rows] = present[rows] * np.square(np.maximum(1.0 - np.square(result[rows] / BIWEIGHT_DEVIATIONS), 0.0))
     return result
 
 
@@ -81,11 +85,11 @@ def _residuals(
     """
     weighted = weights[..., np.newaxis] * design
     transposed = weighted.transpose(0, 2, 1)
-    inverse = np.linalg.inv(transposed @ design + RIDGE * np.eye(design.shape[2]))
+    inverse = np.linalg.inv(transposed @ design + BIWEIGHT_RIDGE * np.eye(design.shape[2]))
     left = np.abs(heights - design @ (inverse @ (transposed @ heights)))[..., 0]
     free = 1.0 - np.einsum("kni,kni->kn", weighted @ inverse, design)
-    residuals = present * left / np.sqrt(np.maximum(free, LEAST_FREEDOM))
-    result: FloatArray = residuals / np.maximum(_scales(residuals, present), np.maximum(least, TINY))
+    residuals = present * left / np.sqrt(np.maximum(free, MIN_POINT_FREEDOM))
+    result: FloatArray = residuals / np.maximum(_scales(residuals, present), np.maximum(least, TINY_SIGMA))
     return result
 
 
@@ -94,7 +98,7 @@ def _scales(residuals: FloatArray, present: BoolArray) -> FloatArray:
     ascending = np.sort(np.where(present, residuals, np.inf), axis=1)
     counts = present.sum(axis=1, keepdims=True)
     low, high = (np.take_along_axis(ascending, (counts - k) // 2, axis=1) for k in (1, 0))
-    result: FloatArray = 0.5 * (low + high) / MEDIAN
+    result: FloatArray = 0.5 * (low + high) / NORMAL_MEDIAN_DEVIATION
     return result
 
 
@@ -104,6 +108,6 @@ def _medians_around(chosen: BoolArray, points: FloatArray, present: BoolArray, v
     apart = np.square(points[rows, :, :2] - points[rows, places, np.newaxis, :2]).sum(axis=2)
     apart[~present[rows]] = np.inf
     apart[np.arange(len(rows)), places] = np.inf
-    nearest = np.argpartition(apart, NEAREST, axis=1)[:, :NEAREST]
+    nearest = np.argpartition(apart, NEAREST_POINTS, axis=1)[:, :NEAREST_POINTS]
     result: FloatArray = np.median(np.take_along_axis(values[rows], nearest, axis=1), axis=1)
     return result

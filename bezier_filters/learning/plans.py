@@ -23,26 +23,29 @@ THIRD_ORDER = 3
 # the prior takes what a degree leaves out for noise; on regular meshes it cancels out, and less is better
 WEAKER_PRIORS = (0.03, 0.001)
 # times what the points say of a term: leaves nothing of it, and the normal equations well conditioned
-STRONGEST_PRIOR = 1e5
-LEAST_WEIGHT_RADIUS = 0.3  # of the radius of the neighbourhood, lest a fit have too few points
+MAX_PRIOR = 1e5
+MIN_WEIGHT_RADIUS = 0.3  # of the radius of the neighbourhood, lest a fit have too few points
 # power of the time that the predicted error is multiplied by: twice the time must take a fifth off the error
-THRIFT = 0.35
-PROMISED = 1.03  # per degree, by which the predicted error is multiplied: what is known of higher terms is less certain
+COST_EXPONENT = 0.35
+# per degree, by which the predicted error is multiplied: what is known of higher terms is less certain
+DEGREE_PENALTY = 1.03
 # time, in the same units (about nanoseconds), of finding the plans: on small meshes that of the fit hardly matters;
 # of a vertex, and of each of its points beside their moments
-LEARNING, PER_VERTEX, PER_POINT = 1e8, 700.0, 85.0
+LEARNING_TIME, VERTEX_TIME, POINT_TIME = 1e8, 700.0, 85.0
 # correlated noise counts as so many times its variance in standard errors: long waves of it are taken for shape
-LONG_WAVES = 1.2
+LONG_WAVE_INFLATION = 1.2
 # once a lower degree, or another ring, has raised the predicted error by this factor, none beyond it is tried
-MUCH_WORSE = 1.3
+MAX_ERROR_RATIO = 1.3
 # narrower rings hold few points more than a fit of the fourth degree has coefficients: it follows correlated noise, and
 # a small change of the data decides for or against it
-WIDE_ENOUGH = 3
-RISE, FAR_LOWER = 1.05, 1.5  # factors of predicted errors between which a valley of theirs ends, and is not good enough
+MIN_QUARTIC_FIT_RINGS = 3
+# factors of predicted errors between which a valley of theirs ends, and is not good enough
+MIN_ERROR_RISE, MIN_ERROR_DROP = 1.05, 1.5
 # distance weights are looked at up to here: where narrow rings are best because the surface varies fast
 WEIGHTED_RINGS = 4
-RIDGE = 1e-14  # of the largest entry of the normal equations: makes singular ones solvable, whose errors are then huge
-WANTED = np.arange(1, 6)  # places of the two slopes, x^2 - y^2, 2 x y and x^2 + y^2 among the terms
+# of the largest entry of the normal equations: makes singular ones solvable, whose errors are then huge
+NORMAL_EQUATION_RIDGE = 1e-14
+DERIVATIVE_TERMS = np.arange(1, 6)  # places of the two slopes, x^2 - y^2, 2 x y and x^2 + y^2 among the terms
 Candidate = TypeVar("Candidate")
 
 
@@ -94,7 +97,7 @@ class FitPlan:
     def cost(self) -> float:
         """Time per vertex, up to a factor."""
         return (
-            self.overhead + PER_VERTEX + self.rings**2 * (PER_POINT + (self.degree + 1.0) * (2.0 * self.degree + 1.0))
+            self.overhead + VERTEX_TIME + self.rings**2 * (POINT_TIME + (self.degree + 1.0) * (2.0 * self.degree + 1.0))
         )
 
 
@@ -124,27 +127,29 @@ def fit_equations(ring: RingModel, plan: FitPlan) -> FitEquations:
         noise = ring.noise.through(weighted) + ring.unmodelled * rest
     normal_matrices = products[..., :m].copy()
     diagonal = normal_matrices[:, np.arange(m), np.arange(m)]
-    normal_matrices[:, np.arange(m), np.arange(m)] += plan.term_prior + RIDGE * diagonal.max(axis=1, keepdims=True)
+    normal_matrices[:, np.arange(m), np.arange(m)] += plan.term_prior + NORMAL_EQUATION_RIDGE * diagonal.max(
+        axis=1, keepdims=True
+    )
     return FitEquations(normal_matrices, products, noise)
 
 
-def squared_errors(equations: FitEquations, variances: FloatArray) -> tuple[float, float]:
+def mean_squared_errors(equations: FitEquations, variances: FloatArray) -> tuple[float, float]:
     """Mean squared errors of the slopes and of the second-degree coefficients, in units of the radius, length^2.
 
     `variances` are those of the terms, (M,), length^2.
     """
-    wanted = np.eye(equations.normal_matrices.shape[1])[:, WANTED]  # the matrices are symmetric
+    wanted = np.eye(equations.normal_matrices.shape[1])[:, DERIVATIVE_TERMS]  # the matrices are symmetric
     inverse_rows = np.linalg.solve(equations.normal_matrices, wanted).transpose(0, 2, 1)
     transfer = inverse_rows @ equations.products
-    transfer[:, np.arange(len(WANTED)), WANTED] -= 1.0
+    transfer[:, np.arange(len(DERIVATIVE_TERMS)), DERIVATIVE_TERMS] -= 1.0
     passed = ((inverse_rows @ equations.noise) * inverse_rows).sum(axis=2)
     mean = (passed + np.square(transfer) @ variances).mean(axis=0)
     return float(mean[:2].sum()), float(mean[2:].sum())
 
 
-def claimed_variances(equations: FitEquations) -> tuple[float, float]:
+def posterior_variances(equations: FitEquations) -> tuple[float, float]:
     """What the covariance matrices say of the same errors for heights of unit noise."""
-    covariance = np.linalg.inv(equations.normal_matrices)[:, WANTED, WANTED].mean(axis=0)
+    covariance = np.linalg.inv(equations.normal_matrices)[:, DERIVATIVE_TERMS, DERIVATIVE_TERMS].mean(axis=0)
     return float(covariance[:2].sum()), float(covariance[2:].sum())
 
 
@@ -186,7 +191,7 @@ def _ring_plan(surface: SurfaceModel, ring: RingModel, degrees: Sequence[int]) -
     if not np.isfinite(ring.variances).all():
         return None
     plans = ring_plans(surface, ring, degrees)
-    return _calibrated(ring, best_plan(plans)) if plans else None
+    return _calibrate_noise(ring, best_plan(plans)) if plans else None
 
 
 def ring_plans(surface: SurfaceModel, ring: RingModel, degrees: Sequence[int] = CANDIDATE_DEGREES) -> list[FitPlan]:
@@ -201,7 +206,7 @@ def ring_plans(surface: SurfaceModel, ring: RingModel, degrees: Sequence[int] = 
     from_the_highest = sorted(degrees, reverse=True)
     plans: list[FitPlan] = []
     if ring.analysis.rings <= WEIGHTED_RINGS:
-        _add_until_much_worse(plans, from_the_highest, lambda degree: _weighted_plan(surface, ring, degree))
+        _add_until_much_worse(plans, from_the_highest, lambda degree: _plan_with_weights(surface, ring, degree))
     _add_until_much_worse(plans, from_the_highest, lambda degree: _plan(ring, degree))
     if plans:
         best = best_plan(plans)
@@ -218,41 +223,43 @@ def _add_until_much_worse(
         plan = plan_of(candidate)
         if plan is not None:
             plans.append(plan)
-            if plan.error > MUCH_WORSE * min(other.error for other in plans):
+            if plan.error > MAX_ERROR_RATIO * min(other.error for other in plans):
                 break
 
 
 def best_plan(plans: Sequence[FitPlan]) -> FitPlan:
     """The plan with the smallest predicted error, as far as that is worth its cost; of third order, if there is one."""
-    return min(_of_third_order(plans), key=lambda plan: plan.error * PROMISED**plan.degree * plan.cost**THRIFT)
+    return min(
+        _third_order_or_all(plans), key=lambda plan: plan.error * DEGREE_PENALTY**plan.degree * plan.cost**COST_EXPONENT
+    )
 
 
-def first_valley(plans: Sequence[FitPlan]) -> Sequence[FitPlan]:
+def plans_to_first_local_minimum(plans: Sequence[FitPlan]) -> Sequence[FitPlan]:
     """Plans of ascending rings up to the first rise of the predicted error, unless it falls far lower beyond.
 
     Where shape ends a neighbourhood the error rises, and in a second valley, of still wider rings, that shape is
     smoothed as if it were correlated noise: if both promise about the same, detail is kept.
     """
-    plans = _of_third_order(plans)
+    plans = _third_order_or_all(plans)
     lowest = min(plan.error for plan in plans)
     least = np.inf
     for k, plan in enumerate(plans):
-        if plan.error > RISE * least and least <= FAR_LOWER * lowest:
+        if plan.error > MIN_ERROR_RISE * least and least <= MIN_ERROR_DROP * lowest:
             return plans[:k]
         least = min(least, plan.error)
     return plans
 
 
-def steady_plan(surface: SurfaceModel, plan: FitPlan) -> FitPlan:
+def prefer_cubic(surface: SurfaceModel, plan: FitPlan) -> FitPlan:
     """The plan, or that of third order on the same narrow ring, if that is nearly as good under correlated noise."""
-    if not surface.noise.sills or plan.rings >= WIDE_ENOUGH or plan.degree <= THIRD_ORDER:
+    if not surface.noise.sills or plan.rings >= MIN_QUARTIC_FIT_RINGS or plan.degree <= THIRD_ORDER:
         return plan
     (ring,) = (ring for ring in surface.by_rings if ring.analysis.rings == plan.rings)
     third = _ring_plan(surface, ring, (THIRD_ORDER,))
-    return plan if third is None or third.error > FAR_LOWER * plan.error else third
+    return plan if third is None or third.error > MIN_ERROR_DROP * plan.error else third
 
 
-def _of_third_order(plans: Sequence[FitPlan]) -> Sequence[FitPlan]:
+def _third_order_or_all(plans: Sequence[FitPlan]) -> Sequence[FitPlan]:
     return [plan for plan in plans if plan.degree >= THIRD_ORDER] or plans
 
 
@@ -260,7 +267,7 @@ def plan_for(plan: FitPlan, surface: SurfaceModel) -> FitPlan | None:
     """The same fit with the errors that another model predicts; None if that has no such ring."""
     for ring in surface.by_rings:
         if ring.analysis.rings == plan.rings:
-            return _calibrated(ring, _predicted(ring, plan))
+            return _calibrate_noise(ring, _predict_errors(ring, plan))
     return None
 
 
@@ -271,7 +278,7 @@ def _plan(ring: RingModel, degree: int, strength: float = 1.0) -> FitPlan:
     return _plan_for_noise(ring, degree, strength * noise)
 
 
-def _weighted_plan(surface: SurfaceModel, ring: RingModel, degree: int) -> FitPlan | None:
+def _plan_with_weights(surface: SurfaceModel, ring: RingModel, degree: int) -> FitPlan | None:
     """The optimal prior and distance weights of one degree over one ring; None if the weights are practically equal."""
     basis, noise = harmonic_basis(), surface.sigma**2
     # What the degree leaves out, from its variance at the radius downwards like its first term.
@@ -279,7 +286,7 @@ def _weighted_plan(surface: SurfaceModel, ring: RingModel, degree: int) -> FitPl
     if left_out <= 0.0:
         return None
     power = 2 * degree + 2
-    near = max(LEAST_WEIGHT_RADIUS, (noise / left_out) ** (1.0 / power))  # where noise = left_out r^power
+    near = max(MIN_WEIGHT_RADIUS, (noise / left_out) ** (1.0 / power))  # where noise = left_out r^power
     if near >= 1.0:
         return None
     return _plan_for_noise(ring, degree, max(noise, left_out * near**power), near * ring.analysis.radius)
@@ -291,12 +298,12 @@ def _plan_for_noise(ring: RingModel, degree: int, noise: float, weight_radius: f
     The fourth degree is expected to be what second derivatives let expect, if that is better.
     """
     points, radius = float(ring.analysis.sizes.mean()), ring.analysis.radius
-    overhead = LEARNING / ring.analysis.vertex_count
+    overhead = LEARNING_TIME / ring.analysis.vertex_count
 
     def plan(quartic: float) -> FitPlan:
         prior = _term_prior(ring, degree, noise, quartic)
         ends = weight_radius, 0.0, 0.0
-        return _predicted(
+        return _predict_errors(
             ring, FitPlan(ring.analysis.rings, degree, points, radius, prior, *ends, overhead=overhead, quartic=quartic)
         )
 
@@ -317,14 +324,16 @@ def _term_prior(ring: RingModel, degree: int, noise: float, quartic: float) -> F
     groups = basis.groups[: min(m, len(likeness))]  # both terms of a frequency alike: no direction is preferred
     of_groups = np.bincount(groups, weights=likeness[: len(groups)]) / np.bincount(groups)
     of_terms[: len(groups)] *= of_groups[groups]
-    least = np.maximum(of_terms / (STRONGEST_PRIOR * np.maximum(said, 1e-300)), 1e-300)
+    least = np.maximum(of_terms / (MAX_PRIOR * np.maximum(said, 1e-300)), 1e-300)
     variances = ring.quartic.variances(ring.variances, quartic)[:m]
     return np.where(basis.degrees[:m] <= FREE_DEGREE, 0.0, of_terms / np.maximum(variances, least))
 
 
-def _predicted(ring: RingModel, plan: FitPlan) -> FitPlan:
+def _predict_errors(ring: RingModel, plan: FitPlan) -> FitPlan:
     """A fit with the errors that a model predicts."""
-    slopes, curvatures = squared_errors(fit_equations(ring, plan), ring.quartic.variances(ring.variances, plan.quartic))
+    slopes, curvatures = mean_squared_errors(
+        fit_equations(ring, plan), ring.quartic.variances(ring.variances, plan.quartic)
+    )
     return replace(
         plan,
         normal_error=_root(slopes) / ring.analysis.radius,
@@ -337,13 +346,13 @@ def _root(squared_error: float) -> float:
     return float(np.sqrt(squared_error)) if squared_error >= 0.0 else np.inf
 
 
-def _calibrated(ring: RingModel, plan: FitPlan) -> FitPlan:
+def _calibrate_noise(ring: RingModel, plan: FitPlan) -> FitPlan:
     """The plan with the noise that makes its standard errors those that are predicted cautiously."""
     equations = fit_equations(ring, plan)
     if ring.noise.model.sills:
-        equations = replace(equations, noise=LONG_WAVES * equations.noise)
+        equations = replace(equations, noise=LONG_WAVE_INFLATION * equations.noise)
     variances = ring.quartic.variances(ring.cautious, plan.quartic, cautious=True)
-    expected, claimed = squared_errors(equations, variances), claimed_variances(equations)
+    expected, claimed = mean_squared_errors(equations, variances), posterior_variances(equations)
     with np.errstate(invalid="ignore", divide="ignore"):
         normal, curvature = (float(np.nan_to_num(np.sqrt(e / c))) for e, c in zip(expected, claimed, strict=True))
     return replace(plan, normal_noise=normal, curvature_noise=curvature)

@@ -17,17 +17,22 @@ import numpy as np
 from bezier_filters.arrays import FloatArray
 from bezier_filters.learning.noise_model import RingNoise
 from bezier_filters.learning.ring_analysis import FREE_DEGREE
-from bezier_filters.learning.variances import CAUTIOUS_RANGE, PRIOR_RANGE, UNSURE, expected_variance
+from bezier_filters.learning.variances import (
+    CORRELATED_NOISE_ERROR,
+    PRIOR_RANGE,
+    UPPER_PRIOR_RANGE,
+    posterior_mean_variance,
+)
 from bezier_filters.patches.harmonics import harmonic_basis
 
 QUARTIC = 4  # the degree
-FEWEST_RINGS = 3  # fewer hold too few points beyond those that fits of this degree need
-DOUBT = 0.5  # beforehand the factor is 1, as on round surfaces, give or take this much
-LEAST = 0.1  # smaller factors explain nothing, and negative ones, of waves, are not believed
-ROUNDS = 3  # second derivatives are found without the fourth degree, which they then determine
+MIN_QUARTIC_MEAN_RINGS = 3  # fewer hold too few points beyond those that fits of this degree need
+FACTOR_DEVIATION = 0.5  # beforehand the factor is 1, as on round surfaces, give or take this much
+MIN_QUARTIC_FACTOR = 0.1  # smaller factors explain nothing, and negative ones, of waves, are not believed
+FACTOR_ROUNDS = 3  # second derivatives are found without the fourth degree, which they then determine
 # Noise along the normals of a bent surface moves those points out of a neighbourhood's disc that it raises there. What
 # stays near the rim looks like minus x' S x x' x / 2 times (noise / radius)^2 times this, give or take as much.
-RIM = 60.0
+RIM_NOISE_FACTOR = 60.0
 
 
 @dataclass(frozen=True)
@@ -65,7 +70,7 @@ def learn_quartic_mean(noise: RingNoise) -> QuarticMean:
     independently of what it does to second derivatives; what it does near the rim is a second regressor.
     """
     analysis, basis = noise.analysis, harmonic_basis()
-    if analysis.degree < QUARTIC or analysis.rings < FEWEST_RINGS:
+    if analysis.degree < QUARTIC or analysis.rings < MIN_QUARTIC_MEAN_RINGS:
         return no_mean()
     free, below, up_to = (basis.up_to(degree) for degree in (FREE_DEGREE - 1, QUARTIC - 1, QUARTIC))
     factors, parts = analysis.factors[analysis.rows, free:up_to, free:up_to], analysis.sums.parts
@@ -77,22 +82,22 @@ def learn_quartic_mean(noise: RingNoise) -> QuarticMean:
     to_seconds = inverse[:, basis.degrees[free:below] == FREE_DEGREE]
     plain = _product(to_seconds, parts[:, free:below])
     leak = to_seconds @ factors[:, :inner, inner:]  # what the fourth degree is taken for
-    found, at_rim = parts[:, below:up_to], RIM * noise.model.variance / analysis.radius**2
-    expected, doubts = np.array([1.0, -at_rim]), np.array([DOUBT, max(at_rim, np.finfo(np.float64).tiny)])
+    found, at_rim = parts[:, below:up_to], RIM_NOISE_FACTOR * noise.model.variance / analysis.radius**2
+    expected, doubts = np.array([1.0, -at_rim]), np.array([FACTOR_DEVIATION, max(at_rim, np.finfo(np.float64).tiny)])
     factor, seconds = 0.0, plain
-    for _ in range(ROUNDS):
+    for _ in range(FACTOR_ROUNDS):
         quartics = round_quartics(seconds, analysis.radius, analysis.reaches)
         there, rim = _product(corner, quartics), _product(corner[..., 2:], seconds)
         factor = _posterior(there, rim, found, expected, doubts, analysis.independent)
         seconds = plain - factor * _product(leak, quartics)
-    if not factor > LEAST:
+    if not factor > MIN_QUARTIC_FACTOR:
         return no_mean()
     groups = basis.groups[below:up_to] - basis.groups[below]
     weights = np.square(np.einsum("kii->ki", corner))
     of_noise, seen = noise.parts[below:up_to], (weights > 0.0).sum(axis=0)
     surplus = np.square(found - factor * there).sum(axis=0) - of_noise * seen
     errors = of_noise * np.sqrt(2.0 * seen / analysis.independent)
-    unsure = UNSURE * (of_noise - noise.model.white) * seen
+    unsure = CORRELATED_NOISE_ERROR * (of_noise - noise.model.white) * seen
     count = np.bincount(groups, weights=weights.sum(axis=0))
     mean_square, value, error, doubt = (
         np.bincount(groups, weights=values) / count
@@ -100,7 +105,7 @@ def learn_quartic_mean(noise: RingNoise) -> QuarticMean:
     )
     arrays = [
         mean_square,
-        *(expected_variance(value, np.hypot(error, doubt), odds) for odds in (PRIOR_RANGE, CAUTIOUS_RANGE)),
+        *(posterior_mean_variance(value, np.hypot(error, doubt), odds) for odds in (PRIOR_RANGE, UPPER_PRIOR_RANGE)),
     ]
     if not np.isfinite(arrays).all():
         return no_mean()

@@ -17,22 +17,22 @@ from bezier_filters.runtime.lanes import LANES
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
 FREE_DEGREE = 2  # height, slope and curvature are what we are after: no prior touches them
-FEWEST_SAMPLES = 12
-FEWEST_POINTS_PER_COEFFICIENT = 1.2
-FIRST = 8  # neighbourhoods by which plans are compared,
-LOOKED_AT = 24  # and over which it is averaged what noise does
-CHUNK = 4 * LANES  # neighbourhoods per chunk
+MIN_SAMPLES = 12
+MIN_POINTS_PER_COEFFICIENT = 1.2
+PLAN_SAMPLE_SIZE = 8  # neighbourhoods by which plans are compared,
+NOISE_SAMPLE_SIZE = 24  # and over which it is averaged what noise does
+ANALYSIS_CHUNK = 4 * LANES  # neighbourhoods per chunk
 # of the largest entry of normal equations, what is added to each: makes those of points on a line solvable
-SINGULAR = 1e-12
+QUADRATIC_RIDGE = 1e-12
 # of the second moment of a neighbourhood along its axis, the least across it: points on a line have none
-NARROWEST = 1e-4
+MIN_MOMENT_RATIO = 1e-4
 _ROW_STARTS = np.cumsum(np.arange(len(harmonic_basis().degrees) + 2)).astype(np.int32)
 
 
 class FittedPoints(NamedTuple):
     """Points of k neighbourhoods on quadratic fits, and the terms over them."""
 
-    points: FloatArray  # (k, n, 3), in units of the radius; narrow neighbourhoods are stretched, see `_stretched`
+    points: FloatArray  # (k, n, 3), in units of the radius; narrow neighbourhoods are stretched, see `_equalize_widths`
     steepness: FloatArray  # (k, n): 1 / cos of the slope, by which noise along the normal moves heights; 0 beyond sizes
     orthonormal: FloatArray  # (k, n, m): combinations Q of the terms; 0 for those that the points do not see
     to_terms: FloatArray  # (k, m, m): upper triangular; Q is the design matrix times this
@@ -65,7 +65,7 @@ class RingAnalysis:
 
     def where(self, kept: BoolArray) -> "RingAnalysis | None":
         """Only the neighbourhoods that are marked, (N,); None if they are too few."""
-        if kept.sum() < FEWEST_SAMPLES:
+        if kept.sum() < MIN_SAMPLES:
             return None
         sums = RingSums(*(array[kept] for array in self.sums))
         of_each = {name: getattr(self, name)[kept] for name in ("centers", "sizes", "reaches", "rows")}
@@ -87,8 +87,8 @@ class RingAnalysis:
 
     @cached_property
     def first(self) -> IntArray:
-        """The first neighbourhoods, up to `FIRST`: T numbers below N."""
-        return np.arange(min(FIRST, len(self.rows)), dtype=np.int32)
+        """The first neighbourhoods, up to `PLAN_SAMPLE_SIZE`: T numbers below N."""
+        return np.arange(min(PLAN_SAMPLE_SIZE, len(self.rows)), dtype=np.int32)
 
     @cached_property
     def first_points(self) -> FloatArray:
@@ -111,7 +111,7 @@ class RingAnalysis:
     def quadratics(self, numbers: IntArray) -> tuple[FloatArray, FloatArray]:
         """Points of k neighbourhoods on quadratic fits, (k, n, 3) in units of the radius, and how steep these are.
 
-        Narrow neighbourhoods are stretched, see `_stretched`.
+        Narrow neighbourhoods are stretched, see `_equalize_widths`.
         The terms are 1, x, y, x^2 - y^2, 2 x y and x^2 + y^2, the first of `designs`, which has far more of them.
         The second result is 1 / cos of the slope, (k, n): heights hold so much of noise along the normal.
         """
@@ -122,17 +122,17 @@ class RingAnalysis:
         heights = self.points[self.rows[numbers], :, 2:] * (present / self.radius)[..., np.newaxis]
         transposed = design.transpose(0, 2, 1)
         inner, places = transposed @ design, np.arange(design.shape[2])
-        inner[:, places, places] += SINGULAR * inner[:, places, places].max(axis=1, keepdims=True)
+        inner[:, places, places] += QUADRATIC_RIDGE * inner[:, places, places].max(axis=1, keepdims=True)
         a = np.linalg.solve(inner, transposed @ heights)
         slope_x = a[:, 1] + 2.0 * ((a[:, 5] + a[:, 3]) * x + a[:, 4] * y)
         slope_y = a[:, 2] + 2.0 * ((a[:, 5] - a[:, 3]) * y + a[:, 4] * x)
-        points = np.concatenate([_stretched(parameters), design @ a], axis=2)
+        points = np.concatenate([_equalize_widths(parameters), design @ a], axis=2)
         return points, np.sqrt(1.0 + slope_x**2 + slope_y**2)
 
     @cached_property
     def looked_at_quadratics(self) -> tuple[IntArray, FloatArray, FloatArray]:
-        """The first neighbourhoods, up to `LOOKED_AT`, and their `quadratics`, with a steepness of 0 beyond `sizes`."""
-        numbers: IntArray = np.arange(min(LOOKED_AT, len(self.rows)), dtype=np.int32)
+        """The first neighbourhoods, up to `NOISE_SAMPLE_SIZE`, with their `quadratics`; no steepness beyond `sizes`."""
+        numbers: IntArray = np.arange(min(NOISE_SAMPLE_SIZE, len(self.rows)), dtype=np.int32)
         points, steepness = self.quadratics(numbers)
         return numbers, points, steepness * self._present(numbers)
 
@@ -192,9 +192,9 @@ def analyse_rings(sample: NeighbourhoodSample, most: Mapping[int, int], *, verte
     prepared = (_prepare(sample, rings, count, vertex_count) for rings, count in most.items())
     analyses = [analysis for analysis in prepared if analysis is not None]
     chunks = [
-        (analysis, start, min(start + CHUNK, len(analysis.rows)))
+        (analysis, start, min(start + ANALYSIS_CHUNK, len(analysis.rows)))
         for analysis in analyses
-        for start in range(0, len(analysis.rows), CHUNK)
+        for start in range(0, len(analysis.rows), ANALYSIS_CHUNK)
     ]
 
     basis = harmonic_basis()
@@ -237,13 +237,13 @@ def term_values(x: FloatArray, y: FloatArray, degree: int = HIGHEST_DEGREE) -> F
 def _prepare(sample: NeighbourhoodSample, rings: int, most: int, vertex_count: int) -> RingAnalysis | None:
     """An analysis that is still to be filled; None if too few neighbourhoods are usable."""
     rows = np.flatnonzero(sample.usable[:, rings])[:most]
-    if len(rows) < FEWEST_SAMPLES:
+    if len(rows) < MIN_SAMPLES:
         return None
     basis = harmonic_basis()
-    degree = _determined_degree(float(np.percentile(sample.sizes[rows, rings], 20)))
+    degree = _highest_degree(float(np.percentile(sample.sizes[rows, rings], 20)))
     m = basis.up_to(degree)
     rows = rows[sample.sizes[rows, rings] > m]
-    if len(rows) < FEWEST_SAMPLES:
+    if len(rows) < MIN_SAMPLES:
         return None
     sizes = sample.sizes[rows, rings]
     points = sample.points[rows, : sizes.max()]
@@ -277,20 +277,20 @@ def _prepare(sample: NeighbourhoodSample, rings: int, most: int, vertex_count: i
     )
 
 
-def _stretched(parameters: FloatArray) -> FloatArray:
+def _equalize_widths(parameters: FloatArray) -> FloatArray:
     """Parameters of k neighbourhoods, (k, n, 2), as wide in all directions, with the same mean square.
 
     Where a scanner sees a surface from the side, points that it blurs are as far apart along edges as elsewhere.
     """
     values, axes = np.linalg.eigh(parameters.transpose(0, 2, 1) @ parameters)
-    values = np.maximum(values, NARROWEST * values[:, 1:])
+    values = np.maximum(values, MIN_MOMENT_RATIO * values[:, 1:])
     stretches = np.sqrt(values.mean(axis=1, keepdims=True) / values)
     result: FloatArray = parameters @ (axes * stretches[:, np.newaxis] @ axes.transpose(0, 2, 1))
     return result
 
 
-def _determined_degree(points: float) -> int:
+def _highest_degree(points: float) -> int:
     degree = FREE_DEGREE
-    while degree < HIGHEST_DEGREE and FEWEST_POINTS_PER_COEFFICIENT * (degree + 2) * (degree + 3) / 2 <= points:
+    while degree < HIGHEST_DEGREE and MIN_POINTS_PER_COEFFICIENT * (degree + 2) * (degree + 3) / 2 <= points:
         degree += 1
     return degree

@@ -12,8 +12,8 @@ from bezier_filters.runtime.jit import inner_jit, jit, variable
 from bezier_filters.runtime.lanes import LANES, aligned, load, multiply_add, spread, store, where_greater
 
 # a term whose column keeps less than this of its length, once what earlier terms explain is gone, is not seen
-UNSEEN = 3e-5
-POINTS = 16  # points whose terms are held at a time
+RANK_TOLERANCE = 3e-5
+POINTS_PER_BLOCK = 16  # points whose terms are held at a time
 
 
 class RingSums(NamedTuple):
@@ -48,7 +48,7 @@ def ring_workspace(most: int) -> RingWorkspace:
     terms = (HIGHEST_DEGREE + 1) * (HIGHEST_DEGREE + 2) // 2
     return RingWorkspace(
         aligned(4 * most),
-        aligned((terms + 1 + GROUP) * POINTS),
+        aligned((terms + 1 + GROUP) * POINTS_PER_BLOCK),
         aligned((terms + 1 + GROUP) * (terms + 2 + GROUP) // 2),
         aligned(terms),
         aligned(terms),
@@ -89,15 +89,15 @@ def analyse_in_lanes(
             _gather(points, row, n, scale, stride, lane, work.points)
         for k in range(row_starts[terms + 1]):
             store(work.gram, k, spread(0.0))
-        for begin in range(0, count, POINTS):
-            here = min(POINTS, count - begin)
+        for begin in range(0, count, POINTS_PER_BLOCK):
+            here = min(POINTS_PER_BLOCK, count - begin)
             _write_terms(work, stride, begin, here, degrees[terms - 1])
-            add_moments(work.terms, work.terms, variable(POINTS), here, row_starts, work.gram)
+            add_moments(work.terms, work.terms, variable(POINTS_PER_BLOCK), here, row_starts, work.gram)
         for s in range(m, terms):  # what the factorisation leaves to be explained of the terms beyond
             store(work.coefficients, s, load(work.gram, row_starts[s] + s))
-        factorise(work.gram, terms + 1, m, UNSEEN * UNSEEN, work.sound)
+        factorise(work.gram, terms + 1, m, RANK_TOLERANCE * RANK_TOLERANCE, work.sound)
         substitute_back(work.gram, m, terms, work.coefficients)
-        _square_what_is_left(work, stride, count, m, highest)
+        _sum_squared_residuals(work, stride, count, m, highest)
         for lane in range(min(LANES, stop - first)):
             _write_row(work, lane, first + lane, sizes[first + lane], degrees, row_starts, sums)
             _write_factors(work, lane, row_starts, factors[first + lane])
@@ -131,25 +131,29 @@ def _write_terms(work: RingWorkspace, stride: int, begin: int, count: int, highe
         for j in range(1, highest + 1):
             here, before = j * (j + 1) // 2, (j - 2) * (j - 1) // 2
             cosine, sine = x * cosine - y * sine, multiply_add(x, sine, y * cosine)
-            store(terms, here * POINTS + p, cosine)
-            store(terms, (here + 1) * POINTS + p, sine)
+            store(terms, here * POINTS_PER_BLOCK + p, cosine)
+            store(terms, (here + 1) * POINTS_PER_BLOCK + p, sine)
             for k in range(j - 1):  # those of lower frequency are r^2 times those of degree j - 2
-                store(terms, (here + 2 + k) * POINTS + p, square * load(terms, (before + k) * POINTS + p))
-        store(terms, last * POINTS + p, load(work.points, 2 * stride + q))
+                store(
+                    terms,
+                    (here + 2 + k) * POINTS_PER_BLOCK + p,
+                    square * load(terms, (before + k) * POINTS_PER_BLOCK + p),
+                )
+        store(terms, last * POINTS_PER_BLOCK + p, load(work.points, 2 * stride + q))
 
 
 @inner_jit()
-def _square_what_is_left(work: RingWorkspace, stride: int, count: int, m: int, highest: int) -> None:
+def _sum_squared_residuals(work: RingWorkspace, stride: int, count: int, m: int, highest: int) -> None:
     """Sum up the squared residuals of the fit of the highest degree, from the points: no digits cancel."""
     total = spread(0.0)
-    height = m * POINTS
-    for begin in range(0, count, POINTS):
-        here = min(POINTS, count - begin)
+    height = m * POINTS_PER_BLOCK
+    for begin in range(0, count, POINTS_PER_BLOCK):
+        here = min(POINTS_PER_BLOCK, count - begin)
         _write_terms(work, stride, begin, here, highest)
         for p in range(here):
             difference = load(work.terms, height + p)
             for t in range(m):
-                difference = difference - load(work.coefficients, t) * load(work.terms, t * POINTS + p)
+                difference = difference - load(work.coefficients, t) * load(work.terms, t * POINTS_PER_BLOCK + p)
             total = multiply_add(difference, difference, total)
     store(work.left, 0, total)
 

@@ -15,11 +15,17 @@ from bezier_filters.arrays import FloatArray
 from bezier_filters.learning.noise_model import NoiseModel, RingNoise, ring_noise
 from bezier_filters.learning.quartic_mean import QuarticMean, learn_quartic_mean
 from bezier_filters.learning.ring_analysis import FREE_DEGREE, RingAnalysis
-from bezier_filters.learning.variances import CAUTIOUS_RANGE, PRIOR_RANGE, UNSURE, expected_variance
+from bezier_filters.learning.variances import (
+    CORRELATED_NOISE_ERROR,
+    PRIOR_RANGE,
+    UPPER_PRIOR_RANGE,
+    posterior_mean_variance,
+)
 from bezier_filters.patches.harmonics import HIGHEST_DEGREE, harmonic_basis
 
-FEWEST_RINGS_FOR_NOISE = 2  # narrower rings leave too few points for a fit of high degree to tell noise from shape
-SURELY = 4.0  # standard errors by which one estimate of a variance must be above another to be taken instead
+MIN_NOISE_RINGS = 2  # narrower rings leave too few points for a fit of high degree to tell noise from shape
+# standard errors by which one estimate of a variance must be above another to be taken instead
+SIGNIFICANT_STANDARD_ERRORS = 4.0
 
 
 @dataclass(frozen=True)
@@ -82,14 +88,14 @@ def learn_model(
         values, errors = _term_variances(analysis, of_ring)
         if models:
             scale = (analysis.radius / models[-1].analysis.radius) ** (2.0 * basis.degrees)
-            values, errors = _with_hint(values, errors, scale * models[-1].variances, scale * wider_errors)
+            values, errors = _shrink(values, errors, scale * models[-1].variances, scale * wider_errors)
         if analysis.rings in of_whole:
-            values, errors = _with_hint(values, errors, of_whole[analysis.rings], np.zeros(len(values)))
+            values, errors = _shrink(values, errors, of_whole[analysis.rings], np.zeros(len(values)))
         believed, cautious = (
-            _falling_off(
-                np.where(free | np.isinf(errors), 0.0, expected_variance(values, errors, odds)), values, errors
+            _enforce_decay(
+                np.where(free | np.isinf(errors), 0.0, posterior_mean_variance(values, errors, odds)), values, errors
             )
-            for odds in (PRIOR_RANGE, CAUTIOUS_RANGE)
+            for odds in (PRIOR_RANGE, UPPER_PRIOR_RANGE)
         )
         modelled = float((analysis.sums.unexplained @ believed).sum() / analysis.sums.freedom[:, -1].sum())
         unmodelled = max(float(analysis.mean_squares[-1]) - of_ring.residuals[-1] - modelled, 0.0)
@@ -100,27 +106,27 @@ def learn_model(
 
 
 def _noise(analyses: Sequence[RingAnalysis], whole: SurfaceModel | None) -> NoiseModel:
-    """That of the whole times a factor, as `white_noise` is found, or else that.
+    """That of the whole times a factor, as `estimate_white_noise` is found, or else that.
 
     The factor is 1 at most: where a part, chosen for its residuals or its curvature, has more than the correlated noise
     of the whole, that is detail.
     """
     if whole is None or not whole.noise.sills:
-        return white_noise(analyses)
+        return estimate_white_noise(analyses)
     expected = {model.analysis.rings: float(model.noise.residuals[-1]) for model in whole.by_rings}
     return whole.noise.times(min(1.0, *(one.typical_square / expected[one.rings] for one in _reliable(analyses))))
 
 
-def white_noise(analyses: Sequence[RingAnalysis]) -> NoiseModel:
+def estimate_white_noise(analyses: Sequence[RingAnalysis]) -> NoiseModel:
     """What explains the smallest residual of the highest degree, which is larger where there is shape beyond that."""
     return NoiseModel(min(analysis.typical_square for analysis in _reliable(analyses)))
 
 
 def _reliable(analyses: Sequence[RingAnalysis]) -> Sequence[RingAnalysis]:
-    return [analysis for analysis in analyses if analysis.rings >= FEWEST_RINGS_FOR_NOISE] or analyses
+    return [analysis for analysis in analyses if analysis.rings >= MIN_NOISE_RINGS] or analyses
 
 
-def _falling_off(believed: FloatArray, values: FloatArray, errors: FloatArray) -> FloatArray:
+def _enforce_decay(believed: FloatArray, values: FloatArray, errors: FloatArray) -> FloatArray:
     """Variances that fall off with the degree, unless the data are sure of more.
 
     Over a neighbourhood that polynomials follow, a term is not larger than those one degree lower,
@@ -129,10 +135,10 @@ def _falling_off(believed: FloatArray, values: FloatArray, errors: FloatArray) -
     degrees = harmonic_basis().degrees
     result = believed.copy()
     curved = degrees == FREE_DEGREE
-    largest = {FREE_DEGREE - 1: 0.0, FREE_DEGREE: float((values + SURELY * errors)[curved].max())}
+    largest = {FREE_DEGREE - 1: 0.0, FREE_DEGREE: float((values + SIGNIFICANT_STANDARD_ERRORS * errors)[curved].max())}
     for degree in range(FREE_DEGREE + 1, HIGHEST_DEGREE + 1):
         most = max(largest[degree - 1], largest[degree - 2] / 16.0)
-        unsure = (degrees == degree) & (values < SURELY * errors)
+        unsure = (degrees == degree) & (values < SIGNIFICANT_STANDARD_ERRORS * errors)
         result[unsure] = np.minimum(result[unsure], most)
         largest[degree] = float(result[degrees == degree].max())
     return result
@@ -154,9 +160,9 @@ def _term_variances(analysis: RingAnalysis, of_ring: RingNoise) -> tuple[FloatAr
         values = (squares - noise * counts) / weights
         errors = noise * np.sqrt(2.0 * counts / analysis.independent) / weights
         if (beyond_white != 0.0).any():
-            of_model = _or_of_lower_degree(beyond_white) if of_ring.model.sills else beyond_white
-            errors = np.hypot(errors, UNSURE * of_model * counts / weights)
-    surely = np.where(counts > 0.0, values - SURELY * errors, -np.inf)
+            of_model = _running_maximum(beyond_white) if of_ring.model.sills else beyond_white
+            errors = np.hypot(errors, CORRELATED_NOISE_ERROR * of_model * counts / weights)
+    surely = np.where(counts > 0.0, values - SIGNIFICANT_STANDARD_ERRORS * errors, -np.inf)
     best = surely.argmax(axis=0), np.arange(counts.shape[1])
     found = counts[best] > 0.0
     basis, m = harmonic_basis(), analysis.sums.parts.shape[1]
@@ -166,7 +172,7 @@ def _term_variances(analysis: RingAnalysis, of_ring: RingNoise) -> tuple[FloatAr
     return result, uncertainty
 
 
-def _or_of_lower_degree(values: FloatArray) -> FloatArray:
+def _running_maximum(values: FloatArray) -> FloatArray:
     """The larger of values (J + 1, G) and of their means over the groups of the degree before.
 
     A Gaussian covariance leaves next to nothing to high degrees, and what real noise leaves there is no share of that.
@@ -180,7 +186,7 @@ def _or_of_lower_degree(values: FloatArray) -> FloatArray:
     return result
 
 
-def _with_hint(
+def _shrink(
     values: FloatArray, errors: FloatArray, hints: FloatArray, hint_errors: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Estimates improved by those of another ring or of the whole, which may differ by as much as they are large.

@@ -23,10 +23,10 @@ from bezier_filters.estimation.noise_free import learned_noise
 from bezier_filters.estimation.outlier_removal import OUTLIER_REACH, without_outliers
 from bezier_filters.estimation.vertex_geometry import empty_geometry
 from bezier_filters.kernels.kernel_input import KernelMesh, fitted_mesh, with_steady_normals
-from bezier_filters.learning.learn import SAMPLES, View, learn_from_samples, viewed_sample
+from bezier_filters.learning.learn import SAMPLES, SampleMode, learn_from_samples, sample_by_mode
 from bezier_filters.learning.model_tree import Leaf, leaves
 from bezier_filters.learning.neighbourhood_samples import (
-    NEAR,
+    NORMAL_CHECK_RINGS,
     NeighbourhoodSample,
     Population,
     draw_vertices,
@@ -47,7 +47,7 @@ from bezier_filters.smoothing.mesh_parts import PART, MeshPart, grow, mesh_part,
 NORMAL_RINGS = 2  # around a vertex, within which faces decide about its normal, should its own have no area
 CREASE_RINGS = 2  # around a vertex, within which faces decide about its plane and its creases
 # rings, to look that way; learning alone looks at samples the tolerant way
-MORE_FOR: dict[View, int] = {"plain": 0, "steady": STEADY_ROUNDS, "tolerant": 1}
+MORE_FOR: dict[SampleMode, int] = {"plain": 0, "steady": STEADY_ROUNDS, "tolerant": 1}
 
 MOST_RINGS = 100  # that tiles may be asked to have around them
 # that are read around a vertex, and around those where there was nothing more to grow to; more if that is too few
@@ -93,7 +93,7 @@ def learn_fit(store: Store, options: FitOptions) -> SurfaceFit:
         return fit
     drawn = _draw(store, LOOKED_AT)
     known = np.union1d(learned.centers, drawn)
-    view: View = "steady" if fit.steady else "plain"
+    view: SampleMode = "steady" if fit.steady else "plain"
     reach = _reach(_widest(fit.attempts), view, fit.cleaned)
     part = part_around_samples(store, known, reach)
     local = part.local(known)
@@ -111,7 +111,9 @@ def learn_fit(store: Store, options: FitOptions) -> SurfaceFit:
 
 def _why_unlearned(store: Store, options: FitOptions) -> str:
     """Why nothing is learned of a mesh, as in memory."""
-    return reason_unlearned(_sample_at(store, options, _draw(store, SAMPLES[NEAR]), NEAR, "plain"))
+    return reason_unlearned(
+        _sample_at(store, options, _draw(store, SAMPLES[NORMAL_CHECK_RINGS]), NORMAL_CHECK_RINGS, "plain")
+    )
 
 
 def learn_noise(store: Store, sigma: float | None = None, robust: bool | None = None) -> NoiseModel | None:
@@ -124,7 +126,7 @@ def _learn_surface(
 ) -> tuple[list[RingAnalysis], Leaf | None]:
     """What is learned of a mesh in memory, as it is or without its outliers."""
 
-    def sample(rings: int, count: int, view: View) -> NeighbourhoodSample:
+    def sample(rings: int, count: int, view: SampleMode) -> NeighbourhoodSample:
         return _sample_at(store, options, _draw(store, count), rings, view, without)
 
     return learn_from_samples(sample, store.layout.vertex_count, choices)
@@ -137,7 +139,7 @@ def rings_needed(fit: SurfaceFit) -> int:
     return _reach(_widest(attempts), "steady" if fit.steady else "plain", fit.cleaned)
 
 
-def _reach(rings: int, view: View, without: bool) -> int:
+def _reach(rings: int, view: SampleMode, without: bool) -> int:
     """How many rings around a vertex decide about what is seen of some, maybe without outliers."""
     return rings + CREASE_RINGS + (OUTLIER_REACH if without else 0) + MORE_FOR[view]
 
@@ -158,12 +160,12 @@ def _draw(store: Store, count: int) -> IntArray:
 
 
 def _sample_at(
-    store: Store, options: FitOptions, centers: IntArray, rings: int, view: View, without: bool = False
+    store: Store, options: FitOptions, centers: IntArray, rings: int, view: SampleMode, without: bool = False
 ) -> NeighbourhoodSample:
     """The neighbourhoods of some vertices."""
     part = part_around_samples(store, centers, _reach(rings, view, without))
     arrays, adjacency = mesh_to_fit(part.mesh, options.creases, without)
-    return viewed_sample(arrays, adjacency, part.local(centers), rings, view)._replace(centers=centers)
+    return sample_by_mode(arrays, adjacency, part.local(centers), rings, view)._replace(centers=centers)
 
 
 def mesh_to_fit(mesh: TriangleMesh, creases: bool, without: bool, steady: bool = False) -> tuple[KernelMesh, Adjacency]:

@@ -7,7 +7,7 @@ from random_neighbourhoods import analyse_ring, as_sample, draw, variances_by_de
 
 from bezier_filters import estimate_vertex_geometry, load_mesh
 from bezier_filters.learning.model_tree import (
-    FEWEST_ON_A_SIDE,
+    MIN_SPLIT_SAMPLES,
     Leaf,
     Split,
     _candidates,
@@ -97,7 +97,7 @@ def test_splits_gain_the_same_whichever_side_comes_first_and_lose_nothing():
 
 
 def test_no_side_gets_fewer_neighbourhoods_than_a_model_needs():
-    few = (np.arange(300) >= 300 - FEWEST_ON_A_SIDE + 5).astype(float)
+    few = (np.arange(300) >= 300 - MIN_SPLIT_SAMPLES + 5).astype(float)
     halves = [draw(265, 37, CALM, 0.01, seed=1), draw(35, 37, CALM, 1.0, seed=2)]
     root, tree = grown(halves, few[:, np.newaxis])
     assert tree is root

@@ -18,10 +18,10 @@ from random_neighbourhoods import (
 )
 from scipy.linalg import sqrtm
 
-from bezier_filters.learning.noise_model import NoiseModel, ring_noise, squared_distances
+from bezier_filters.learning.noise_model import NoiseModel, pairwise_squared_distances, ring_noise
 from bezier_filters.learning.plans import ring_plans
 from bezier_filters.learning.quartic_mean import no_mean
-from bezier_filters.learning.ring_analysis import FIRST, LOOKED_AT
+from bezier_filters.learning.ring_analysis import NOISE_SAMPLE_SIZE, PLAN_SAMPLE_SIZE
 from bezier_filters.learning.surface_model import RingModel, SurfaceModel
 from bezier_filters.patches.harmonics import harmonic_basis
 
@@ -87,7 +87,7 @@ def test_variances_of_fits_are_those_of_explicit_linear_estimators(noise, steep,
     m = BASIS.up_to(analysis.degree)
     found = ring_noise(noise, analysis)
     parts, residuals, ratios = [], [], []
-    for points in analysis.points[analysis.rows[:LOOKED_AT], :size] / analysis.radius:
+    for points in analysis.points[analysis.rows[:NOISE_SAMPLE_SIZE], :size] / analysis.radius:
         sigma = dense_covariance(replace(noise, lengths=tuple(x / analysis.radius for x in noise.lengths)), points)
         design = terms_at(points[:, :2])[:, :m]
         orthonormal = np.linalg.qr(design)[0]
@@ -109,7 +109,7 @@ def test_variances_of_fits_are_those_of_explicit_linear_estimators(noise, steep,
             expected = ratios[degree, : BASIS.up_to(degree)][BASIS.groups[: BASIS.up_to(degree)] == group].mean()
             assert found.coefficients[degree, group] == pytest.approx(expected, rel=1e-5)
     assert found.model.variance == noise.variance
-    through = found.through(np.broadcast_to(np.eye(SIZE), (FIRST, SIZE, SIZE)))
+    through = found.through(np.broadcast_to(np.eye(SIZE), (PLAN_SAMPLE_SIZE, SIZE, SIZE)))
     expected = [dense_covariance(noise, points) for points in analysis.points[analysis.rows[analysis.first], :size]]
     np.testing.assert_allclose(through[:, :size, :size], expected, rtol=1e-5)
     assert found.is_flat == (steep == 0.0)
@@ -250,4 +250,4 @@ def test_noise_times_a_factor_has_so_much_more_variance_and_the_same_length(nois
 def test_distances_are_those_of_all_pairs():
     points = np.random.default_rng(0).standard_normal((3, 6, 3))
     expected = [[[np.sum((p - q) ** 2) for q in one] for p in one] for one in points]
-    np.testing.assert_allclose(squared_distances(points), expected, atol=1e-12)
+    np.testing.assert_allclose(pairwise_squared_distances(points), expected, atol=1e-12)

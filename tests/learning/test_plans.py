@@ -10,16 +10,16 @@ from bezier_filters import FitStatus, estimate_vertex_geometry
 from bezier_filters.learning import plans as plans_module
 from bezier_filters.learning.noise_model import NoiseModel, ring_noise
 from bezier_filters.learning.plans import (
-    FAR_LOWER,
-    PER_VERTEX,
+    MIN_ERROR_DROP,
+    VERTEX_TIME,
     WEIGHTED_RINGS,
     FitPlan,
     all_plans,
     best_plan,
-    first_valley,
     plan_for,
+    plans_to_first_local_minimum,
+    prefer_cubic,
     ring_plans,
-    steady_plan,
 )
 from bezier_filters.learning.quartic_mean import no_mean
 from bezier_filters.learning.surface_model import RingModel, SurfaceModel
@@ -59,7 +59,7 @@ def errors_of_the_kernel(plan, drawn):
 @pytest.mark.parametrize(("variances", "sigma"), [CALM, BETWEEN, ROUGH], ids=["calm", "between", "rough"])
 def test_predicted_errors_are_those_of_the_kernel(variances, sigma, radius, monkeypatch):
     """For every degree, prior and weight that could be tried."""
-    monkeypatch.setattr(plans_module, "MUCH_WORSE", np.inf)
+    monkeypatch.setattr(plans_module, "MAX_ERROR_RATIO", np.inf)
     drawn = draw(COUNT, SIZE, variances, sigma, radius=radius, seed=4)
     model = surface_model(drawn.points, variances, sigma)
     plans = [*ring_plans(model, model.by_rings[0]), *ring_plans(model, model.by_rings[0], (2,))]
@@ -74,7 +74,7 @@ def test_predicted_errors_are_those_of_the_kernel(variances, sigma, radius, monk
 
 
 def test_weights_are_tried_where_a_degree_leaves_much_out_and_help_there(monkeypatch):
-    monkeypatch.setattr(plans_module, "MUCH_WORSE", np.inf)
+    monkeypatch.setattr(plans_module, "MAX_ERROR_RATIO", np.inf)
     drawn = draw(200, SIZE, *ROUGH)
     plans = ring_plans(model := surface_model(drawn.points, *ROUGH), model.by_rings[0])
     weighted = [plan for plan in plans if np.isfinite(plan.weight_radius)]
@@ -91,7 +91,7 @@ def test_weights_are_tried_where_a_degree_leaves_much_out_and_help_there(monkeyp
 def test_degrees_that_are_not_tried_would_not_be_chosen(variances, sigma, monkeypatch):
     model = surface_model(draw(200, SIZE, variances, sigma).points, variances, sigma)
     found = best_plan(tried := ring_plans(model, model.by_rings[0]))
-    monkeypatch.setattr(plans_module, "MUCH_WORSE", np.inf)
+    monkeypatch.setattr(plans_module, "MAX_ERROR_RATIO", np.inf)
     every = ring_plans(model, model.by_rings[0])
     assert (found.degree, found.weight_radius) == (best_plan(every).degree, best_plan(every).weight_radius)
     assert (len(tried) < len(every)) == (variances is ROUGH[0]), "only there low degrees are much worse"
@@ -130,7 +130,7 @@ def plan_with(rings, degree, error):
 def test_twice_the_time_must_take_a_fifth_off_the_error(overhead, ratio):
     """The time of finding the plans counts, too."""
     fast = replace(plan_with(8, 4, 1.0), overhead=overhead)
-    rings = np.sqrt((ratio * fast.cost - fast.cost) / (fast.cost - overhead - PER_VERTEX) + 1.0) * 8
+    rings = np.sqrt((ratio * fast.cost - fast.cost) / (fast.cost - overhead - VERTEX_TIME) + 1.0) * 8
     slow = replace(plan_with(rings, 4, 0.97 * 0.785 ** np.log2(ratio)), overhead=overhead)
     assert slow.cost == pytest.approx(ratio * fast.cost)
     assert best_plan([fast, slow]) is slow
@@ -148,9 +148,9 @@ def test_twice_the_time_must_take_a_fifth_off_the_error(overhead, ratio):
 )
 def test_under_correlated_noise_detail_is_kept_if_it_costs_little(errors, rings):
     plans = [plan_with(k, min(k + 1, 3), error) for k, error in enumerate(errors, 1)]
-    assert [plan.rings for plan in first_valley(plans)] == rings
+    assert [plan.rings for plan in plans_to_first_local_minimum(plans)] == rings
     narrow = plans[:1]
-    assert first_valley(narrow) == narrow
+    assert plans_to_first_local_minimum(narrow) == narrow
 
 
 @pytest.mark.parametrize("sills", [(), (SMALL**2,)], ids=["white", "correlated"])
@@ -165,11 +165,11 @@ def test_narrow_rings_keep_the_third_order_under_correlated_noise_unless_that_is
     )
     third = ring_plans(model, model.by_rings[0], (3,))[0]
     for factor in (1.1, 0.9):
-        curvature, normal = (factor / FAR_LOWER * error for error in (third.curvature_error, third.normal_error))
+        curvature, normal = (factor / MIN_ERROR_DROP * error for error in (third.curvature_error, third.normal_error))
         fourth = replace(third, degree=4, normal_error=normal, curvature_error=curvature)
         kept = rings == 2 and bool(sills) and factor > 1.0
-        assert steady_plan(model, fourth).degree == (3 if kept else 4)
-        assert steady_plan(model, third) is third
+        assert prefer_cubic(model, fourth).degree == (3 if kept else 4)
+        assert prefer_cubic(model, third) is third
 
 
 def test_a_single_degree_is_taken_even_where_the_points_do_not_determine_it():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from random_neighbourhoods import analyse_ring, as_sample, draw, terms_at, variances_by_degree
 
-from bezier_filters.learning.ring_analysis import FEWEST_SAMPLES, FIRST
+from bezier_filters.learning.ring_analysis import MIN_SAMPLES, PLAN_SAMPLE_SIZE
 from bezier_filters.patches.harmonics import harmonic_basis
 from bezier_filters.runtime.parallel import use_threads
 
@@ -43,12 +43,12 @@ def assert_fits_of_every_degree(analysis, row, points, seen):
 
 @pytest.mark.parametrize(("size", "degree"), [(9, 2), (25, 4), (60, 8)])
 def test_factors_and_parts_are_those_of_a_qr_factorisation(size, degree):
-    points = draw(FEWEST_SAMPLES, size, ROUGH, 0.1, radius=0.3).points
+    points = draw(MIN_SAMPLES, size, ROUGH, 0.1, radius=0.3).points
     analysis = analysed(points)
     assert analysis.degree == degree
     assert analysis.radius == pytest.approx(0.3)
     m = BASIS.up_to(degree)
-    for row in range(FEWEST_SAMPLES):
+    for row in range(MIN_SAMPLES):
         design = terms_at(points[row, :, :2] / analysis.radius)
         q, _ = np.linalg.qr(design[:, :m])
         q *= np.sign(np.einsum("pk,pk->k", q, design[:, :m]))  # the diagonal of the factor is positive
@@ -62,15 +62,15 @@ def test_factors_and_parts_are_those_of_a_qr_factorisation(size, degree):
 
 @pytest.mark.parametrize("size", [9, 25, 60])
 def test_residuals_and_coefficients_are_those_of_least_squares_fits_of_every_degree(size):
-    points = draw(FEWEST_SAMPLES, size, ROUGH, 0.1, radius=20.0).points
+    points = draw(MIN_SAMPLES, size, ROUGH, 0.1, radius=20.0).points
     analysis = analysed(points)
-    for row in range(FEWEST_SAMPLES):
+    for row in range(MIN_SAMPLES):
         assert_fits_of_every_degree(analysis, row, points[row], np.ones(len(BASIS.degrees), dtype=bool))
 
 
 @pytest.mark.parametrize("sizes", [(30, 19), (60, 45)])
 def test_neighbourhoods_of_a_block_may_have_different_sizes(sizes):
-    sample = as_sample(draw(FEWEST_SAMPLES + 1, sizes[0], ROUGH, 0.1, radius=2.0).points)
+    sample = as_sample(draw(MIN_SAMPLES + 1, sizes[0], ROUGH, 0.1, radius=2.0).points)
     sample.sizes[::2] = sizes[1]
     analysis = analyse_ring(sample, 3, len(sample.points))
     for row, size in enumerate(analysis.sizes):
@@ -79,13 +79,13 @@ def test_neighbourhoods_of_a_block_may_have_different_sizes(sizes):
 
 def test_terms_that_the_points_do_not_see_count_for_nothing():
     """Heights over two straight lines: of each degree only two combinations of terms are seen."""
-    points = draw(FEWEST_SAMPLES, 60, ROUGH, 0.1).points
+    points = draw(MIN_SAMPLES, 60, ROUGH, 0.1).points
     along = np.linalg.norm(points[..., :2], axis=2) * np.where(np.arange(60) % 4 < 2, 1.0, -1.0)
     lines = np.array([[1.0, 0.0], [0.6, 0.8]])[np.arange(60) % 2]
     points[..., :2] = along[..., np.newaxis] * lines
     analysis = analysed(points)
     m = BASIS.up_to(analysis.degree)
-    for row in range(FEWEST_SAMPLES):
+    for row in range(MIN_SAMPLES):
         diagonal = np.diag(analysis.factors[row][:, :m])
         seen = np.zeros(len(BASIS.degrees), dtype=bool)
         seen[:m] = diagonal > 0.0
@@ -122,7 +122,7 @@ def test_designs_and_energies_are_those_of_the_points():
     np.testing.assert_allclose(analysis.first_designs[:7], values[:7], atol=1e-12)
     m = BASIS.up_to(analysis.degree)
     diagonals = [np.abs(np.diag(np.linalg.qr(design[:, :m], mode="r"))) for design in values]
-    np.testing.assert_allclose(analysis.energies, np.mean(np.square(diagonals[:FIRST]), axis=0), rtol=1e-9)
+    np.testing.assert_allclose(analysis.energies, np.mean(np.square(diagonals[:PLAN_SAMPLE_SIZE]), axis=0), rtol=1e-9)
 
 
 def test_threads_change_nothing():
@@ -142,22 +142,22 @@ def test_a_part_keeps_the_rows_that_are_marked_unless_they_are_too_few():
     np.testing.assert_array_equal(part.centers, np.arange(0, 40, 2))
     np.testing.assert_array_equal(part.sums.parts, analysis.sums.parts[kept])
     assert part.typical_square != analysis.typical_square
-    assert analysis.where(np.arange(40) < FEWEST_SAMPLES - 1) is None
+    assert analysis.where(np.arange(40) < MIN_SAMPLES - 1) is None
 
 
 def test_too_few_neighbourhoods_or_points_give_none():
-    assert analysed(draw(FEWEST_SAMPLES - 1, 25, ROUGH, 0.1).points) is None
-    assert analysed(draw(FEWEST_SAMPLES, 6, ROUGH, 0.1).points) is None
-    assert analysed(np.zeros((FEWEST_SAMPLES, 25, 3))) is None
+    assert analysed(draw(MIN_SAMPLES - 1, 25, ROUGH, 0.1).points) is None
+    assert analysed(draw(MIN_SAMPLES, 6, ROUGH, 0.1).points) is None
+    assert analysed(np.zeros((MIN_SAMPLES, 25, 3))) is None
 
 
 def test_what_no_term_follows_grows_like_the_first_terms_that_are_left_out():
     """By the power of the distance of one degree more, squared; its mean over each neighbourhood is 1."""
-    points = draw(2 * FEWEST_SAMPLES, 25, ROUGH, 0.1, radius=0.3).points
+    points = draw(2 * MIN_SAMPLES, 25, ROUGH, 0.1, radius=0.3).points
     sizes = np.random.default_rng(0).integers(20, 26, len(points), dtype=np.int32)
     points[np.arange(25) >= sizes[:, np.newaxis]] = 0.0
     analysis = analyse_ring(as_sample(points)._replace(sizes=np.repeat(sizes[:, None], 4, axis=1)), 3, len(points))
-    assert len(analysis.rest_profile) == FIRST
+    assert len(analysis.rest_profile) == PLAN_SAMPLE_SIZE
     for size, near, profile in zip(sizes, points, analysis.rest_profile, strict=False):
         expected = np.linalg.norm(near[:size, :2], axis=1) ** (2 * (analysis.degree + 1))
         np.testing.assert_allclose(profile[:size], expected / expected.mean(), atol=1e-12)

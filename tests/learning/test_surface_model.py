@@ -12,7 +12,12 @@ from random_neighbourhoods import analyse_ring, as_sample, draw, variances_by_de
 
 from bezier_filters import InvalidParameterError, estimate_vertex_geometry
 from bezier_filters.learning.noise_model import NoiseModel, ring_noise
-from bezier_filters.learning.surface_model import SURELY, _falling_off, _term_variances, learn_model
+from bezier_filters.learning.surface_model import (
+    SIGNIFICANT_STANDARD_ERRORS,
+    _enforce_decay,
+    _term_variances,
+    learn_model,
+)
 from bezier_filters.patches.harmonics import harmonic_basis
 from bezier_filters.patches.polynomials import total_degree_space
 from bezier_filters.surfaces import bumpy_star, ellipsoid, height_field, monkey_saddle, sphere, torus, waves
@@ -352,10 +357,11 @@ def test_terms_are_no_larger_than_lower_ones_suggest_unless_that_is_sure(seed):
     rng = np.random.default_rng(seed)
     basis = harmonic_basis()
     values, errors, believed = np.exp(rng.normal(0.0, 2.0, (3, len(basis.groups))))
-    result, sure = _falling_off(believed, values, errors), values >= SURELY * errors
+    result, sure = _enforce_decay(believed, values, errors), values >= SIGNIFICANT_STANDARD_ERRORS * errors
     np.testing.assert_array_equal(result[sure], believed[sure])
     np.testing.assert_array_equal(result[basis.degrees <= 2], believed[basis.degrees <= 2])
-    curvature = np.sqrt((values + SURELY * errors)[basis.degrees == 2].max())  # as large as it may be
+    # as large as it may be
+    curvature = np.sqrt((values + SIGNIFICANT_STANDARD_ERRORS * errors)[basis.degrees == 2].max())
     largest = [0.0, 0.0, curvature, *(np.sqrt(result[basis.degrees == k].max()) for k in range(3, 9))]
     for degree in range(3, 9):
         doubtful = (basis.degrees == degree) & ~sure
