@@ -23,6 +23,7 @@ from bezier_filters.estimation.outlier_removal import without_outliers
 from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, arrays_of
 from bezier_filters.kernels.graph_geometry import bound_errors
 from bezier_filters.kernels.kernel_input import KernelMesh, with_steady_normals
+from bezier_filters.learning.fit_spec import COST_EXPONENT, FitConstraints, predict_under_model
 from bezier_filters.learning.learn import (
     CANDIDATE_RINGS,
     MAX_FLIPPED_FRACTION,
@@ -38,16 +39,15 @@ from bezier_filters.learning.model_tree import (
     Split,
     Tree,
     best_leaf,
-    grow,
+    fit_leaf,
+    grow_tree,
     leaf_numbers,
-    leaf_of,
     leaves,
     log_error_reduction,
     map_leaves,
 )
 from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample, draw_from_mesh, sample_neighbourhoods
 from bezier_filters.learning.noise_model import NoiseModel
-from bezier_filters.learning.plans import COST_EXPONENT, Choices, plan_for
 from bezier_filters.learning.ring_analysis import MIN_SAMPLES, RingAnalysis
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.patches.fitting import DEGREES, PatchFit
@@ -66,7 +66,7 @@ AT_ONCE = 1 << 18  # vertices of a part of which both fits are kept
 RESIDUAL = 1  # place among the `first_features`
 
 # learns a surface, as `learning.learn_surface` does, as it is or without its outliers
-Learn = Callable[[Choices, bool], tuple[list[RingAnalysis], Leaf | None]]
+Learn = Callable[[FitConstraints, bool], tuple[list[RingAnalysis], Leaf | None]]
 # the vertices (n,) at the sharp edges that are told without the noise; None if that is not to be asked
 FindEdges = Callable[[NoiseModel], BoolArray | None]
 
@@ -111,7 +111,7 @@ class Learned:
 
     analyses: Sequence[RingAnalysis]
     root: Leaf
-    choices: Choices
+    constraints: FitConstraints
 
     @property
     def centers(self) -> IntArray:
@@ -137,19 +137,19 @@ def choose_fit(
     """
     root, noise = None, None
     if fixed is None or rings == "auto":
-        choices = Choices(
+        constraints = FitConstraints(
             None if rings == "auto" else rings, degrees, sigma, np.inf if detail is None else 0.5 * detail
         )
-        analyses, root = learn_without_outliers(learn, choices, robust)
+        analyses, root = learn_without_outliers(learn, constraints, robust)
         robust = bool(robust) or (robust is None and root is not None and root.surface.noise.outliers > 0.0)
     if root is not None:
         noise, chosen = root.surface.noise, root.chosen
         if fixed is None:
             choice = _with_noise(FitChoice(chosen.rings, chosen.degree, None, None), noise)
-            attempts = tuple(planned_chain(root.plans, chosen))
+            attempts = tuple(planned_chain(root.specs, chosen))
             steady = noise.heavy or noise.outliers > DENSE
             surface_fit = SurfaceFit(choice, attempts, steady, bool(robust), cleaned=bool(robust))
-            return surface_fit, Learned(analyses, root, choices)
+            return surface_fit, Learned(analyses, root, constraints)
     if rings == "auto":
         rings = 2 if root is None else root.chosen.rings
     fit = fixed or patch_of_degrees(degrees)
@@ -170,17 +170,17 @@ def _with_noise(choice: FitChoice, noise: NoiseModel | None) -> FitChoice:
 
 
 def learn_without_outliers(
-    learn: Learn, choices: Choices, robust: bool | None = None
+    learn: Learn, constraints: FitConstraints, robust: bool | None = None
 ) -> tuple[list[RingAnalysis], Leaf | None]:
     """Learn a surface, and if there are outliers or fits are to be robust, what is there without them.
 
     The share of the outliers stays part of the noise.
     """
-    analyses, leaf = learn(choices, bool(robust))
+    analyses, leaf = learn(constraints, bool(robust))
     if robust is not None or leaf is None or not leaf.surface.noise.outliers:
         return analyses, leaf
     share = leaf.surface.noise.outliers
-    analyses, leaf = learn(choices, True)
+    analyses, leaf = learn(constraints, True)
     if leaf is None:
         return analyses, None
     surface = replace(leaf.surface, noise=replace(leaf.surface.noise, outliers=share))
@@ -190,9 +190,9 @@ def learn_without_outliers(
 def learner(mesh: KernelMesh, adjacency: Adjacency, cleaned: Callable[[], KernelMesh] | None = None) -> Learn:
     """What learns the surface of a mesh in memory, which may be known without its outliers."""
 
-    def learn(choices: Choices, without: bool) -> tuple[list[RingAnalysis], Leaf | None]:
+    def learn(constraints: FitConstraints, without: bool) -> tuple[list[RingAnalysis], Leaf | None]:
         learned_from = (cleaned or partial(without_outliers, mesh, adjacency))() if without else mesh
-        return learn_surface(learned_from, adjacency, choices)
+        return learn_surface(learned_from, adjacency, constraints)
 
     return learn
 
@@ -200,13 +200,13 @@ def learner(mesh: KernelMesh, adjacency: Adjacency, cleaned: Callable[[], Kernel
 def with_parts(fit: SurfaceFit, learned: Learned, places: Places) -> SurfaceFit:
     """The fit with what suits the parts of the surface, if they differ, by what the first fit shows."""
     root = learned.root
-    tree = grow(root, learned.analyses, places.features, learned.choices)
+    tree = grow_tree(root, learned.analyses, places.features, learned.constraints)
     if not fit.robust:  # outliers are off, too
-        tree = _without_what_is_off(tree, root, learned.choices, places)
+        tree = _without_what_is_off(tree, root, learned.constraints, places)
     return fit if isinstance(tree, Leaf) else replace(fit, parts=map_leaves(tree, partial(_part_fit, root)))
 
 
-def _without_what_is_off(tree: Tree[Leaf], root: Leaf, choices: Choices, places: Places) -> Tree[Leaf]:
+def _without_what_is_off(tree: Tree[Leaf], root: Leaf, constraints: FitConstraints, places: Places) -> Tree[Leaf]:
     """The tree, and a leaf for what the first fit does not follow, if a plan of its own does much better there."""
     threshold = OFF * max(leaf.surface.sigma for leaf in leaves(tree))
     off = places.drawn[places.features(places.drawn)[:, RESIDUAL] > threshold]
@@ -217,30 +217,30 @@ def _without_what_is_off(tree: Tree[Leaf], root: Leaf, choices: Choices, places:
         return places.sample(off[:count], rings)
 
     vertex_count, noise = root.surface.by_rings[0].analysis.vertex_count, root.surface.noise
-    analyses, leaf = learn_from_samples(sample, vertex_count, choices)
-    worthwhile = WORTHWHILE_THERE
+    analyses, leaf = learn_from_samples(sample, vertex_count, constraints)
+    min_gain = WORTHWHILE_THERE
     # Long waves of noise are found stronger where residuals are largest, by the choice of the places; and if there are
     # none elsewhere, they are shape.
     if leaf is not None and leaf.surface.sigma > noise.sigma and (noise.sills or leaf.surface.noise.sills):
-        leaf = leaf_of(analyses, choices, noise, heavy=noise.heavy)
-        worthwhile = MIN_CORRELATED_SPLIT_GAIN if noise.sills else WORTHWHILE_THERE
+        leaf = fit_leaf(analyses, constraints, noise, heavy=noise.heavy)
+        min_gain = MIN_CORRELATED_SPLIT_GAIN if noise.sills else WORTHWHILE_THERE
     # without rings as wide as those of the first fit, there are none that do not fold
-    if leaf is None or -np.inf < log_error_reduction(root.chosen, leaf) <= worthwhile:
+    if leaf is None or -np.inf < log_error_reduction(root.chosen, leaf) <= min_gain:
         return tree
-    return Split(RESIDUAL, threshold, tree, grow(leaf, analyses, places.features, choices, MAX_TREE_DEPTH - 1))
+    return Split(RESIDUAL, threshold, tree, grow_tree(leaf, analyses, places.features, constraints, MAX_TREE_DEPTH - 1))
 
 
 def _part_fit(root: Leaf, leaf: Leaf) -> PartFit:
     """A plan for a part: its own, or that of the whole if another fit is not worth its time."""
-    before, plan, there = root.chosen, leaf.chosen, plan_for(root.chosen, leaf.surface)
+    before, spec, there = root.chosen, leaf.chosen, predict_under_model(root.chosen, leaf.surface)
     sigma = leaf.surface.sigma
     ratios = np.inf, np.inf
     # Where the whole is exact, its standard errors are 0, and tell nothing of those of a part that is not.
     if there is not None and before.normal_noise > 0.0 and before.curvature_noise > 0.0:
         ratios = there.normal_noise / before.normal_noise, there.curvature_noise / before.curvature_noise
-        if there.error <= plan.error * (1.0 + (plan.cost - plan.overhead) / there.cost) ** COST_EXPONENT:
+        if there.error <= spec.error * (1.0 + (spec.cost - spec.overhead) / there.cost) ** COST_EXPONENT:
             return PartFit(there.rings, there.degree, sigma, (), ratios)
-    return PartFit(plan.rings, plan.degree, sigma, tuple(planned_chain(leaf.plans, plan)), ratios)
+    return PartFit(spec.rings, spec.degree, sigma, tuple(planned_chain(leaf.specs, spec)), ratios)
 
 
 def first_features(geometry: VertexGeometry, rows: IntArray) -> FloatArray:
@@ -336,41 +336,45 @@ def fit_in_balls(
 
     Where the patch is left open, one that suits the rings of about this radius is taken, the same everywhere.
     """
-    choices = Choices(None, degrees, sigma)
-    leaf = None if fit else _learn_balls(mesh, adjacency, radius, choices, robust)
+    constraints = FitConstraints(None, degrees, sigma)
+    leaf = None if fit else _learn_balls(mesh, adjacency, radius, constraints, robust)
     if leaf is not None:
         edges = find_edges(leaf.surface.noise)
         if edges is not None and (edges & ~mesh.stops).any():
             mesh = mesh._replace(stops=mesh.stops | edges)
-            leaf = _learn_balls(mesh, adjacency, radius, choices, robust)
+            leaf = _learn_balls(mesh, adjacency, radius, constraints, robust)
     if leaf is None:
         fit = fit or patch_of_degrees(degrees)
         attempts = fallback_chain(1, fit, radius)
         choice = FitChoice(0, fit.degree, fit.alpha, None, radius=radius)
     else:
-        attempts = planned_chain(leaf.plans, leaf.chosen, radius)
+        attempts = planned_chain(leaf.specs, leaf.chosen, radius)
         choice = _with_noise(FitChoice(0, leaf.chosen.degree, None, None, radius=radius), leaf.surface.noise)
         mesh = with_steady_normals(mesh) if leaf.surface.noise.heavy else mesh
     fit_with_fallbacks(mesh, ids, list(attempts), geometry, robust=robust, progress=progress)
     return choice
 
 
-def _learn_balls(mesh: KernelMesh, adjacency: Adjacency, radius: float, choices: Choices, robust: bool) -> Leaf | None:
+def _learn_balls(
+    mesh: KernelMesh, adjacency: Adjacency, radius: float, constraints: FitConstraints, robust: bool
+) -> Leaf | None:
     """Learn the surface; the chosen plan is that of the rings whose radius is nearest to the one given."""
     mesh = without_outliers(mesh, adjacency) if robust else mesh
     wanted = nearest_rings(mesh, adjacency, radius)
-    analyses, leaf = learn_surface(mesh, adjacency, replace(choices, rings=wanted))
+    analyses, leaf = learn_surface(mesh, adjacency, replace(constraints, rings=wanted))
     if not analyses:
         return None
     nearest = min(analyses, key=lambda analysis: abs(analysis.radius - radius))
-    choices = replace(choices, rings=nearest.rings)
-    return leaf_of(analyses, choices) if leaf is None else best_leaf(leaf.surface, leaf.plans, choices)
+    constraints = replace(constraints, rings=nearest.rings)
+    return fit_leaf(analyses, constraints) if leaf is None else best_leaf(leaf.surface, leaf.specs, constraints)
 
 
 def nearest_rings(mesh: KernelMesh, adjacency: Adjacency, radius: float) -> int:
     """Number of rings, as many as can be analysed at most, whose median radius is nearest to a length."""
     ids = draw_from_mesh(mesh, RADIUS_SAMPLES)
-    sample = sample_neighbourhoods(mesh, adjacency, ids, rings=max(CANDIDATE_RINGS), most_turned=MAX_FLIPPED_FRACTION)
+    sample = sample_neighbourhoods(
+        mesh, adjacency, ids, rings=max(CANDIDATE_RINGS), max_flipped_fraction=MAX_FLIPPED_FRACTION
+    )
     distances = np.sqrt(np.square(sample.points[..., :2]).sum(axis=2))
     best, smallest = 1, np.inf
     for rings in range(1, sample.sizes.shape[1]):

@@ -47,7 +47,7 @@ from bezier_filters.kernels.kernel_input import (
     with_steady_normals,
     with_vertices,
 )
-from bezier_filters.learning.learn import sample_by_mode, why_unlearned
+from bezier_filters.learning.learn import explain_unusable_mesh, sample_by_mode
 from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample, draw_from_mesh
 from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
@@ -381,7 +381,11 @@ def _choose(
 
 def _with_reason(choice: FitChoice, arrays: KernelMesh, adjacency: Adjacency) -> FitChoice:
     """A choice that says why the noise is not known, if it is not."""
-    return choice if choice.noise_sigma is not None else replace(choice, noise_reason=why_unlearned(arrays, adjacency))
+    return (
+        choice
+        if choice.noise_sigma is not None
+        else replace(choice, noise_reason=explain_unusable_mesh(arrays, adjacency))
+    )
 
 
 def _misses_edges(arrays: KernelMesh, fit: SurfaceFit, sigma: float) -> bool:

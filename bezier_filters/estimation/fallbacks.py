@@ -20,8 +20,8 @@ from bezier_filters.kernels.kernel_input import (
     VertexResults,
     hubs,
 )
+from bezier_filters.learning.fit_spec import FitSpec
 from bezier_filters.learning.learn import MAX_FLIPPED_FRACTION
-from bezier_filters.learning.plans import FitPlan
 from bezier_filters.learning.quartic_mean import QUARTIC
 from bezier_filters.meshes.diagnosis import FEWEST_POINTS
 from bezier_filters.patches.fitting import PatchFit
@@ -52,12 +52,12 @@ class FitAttempt:
     status: FitStatus  # what a success is recorded as
     after: frozenset[int]  # outcomes of the kernel
     rings: int  # size of the neighbourhood in edges, unless there is a radius
-    fit: PatchFit | FitPlan
+    fit: PatchFit | FitSpec
     # whether the plane is normal to the mean normal of the neighbourhood, not to the vertex normal
     mean_plane: bool = False
     other_plane: bool = False  # whether it is that of a neighbour
     # share of the vertices whose normals may turn away from the plane; if negative, not even a single face may fold
-    most_turned: float = -1.0
+    max_flipped_fraction: float = -1.0
     by_crossings: bool = False  # whether, if that is negative, a fold is where edges cross in the plane, not a face
     # standard deviation of the heights, a length, for the standard errors of normal and curvatures; 0 for none
     noise: tuple[float, float] = (0.0, 0.0)
@@ -96,10 +96,12 @@ def last_resorts(rings: int) -> Iterator[FitAttempt]:
     yield FitAttempt(FitStatus.LOWER_DEGREE, ill_posed, rings + MORE_RINGS, QUADRATIC)
     for wide in (max(rings, 2), rings + MORE_RINGS):
         yield FitAttempt(FitStatus.LOWER_DEGREE, ill_posed, wide, FLATTEST, fewest_points=FEWEST_POINTS)
-    yield FitAttempt(FitStatus.FOLDED, ill_posed | folded, max(rings, 2), QUADRATIC, mean_plane=True, most_turned=1.0)
+    yield FitAttempt(
+        FitStatus.FOLDED, ill_posed | folded, max(rings, 2), QUADRATIC, mean_plane=True, max_flipped_fraction=1.0
+    )
 
 
-def planned_chain(plans: Sequence[FitPlan], chosen: FitPlan, radius: float | None = None) -> Iterator[FitAttempt]:
+def planned_chain(specs: Sequence[FitSpec], chosen: FitSpec, radius: float | None = None) -> Iterator[FitAttempt]:
     """The chosen plan and its fallbacks: narrower rings where it folds, wider ones where it is ill posed.
 
     A prior makes nearly every neighbourhood well posed, and noise folds a few faces of a wide one;
@@ -108,22 +110,22 @@ def planned_chain(plans: Sequence[FitPlan], chosen: FitPlan, radius: float | Non
     """
     ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED})
 
-    def planned(status: FitStatus, after: frozenset[int], rings: int, plan: FitPlan, fewest: int = 0) -> FitAttempt:
+    def planned(status: FitStatus, after: frozenset[int], rings: int, spec: FitSpec, fewest: int = 0) -> FitAttempt:
         return FitAttempt(
             status,
             after,
             rings,
-            plan,
+            spec,
             mean_plane=True,
-            most_turned=MAX_FLIPPED_FRACTION,
-            noise=(plan.normal_noise, plan.curvature_noise),
+            max_flipped_fraction=MAX_FLIPPED_FRACTION,
+            noise=(spec.normal_noise, spec.curvature_noise),
             fewest_points=fewest,
         )
 
     fewest = int(ENOUGH_POINTS * chosen.points) if radius is None else 0
     yield replace(planned(FitStatus.OK, frozenset({FITTED}), chosen.rings, chosen, fewest), radius=radius)
-    for plan in sorted((plan for plan in plans if plan.rings < chosen.rings), key=lambda plan: -plan.rings):
-        yield planned(FitStatus.NARROWER_RING, folded, plan.rings, plan)
+    for spec in sorted((spec for spec in specs if spec.rings < chosen.rings), key=lambda spec: -spec.rings):
+        yield planned(FitStatus.NARROWER_RING, folded, spec.rings, spec)
     narrowest, wider = (chosen.rings, chosen) if radius is None else (1, replace(chosen, weight_radius=np.inf))
     for more in range(1, MORE_RINGS + 1):
         yield planned(FitStatus.WIDER_RING, ill_posed, narrowest + more, wider, fewest if more < MORE_RINGS else 0)
@@ -147,7 +149,9 @@ def fit_with_fallbacks(
     If robust, points far off a fit lose their weight, except in the last resorts, which have too few to tell.
     """
     if not len(mesh.faces):  # only the points' normals can tell a fold
-        attempts = [replace(one, most_turned=max(one.most_turned, MAX_FLIPPED_FRACTION)) for one in attempts]
+        attempts = [
+            replace(one, max_flipped_fraction=max(one.max_flipped_fraction, MAX_FLIPPED_FRACTION)) for one in attempts
+        ]
     has_normal = np.empty(len(ids), dtype=np.bool_)
 
     def look(start: int, stop: int) -> None:
@@ -198,7 +202,7 @@ def _run(
     progress: Progress | None,
 ) -> ByteArray:
     """Run the kernel on the vertices `ids`; return their outcomes."""
-    if attempt.by_crossings and attempt.most_turned < 0.0:
+    if attempt.by_crossings and attempt.max_flipped_fraction < 0.0:
         return _run_without_crossings(attempt, mesh, ids, geometry, robust, progress)
     if attempt.over_creases:
         mesh = mesh._replace(stops=hubs(mesh.ring_ptr))
@@ -228,7 +232,7 @@ def _run_without_crossings(
     flat, untold = outcomes == FITTED, outcomes == ILL_POSED
     normals = mesh.normals.copy()
     normals[ids[flat]] = found[flat]
-    own = replace(attempt, mean_plane=False, other_plane=False, most_turned=1.0)
+    own = replace(attempt, mean_plane=False, other_plane=False, max_flipped_fraction=1.0)
     outcomes[flat] = _run(own, mesh._replace(normals=normals), ids[flat], geometry, robust, progress)
     outcomes[untold] = _run(replace(attempt, by_crossings=False), mesh, ids[untold], geometry, robust, None)
     return outcomes
@@ -268,9 +272,9 @@ def kernel_fit(attempt: FitAttempt, *, robust: bool = False) -> KernelFit:
         square=square,
         mean_plane=attempt.mean_plane,
         other_plane=attempt.other_plane,
-        most_turned=attempt.most_turned,
+        most_turned=attempt.max_flipped_fraction,
         highest_power=2 * fit.degree,
-        any_axis=isinstance(fit, FitPlan),
+        any_axis=isinstance(fit, FitSpec),
         exponents=space.exponents,
         starts=row_starts(space.exponents),
         lexicographic=lexicographic_places(space.exponents),

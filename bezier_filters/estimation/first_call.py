@@ -19,8 +19,8 @@ from bezier_filters.estimation.vertex_geometry import empty_geometry
 from bezier_filters.kernels.fit_kernel import fit_in_lanes
 from bezier_filters.kernels.graph_geometry import bound_errors
 from bezier_filters.kernels.kernel_input import FITTED, fitted_mesh, kernel_mesh
+from bezier_filters.learning.fit_spec import FitConstraints
 from bezier_filters.learning.learn import learn_surface
-from bezier_filters.learning.plans import Choices
 from bezier_filters.meshes.adjacency import Adjacency, Rows
 from bezier_filters.meshes.frames import TangentPlanes
 from bezier_filters.meshes.mesh import triangle_mesh
@@ -90,5 +90,5 @@ def compile_the_rest() -> None:
     ball = sphere(resolution=8)
     ordered = in_spatial_order(triangle_mesh(ball.vertices, ball.faces))
     arrays, adjacency = fitted_mesh(ordered.mesh, ordered, creases=True)
-    learn_surface(arrays, adjacency, Choices())
+    learn_surface(arrays, adjacency, FitConstraints())
     bound_errors(arrays, np.zeros(0, np.int32), np.zeros(0), np.zeros(0), 0, 0)  # parts of a surface may need it later

@@ -5,7 +5,7 @@ from typing import Literal
 import numpy as np
 
 from bezier_filters.errors import InvalidParameterError, is_integer, is_real
-from bezier_filters.learning.plans import CANDIDATE_DEGREES
+from bezier_filters.learning.fit_spec import CANDIDATE_DEGREES
 from bezier_filters.meshes.mesh import LARGEST
 from bezier_filters.meshes.neighbourhoods import MOST_RINGS
 from bezier_filters.patches.fitting import PatchFit

@@ -8,9 +8,9 @@ from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.estimation.adaptive_fit import Learn, learn_without_outliers, learner
 from bezier_filters.estimation.outlier_removal import without_outliers
 from bezier_filters.kernels.kernel_input import fitted_mesh
-from bezier_filters.learning.learn import why_unlearned
+from bezier_filters.learning.fit_spec import FitConstraints
+from bezier_filters.learning.learn import explain_unusable_mesh
 from bezier_filters.learning.noise_model import NoiseModel, rescale_noise
-from bezier_filters.learning.plans import Choices
 from bezier_filters.meshes.adjacency import Adjacency, from_middles, mean_edge
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.half_edges import mesh_edges
@@ -49,14 +49,14 @@ def learn_noise(
 
 def why_noise_is_unknown(mesh: TriangleMesh, adjacency: Adjacency) -> str:
     """Why `learn_noise` gives none."""
-    return why_unlearned(*fitted_mesh(mesh, adjacency=adjacency, creases=True))
+    return explain_unusable_mesh(*fitted_mesh(mesh, adjacency=adjacency, creases=True))
 
 
 def learned_noise(learn: Learn, sigma: float | None, robust: bool | None, most: float = np.inf) -> NoiseModel | None:
     """The noise of a mesh as `learn_noise` does, in memory or in tiles; what is more than the most is none."""
     if sigma == 0.0:
         return NoiseModel(0.0)
-    _, leaf = learn_without_outliers(learn, Choices(only_noise=True), robust)
+    _, leaf = learn_without_outliers(learn, FitConstraints(only_noise=True), robust)
     learned = None if leaf is None or leaf.surface.noise.sigma > most else leaf.surface.noise
     if learned is not None and robust is False:
         learned = replace(learned, outliers=0.0)

@@ -8,7 +8,7 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.estimation.fallbacks import MORE_RINGS, FitAttempt, fallback_chain, fit_with_fallbacks
 from bezier_filters.estimation.vertex_geometry import VertexGeometry, empty_geometry
 from bezier_filters.kernels.kernel_input import KernelMesh, with_edges_without_tips, with_vertices
-from bezier_filters.learning.learn import MAX_FLIPPED_FRACTION_AMONG_OUTLIERS
+from bezier_filters.learning.learn import MAX_FLIPPED_BY_OUTLIERS
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.tips import unfolded
@@ -52,7 +52,7 @@ def _attempts() -> list[FitAttempt]:
     """Fits whose neighbourhoods outliers may fold; narrow fallbacks would follow them."""
     chain = fallback_chain(RINGS, PatchFit())
     wide = [one for one in chain if one.status in (FitStatus.OK, FitStatus.WIDER_RING)]
-    return [replace(one, mean_plane=True, most_turned=MAX_FLIPPED_FRACTION_AMONG_OUTLIERS) for one in wide]
+    return [replace(one, mean_plane=True, max_flipped_fraction=MAX_FLIPPED_BY_OUTLIERS) for one in wide]
 
 
 def _is_on_edge(mesh: KernelMesh, moves: FloatArray) -> BoolArray:

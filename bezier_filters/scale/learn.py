@@ -23,7 +23,8 @@ from bezier_filters.estimation.noise_free import learned_noise
 from bezier_filters.estimation.outlier_removal import OUTLIER_REACH, without_outliers
 from bezier_filters.estimation.vertex_geometry import empty_geometry
 from bezier_filters.kernels.kernel_input import KernelMesh, fitted_mesh, with_steady_normals
-from bezier_filters.learning.learn import SAMPLES, SampleMode, learn_from_samples, sample_by_mode
+from bezier_filters.learning.fit_spec import FitConstraints
+from bezier_filters.learning.learn import SAMPLES_PER_RING, SampleMode, learn_from_samples, sample_by_mode
 from bezier_filters.learning.model_tree import Leaf, leaves
 from bezier_filters.learning.neighbourhood_samples import (
     NORMAL_CHECK_RINGS,
@@ -32,9 +33,8 @@ from bezier_filters.learning.neighbourhood_samples import (
     draw_vertices,
 )
 from bezier_filters.learning.noise_model import NoiseModel
-from bezier_filters.learning.plans import Choices
 from bezier_filters.learning.ring_analysis import RingAnalysis
-from bezier_filters.learning.unlearned import reason_unlearned
+from bezier_filters.learning.sample_check import explain_unusable_sample
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.frames import STEADY_ROUNDS, tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
@@ -89,12 +89,12 @@ def learn_fit(store: Store, options: FitOptions) -> SurfaceFit:
     fit, learned = choose_fit(learn, rings, fixed, degrees, options.robust, options.noise, options.detail)
     if learned is None:
         if fit.choice.noise_sigma is None and (fixed is None or rings == "auto"):
-            fit = replace(fit, choice=replace(fit.choice, noise_reason=_why_unlearned(store, options)))
+            fit = replace(fit, choice=replace(fit.choice, noise_reason=_explain_unusable_store(store, options)))
         return fit
     drawn = _draw(store, LOOKED_AT)
     known = np.union1d(learned.centers, drawn)
-    view: SampleMode = "steady" if fit.steady else "plain"
-    reach = _reach(_widest(fit.attempts), view, fit.cleaned)
+    mode: SampleMode = "steady" if fit.steady else "plain"
+    reach = _reach(_widest(fit.attempts), mode, fit.cleaned)
     part = part_around_samples(store, known, reach)
     local = part.local(known)
     arrays, _ = mesh_to_fit(part.mesh, options.creases, fit.cleaned, fit.steady)
@@ -103,16 +103,16 @@ def learn_fit(store: Store, options: FitOptions) -> SurfaceFit:
     features = first_features(geometry, local)
 
     def sample(centers: IntArray, rings: int) -> NeighbourhoodSample:
-        return _sample_at(store, options, centers, rings, view)
+        return _sample_at(store, options, centers, rings, mode)
 
     places = Places(drawn, lambda centers: features[np.searchsorted(known, centers)], sample)
     return with_parts(fit, learned, places)
 
 
-def _why_unlearned(store: Store, options: FitOptions) -> str:
+def _explain_unusable_store(store: Store, options: FitOptions) -> str:
     """Why nothing is learned of a mesh, as in memory."""
-    return reason_unlearned(
-        _sample_at(store, options, _draw(store, SAMPLES[NORMAL_CHECK_RINGS]), NORMAL_CHECK_RINGS, "plain")
+    return explain_unusable_sample(
+        _sample_at(store, options, _draw(store, SAMPLES_PER_RING[NORMAL_CHECK_RINGS]), NORMAL_CHECK_RINGS, "plain")
     )
 
 
@@ -122,12 +122,12 @@ def learn_noise(store: Store, sigma: float | None = None, robust: bool | None = 
 
 
 def _learn_surface(
-    store: Store, options: FitOptions, choices: Choices, without: bool
+    store: Store, options: FitOptions, choices: FitConstraints, without: bool
 ) -> tuple[list[RingAnalysis], Leaf | None]:
     """What is learned of a mesh in memory, as it is or without its outliers."""
 
-    def sample(rings: int, count: int, view: SampleMode) -> NeighbourhoodSample:
-        return _sample_at(store, options, _draw(store, count), rings, view, without)
+    def sample(rings: int, count: int, mode: SampleMode) -> NeighbourhoodSample:
+        return _sample_at(store, options, _draw(store, count), rings, mode, without)
 
     return learn_from_samples(sample, store.layout.vertex_count, choices)
 
@@ -139,9 +139,9 @@ def rings_needed(fit: SurfaceFit) -> int:
     return _reach(_widest(attempts), "steady" if fit.steady else "plain", fit.cleaned)
 
 
-def _reach(rings: int, view: SampleMode, without: bool) -> int:
+def _reach(rings: int, mode: SampleMode, without: bool) -> int:
     """How many rings around a vertex decide about what is seen of some, maybe without outliers."""
-    return rings + CREASE_RINGS + (OUTLIER_REACH if without else 0) + MORE_FOR[view]
+    return rings + CREASE_RINGS + (OUTLIER_REACH if without else 0) + MORE_FOR[mode]
 
 
 def _widest(attempts: Sequence[FitAttempt]) -> int:
@@ -160,12 +160,12 @@ def _draw(store: Store, count: int) -> IntArray:
 
 
 def _sample_at(
-    store: Store, options: FitOptions, centers: IntArray, rings: int, view: SampleMode, without: bool = False
+    store: Store, options: FitOptions, centers: IntArray, rings: int, mode: SampleMode, without: bool = False
 ) -> NeighbourhoodSample:
     """The neighbourhoods of some vertices."""
-    part = part_around_samples(store, centers, _reach(rings, view, without))
+    part = part_around_samples(store, centers, _reach(rings, mode, without))
     arrays, adjacency = mesh_to_fit(part.mesh, options.creases, without)
-    return sample_by_mode(arrays, adjacency, part.local(centers), rings, view)._replace(centers=centers)
+    return sample_by_mode(arrays, adjacency, part.local(centers), rings, mode)._replace(centers=centers)
 
 
 def mesh_to_fit(mesh: TriangleMesh, creases: bool, without: bool, steady: bool = False) -> tuple[KernelMesh, Adjacency]:
