@@ -10,17 +10,17 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, IntArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.adaptive_fit import (
-    LOOKED_AT,
-    Places,
+    PROBE_COUNT,
+    ProbeVertices,
     SurfaceFit,
+    add_regions,
     choose_fit,
     first_features,
-    with_parts,
 )
 from bezier_filters.estimation.fallbacks import FitAttempt, fit_with_fallbacks
 from bezier_filters.estimation.fit_options import check_detail, check_fit_noise, fit_options
-from bezier_filters.estimation.noise_free import learned_noise
-from bezier_filters.estimation.outlier_removal import OUTLIER_REACH, without_outliers
+from bezier_filters.estimation.noise_free import estimate_noise
+from bezier_filters.estimation.outlier_removal import OUTLIER_REACH, move_outliers
 from bezier_filters.estimation.vertex_geometry import empty_geometry
 from bezier_filters.kernels.kernel_input import KernelMesh, fitted_mesh, with_steady_normals
 from bezier_filters.learning.fit_spec import FitConstraints
@@ -91,7 +91,7 @@ def learn_fit(store: Store, options: FitOptions) -> SurfaceFit:
         if fit.choice.noise_sigma is None and (fixed is None or rings == "auto"):
             fit = replace(fit, choice=replace(fit.choice, noise_reason=_explain_unusable_store(store, options)))
         return fit
-    drawn = _draw(store, LOOKED_AT)
+    drawn = _draw(store, PROBE_COUNT)
     known = np.union1d(learned.centers, drawn)
     mode: SampleMode = "steady" if fit.steady else "plain"
     reach = _reach(_widest(fit.attempts), mode, fit.cleaned)
@@ -105,8 +105,8 @@ def learn_fit(store: Store, options: FitOptions) -> SurfaceFit:
     def sample(centers: IntArray, rings: int) -> NeighbourhoodSample:
         return _sample_at(store, options, centers, rings, mode)
 
-    places = Places(drawn, lambda centers: features[np.searchsorted(known, centers)], sample)
-    return with_parts(fit, learned, places)
+    places = ProbeVertices(drawn, lambda centers: features[np.searchsorted(known, centers)], sample)
+    return add_regions(fit, learned, places)
 
 
 def _explain_unusable_store(store: Store, options: FitOptions) -> str:
@@ -116,9 +116,9 @@ def _explain_unusable_store(store: Store, options: FitOptions) -> str:
     )
 
 
-def learn_noise(store: Store, sigma: float | None = None, robust: bool | None = None) -> NoiseModel | None:
-    """The noise of a mesh, as `noise_free.learn_noise` learns it in memory."""
-    return learned_noise(partial(_learn_surface, store, FitOptions()), sigma, robust)
+def learn_store_noise(store: Store, sigma: float | None = None, robust: bool | None = None) -> NoiseModel | None:
+    """The noise of a mesh, as `noise_free.learn_store_noise` learns it in memory."""
+    return estimate_noise(partial(_learn_surface, store, FitOptions()), sigma, robust)
 
 
 def _learn_surface(
@@ -134,7 +134,7 @@ def _learn_surface(
 
 def rings_needed(fit: SurfaceFit) -> int:
     """How many rings around a vertex its values depend on."""
-    parts = [] if fit.parts is None else leaves(fit.parts)
+    parts = [] if fit.regions is None else leaves(fit.regions)
     attempts = [*fit.attempts, *(attempt for part in parts for attempt in part.attempts)]
     return _reach(_widest(attempts), "steady" if fit.steady else "plain", fit.cleaned)
 
@@ -172,7 +172,7 @@ def mesh_to_fit(mesh: TriangleMesh, creases: bool, without: bool, steady: bool =
     """What the kernels fit of a part of a mesh, maybe without its outliers, with averages of normals: see `_reach`."""
     arrays, adjacency = fitted_mesh(mesh, creases=creases)
     if without:
-        arrays = without_outliers(arrays, adjacency)
+        arrays = move_outliers(arrays, adjacency)
     return with_steady_normals(arrays) if steady else arrays, adjacency
 
 

@@ -11,7 +11,12 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, Report
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.adaptive_fit import SurfaceFit
-from bezier_filters.estimation.noise_free import are_to_be_taken_off, cleaned, unfolded_surface, with_outliers_as_noise
+from bezier_filters.estimation.noise_free import (
+    choose_outliers_or_noise,
+    move_mesh_outliers,
+    needs_outlier_removal,
+    unfold_surface,
+)
 from bezier_filters.estimation.outlier_removal import OUTLIER_REACH
 from bezier_filters.fields import PREFIX, QUALITY
 from bezier_filters.learning.noise_model import NoiseModel
@@ -24,7 +29,7 @@ from bezier_filters.scale.array_file import ArrayFile, Values, saved_array
 from bezier_filters.scale.components import StoredComponents, labelled_vertices, unite_components
 from bezier_filters.scale.estimate import fit_tile
 from bezier_filters.scale.halo import TilePart, tile_part
-from bezier_filters.scale.learn import FitOptions, learn_fit, learn_noise, rings_needed, sampled_parts_of
+from bezier_filters.scale.learn import FitOptions, learn_fit, learn_store_noise, rings_needed, sampled_parts_of
 from bezier_filters.scale.run import Round, Run, RunOptions, StageProgress, TileTask, file_run
 from bezier_filters.scale.scheduling import Scheduler
 from bezier_filters.scale.source import SourcePath, open_source
@@ -227,23 +232,23 @@ def _automatic(run: Run, iterations: int, options: SmoothingOptions, keep_volume
 def _noise_of(run: Run, store: Store, sigma: float | None = None, robust: bool | None = None) -> NoiseModel | None:
     """The noise, of a given strength if that is known, with the outliers if not `robust`."""
     with run.stages.stage("learn"):
-        return learn_noise(store, sigma, robust)
+        return learn_store_noise(store, sigma, robust)
 
 
 def _without_outliers(
     run: Run, store: Store, noise: NoiseModel | None, folder: Path, options: SmoothingOptions
 ) -> tuple[Store, NoiseModel | None]:
-    """A mesh without its outliers, if `denoised` takes them off first, and the noise that it has then.
+    """A mesh without its outliers, if `denoise_mesh` takes them off first, and the noise that it has then.
 
     Each round has a folder of this name and its number.
     """
     if noise is not None and noise.outliers:
         with run.stages.stage("learn"):
-            are_noise, _ = with_outliers_as_noise(sampled_parts_of(store), noise, options)
+            are_noise, _ = choose_outliers_or_noise(sampled_parts_of(store), noise, options)
         if are_noise:
             return store, _noise_of(run, store, options.sigma, robust=False)
     rounds = 0
-    while are_to_be_taken_off(noise, rounds):
+    while needs_outlier_removal(noise, rounds):
         rounds += 1
         of_round = folder.with_name(f"{folder.name}-{rounds}")
         store, _ = _moved(run, "clean", of_round, partial(clean_tile, store))
@@ -254,7 +259,7 @@ def _without_outliers(
 def _impulses_left(
     measured: Store, smoothed: Store, impulses: Impulses | None, before: FloatArray
 ) -> tuple[Impulses | None, FloatArray]:
-    """What `denoised` learns of impulses after a round, unless that has changed next to nothing, and from what points.
+    """The impulses that `denoise_mesh` learns after a round, None if it has converged, and the points that show them.
 
     Given are the impulses and the points of the round before.
     """
@@ -308,7 +313,7 @@ def measure_tile(store: Store, sigma: float, tile: int) -> tuple[Values, TileRep
 def clean_tile(store: Store, tile: int) -> tuple[Values, TileReport]:
     """Where the vertices of a tile are without its outliers."""
     part = tile_part(store, tile, OUTLIER_REACH)
-    points = cleaned(part.mesh, vertex_adjacency(part.mesh)).vertices
+    points = move_mesh_outliers(part.mesh, vertex_adjacency(part.mesh)).vertices
     return table_of(points[part.own], {}), TileReport(tile, len(part.ids), {})
 
 
@@ -359,7 +364,7 @@ def smooth_tile(
     adjacency = vertex_adjacency(mesh)
     movable = _movable(adjacency, fixed)
     if is_cleaned:
-        points = unfolded_surface(mesh, adjacency, points)
+        points = unfold_surface(mesh, adjacency, points)
     points = np.where(movable[:, np.newaxis], points, mesh.vertices)
     rows = table_of(points[own], {SHARPNESS: sharpness[own]})
     sums: dict[str, list[float]] = {}

@@ -12,7 +12,7 @@ from bezier_filters.errors import InvalidParameterError, is_integer
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.first_call import first_call
 from bezier_filters.estimation.fit_options import check_detail, check_noise
-from bezier_filters.estimation.noise_free import denoised, learn_noise, why_noise_is_unknown
+from bezier_filters.estimation.noise_free import denoise_mesh, explain_unknown_noise, learn_mesh_noise
 from bezier_filters.meshes.adjacency import Adjacency, longest_edges, mean_edge, vertex_adjacency
 from bezier_filters.meshes.half_edges import unclear_vertices
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
@@ -248,13 +248,13 @@ def smooth(
         movable = movable & ~adjacency.on_boundary
     points, sharpness = mesh.vertices, np.zeros(n)
     with first_call():
-        known, done = learn_noise(mesh, adjacency, noise), 0
+        known, done = learn_mesh_noise(mesh, adjacency, noise), 0
         for k in range(iterations):
             current, part = TriangleMesh(points, mesh.faces), part_of(progress, k, iterations)
             if method == "auto":
-                here = known if k == 0 else learn_noise(current, adjacency)
+                here = known if k == 0 else learn_mesh_noise(current, adjacency)
                 options = SmoothingOptions(borders, detail, relax, noise if k == 0 else None)
-                found = denoised(current, adjacency, here, options, progress=part)
+                found = denoise_mesh(current, adjacency, here, options, progress=part)
                 points, sharpness = found.points, np.maximum(sharpness, found.sharpness)
             else:
                 geometry = estimate_vertex_geometry(
@@ -278,7 +278,7 @@ def smooth(
             points = np.where(unlike[:, np.newaxis], mesh.vertices, points)
         smoothed = TriangleMesh(points, mesh.faces)
         volumes_after = component_volumes(components, smoothed)
-        left = learn_noise(smoothed, adjacency)
+        left = learn_mesh_noise(smoothed, adjacency)
         bad_before, bad_after = (bad_faces(one, adjacency) for one in (mesh, smoothed))
         return SmoothingResult(
             vertices=ordered.back(points),
@@ -288,7 +288,7 @@ def smooth(
             noise_after=None if left is None else left.sigma,
             noise_length=None if known is None else known.length,
             noise_heavy=known is not None and known.heavy,
-            noise_reason="" if known is not None else why_noise_is_unknown(mesh, adjacency),
+            noise_reason="" if known is not None else explain_unknown_noise(mesh, adjacency),
             iterations=done,
             mean_edge=mean_edge(mesh, adjacency),
             volume_before=float(volumes_before.sum()) if components.count else None,

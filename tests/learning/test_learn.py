@@ -8,7 +8,7 @@ from numba import config
 from scanner_noise import in_all_directions
 
 from bezier_filters import estimate_vertex_geometry
-from bezier_filters.estimation.adaptive_fit import _part_fit
+from bezier_filters.estimation.adaptive_fit import _region_fit
 from bezier_filters.kernels.kernel_input import fitted_mesh
 from bezier_filters.learning.fit_spec import FitConstraints
 from bezier_filters.learning.learn import CANDIDATE_RINGS, learn_surface
@@ -90,7 +90,7 @@ def test_parts_of_a_surface_that_is_exact_elsewhere_have_fits_of_their_own(exact
     surface = bumpy_star(resolution=12, jitter=0.2)
     arrays, adjacency = fitted_mesh(triangle_mesh(surface.vertices, surface.faces), creases=True)
     leaf = learn_surface(arrays, adjacency, FitConstraints())[1]
-    assert not _part_fit(leaf, leaf).attempts
-    part = _part_fit(replace(leaf, chosen=replace(leaf.chosen, **{exact: 0.0})), leaf)
+    assert not _region_fit(leaf, leaf).attempts
+    part = _region_fit(replace(leaf, chosen=replace(leaf.chosen, **{exact: 0.0})), leaf)
     assert part.attempts
     assert not np.isfinite(part.error_ratios).any()
