@@ -30,7 +30,7 @@ from bezier_filters.kernels.kernel_input import fitted_mesh
 from bezier_filters.meshes.mesh import LARGEST, SMALLEST
 from bezier_filters.meshlab.meshset import BezierFilterError
 from bezier_filters.meshlab.scripts import FILTERS
-from bezier_filters.smoothing.flipped_faces import WORSE
+from bezier_filters.smoothing.flipped_faces import NEW_BAD_FACE_WEIGHT
 from bezier_filters.status import FitStatus
 
 ESTIMATES = {
@@ -126,7 +126,7 @@ def check_smoothing(vertices, faces, method):
     if method == "auto":
         # A face that becomes wrong is paid for by more that are mended.
         before, after = result.flipped_before + result.degenerate_before, result.flipped_after + result.degenerate_after
-        assert after + WORSE * result.new_bad_faces <= before
+        assert after + NEW_BAD_FACE_WEIGHT * result.new_bad_faces <= before
 
 
 def check_holes(vertices, faces, method):

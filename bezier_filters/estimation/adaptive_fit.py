@@ -211,12 +211,12 @@ def add_regions(fit: SurfaceFit, learned: LearnedSurface, places: ProbeVertices)
 def _split_misfit(tree: Tree[Leaf], root: Leaf, constraints: FitConstraints, places: ProbeVertices) -> Tree[Leaf]:
     """Split off the probes that the first fit does not follow, if the gain of their own model is large enough."""
     threshold = MIN_MISFIT_RATIO * max(leaf.surface.sigma for leaf in leaves(tree))
-    off = places.drawn[places.features(places.drawn)[:, RESIDUAL_FEATURE] > threshold]
-    if not MIN_MISFIT_COUNT <= len(off) <= MAX_MISFIT_FRACTION * len(places.drawn):
+    misfits = places.drawn[places.features(places.drawn)[:, RESIDUAL_FEATURE] > threshold]
+    if not MIN_MISFIT_COUNT <= len(misfits) <= MAX_MISFIT_FRACTION * len(places.drawn):
         return tree
 
     def sample(rings: int, count: int, _: SampleMode) -> NeighbourhoodSample:
-        return places.sample(off[:count], rings)
+        return places.sample(misfits[:count], rings)
 
     vertex_count, noise = root.surface.by_rings[0].analysis.vertex_count, root.surface.noise
     analyses, leaf = learn_from_samples(sample, vertex_count, constraints)

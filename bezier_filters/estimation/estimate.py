@@ -400,11 +400,11 @@ def _misses_edges(arrays: KernelMesh, fit: SurfaceFit, sigma: float) -> bool:
     rows[drawn] = np.arange(len(drawn))
     found = empty_geometry(len(drawn))
     fit_with_fallbacks(arrays._replace(origin=rows), drawn, fit.attempts, found, robust=fit.robust)
-    off, often_off, often_failed = MIN_MISFIT_RATIO, EDGE_MISFIT_FRACTION, EDGE_FAILURE_FRACTION
+    ratio, misfits, failures = MIN_MISFIT_RATIO, EDGE_MISFIT_FRACTION, EDGE_FAILURE_FRACTION
     if fit.cleaned:
-        off, often_off, often_failed = OUTLIER_MISFIT_RATIO, OUTLIER_MISFIT_FRACTION, OUTLIER_FAILURE_FRACTION
+        ratio, misfits, failures = OUTLIER_MISFIT_RATIO, OUTLIER_MISFIT_FRACTION, OUTLIER_FAILURE_FRACTION
     has_failed = found.status > FitStatus.WIDER_RING
-    return bool((found.residual > off * sigma).mean() > often_off or has_failed.mean() > often_failed)
+    return bool((found.residual > ratio * sigma).mean() > misfits or has_failed.mean() > failures)
 
 
 def _fit(

@@ -18,10 +18,10 @@ from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.sharp_edges import may_have_sharp_edges, sharp_edges
 from bezier_filters.meshes.tips import unfolded
 from bezier_filters.runtime.parallel import Progress
-from bezier_filters.smoothing.denoise import Denoised, SmoothingOptions, remove_noise
+from bezier_filters.smoothing.denoise import DenoisedMesh, SmoothingOptions, remove_noise
 from bezier_filters.smoothing.flipped_faces import repair_flipped_faces
-from bezier_filters.smoothing.impulses import MOST_ROUNDS, has_settled, learn_impulses, without_impulses
-from bezier_filters.smoothing.mesh_parts import MeshPart, sampled_parts
+from bezier_filters.smoothing.impulses import MAX_IMPULSE_ROUNDS, has_settled, learn_impulses, remove_impulses
+from bezier_filters.smoothing.mesh_parts import MeshPart, sample_parts
 
 # standard deviation of the noise over the mean edge, above which angles of flat edges look sharp: less noise turns a
 # face by 5 degrees at most
@@ -32,7 +32,7 @@ MAX_NOISE_PER_EDGE = 0.5 * np.sqrt(np.pi)
 # fraction of the noise that remains in the angles at sharp edges of the denoised surface: 0.06 to 0.3 on wedges, prisms
 # and a fandisk with white noise of 0.1 to 0.5 edges
 RESIDUAL_NOISE_FRACTION = 0.2
-MIN_EDGE_SHARPNESS = 0.1  # smallest `Denoised.sharpness` at a sharp edge; round shapes have hardly any
+MIN_EDGE_SHARPNESS = 0.1  # smallest `DenoisedMesh.sharpness` at a sharp edge; round shapes have hardly any
 MAX_OUTLIER_ROUNDS = 3  # rounds of outlier removal
 MAX_REMAINING_OUTLIERS = 0.01  # share of outliers that needs no further round: edges look like outliers after the first
 
@@ -75,7 +75,7 @@ def denoise_mesh(
     options: SmoothingOptions,
     *,
     progress: Progress | None = None,
-) -> Denoised:
+) -> DenoisedMesh:
     """Remove the outliers and the noise of a mesh, see `remove_noise`.
 
     Among many outliers some look like inliers, so outliers are removed in rounds, and the noise is estimated after
@@ -84,7 +84,7 @@ def denoise_mesh(
     """
     if noise is None or not noise.outliers:
         return _denoise_in_rounds(mesh, adjacency, noise, options, progress=progress)
-    parts = sampled_parts(mesh, adjacency)
+    parts = sample_parts(mesh, adjacency)
     are_noise, found = choose_outliers_or_noise(parts, noise, options, progress=progress)
     if parts.mesh is mesh:
         return found
@@ -95,7 +95,7 @@ def denoise_mesh(
 
 def choose_outliers_or_noise(
     parts: MeshPart, noise: NoiseModel, options: SmoothingOptions, *, progress: Progress | None = None
-) -> tuple[bool, Denoised]:
+) -> tuple[bool, DenoisedMesh]:
     """Decide on parts of a mesh whether outliers are better removed or treated as noise; also return the better result.
 
     The better surface has the smaller ratio of its unevenness to its distance from the measured vertices: a surface
@@ -104,7 +104,7 @@ def choose_outliers_or_noise(
     mesh, adjacency = parts.mesh, parts.adjacency
     inside = parts.core & ~adjacency.on_boundary
 
-    def measures(found: Denoised) -> tuple[float, float]:
+    def measures(found: DenoisedMesh) -> tuple[float, float]:
         """Unevenness of a surface, and its distance from the measured vertices."""
         normals = tangent_planes(TriangleMesh(found.points, mesh.faces), adjacency).normals
         heights, distances = (
@@ -128,7 +128,7 @@ def _denoise_in_rounds(
     options: SmoothingOptions,
     *,
     progress: Progress | None = None,
-) -> Denoised:
+) -> DenoisedMesh:
     measured, rounds = mesh.vertices, 0
     while needs_outlier_removal(noise, rounds):
         mesh = move_mesh_outliers(mesh, adjacency)
@@ -136,14 +136,14 @@ def _denoise_in_rounds(
     found = remove_noise(mesh, adjacency, noise or NoiseModel(0.0), options, progress=progress)
     if rounds:
         found = replace(found, points=unfold_surface(mesh, adjacency, found.points))
-    for _ in range(0 if options.sigma is not None else MOST_ROUNDS):
+    for _ in range(0 if options.sigma is not None else MAX_IMPULSE_ROUNDS):
         surface = TriangleMesh(found.points, mesh.faces)
-        parts = sampled_parts(surface, adjacency)
+        parts = sample_parts(surface, adjacency)
         ids = parts.ids
         impulses = learn_impulses(measured[ids], parts)
         if impulses is None:
             break
-        mesh = TriangleMesh(without_impulses(measured, surface, adjacency, impulses), mesh.faces)
+        mesh = TriangleMesh(remove_impulses(measured, surface, adjacency, impulses), mesh.faces)
         noise = learn_mesh_noise(mesh, adjacency, robust=False) or NoiseModel(0.0)
         found = remove_noise(mesh, adjacency, noise, options)
         found = replace(found, points=unfold_surface(mesh, adjacency, found.points))

@@ -27,7 +27,7 @@ THIRD_ORDER = 3
 WEAKER_PRIORS = (0.03, 0.001)
 # times the information of the points on a term: suppresses the term and keeps the normal equations well conditioned
 MAX_PRIOR = 1e5
-MIN_WEIGHT_RADIUS = 0.3  # of the radius of the neighbourhood, lest a fit have too few points
+MIN_WEIGHT_RADIUS = 0.3  # lower bound over the radius of the neighbourhood: a smaller one leaves too few points
 # exponent of the computing time, by which the predicted error is multiplied: a fit that takes twice as long must reduce
 # the error by a fifth
 COST_EXPONENT = 0.35

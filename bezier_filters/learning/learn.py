@@ -32,9 +32,8 @@ CANDIDATE_RINGS = (1, 2, 3, 4, 5, 6, 8, 10)
 FIRST_STAGE_MAX_RINGS = 5  # most meshes need no wider rings, and many neighbourhoods of these are cheap
 # neighbourhoods analysed per ring: fewer of the wider ones, which have more points each
 SAMPLES_PER_RING = {1: 300, 2: 400, 3: 400, 4: 240, 5: 180, 6: 200, 8: 160, 10: 120}
-MAX_FLIPPED_FRACTION = (
-    0.02  # fraction of flipped normals, more than 90 degrees off the plane, in a usable neighbourhood
-)
+# fraction of flipped normals, more than 90 degrees off the plane, in a usable neighbourhood
+MAX_FLIPPED_FRACTION = 0.02
 MAX_FLIPPED_BY_OUTLIERS = 0.25  # the same in the search for outliers, which flip more normals
 MAX_UNUSABLE_FRACTION = 0.05  # fraction of unusable neighbourhoods above which these are searched for outliers, too
 MAX_ERROR_GROWTH = 10.0  # growth of the predicted error at which no wider rings are tried

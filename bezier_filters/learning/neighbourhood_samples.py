@@ -33,9 +33,8 @@ class NeighbourhoodSample(NamedTuple):
     is_interior: BoolArray  # (N, rings + 1): whether the k-ring has no boundary or crease inside
     # (N, rings + 1): whether, in addition, at most the allowed fraction of its normals is flipped
     usable: BoolArray
-    flipped_fraction: (
-        FloatArray  # (N,): share of the vertices within two edges whose normals turn away; 0 if these are not clear
-    )
+    # (N,): fraction of flipped normals within two edges; 0 if that ring is not interior
+    flipped_fraction: FloatArray
 
 
 @dataclass(frozen=True)

@@ -38,9 +38,8 @@ class FittedPoints(NamedTuple):
 
     points: FloatArray  # (k, n, 3), in units of the radius; narrow neighbourhoods are stretched, see `_equalize_widths`
     steepness: FloatArray  # (k, n): 1 / cos of the slope, by which noise along the normal moves heights; 0 beyond sizes
-    orthonormal: (
-        FloatArray  # (k, n, m): orthonormal combinations Q of the terms; 0 for terms that the points do not determine
-    )
+    # (k, n, m): orthonormal combinations Q of the terms; 0 for terms that the points do not determine
+    orthonormal: FloatArray
     to_terms: FloatArray  # (k, m, m): upper triangular; Q is the design matrix times this
 
 

@@ -38,9 +38,8 @@ class RingModel:
     noise: RingNoise
     # (M,): variances of the terms, for coordinates in units of the radius, length^2; 0 for the free degrees
     variances: FloatArray
-    upper_variances: (
-        FloatArray  # (M,): the same with less doubt that a term is there at all: what may be, for standard errors
-    )
+    # (M,): upper variances for standard errors, with a weaker shrinkage to 0
+    upper_variances: FloatArray
     unmodelled: float  # mean square of the heights that neither noise nor the terms explain, length^2
     quartic: QuarticMean  # mean of the terms of degree 4 given the terms of degree 2
 

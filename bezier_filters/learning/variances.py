@@ -10,9 +10,8 @@ from bezier_filters.arrays import FloatArray
 
 PRIOR_RANGE = 8.0  # standard errors over which the flat prior has the same mass as the point mass at 0
 UPPER_PRIOR_RANGE = 4.0  # the same for upper variances: standard errors should rather be too large than too small
-CORRELATED_NOISE_ERROR = (
-    0.4  # relative standard error of the contribution of correlated noise to the squares of coefficients
-)
+# relative standard error of the contribution of correlated noise to the squares of coefficients
+CORRELATED_NOISE_ERROR = 0.4
 CERTAIN_STANDARD_ERRORS = 30.0  # standard errors beyond which an estimate is not shrunk
 
 

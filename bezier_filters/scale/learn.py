@@ -42,7 +42,14 @@ from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.scale.halo import Part, in_source_order, part_around, part_around_samples, tile_part
 from bezier_filters.scale.store import Store
-from bezier_filters.smoothing.mesh_parts import PART, MeshPart, grow, mesh_part, next_unseen, sampled_vertices
+from bezier_filters.smoothing.mesh_parts import (
+    PART_VERTICES,
+    MeshPart,
+    grow_component,
+    mesh_part,
+    next_unseen,
+    sample_vertices,
+)
 
 NORMAL_RINGS = 2  # around a vertex, within which faces decide about its normal, should its own have no area
 CREASE_RINGS = 2  # around a vertex, within which faces decide about its plane and its creases
@@ -191,16 +198,16 @@ def _with_normals(store: Store) -> Population:
     return Population(len(numbers), lambda chosen: _ranks(store, numbers[chosen]))
 
 
-def sampled_parts_of(store: Store, around: Sequence[int] = ()) -> MeshPart:
+def sample_store_parts(store: Store, around: Sequence[int] = ()) -> MeshPart:
     """The same parts as `smoothing.mesh_parts` finds in memory; vertices are those of the source."""
     n = store.layout.vertex_count
-    samples = sampled_vertices(n, around, partial(_grown, store))
+    samples = sample_vertices(n, around, partial(_grow_from_seed, store))
     ids, mesh = in_source_order(store, part_around(store, np.sort(_ranks(store, samples[0])), 1))
     numbers, adjacency = store.sources(ids), vertex_adjacency(mesh)
     return mesh_part(mesh, adjacency, numbers, samples, n)
 
 
-def _grown(store: Store, seed: int) -> IntArray:
+def _grow_from_seed(store: Store, seed: int) -> IntArray:
     """Vertices of the source around one, nearest first, and then around the next one that is not among them."""
     n, found = store.layout.vertex_count, np.zeros(0, dtype=np.int32)
     seeds, rings = np.array([seed], dtype=np.int32), FIRST_RINGS
@@ -211,12 +218,12 @@ def _grown(store: Store, seed: int) -> IntArray:
         for seed, place in zip(seeds.tolist(), np.searchsorted(numbers, seeds).tolist(), strict=True):
             if seen[place]:
                 continue
-            order, looked_at = grow(rows, place, seen, PART - len(found))
+            order, looked_at = grow_component(rows, place, seen, PART_VERTICES - len(found))
             if looked_at >= rings:  # it goes on further than was read
                 seeds, rings = np.array([seed], dtype=np.int32), 2 * rings
                 break
             found = np.append(found, numbers[order])
-            if len(found) == PART:
+            if len(found) == PART_VERTICES:
                 return found
         else:
             met = np.zeros(n, dtype=np.bool_)

@@ -46,7 +46,7 @@ def made_of(surface, noise):
     part = whole_mesh(mesh, vertex_adjacency(mesh))
     laplacian, unit = umbrella_laplacian(part, "free"), mean_edge_of(surface.vertices, surface.faces)
     every = np.ones(len(surface.vertices), dtype=np.bool_)
-    return part, laplacian, Correlation.of(in_units(noise, unit), unit, part.ids, laplacian, every)
+    return part, laplacian, Correlation.calibrate(in_units(noise, unit), unit, part.ids, laplacian, every)
 
 
 def pairs_apart(faces, count):
@@ -93,7 +93,7 @@ def test_the_number_of_vertices_that_are_alike_is_the_sum_of_squared_correlation
     squares = np.square(surface.vertices[rows, np.newaxis] - surface.vertices).sum(axis=2)
     correlations = model_correlations(scaled, squares)
     correlations[np.arange(len(rows)), rows] = 1.0
-    assert correlation.alike == pytest.approx(np.square(correlations).sum(axis=1).mean(), rel=0.25)
+    assert correlation.variance_inflation == pytest.approx(np.square(correlations).sum(axis=1).mean(), rel=0.25)
 
 
 def test_white_noise_is_made_of_signs_alone():
