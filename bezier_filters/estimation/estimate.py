@@ -201,7 +201,7 @@ def estimate_vertex_geometry(
     True
     """
     mesh = triangle_mesh(vertices, [] if faces is None else faces)
-    outside = _outside(normals, mesh)
+    outside = _check_normals(normals, mesh)
     check_radius(radius, rings)
     rings, fixed, degrees = fit_options(rings, alpha, degree, smoothness)
     check_fit_noise(noise, fixed, rings, radius)
@@ -365,14 +365,14 @@ def _choose(
 ) -> tuple[SurfaceFit, LearnedSurface | None, KernelMesh]:
     """Choose the fit of a mesh, again if sharp edges are found; also return the mesh to fit."""
 
-    def chosen(
+    def choose_with_edges(
         arrays: KernelMesh, edges: BoolArray | None = None
     ) -> tuple[SurfaceFit, LearnedSurface | None, KernelMesh]:
         cleaned = cache(partial(move_outliers, arrays, adjacency, edges))
         fit, learned = choose(surface_learner(arrays, adjacency, cleaned))
         return fit, learned, cleaned() if fit.cleaned else arrays
 
-    fit, learned, fitted = chosen(arrays)
+    fit, learned, fitted = choose_with_edges(arrays)
     if learned is None:
         return fit, learned, fitted
     surface = learned.root.surface
@@ -380,7 +380,7 @@ def _choose(
     if fit.choice.noise_heavy or _misses_edges(fitted, fit, surface.sigma):
         edges = find_edges(surface.noise)
         if edges is not None and (edges & ~fitted.stops).any():
-            return chosen(arrays._replace(stops=arrays.stops | edges), edges)
+            return choose_with_edges(arrays._replace(stops=arrays.stops | edges), edges)
     return fit, learned, fitted
 
 
@@ -441,7 +441,7 @@ def _fit(
     return fit_regions(arrays, ids, fit, geometry, progress=progress), fit
 
 
-def _outside(normals: ArrayLike | None, mesh: TriangleMesh) -> FloatArray | None:
+def _check_normals(normals: ArrayLike | None, mesh: TriangleMesh) -> FloatArray | None:
     """Check the normals of a point cloud."""
     if normals is None:
         return None
