@@ -70,7 +70,7 @@ OPERATORS = (
     *("ReplaceBreakWithContinue", "ReplaceContinueWithBreak", "NumberReplacer", "ZeroIterationForLoop"),
 )
 SPEED = re.compile(
-    r"^(ROOM|FEWEST = 128|CHUNK|GROUP|SAMPLES|LOOKED_AT|PLACES|FIRST = 8|POINTS|DISTANCES_AT_ONCE"
+    r"^(ROOM|FEWEST = 128|CHUNK|GROUP|SAMPLES|PROBE_COUNT|PLACES|FIRST = 8|POINTS|DISTANCES_AT_ONCE"
     r"|LARGEST_EXACT|FEW =|MOST_DENSE|FEW_FACES|PER_CELL|MOST_BITS|NO_VERTEX)|threads|chunk"
 )
 """Lines that say how fast or at what effort something is computed, not what."""

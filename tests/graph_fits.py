@@ -23,7 +23,7 @@ def fit_over_plane_z(x, y, z, fit, rings, ids=None, noise=(0.0, 0.0)):
     normals = np.tile([0.0, 0.0, 1.0], (len(x), 1))
     arrays = kernel_mesh(mesh, adjacency, TangentPlanes(normals, np.full(len(x), 2.0)))
     geometry = empty_geometry(len(x))
-    attempt = FitAttempt(FitStatus.OK, frozenset({FITTED}), rings, fit, most_turned=1.0, noise=noise)
+    attempt = FitAttempt(FitStatus.OK, frozenset({FITTED}), rings, fit, max_flipped_fraction=1.0, noise=noise)
     ids = np.arange(len(x), dtype=np.int32) if ids is None else ids
     fit_with_fallbacks(arrays, ids, [attempt], geometry)
     return geometry

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
-from bezier_filters.estimation.fallbacks import fit_with_fallbacks, planned_chain
+from bezier_filters.estimation.fallbacks import fit_with_fallbacks, spec_chain
 from bezier_filters.estimation.vertex_geometry import empty_geometry
 from bezier_filters.kernels.kernel_input import KernelMesh
 from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample
@@ -100,7 +100,7 @@ def fit_stars(drawn, plan):
         np.empty((0, 3)),
     )
     geometry = empty_geometry(total)
-    fit_with_fallbacks(mesh, centers, list(planned_chain([plan], plan)), geometry)
+    fit_with_fallbacks(mesh, centers, list(spec_chain([plan], plan)), geometry)
     assert (geometry.status[centers] == 0).all()
     normals = geometry.normals[centers]
     low, high = geometry.direction_min[centers, :2], geometry.direction_max[centers, :2]

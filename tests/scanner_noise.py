@@ -7,9 +7,9 @@ import numpy as np
 from scipy.sparse import coo_matrix
 
 from bezier_filters.kernels.kernel_input import fitted_mesh
-from bezier_filters.learning.learn import MOST_TURNED, NEAR_RINGS, SAMPLES
+from bezier_filters.learning.learn import FIRST_STAGE_MAX_RINGS, MAX_FLIPPED_FRACTION, SAMPLES_PER_RING
 from bezier_filters.learning.neighbourhood_samples import draw_from_mesh, sample_neighbourhoods
-from bezier_filters.learning.noise_spectrum import learn_noise
+from bezier_filters.learning.noise_spectrum import learn_noise_covariance
 from bezier_filters.learning.ring_analysis import analyse_rings
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.surfaces import sphere, torus
@@ -63,10 +63,12 @@ def in_all_directions(vertices, faces, level, seed=0):
 def learned(vertices, faces):
     """The correlated noise that narrow rings tell of, as in the package; None if it is white."""
     mesh, adjacency = fitted_mesh(triangle_mesh(vertices, faces), creases=True)
-    ids = draw_from_mesh(mesh, SAMPLES[2])
-    sample = sample_neighbourhoods(mesh, adjacency, ids, rings=NEAR_RINGS, most_turned=MOST_TURNED)
-    rings = {k: SAMPLES[k] for k in range(1, NEAR_RINGS + 1)}
-    return learn_noise(analyse_rings(sample, rings, vertex_count=len(vertices)))
+    ids = draw_from_mesh(mesh, SAMPLES_PER_RING[2])
+    sample = sample_neighbourhoods(
+        mesh, adjacency, ids, rings=FIRST_STAGE_MAX_RINGS, max_flipped_fraction=MAX_FLIPPED_FRACTION
+    )
+    rings = {k: SAMPLES_PER_RING[k] for k in range(1, FIRST_STAGE_MAX_RINGS + 1)}
+    return learn_noise_covariance(analyse_rings(sample, rings, vertex_count=len(vertices)))
 
 
 def ball_with_a_narrow_ring(level):

@@ -13,7 +13,7 @@ from high_precision import EXPONENTS
 ALPHA, RINGS = 0.8, 2
 FOLD_COSINE = cos(radians(89.0))
 FEWEST = 6  # coefficients that smoothness leaves open
-SMALLEST_PIVOT = 1e-6
+MIN_PIVOT = 1e-6
 CERTAIN = 1e-6
 """Relative distance to a threshold below which rounding may decide."""
 SMALLEST_WIDTH = 1e-60
@@ -104,8 +104,8 @@ def fitted(vertices, vertex, rings, z_axis, bound):
     penalty = [weight / comb(a + b, a) if a + b >= 3 else 0.0 for a, b in EXPONENTS]
     matrix = rows.T @ rows + np.diag(penalty)
     share = smallest_pivot(matrix)
-    if share < SMALLEST_PIVOT * 1.01:
-        return Opinion(False, False if share < SMALLEST_PIVOT * 0.99 else None)
+    if share < MIN_PIVOT * 1.01:
+        return Opinion(False, False if share < MIN_PIVOT * 0.99 else None)
     stacked = np.vstack([rows, np.diag(np.sqrt(penalty))])
     scale = np.linalg.norm(stacked, axis=0)
     solution = np.linalg.lstsq(stacked / scale, np.concatenate([z, np.zeros(len(scale))]), rcond=None)[0] / scale

@@ -25,12 +25,12 @@ from bezier_filters import (
     vertex_patch,
 )
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
-from bezier_filters.estimation.outlier_removal import without_outliers
+from bezier_filters.estimation.outlier_removal import move_outliers
 from bezier_filters.kernels.kernel_input import fitted_mesh
 from bezier_filters.meshes.mesh import LARGEST, SMALLEST
 from bezier_filters.meshlab.meshset import BezierFilterError
 from bezier_filters.meshlab.scripts import FILTERS
-from bezier_filters.smoothing.flipped_faces import WORSE
+from bezier_filters.smoothing.flipped_faces import NEW_BAD_FACE_WEIGHT
 from bezier_filters.status import FitStatus
 
 ESTIMATES = {
@@ -87,7 +87,7 @@ def meshes_fitted(mesh, geometry, mode):
     if geometry.fit.noise_sigma is None:
         return [mesh]
     arrays, adjacency = fitted_mesh(mesh, creases=True)
-    cleaned = replace(mesh, vertices=without_outliers(arrays, adjacency).vertices)
+    cleaned = replace(mesh, vertices=move_outliers(arrays, adjacency).vertices)
     return [cleaned] if mode == "robust" else [mesh, cleaned]
 
 
@@ -126,7 +126,7 @@ def check_smoothing(vertices, faces, method):
     if method == "auto":
         # A face that becomes wrong is paid for by more that are mended.
         before, after = result.flipped_before + result.degenerate_before, result.flipped_after + result.degenerate_after
-        assert after + WORSE * result.new_bad_faces <= before
+        assert after + NEW_BAD_FACE_WEIGHT * result.new_bad_faces <= before
 
 
 def check_holes(vertices, faces, method):

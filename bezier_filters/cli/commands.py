@@ -195,15 +195,15 @@ def _inspected(source: Path, stage: console.Stage, *, skip: bool) -> tuple["Curr
 def _noise_of(mesh: "TriangleMesh") -> "Report":
     """The noise of a mesh, learned as for fitting and smoothing, by the names of what `noise_in_words` takes."""
     from bezier_filters.estimation.first_call import first_call
-    from bezier_filters.estimation.noise_free import learn_noise, why_noise_is_unknown
+    from bezier_filters.estimation.noise_free import explain_unknown_noise, learn_mesh_noise
     from bezier_filters.meshes.adjacency import vertex_adjacency
     from bezier_filters.runtime.parallel import use_threads
 
     adjacency = vertex_adjacency(mesh)
     with use_threads(), first_call():
-        found = learn_noise(mesh, adjacency)
+        found = learn_mesh_noise(mesh, adjacency)
         if found is None:
-            reason = why_noise_is_unknown(mesh, adjacency)
+            reason = explain_unknown_noise(mesh, adjacency)
             return {"sigma": None, "length": None, "heavy": False, "reason": reason}
     return {"sigma": found.sigma, "length": found.length, "heavy": found.heavy, "reason": ""}
 

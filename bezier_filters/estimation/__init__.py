@@ -1,1 +1,1 @@
-"""Normals and curvatures of every vertex: the fit, and what is tried where it fails."""
+"""Normals and curvatures of every vertex: the choice of the fit, its fallbacks and its result."""

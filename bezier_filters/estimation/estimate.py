@@ -11,19 +11,19 @@ from numpy.typing import ArrayLike
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.adaptive_fit import (
-    LOOKED_AT,
-    OFF,
+    MIN_MISFIT_RATIO,
+    PROBE_COUNT,
     FindEdges,
-    Learn,
-    Learned,
-    Places,
+    LearnedSurface,
+    LearnSurface,
+    ProbeVertices,
     SurfaceFit,
+    add_regions,
     choose_fit,
     first_features,
     fit_in_balls,
-    fit_parts,
-    learner,
-    with_parts,
+    fit_regions,
+    surface_learner,
 )
 from bezier_filters.estimation.fallbacks import (
     Fallbacks,
@@ -34,10 +34,10 @@ from bezier_filters.estimation.fallbacks import (
 )
 from bezier_filters.estimation.first_call import first_call
 from bezier_filters.estimation.fit_options import Automatic, check_detail, check_fit_noise, check_radius, fit_options
+from bezier_filters.estimation.model_cache import MAX_CACHED_VERTICES, CachedFit, cache_fit, cache_key, look_up_fit
 from bezier_filters.estimation.noise_free import hides_sharp_edges, noise_free_surface
-from bezier_filters.estimation.outlier_removal import measure_from, without_outliers
+from bezier_filters.estimation.outlier_removal import move_outliers, rebase_displacements
 from bezier_filters.estimation.point_cloud import point_cloud
-from bezier_filters.estimation.remembered import LARGEST, LearnedFit, key_of, recall, remember
 from bezier_filters.estimation.vertex_geometry import FitChoice, VertexGeometry, arrays_of, empty_geometry
 from bezier_filters.kernels.kernel_input import (
     SMALLEST_WIDTH,
@@ -47,7 +47,7 @@ from bezier_filters.kernels.kernel_input import (
     with_steady_normals,
     with_vertices,
 )
-from bezier_filters.learning.learn import viewed_sample, why_unlearned
+from bezier_filters.learning.learn import explain_unusable_mesh, sample_by_mode
 from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample, draw_from_mesh
 from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
@@ -59,11 +59,12 @@ from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.runtime.parallel import Progress, on_threads
 from bezier_filters.status import FitStatus
 
-# Fits that reach across sharp edges leave more than noise, see `OFF`, or fail, at some shares of the places: on blocks,
-# joints, cubes and pyramids with noise one or the other is more, on noisy spheres, tori and a scan of a bunny both less
-OFTEN_OFF, OFTEN_FAILED = 0.01, 0.002
-# the same where there were outliers: of those the small ones stay, which are off, too, but fits do not fail for them
-OFF_BESIDE, OFTEN_OFF_BESIDE, OFTEN_FAILED_BESIDE = 2.0, 0.06, 0.0007
+# Fractions of the probes with large residuals, see `MIN_MISFIT_RATIO`, and with failed fits, above which the mesh is
+# searched for sharp edges under the noise. Noisy blocks, joints, cubes and pyramids exceed one of them; noisy spheres,
+# tori and a scan of a bunny exceed neither.
+EDGE_MISFIT_FRACTION, EDGE_FAILURE_FRACTION = 0.01, 0.002
+# the same with outliers: small ones remain and have large residuals, but their fits do not fail
+OUTLIER_MISFIT_RATIO, OUTLIER_MISFIT_FRACTION, OUTLIER_FAILURE_FRACTION = 2.0, 0.06, 0.0007
 
 
 @takes_arrays
@@ -116,8 +117,8 @@ def estimate_vertex_geometry(
     faces : (m, 3) array_like of int, or None
         Triangles, counter-clockwise seen from outside; none at all for a point cloud.
     normals : (n, 3) array_like of float, optional
-        For point clouds only: vectors of any length that tell on which side of each point the outside
-        is, zero where that is unknown. Nothing else of them is used.
+        For point clouds only: vectors of any length that point outwards, zero where the outside is
+        unknown. Only their side is used, not their directions.
     rings : int or "auto"
         Size of the neighbourhood in edges, at least 1.
     radius : float, optional
@@ -150,18 +151,18 @@ def estimate_vertex_geometry(
         planes. By default, and where they are zero or normal to the plane, x points to the neighbour that projects
         farthest. What ``"paper"`` and ``"twists"`` give depends on it; fits that follow the data do not, and refuse it.
     robust : bool, optional
-        Whether points far off their patch lose their weight (Tukey's biweight), for scans with
-        outliers: one vertex in twenty displaced by many times the noise. It takes some two times as long
-        and is slightly less accurate where there are none. By default, fits that follow the data are robust where these
-        show outliers. Such fits are those of the mesh with its outliers moved onto the surface around them.
+        Whether points with large residuals lose their weight (Tukey's biweight), for scans with
+        outliers: one vertex in twenty displaced by many times the noise. It takes about twice as long
+        and is slightly less accurate without outliers. By default, fits that follow the data are robust if the data
+        show outliers. Then outliers are moved onto the surface around them before the fit.
     noise : float, optional
-        Standard deviation of the noise along the normal, a length, if it is known better than it can be learned: what
-        is chosen and the standard errors follow from it, everywhere on the mesh. How far it is correlated is learned
-        all the same, and what is much more than can be learned counts as longer. 0 takes all that there is for shape.
-        Not where both the neighbourhood and `alpha` are given.
+        Standard deviation of the noise along the normal, a length, if it is known better than it can be estimated. The
+        choices and the standard errors follow from it. The correlation of the noise is estimated in any case; if the
+        known noise is much stronger than the estimate, the difference gets a longer range. With 0 all variation is
+        shape. Not allowed if both the neighbourhood and `alpha` are given.
     detail : float, optional
         Size of the smallest detail to keep, a length: rings whose radius is more than half of it are not chosen,
-        unless there are no narrower ones. Not where the neighbourhood is given.
+        unless there are no narrower ones. Not allowed if the neighbourhood is given.
     selected : (n,) bool, optional
         Vertices to estimate; the others get zeros and `FitStatus.SKIPPED`.
     conditions : bool
@@ -200,7 +201,7 @@ def estimate_vertex_geometry(
     True
     """
     mesh = triangle_mesh(vertices, [] if faces is None else faces)
-    outside = _outside(normals, mesh)
+    outside = _check_normals(normals, mesh)
     check_radius(radius, rings)
     rings, fixed, degrees = fit_options(rings, alpha, degree, smoothness)
     check_fit_noise(noise, fixed, rings, radius)
@@ -220,7 +221,7 @@ def estimate_vertex_geometry(
     axes = None if x_axis is None else _directions(x_axis, mesh, "x_axis")
     mask = None if selected is None else checked_selection(selected, mesh.vertex_count)
 
-    wanted = _Wanted(
+    request = _FitRequest(
         rings,
         fixed,
         degrees,
@@ -234,20 +235,20 @@ def estimate_vertex_geometry(
         outside=outside,
         conditions=conditions,
     )
-    return _estimate(mesh, wanted, lambda _: mask, progress)
+    return _estimate(mesh, request, lambda _: mask, progress)
 
 
 def geometry_where(
     mesh: TriangleMesh, adjacency: Adjacency, select: Callable[[float | None], BoolArray]
 ) -> VertexGeometry:
-    """Estimate what the data choose, at some vertices (n,) that are selected once the noise, a length, is known."""
-    wanted = _Wanted(*fit_options("auto", "auto", "auto", "third_order"))
-    return _estimate(mesh, wanted, select, adjacency=adjacency if is_in_turn(adjacency) else None)
+    """Estimate with automatic choices at vertices (n,) that `select` chooses by the noise, a length."""
+    request = _FitRequest(*fit_options("auto", "auto", "auto", "third_order"))
+    return _estimate(mesh, request, select, adjacency=adjacency if is_in_turn(adjacency) else None)
 
 
 @dataclass(frozen=True)
-class _Wanted:
-    """What is estimated, and how; see `estimate_vertex_geometry`."""
+class _FitRequest:
+    """Checked parameters of `estimate_vertex_geometry`."""
 
     rings: int | Automatic
     fixed: PatchFit | None
@@ -265,51 +266,53 @@ class _Wanted:
 
 def _estimate(
     given: TriangleMesh,
-    wanted: _Wanted,
+    request: _FitRequest,
     select: Callable[[float | None], BoolArray | None],
     progress: Progress | None = None,
     adjacency: Adjacency | None = None,
 ) -> VertexGeometry:
-    """Estimate the geometry of a mesh or a point cloud at vertices that are selected by the noise, if it is known.
+    """Estimate the geometry of a mesh or a point cloud at vertices that `select` chooses by the noise, None if unknown.
 
-    A mesh whose adjacency is known stays in its own order: to sort it does not pay where few vertices are selected.
+    A mesh whose adjacency is given keeps its order: sorting does not pay if few vertices are selected.
     """
     with first_call():
         ordered = in_spatial_order(given) if adjacency is None else as_it_is(given)
         mesh, order = ordered.mesh, ordered.order
         if mesh.face_count:
-            arrays, adjacency = fitted_mesh(mesh, ordered, adjacency, creases=wanted.fixed is None)
+            arrays, adjacency = fitted_mesh(mesh, ordered, adjacency, creases=request.fixed is None)
         else:
-            adjacency, planes = point_cloud(mesh, None if wanted.outside is None else wanted.outside[order])
+            adjacency, planes = point_cloud(mesh, None if request.outside is None else request.outside[order])
             arrays = kernel_mesh(mesh, adjacency, planes, None, ordered)
-        if wanted.axes is not None:
-            arrays = arrays._replace(x_axes=wanted.axes[order])
+        if request.axes is not None:
+            arrays = arrays._replace(x_axes=request.axes[order])
         geometry = empty_geometry(mesh.vertex_count)
-        if wanted.conditions:
+        if request.conditions:
             geometry = replace(geometry, condition_number=np.zeros(mesh.vertex_count))
         surface: FloatArray | None = None
 
         def hidden_edges(noise: NoiseModel) -> BoolArray | None:
             nonlocal surface
-            if wanted.robust or not given.face_count or not hides_sharp_edges(mesh, adjacency, noise):
+            if request.robust or not given.face_count or not hides_sharp_edges(mesh, adjacency, noise):
                 return None
             found, edges = noise_free_surface(given, adjacency if mesh is given else vertex_adjacency(given), noise)
             surface = found.vertices
             result: BoolArray = edges[order]
             return result
 
-        def places(mask: BoolArray | None) -> IntArray:
+        def rows_of_mask(mask: BoolArray | None) -> IntArray:
             return (np.arange(mesh.vertex_count) if mask is None else np.flatnonzero(mask[order])).astype(np.int32)
 
-        if wanted.radius is None:
-            options = wanted.rings, wanted.fixed, wanted.degrees, wanted.robust, wanted.noise, wanted.detail
-            is_learned = (wanted.fixed is None or wanted.rings == "auto") and given.vertex_count <= LARGEST
+        if request.radius is None:
+            options = request.rings, request.fixed, request.degrees, request.robust, request.noise, request.detail
+            is_learned = (
+                request.fixed is None or request.rings == "auto"
+            ) and given.vertex_count <= MAX_CACHED_VERTICES
             key = (
-                key_of(given.vertices, given.faces, wanted.outside, wanted.fallbacks, wanted.fold_test, *options)
+                cache_key(given.vertices, given.faces, request.outside, request.fallbacks, request.fold_test, *options)
                 if is_learned
                 else None
             )
-            known, learned = recall(key), None
+            known, learned = look_up_fit(key), None
             if known is not None:
                 fit, surface, fitted = known.fit, known.surface, arrays._replace(stops=known.stops[order])
                 if known.cleaned is not None:
@@ -318,37 +321,37 @@ def _estimate(
                 fit, learned, fitted = _choose(
                     arrays, adjacency, lambda learn: choose_fit(learn, *options), hidden_edges
                 )
-                if wanted.fixed is None or wanted.rings == "auto":
-                    fit = replace(fit, choice=_with_reason(fit.choice, arrays, adjacency))
-            if wanted.fixed is not None and (wanted.fallbacks != "sound" or wanted.fold_test != "angle"):
-                crossings = wanted.fold_test == "crossings"
-                chain = fallback_chain(fit.choice.rings, wanted.fixed, fallbacks=wanted.fallbacks)
+                if request.fixed is None or request.rings == "auto":
+                    fit = replace(fit, choice=_add_noise_reason(fit.choice, arrays, adjacency))
+            if request.fixed is not None and (request.fallbacks != "sound" or request.fold_test != "angle"):
+                crossings = request.fold_test == "crossings"
+                chain = fallback_chain(fit.choice.rings, request.fixed, fallbacks=request.fallbacks)
                 fit = replace(fit, attempts=tuple(replace(one, by_crossings=crossings) for one in chain))
             mask = select(fit.choice.noise_sigma)
-            ids = places(mask)
+            ids = rows_of_mask(mask)
             choice, fit = _fit(fitted, adjacency, ids, fit, learned, geometry, progress)
             if fit.cleaned:
-                measure_from(arrays.vertices, fitted, ids, geometry)
+                rebase_displacements(arrays.vertices, fitted, ids, geometry)
             if learned is not None:
                 cleaned = ordered.back(fitted.vertices) if fit.cleaned else None
-                remember(key, LearnedFit(fit, ordered.back(fitted.stops), surface, cleaned))
+                cache_fit(key, CachedFit(fit, ordered.back(fitted.stops), surface, cleaned))
         else:
-            mask = select(wanted.noise)
+            mask = select(request.noise)
             choice = fit_in_balls(
                 arrays,
                 adjacency,
-                places(mask),
-                float(wanted.radius),
-                wanted.fixed,
-                wanted.degrees,
+                rows_of_mask(mask),
+                float(request.radius),
+                request.fixed,
+                request.degrees,
                 geometry,
-                sigma=wanted.noise,
-                robust=bool(wanted.robust),
+                sigma=request.noise,
+                robust=bool(request.robust),
                 find_edges=hidden_edges,
                 progress=progress,
             )
-            if wanted.fixed is None:
-                choice = _with_reason(choice, arrays, adjacency)
+            if request.fixed is None:
+                choice = _add_noise_reason(choice, arrays, adjacency)
         if mask is not None:
             _clear(geometry, ~mask & (geometry.status != FitStatus.SKIPPED))
         return replace(geometry, fit=choice, noise_free=surface)
@@ -357,45 +360,51 @@ def _estimate(
 def _choose(
     arrays: KernelMesh,
     adjacency: Adjacency,
-    choose: Callable[[Learn], tuple[SurfaceFit, Learned | None]],
+    choose: Callable[[LearnSurface], tuple[SurfaceFit, LearnedSurface | None]],
     find_edges: FindEdges,
-) -> tuple[SurfaceFit, Learned | None, KernelMesh]:
-    """Choose how to fit a mesh, again if sharp edges come to light; also what of the mesh is fitted."""
+) -> tuple[SurfaceFit, LearnedSurface | None, KernelMesh]:
+    """Choose the fit of a mesh, again if sharp edges are found; also return the mesh to fit."""
 
-    def chosen(arrays: KernelMesh, edges: BoolArray | None = None) -> tuple[SurfaceFit, Learned | None, KernelMesh]:
-        cleaned = cache(partial(without_outliers, arrays, adjacency, edges))
-        fit, learned = choose(learner(arrays, adjacency, cleaned))
+    def choose_with_edges(
+        arrays: KernelMesh, edges: BoolArray | None = None
+    ) -> tuple[SurfaceFit, LearnedSurface | None, KernelMesh]:
+        cleaned = cache(partial(move_outliers, arrays, adjacency, edges))
+        fit, learned = choose(surface_learner(arrays, adjacency, cleaned))
         return fit, learned, cleaned() if fit.cleaned else arrays
 
-    fit, learned, fitted = chosen(arrays)
+    fit, learned, fitted = choose_with_edges(arrays)
     if learned is None:
         return fit, learned, fitted
     surface = learned.root.surface
-    # among heavy noise nothing is far off
+    # under heavy noise no residual is large
     if fit.choice.noise_heavy or _misses_edges(fitted, fit, surface.sigma):
         edges = find_edges(surface.noise)
         if edges is not None and (edges & ~fitted.stops).any():
-            return chosen(arrays._replace(stops=arrays.stops | edges), edges)
+            return choose_with_edges(arrays._replace(stops=arrays.stops | edges), edges)
     return fit, learned, fitted
 
 
-def _with_reason(choice: FitChoice, arrays: KernelMesh, adjacency: Adjacency) -> FitChoice:
-    """A choice that says why the noise is not known, if it is not."""
-    return choice if choice.noise_sigma is not None else replace(choice, noise_reason=why_unlearned(arrays, adjacency))
+def _add_noise_reason(choice: FitChoice, arrays: KernelMesh, adjacency: Adjacency) -> FitChoice:
+    """Add to a choice why the noise is unknown, if it is."""
+    return (
+        choice
+        if choice.noise_sigma is not None
+        else replace(choice, noise_reason=explain_unusable_mesh(arrays, adjacency))
+    )
 
 
 def _misses_edges(arrays: KernelMesh, fit: SurfaceFit, sigma: float) -> bool:
-    """Whether fits leave more than noise, or fail, at some of the vertices, as they do across sharp edges."""
-    drawn = np.sort(draw_from_mesh(arrays, LOOKED_AT))
+    """Whether residuals are larger than the noise, or fits fail, at so many probes that sharp edges are likely."""
+    drawn = np.sort(draw_from_mesh(arrays, PROBE_COUNT))
     rows = np.zeros(len(arrays.vertices), dtype=np.int32)
     rows[drawn] = np.arange(len(drawn))
     found = empty_geometry(len(drawn))
     fit_with_fallbacks(arrays._replace(origin=rows), drawn, fit.attempts, found, robust=fit.robust)
-    off, often_off, often_failed = OFF, OFTEN_OFF, OFTEN_FAILED
+    ratio, misfits, failures = MIN_MISFIT_RATIO, EDGE_MISFIT_FRACTION, EDGE_FAILURE_FRACTION
     if fit.cleaned:
-        off, often_off, often_failed = OFF_BESIDE, OFTEN_OFF_BESIDE, OFTEN_FAILED_BESIDE
+        ratio, misfits, failures = OUTLIER_MISFIT_RATIO, OUTLIER_MISFIT_FRACTION, OUTLIER_FAILURE_FRACTION
     has_failed = found.status > FitStatus.WIDER_RING
-    return bool((found.residual > off * sigma).mean() > often_off or has_failed.mean() > often_failed)
+    return bool((found.residual > ratio * sigma).mean() > misfits or has_failed.mean() > failures)
 
 
 def _fit(
@@ -403,37 +412,37 @@ def _fit(
     adjacency: Adjacency,
     ids: IntArray,
     fit: SurfaceFit,
-    learned: Learned | None,
+    learned: LearnedSurface | None,
     geometry: VertexGeometry,
     progress: Progress | None,
 ) -> tuple[FitChoice, SurfaceFit]:
-    """Fit vertices, all in one way first, and then the parts of the surface, if there are any; say with what.
+    """Fit vertices, all with one choice first, and then the regions of the surface; return the choice and the fit.
 
-    The vertices that parts are found from are fitted, too, so that the parts do not depend on `ids`; what is written
-    there means nothing.
+    The sample and the probes are fitted, too, so that the regions do not depend on `ids`; their rows of `geometry` are
+    to be ignored.
     """
     if fit.steady:
         arrays = with_steady_normals(arrays)
-    drawn = draw_from_mesh(arrays, LOOKED_AT) if learned is not None else ids[:0]
+    drawn = draw_from_mesh(arrays, PROBE_COUNT) if learned is not None else ids[:0]
     first = ids
     if learned is not None and len(ids) < len(arrays.vertices):
         first = np.unique(np.concatenate([ids, learned.centers, drawn]))
-    of_wanted = overall_progress(progress, 0, len(ids))
-    fit_with_fallbacks(arrays, first, fit.attempts, geometry, robust=fit.robust, progress=of_wanted)
+    first_progress = overall_progress(progress, 0, len(ids))
+    fit_with_fallbacks(arrays, first, fit.attempts, geometry, robust=fit.robust, progress=first_progress)
     if learned is not None:
 
         def features(centers: IntArray) -> FloatArray:
             return first_features(geometry, arrays.origin[centers])
 
         def sample(centers: IntArray, rings: int) -> NeighbourhoodSample:
-            return viewed_sample(arrays, adjacency, centers, rings, "plain")
+            return sample_by_mode(arrays, adjacency, centers, rings, "plain")
 
-        fit = with_parts(fit, learned, Places(drawn, features, sample))
-    return fit_parts(arrays, ids, fit, geometry, progress=progress), fit
+        fit = add_regions(fit, learned, ProbeVertices(drawn, features, sample))
+    return fit_regions(arrays, ids, fit, geometry, progress=progress), fit
 
 
-def _outside(normals: ArrayLike | None, mesh: TriangleMesh) -> FloatArray | None:
-    """The given normals of a point cloud, checked."""
+def _check_normals(normals: ArrayLike | None, mesh: TriangleMesh) -> FloatArray | None:
+    """Check the normals of a point cloud."""
     if normals is None:
         return None
     if mesh.face_count:
@@ -450,7 +459,7 @@ def _directions(given: ArrayLike, mesh: TriangleMesh, name: str) -> FloatArray:
 
 
 def _vectors(given: ArrayLike, mesh: TriangleMesh, name: str, *, one_for_all: bool = False) -> FloatArray:
-    """Vectors of a mesh's vertices that a user gave, checked."""
+    """Check vectors at the vertices of a mesh."""
     try:
         vectors = np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -464,7 +473,7 @@ def _vectors(given: ArrayLike, mesh: TriangleMesh, name: str, *, one_for_all: bo
 
 
 def _clear(geometry: VertexGeometry, rows: BoolArray) -> None:
-    """Forget what is known of some vertices."""
-    places = np.flatnonzero(rows)
+    """Reset the rows of some vertices."""
+    rows_of_mask = np.flatnonzero(rows)
     for name, values in arrays_of(geometry).items():
-        values[places] = int(FitStatus.SKIPPED) if name == "status" else 0
+        values[rows_of_mask] = int(FitStatus.SKIPPED) if name == "status" else 0

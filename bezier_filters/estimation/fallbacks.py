@@ -1,4 +1,4 @@
-"""What is tried at a vertex, in order, until one fit is sound."""
+"""Chains of fits: the attempts at a vertex, in order, until one is neither folded nor ill posed."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -20,8 +20,8 @@ from bezier_filters.kernels.kernel_input import (
     VertexResults,
     hubs,
 )
-from bezier_filters.learning.learn import MOST_TURNED
-from bezier_filters.learning.plans import FitPlan
+from bezier_filters.learning.fit_spec import FitSpec
+from bezier_filters.learning.learn import MAX_FLIPPED_FRACTION
 from bezier_filters.learning.quartic_mean import QUARTIC
 from bezier_filters.meshes.diagnosis import FEWEST_POINTS
 from bezier_filters.patches.fitting import PatchFit
@@ -29,36 +29,36 @@ from bezier_filters.patches.polynomials import elimination_order, lexicographic_
 from bezier_filters.runtime.parallel import Progress, run_in_chunks, run_kernel
 from bezier_filters.status import FitStatus
 
-SMALLEST_PIVOT = 1e-6  # relative pivot below which the points do not determine a patch: its error stays near 1e-10
-SMALLEST_PRIOR_PIVOT = 1e-10  # the same for fits with a prior, which decides what the points leave open
-MORE_RINGS = 3  # how many rings an ill-posed neighbourhood may grow
-# of the usual number: at a boundary or a crease, where a neighbourhood has fewer, it takes more rings
-ENOUGH_POINTS = 0.75
+MIN_PIVOT = 1e-6  # relative pivot below which the points do not determine a patch: its error stays near 1e-10
+MIN_PRIOR_PIVOT = 1e-10  # the same for fits with a prior, which determines the remaining coefficients
+MAX_EXTRA_RINGS = 3  # rings by which an ill-posed neighbourhood may grow
+# fraction of the usual number of points: a neighbourhood with fewer, at a boundary or a crease, takes more rings
+MIN_POINT_FRACTION = 0.75
 Fallbacks = Literal["sound", "paper"]
 FoldTest = Literal["angle", "crossings"]
 # practically a plain quadratic: six coefficients that six well-placed points determine
 QUADRATIC = PatchFit(degree=2, alpha=0.1)
-# the flattest quadratic through points that leave it open how much the surface bends some way, as two rows of them do
-FLATTEST = PatchFit(degree=2, alpha=0.1, smoothness="flattest")
-SMALLEST_FLAT_PIVOT = 1e-15  # below what flatness itself decides
+# the flattest quadratic through points that do not determine all curvatures, as two rows of points
+FLATTEST_QUADRATIC = PatchFit(degree=2, alpha=0.1, smoothness="flattest")
+MIN_FLAT_PIVOT = 1e-15  # relative pivot for `FLATTEST_QUADRATIC`, below the pivots of its penalty
 
-ROBUST_ROUNDS = 5  # most rounds of reweighting; nearly all neighbourhoods settle after two or three
+ROBUST_ROUNDS = 5  # maximum rounds of reweighting; nearly all neighbourhoods converge after two or three
 
 
 @dataclass(frozen=True)
 class FitAttempt:
     """One way to fit a vertex, tried on the vertices whose last outcome is in `after`."""
 
-    status: FitStatus  # what a success is recorded as
+    status: FitStatus  # status of the vertices that it fits
     after: frozenset[int]  # outcomes of the kernel
     rings: int  # size of the neighbourhood in edges, unless there is a radius
-    fit: PatchFit | FitPlan
+    fit: PatchFit | FitSpec
     # whether the plane is normal to the mean normal of the neighbourhood, not to the vertex normal
     mean_plane: bool = False
-    other_plane: bool = False  # whether it is that of a neighbour
-    # share of the vertices whose normals may turn away from the plane; if negative, not even a single face may fold
-    most_turned: float = -1.0
-    by_crossings: bool = False  # whether, if that is negative, a fold is where edges cross in the plane, not a face
+    other_plane: bool = False  # whether it is the plane of a neighbour
+    # fraction of flipped normals that is allowed; if negative, not even a single face may fold
+    max_flipped_fraction: float = -1.0
+    by_crossings: bool = False  # whether, if that is negative, edges that cross in the plane make a fold, not faces
     # standard deviation of the heights, a length, for the standard errors of normal and curvatures; 0 for none
     noise: tuple[float, float] = (0.0, 0.0)
     over_creases: bool = False  # whether the neighbourhood may reach across creases
@@ -69,16 +69,16 @@ class FitAttempt:
 def fallback_chain(
     rings: int, fit: PatchFit, radius: float | None = None, fallbacks: Fallbacks = "sound"
 ) -> Iterator[FitAttempt]:
-    """The fit asked for, then the paper's fallbacks, as they are or made sound.
+    """The requested fit and its fallbacks, as in the paper or with a well-posed quadratic on 1-rings.
 
     Too few or badly placed points take a wider ring; a folded projection takes another plane,
-    then the 1-ring. What is left is fitted by a quadratic, because the paper's system is
+    then the 1-ring. The remaining vertices are fitted by a quadratic, because the paper's system is
     singular on 1-rings of six neighbours or fewer. If there is a radius, its ball is tried before
     the rings.
     """
     ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED})
     yield FitAttempt(FitStatus.OK, frozenset({FITTED}), rings, fit, radius=radius)
-    for more in range(1, MORE_RINGS + 1):
+    for more in range(1, MAX_EXTRA_RINGS + 1):
         yield FitAttempt(FitStatus.WIDER_RING, ill_posed, rings + more, fit)
     paper = fallbacks == "paper"
     yield FitAttempt(FitStatus.OTHER_PLANE, folded, rings, fit, mean_plane=not paper, other_plane=paper, radius=radius)
@@ -89,44 +89,50 @@ def fallback_chain(
 
 
 def last_resorts(rings: int) -> Iterator[FitAttempt]:
-    """Quadratic fits for what nothing else fits."""
+    """Quadratic fits for vertices that no other attempt fits."""
     ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED})
     yield FitAttempt(FitStatus.ONE_RING, folded, 1, QUADRATIC)
     yield FitAttempt(FitStatus.LOWER_DEGREE, ill_posed, max(rings, 2), QUADRATIC)
-    yield FitAttempt(FitStatus.LOWER_DEGREE, ill_posed, rings + MORE_RINGS, QUADRATIC)
-    for wide in (max(rings, 2), rings + MORE_RINGS):
-        yield FitAttempt(FitStatus.LOWER_DEGREE, ill_posed, wide, FLATTEST, fewest_points=FEWEST_POINTS)
-    yield FitAttempt(FitStatus.FOLDED, ill_posed | folded, max(rings, 2), QUADRATIC, mean_plane=True, most_turned=1.0)
+    yield FitAttempt(FitStatus.LOWER_DEGREE, ill_posed, rings + MAX_EXTRA_RINGS, QUADRATIC)
+    for wide in (max(rings, 2), rings + MAX_EXTRA_RINGS):
+        yield FitAttempt(FitStatus.LOWER_DEGREE, ill_posed, wide, FLATTEST_QUADRATIC, fewest_points=FEWEST_POINTS)
+    yield FitAttempt(
+        FitStatus.FOLDED, ill_posed | folded, max(rings, 2), QUADRATIC, mean_plane=True, max_flipped_fraction=1.0
+    )
 
 
-def planned_chain(plans: Sequence[FitPlan], chosen: FitPlan, radius: float | None = None) -> Iterator[FitAttempt]:
-    """The chosen plan and its fallbacks: narrower rings where it folds, wider ones where it is ill posed.
+def spec_chain(specs: Sequence[FitSpec], chosen: FitSpec, radius: float | None = None) -> Iterator[FitAttempt]:
+    """The chosen specification and its fallbacks: narrower rings where it folds, wider ones where it is ill posed.
 
-    A prior makes nearly every neighbourhood well posed, and noise folds a few faces of a wide one;
-    so these fits take the mean plane and mind only folds of the surface. If there is a radius, the
-    chosen plan is that of its ball; wider rings than a ball have few points, which must all count.
+    A prior makes nearly every neighbourhood well posed, and noise folds a few faces of a wide one.
+    So these fits use the mean plane and tolerate a few flipped normals. If there is a radius, the
+    chosen specification belongs to its ball; the rings tried after a ball have few points, which get equal weights.
     """
     ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED})
 
-    def planned(status: FitStatus, after: frozenset[int], rings: int, plan: FitPlan, fewest: int = 0) -> FitAttempt:
+    def spec_attempt(
+        status: FitStatus, after: frozenset[int], rings: int, spec: FitSpec, fewest: int = 0
+    ) -> FitAttempt:
         return FitAttempt(
             status,
             after,
             rings,
-            plan,
+            spec,
             mean_plane=True,
-            most_turned=MOST_TURNED,
-            noise=(plan.normal_noise, plan.curvature_noise),
+            max_flipped_fraction=MAX_FLIPPED_FRACTION,
+            noise=(spec.normal_noise, spec.curvature_noise),
             fewest_points=fewest,
         )
 
-    fewest = int(ENOUGH_POINTS * chosen.points) if radius is None else 0
-    yield replace(planned(FitStatus.OK, frozenset({FITTED}), chosen.rings, chosen, fewest), radius=radius)
-    for plan in sorted((plan for plan in plans if plan.rings < chosen.rings), key=lambda plan: -plan.rings):
-        yield planned(FitStatus.NARROWER_RING, folded, plan.rings, plan)
+    fewest = int(MIN_POINT_FRACTION * chosen.points) if radius is None else 0
+    yield replace(spec_attempt(FitStatus.OK, frozenset({FITTED}), chosen.rings, chosen, fewest), radius=radius)
+    for spec in sorted((spec for spec in specs if spec.rings < chosen.rings), key=lambda spec: -spec.rings):
+        yield spec_attempt(FitStatus.NARROWER_RING, folded, spec.rings, spec)
     narrowest, wider = (chosen.rings, chosen) if radius is None else (1, replace(chosen, weight_radius=np.inf))
-    for more in range(1, MORE_RINGS + 1):
-        yield planned(FitStatus.WIDER_RING, ill_posed, narrowest + more, wider, fewest if more < MORE_RINGS else 0)
+    for more in range(1, MAX_EXTRA_RINGS + 1):
+        yield spec_attempt(
+            FitStatus.WIDER_RING, ill_posed, narrowest + more, wider, fewest if more < MAX_EXTRA_RINGS else 0
+        )
     for attempt in last_resorts(min(chosen.rings, 2)):
         yield replace(attempt, noise=(chosen.normal_noise, chosen.curvature_noise), over_creases=True)
 
@@ -140,14 +146,16 @@ def fit_with_fallbacks(
     robust: bool = False,
     progress: Progress | None = None,
 ) -> None:
-    """Run the attempts on the vertices `ids` and write what they give into `geometry`, in rows ``mesh.origin[ids]``.
+    """Run the attempts on the vertices `ids` and write the results into `geometry`, in rows ``mesh.origin[ids]``.
 
-    A vertex that no attempt fits keeps what an earlier call found or, if there was none, has the normal of its faces
+    A vertex that no attempt fits keeps the result of an earlier call. If there is none, it gets the normal of its faces
     or nearest points, and zero curvature.
-    If robust, points far off a fit lose their weight, except in the last resorts, which have too few to tell.
+    If robust, points with large residuals lose their weight, except in the last resorts, which have too few points.
     """
-    if not len(mesh.faces):  # only the points' normals can tell a fold
-        attempts = [replace(one, most_turned=max(one.most_turned, MOST_TURNED)) for one in attempts]
+    if not len(mesh.faces):  # without faces only normals show folds
+        attempts = [
+            replace(one, max_flipped_fraction=max(one.max_flipped_fraction, MAX_FLIPPED_FRACTION)) for one in attempts
+        ]
     has_normal = np.empty(len(ids), dtype=np.bool_)
 
     def look(start: int, stop: int) -> None:
@@ -155,7 +163,7 @@ def fit_with_fallbacks(
 
     run_kernel(look, len(ids))
     geometry.status[mesh.origin[ids[~has_normal]]] = int(FitStatus.ISOLATED)
-    unsettled = _where(has_normal, ids)
+    unsettled = _select(has_normal, ids)
     outcomes = np.full(len(unsettled), FITTED, dtype=np.int8)
     tried = 0
     for attempt in attempts:
@@ -163,7 +171,7 @@ def fit_with_fallbacks(
         if not concerned.any():
             continue
         report = overall_progress(progress, tried, len(ids))
-        outcomes[concerned] = _run(attempt, mesh, _where(concerned, unsettled), geometry, robust, report)
+        outcomes[concerned] = _run(attempt, mesh, _select(concerned, unsettled), geometry, robust, report)
         tried = len(ids)
         fitted = concerned & (outcomes == FITTED)
         _give_status(attempt.status, unsettled, fitted, mesh.origin, geometry)
@@ -176,7 +184,7 @@ def fit_with_fallbacks(
 
 
 def _give_status(status: FitStatus, ids: IntArray, mask: BoolArray, origin: IntArray, geometry: VertexGeometry) -> None:
-    """Set the status of the vertices where a mask is true, some at a time, as their rows take room."""
+    """Set the status of the vertices where a mask is true; in chunks, to save memory."""
 
     def give(start: int, stop: int) -> None:
         geometry.status[origin[ids[start:stop][mask[start:stop]]]] = status
@@ -184,8 +192,8 @@ def _give_status(status: FitStatus, ids: IntArray, mask: BoolArray, origin: IntA
     run_kernel(give, len(ids))
 
 
-def _where(mask: BoolArray, ids: IntArray) -> IntArray:
-    """The numbers where a mask is true; no copy if that is everywhere."""
+def _select(mask: BoolArray, ids: IntArray) -> IntArray:
+    """The numbers where a mask is true; no copy if it is true everywhere."""
     return ids if mask.all() else ids[mask]
 
 
@@ -198,7 +206,7 @@ def _run(
     progress: Progress | None,
 ) -> ByteArray:
     """Run the kernel on the vertices `ids`; return their outcomes."""
-    if attempt.by_crossings and attempt.most_turned < 0.0:
+    if attempt.by_crossings and attempt.max_flipped_fraction < 0.0:
         return _run_without_crossings(attempt, mesh, ids, geometry, robust, progress)
     if attempt.over_creases:
         mesh = mesh._replace(stops=hubs(mesh.ring_ptr))
@@ -221,21 +229,21 @@ def _run_without_crossings(
     robust: bool,
     progress: Progress | None,
 ) -> ByteArray:
-    """The same over planes that edges do not cross in; angles decide where there are too many points to tell."""
+    """Run the kernel over planes in which no edges cross; angles decide if there are too many points for that test."""
     plane = OTHER if attempt.other_plane else MEAN if attempt.mean_plane else OWN
     fewest = kernel_fit(attempt).fewest_points
     found, outcomes = find_planes(mesh, ids, attempt.rings, fewest, plane)
-    flat, untold = outcomes == FITTED, outcomes == ILL_POSED
+    flat, undecided = outcomes == FITTED, outcomes == ILL_POSED
     normals = mesh.normals.copy()
     normals[ids[flat]] = found[flat]
-    own = replace(attempt, mean_plane=False, other_plane=False, most_turned=1.0)
+    own = replace(attempt, mean_plane=False, other_plane=False, max_flipped_fraction=1.0)
     outcomes[flat] = _run(own, mesh._replace(normals=normals), ids[flat], geometry, robust, progress)
-    outcomes[untold] = _run(replace(attempt, by_crossings=False), mesh, ids[untold], geometry, robust, None)
+    outcomes[undecided] = _run(replace(attempt, by_crossings=False), mesh, ids[undecided], geometry, robust, None)
     return outcomes
 
 
 def kernel_fit(attempt: FitAttempt, *, robust: bool = False) -> KernelFit:
-    """What the kernel needs to know of one attempt."""
+    """Parameters of the kernel for one attempt."""
     fit = attempt.fit
     space = fit.space
     order: IntArray = np.arange(space.dimension, dtype=np.int32)
@@ -248,12 +256,12 @@ def kernel_fit(attempt: FitAttempt, *, robust: bool = False) -> KernelFit:
     if isinstance(fit, PatchFit):
         free, square, penalty = fit.free_coefficients, fit.square, fit.monomial_penalty[np.ix_(order, order)][lower]
         prior = np.zeros(len(lower[0]))
-        smallest_pivot = SMALLEST_FLAT_PIVOT if fit is FLATTEST else SMALLEST_PIVOT
+        smallest_pivot = MIN_FLAT_PIVOT if fit is FLATTEST_QUADRATIC else MIN_PIVOT
     else:
         free, square, penalty = QUADRATIC.free_coefficients, True, np.zeros(len(lower[0]))
         if np.isfinite(fit.weight_radius):
             weight_scale, weight_power = 1.0 / fit.weight_radius**2, fit.degree + 1
-        prior, smallest_pivot = fit.prior[np.ix_(order, order)][lower], SMALLEST_PRIOR_PIVOT
+        prior, smallest_pivot = fit.prior[np.ix_(order, order)][lower], MIN_PRIOR_PIVOT
         if fit.quartic != 0.0:
             quartic_order = space.places([(QUARTIC - k, k) for k in range(QUARTIC + 1)])
             quartic = fit.quartic * fit.prior[np.ix_(order[quartic_order], order[quartic_order])]
@@ -268,9 +276,9 @@ def kernel_fit(attempt: FitAttempt, *, robust: bool = False) -> KernelFit:
         square=square,
         mean_plane=attempt.mean_plane,
         other_plane=attempt.other_plane,
-        most_turned=attempt.most_turned,
+        most_turned=attempt.max_flipped_fraction,
         highest_power=2 * fit.degree,
-        any_axis=isinstance(fit, FitPlan),
+        any_axis=isinstance(fit, FitSpec),
         exponents=space.exponents,
         starts=row_starts(space.exponents),
         lexicographic=lexicographic_places(space.exponents),
@@ -287,10 +295,10 @@ def kernel_fit(attempt: FitAttempt, *, robust: bool = False) -> KernelFit:
         curvature_noise=attempt.noise[1],
         weight_scale=weight_scale,
         weight_power=weight_power,
-        rounds=ROBUST_ROUNDS if robust and fit not in (QUADRATIC, FLATTEST) else 0,
+        rounds=ROBUST_ROUNDS if robust and fit not in (QUADRATIC, FLATTEST_QUADRATIC) else 0,
     )
 
 
 def overall_progress(progress: Progress | None, tried: int, total: int) -> Progress | None:
-    """Progress of one attempt as that of the whole: what is tried again comes after the last vertex."""
+    """Progress of one attempt as progress of the whole chain: repeated attempts count after the last vertex."""
     return None if progress is None else lambda done, _: progress(min(tried + done, total), total)

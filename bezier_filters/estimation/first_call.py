@@ -19,8 +19,8 @@ from bezier_filters.estimation.vertex_geometry import empty_geometry
 from bezier_filters.kernels.fit_kernel import fit_in_lanes
 from bezier_filters.kernels.graph_geometry import bound_errors
 from bezier_filters.kernels.kernel_input import FITTED, fitted_mesh, kernel_mesh
+from bezier_filters.learning.fit_spec import FitConstraints
 from bezier_filters.learning.learn import learn_surface
-from bezier_filters.learning.plans import Choices
 from bezier_filters.meshes.adjacency import Adjacency, Rows
 from bezier_filters.meshes.frames import TangentPlanes
 from bezier_filters.meshes.mesh import triangle_mesh
@@ -35,7 +35,7 @@ from bezier_filters.surfaces import sphere
 
 @contextmanager
 def first_call() -> Iterator[None]:
-    """Around everything that estimates: the first time on a machine, the kernels are compiled."""
+    """Context of every estimate: compile the kernels in its first call on a machine."""
     code = f"from {__name__} import {compile_the_rest.__name__} as compile; compile()"
     with first_compilation(fit_in_lanes, compile_fit, code):
         yield
@@ -43,23 +43,23 @@ def first_call() -> Iterator[None]:
 
 @contextmanager
 def first_compilation(kernel: Any, compile_kernel: Callable[[], object], compile_others: str) -> Iterator[None]:
-    """Around the first call of a kernel: if it will be compiled, do so on two cores if there are two.
+    """Context of the first call of a kernel: compile it and the others in parallel, if there are two cores.
 
-    A kernel that was compiled before is loaded from disk in a fraction of a second; then nothing of this happens.
+    A kernel that was compiled before is loaded from disk in a fraction of a second.
     Otherwise this process compiles the largest kernel, and another one runs the code `compile_others`
-    for the rest, which this one finds in the cache. What goes wrong there is compiled here when it is called.
+    for the other kernels, which this process finds in the cache. If that process fails, they are compiled here on
+    their first call.
     """
     compiled = getattr(kernel, "signatures", True)  # or loaded in this process, or the JIT is off
     folder = None if compiled else kernel.stats.cache_path
     if compiled or (folder and any(Path(folder).glob(f"*.{kernel.py_func.__name__}-*{SUFFIX}"))):
         yield
         return
-    # The compiler makes millions of objects that live on; looking through the oldest of them again and again would
-    # take a fifteenth of its time.
+    # The compiler makes millions of long-lived objects; repeated full collections would take a fifteenth of its time.
     thresholds = gc.get_threshold()
     gc.set_threshold(*thresholds[:2], 100_000)
     try:
-        # Only Python itself may be asked to run code, not a program that it is built into.
+        # Only a Python interpreter can run the code, not a program that embeds one.
         is_python = Path(sys.executable or "").name.lower().startswith("python")
         if is_python and folder and usable_threads() > 1:
             nothing = subprocess.DEVNULL
@@ -86,9 +86,10 @@ def compile_fit() -> None:
 
 
 def compile_the_rest() -> None:
-    """Compile what prepares a mesh and learns from it, on a small sphere."""
+    """Compile the kernels that prepare a mesh and learn from it, on a small sphere."""
     ball = sphere(resolution=8)
     ordered = in_spatial_order(triangle_mesh(ball.vertices, ball.faces))
     arrays, adjacency = fitted_mesh(ordered.mesh, ordered, creases=True)
-    learn_surface(arrays, adjacency, Choices())
-    bound_errors(arrays, np.zeros(0, np.int32), np.zeros(0), np.zeros(0), 0, 0)  # parts of a surface may need it later
+    learn_surface(arrays, adjacency, FitConstraints())
+    # regions of a surface may need it later
+    bound_errors(arrays, np.zeros(0, np.int32), np.zeros(0), np.zeros(0), 0, 0)

@@ -1,11 +1,11 @@
-"""What the user's options leave to the data, and which are refused."""
+"""Checks the user's options of a fit, and separates fixed parameters from automatic ones."""
 
 from typing import Literal
 
 import numpy as np
 
 from bezier_filters.errors import InvalidParameterError, is_integer, is_real
-from bezier_filters.learning.plans import CANDIDATE_DEGREES
+from bezier_filters.learning.fit_spec import CANDIDATE_DEGREES
 from bezier_filters.meshes.mesh import LARGEST
 from bezier_filters.meshes.neighbourhoods import MOST_RINGS
 from bezier_filters.patches.fitting import PatchFit
@@ -17,7 +17,7 @@ Automatic = Literal["auto"]
 def fit_options(
     rings: object, alpha: object, degree: object, smoothness: Smoothness
 ) -> tuple[int | Automatic, PatchFit | None, tuple[int, ...]]:
-    """What the user's options leave open: rings, the patch or None, and the degrees if the data choose."""
+    """Rings, fixed patch and candidate degrees: "auto" and None are chosen by the data."""
     if smoothness == "paper":
         rings, alpha = (2 if rings == "auto" else rings), (0.8 if alpha == "auto" else alpha)
     if rings != "auto" and not (is_integer(rings) and 1 <= rings <= MOST_RINGS):
@@ -36,7 +36,7 @@ def fit_options(
 
 
 def check_radius(radius: object, rings: object) -> None:
-    """Refuse a radius that is no length, or one beside a number of rings."""
+    """Refuse a radius that is not a length, or a radius together with a number of rings."""
     if radius is None:
         return
     if not (is_real(radius) and 0.0 < radius < np.inf):
@@ -46,7 +46,7 @@ def check_radius(radius: object, rings: object) -> None:
 
 
 def check_noise(noise: object) -> None:
-    """Refuse a standard deviation of the noise that is no length."""
+    """Refuse a standard deviation of the noise that is not a length."""
     if noise is not None and not (is_real(noise) and 0.0 <= noise < np.inf):
         raise InvalidParameterError(f"noise: got {noise!r}, expected a length of 0 or more, or None to learn it")
     if noise is not None and noise > LARGEST:
@@ -54,7 +54,7 @@ def check_noise(noise: object) -> None:
 
 
 def check_detail(detail: object, rings: object = "auto", radius: object = None) -> None:
-    """Refuse a size of detail that is no length, or one beside the size of the neighbourhood."""
+    """Refuse a size of detail that is not a length, or one together with the size of the neighbourhood."""
     if detail is None:
         return
     if not (is_real(detail) and 0.0 < detail < np.inf):
@@ -65,7 +65,7 @@ def check_detail(detail: object, rings: object = "auto", radius: object = None) 
 
 
 def check_fit_noise(noise: object, fixed: PatchFit | None, rings: object, radius: object = None) -> None:
-    """Refuse a standard deviation of the noise that is no length, or that nothing depends on."""
+    """Refuse a standard deviation of the noise that is not a length, or on which nothing depends."""
     check_noise(noise)
     if noise is not None and fixed is not None and (rings != "auto" or radius is not None):
         size = "rings" if radius is None else "radius"

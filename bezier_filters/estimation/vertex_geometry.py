@@ -28,16 +28,16 @@ _SHOWN = {
 
 @dataclass(frozen=True)
 class FitPart:
-    """How a part of a mesh was fitted, where one choice would not do for all of it.
+    """Fit of a region of a mesh, where noise or shape vary too much for one choice.
 
     Attributes
     ----------
     vertices : int
-        How many there are.
+        Number of vertices.
     rings, degree : int
         As in `FitChoice`.
     noise_sigma : float
-        Standard deviation of the noise there, a length.
+        Standard deviation of the noise of the region, a length.
     """
 
     vertices: int
@@ -53,7 +53,7 @@ class FitChoice:
     Attributes
     ----------
     rings : int
-        Size of the neighbourhood in edges; some vertices may have needed another one. 0 if `radius` says it.
+        Size of the neighbourhood in edges; some vertices may have needed another one. 0 if there is a `radius`.
     degree : int
         Degree of the patch, or total degree of the polynomial where `alpha` is None.
     alpha : float or None
@@ -61,17 +61,17 @@ class FitChoice:
     noise_sigma : float or None
         Standard deviation of the noise along the normal, a length; None where it was not learned.
     parts : tuple of FitPart
-        Where noise or shape vary, the choices for the parts of the surface; the above is then the
-        one choice that would be best for all of it.
+        Where noise or shape vary, the choices for the regions of the surface; the attributes above are then the
+        best single choice for all of it.
     radius : float or None
-        Of the ball that is the neighbourhood of a vertex, a length; None where it has a number of rings.
+        Radius of the balls that are the neighbourhoods, a length; None if these are rings.
     noise_length : float or None
         Distance over which the noise is correlated; 0 if it is independent from vertex to vertex.
     noise_heavy : bool
-        Whether the noise turns single normals so far that they mean nothing, as noise in all directions does.
+        Whether the noise is so strong, as noise in all directions is, that single normals are useless.
     noise_reason : str
-        Why the noise could not be learned, and with it nothing that follows from it: then 2 rings, alpha 0.8 and the
-        degree that was asked for, 4 at most, or 3, take the place of what was left to the data. Empty otherwise.
+        Why the noise could not be learned; empty if it was. Then 2 rings, alpha 0.8 and the requested degree, 4 at
+        most, or 3, replace the choices by the data.
     """
 
     rings: int
@@ -86,7 +86,7 @@ class FitChoice:
 
     @property
     def noise(self) -> str:
-        """The noise in words, or nothing where it was not to be learned."""
+        """The noise in words; empty if it was not estimated."""
         if self.noise_sigma is None and not self.noise_reason:
             return ""
         return noise_in_words(self.noise_sigma, self.noise_length, self.noise_heavy, reason=self.noise_reason)
@@ -115,13 +115,13 @@ class VertexGeometry(DerivedCurvatures):
         and ``D_direction_max k_max``, 1/length^2: crest lines run where they vanish. Each changes
         its sign with its direction. At umbilics they are as arbitrary as the directions, but
         finite; where the patch has a degree below 3 they are 0. A smoothness (alpha < 1, or
-        learned) holds them back, like all of the patch's third derivatives.
+        learned) shrinks them, like all third derivatives of the patch.
     displacements : (n, 3) float64
         From each vertex p_i to its patch, B(u_i, v_i) - p_i: along the normal of the plane that the patch is a
         height field over.
     residual : (n,) float64
-        Root mean square height of the fitted points over the patch, by their distance weights, a length: never more
-        than that of their heights over the tangent plane, unless the fit is robust.
+        Root mean square height of the fitted points over the patch, with their distance weights, a length: never more
+        than the one over the tangent plane, unless the fit is robust.
     normal_std : (n,) float64
         Standard error of the normal: root mean square angle to the true one, in radians.
     mean_curvature_std, gaussian_curvature_std : (n,) float64
@@ -135,10 +135,10 @@ class VertexGeometry(DerivedCurvatures):
         Neighbourhood, degree and weight that were used.
     condition_number : (n,) float64 or None
         Condition number of each fit, see `condition_numbers`: relative errors of the coefficients are a small multiple
-        of its square times 1.1e-16. 0 where nothing was fitted; None where it was not asked for.
+        of its square times 1.1e-16. 0 where nothing was fitted; None if it was not requested.
     noise_free : (n, 3) float64 or None
-        The vertices without their noise, as `smooth` gives them before it restores volumes, if sharp edges had to be
-        told from these: neighbourhoods end there.
+        The denoised vertices, as in `smooth` before it restores volumes, if they were needed to find the sharp edges at
+        which neighbourhoods end.
     """
 
     normals: FloatArray

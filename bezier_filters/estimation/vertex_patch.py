@@ -1,4 +1,4 @@
-"""The patch at one vertex, for those who want to look at it."""
+"""The patch at one vertex, for inspection."""
 
 import numpy as np
 from numpy.typing import ArrayLike

@@ -12,7 +12,13 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.display import html_table
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError, is_real
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
-from bezier_filters.estimation.noise_free import LEFT, hides_sharp_edges, is_noisy, learn_noise, noise_free_surface
+from bezier_filters.estimation.noise_free import (
+    RESIDUAL_NOISE_FRACTION,
+    hides_sharp_edges,
+    is_noisy,
+    learn_mesh_noise,
+    noise_free_surface,
+)
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
 from bezier_filters.feature_lines.crest_lines import crest_segments, curvatures_along_lines, on_edges
 from bezier_filters.fields import CREASES, column_names
@@ -278,14 +284,14 @@ def _sharp_edges(
     if geometry.noise_free is not None:
         surface = TriangleMesh(geometry.noise_free, mesh.faces)
     elif sigma is None or is_noisy(mesh, adjacency, sigma):
-        noise = learn_noise(mesh, adjacency)
+        noise = learn_mesh_noise(mesh, adjacency)
         sigma = None if noise is None else noise.sigma
         if noise is not None and hides_sharp_edges(mesh, adjacency, noise):
             surface, _ = noise_free_surface(mesh, adjacency, noise)
     edges = mesh_edges(surface)
     if surface is mesh and is_noisy(mesh, adjacency, sigma):  # but turns nowhere as at a sharp edge
         return edges, np.zeros(len(edges.angles), dtype=np.bool_), np.zeros(len(edges.angles))
-    left = (sigma or 0.0) * (1.0 if surface is mesh else LEFT)
+    left = (sigma or 0.0) * (1.0 if surface is mesh else RESIDUAL_NOISE_FRACTION)
     return edges, sharp_edges(surface, edges, adjacency, angle), certainties(edges, left, angle)
 
 

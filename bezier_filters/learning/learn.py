@@ -1,4 +1,8 @@
-"""Learns a surface from its neighbourhoods: ring after ring, as long as they promise something."""
+"""Estimates a `SurfaceModel` and the best fit from sampled neighbourhoods, ring by ring.
+
+The first stage analyses rings 1 to `FIRST_STAGE_MAX_RINGS` and estimates the noise covariance and the outlier share.
+Wider rings follow while their neighbourhoods are usable and the predicted error does not grow too much.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -9,137 +13,151 @@ import numpy as np
 
 from bezier_filters.arrays import IntArray
 from bezier_filters.kernels.kernel_input import KernelMesh, with_edges_without_tips, with_steady_normals
-from bezier_filters.learning.model_tree import Leaf, best_leaf, leaf_of
+from bezier_filters.learning.fit_spec import FitConstraints
+from bezier_filters.learning.model_tree import Leaf, best_leaf, fit_leaf
 from bezier_filters.learning.neighbourhood_samples import (
-    NEAR,
+    NORMAL_CHECK_RINGS,
     NeighbourhoodSample,
     draw_from_mesh,
     sample_neighbourhoods,
 )
-from bezier_filters.learning.noise_spectrum import learn_noise
-from bezier_filters.learning.outliers import RINGS, outlier_share
-from bezier_filters.learning.plans import Choices
+from bezier_filters.learning.noise_spectrum import learn_noise_covariance
+from bezier_filters.learning.outliers import OUTLIER_RINGS, outlier_share
 from bezier_filters.learning.ring_analysis import RingAnalysis, analyse_rings
-from bezier_filters.learning.surface_model import RingModel, white_noise
-from bezier_filters.learning.unlearned import USABLE_SHARE, reason_unlearned
+from bezier_filters.learning.sample_check import MIN_USABLE_SHARE, explain_unusable_sample
+from bezier_filters.learning.surface_model import RingModel, estimate_white_noise
 from bezier_filters.meshes.adjacency import Adjacency
 
 CANDIDATE_RINGS = (1, 2, 3, 4, 5, 6, 8, 10)
-NEAR_RINGS = 5  # most meshes need no wider rings than these, of which many neighbourhoods can be afforded
-# neighbourhoods analysed per ring: the wider, the more points each has
-SAMPLES = {1: 300, 2: 400, 3: 400, 4: 240, 5: 180, 6: 200, 8: 160, 10: 120}
-MOST_TURNED = 0.02  # share of the vertices of a neighbourhood whose normals noise may turn away from its plane
-MAY_TURN = 0.25  # the same where outliers are looked for, which turn more
-MANY_UNUSABLE = 0.05  # share of the neighbourhoods from which on they are looked at for outliers, too
-HOPELESS = 10.0  # wider rings are not tried once the predicted error has grown by this factor
+FIRST_STAGE_MAX_RINGS = 5  # most meshes need no wider rings, and many neighbourhoods of these are cheap
+# neighbourhoods analysed per ring: fewer of the wider ones, which have more points each
+SAMPLES_PER_RING = {1: 300, 2: 400, 3: 400, 4: 240, 5: 180, 6: 200, 8: 160, 10: 120}
+# fraction of flipped normals, more than 90 degrees off the plane, in a usable neighbourhood
+MAX_FLIPPED_FRACTION = 0.02
+MAX_FLIPPED_BY_OUTLIERS = 0.25  # the same in the search for outliers, which flip more normals
+MAX_UNUSABLE_FRACTION = 0.05  # fraction of unusable neighbourhoods above which these are searched for outliers, too
+MAX_ERROR_GROWTH = 10.0  # growth of the predicted error at which no wider rings are tried
 
-# share of the places with a normal near them that turns away, and of all normals: more of both is heavy noise,
-OFTEN_TURNED, MANY_TURNED = 0.03, 0.0015
-# if most places are so rough, too: heights of the neighbours over their distances. At knife edges only few are.
-ROUGH = 0.25
+# Noise is heavy if the fraction of neighbourhoods with a flipped normal and the fraction of flipped normals are larger,
+HEAVY_FLIPPED_PLACES, HEAVY_FLIPPED_NORMALS = 0.03, 0.0015
+# and so is the median over the neighbourhoods of the rms height over the rms distance; at knife edges only few are
+HEAVY_MEDIAN_SLOPE = 0.25
 
-# how neighbourhoods are looked at: as the mesh is; with steady normals; or without the sharp edges around lone tips,
-# and where outliers turn normals away, too
-View = Literal["plain", "steady", "tolerant"]
-# gives neighbourhoods out to some rings of some number of vertices
-Sampler = Callable[[int, int, View], NeighbourhoodSample]
+# how neighbourhoods are sampled: from the mesh; with smoothed normals; or without the sharp edges around single spikes
+# and with more flipped normals
+SampleMode = Literal["plain", "steady", "tolerant"]
+# (rings, count, mode): neighbourhoods of `count` vertices
+Sampler = Callable[[int, int, SampleMode], NeighbourhoodSample]
 
 
-def learn_surface(mesh: KernelMesh, adjacency: Adjacency, choices: Choices) -> tuple[list[RingAnalysis], Leaf | None]:
-    """Analyse rings of ascending width, and learn one model for all from them.
+def learn_surface(
+    mesh: KernelMesh, adjacency: Adjacency, constraints: FitConstraints
+) -> tuple[list[RingAnalysis], Leaf | None]:
+    """Analyse rings of ascending width, and estimate one model from all of them.
 
-    The ring that is wanted is analysed in any case, if it can be. There are no analyses at all for meshes with too few
-    usable neighbourhoods, and no model if they allow no plan.
+    The ring in the constraints is always analysed if it has enough usable neighbourhoods. The list is empty for meshes
+    with too few usable neighbourhoods; the leaf is None if no fit is possible.
     """
     drawn = cache(partial(draw_from_mesh, mesh))
 
-    def sample(rings: int, count: int, view: View) -> NeighbourhoodSample:
-        return viewed_sample(mesh, adjacency, drawn(count), rings, view)
+    def sample(rings: int, count: int, mode: SampleMode) -> NeighbourhoodSample:
+        return sample_by_mode(mesh, adjacency, drawn(count), rings, mode)
 
-    return learn_from_samples(sample, len(mesh.vertices), choices)
+    return learn_from_samples(sample, len(mesh.vertices), constraints)
 
 
-def viewed_sample(mesh: KernelMesh, adjacency: Adjacency, ids: IntArray, rings: int, view: View) -> NeighbourhoodSample:
-    """The neighbourhoods of vertices `ids`, looked at in some way."""
-    most_turned = MOST_TURNED
-    if view == "steady":
+def sample_by_mode(
+    mesh: KernelMesh, adjacency: Adjacency, ids: IntArray, rings: int, mode: SampleMode
+) -> NeighbourhoodSample:
+    """Neighbourhoods of the vertices `ids` in one of the modes."""
+    max_flipped_fraction = MAX_FLIPPED_FRACTION
+    if mode == "steady":
         mesh = with_steady_normals(mesh)
-    if view == "tolerant":
-        mesh, most_turned = with_edges_without_tips(mesh, adjacency), MAY_TURN
-    return sample_neighbourhoods(mesh, adjacency, ids, rings=rings, most_turned=most_turned)
+    if mode == "tolerant":
+        mesh, max_flipped_fraction = with_edges_without_tips(mesh, adjacency), MAX_FLIPPED_BY_OUTLIERS
+    return sample_neighbourhoods(mesh, adjacency, ids, rings=rings, max_flipped_fraction=max_flipped_fraction)
 
 
-def why_unlearned(mesh: KernelMesh, adjacency: Adjacency) -> str:
-    """Why `learn_surface` learns nothing of a mesh."""
-    return reason_unlearned(viewed_sample(mesh, adjacency, draw_from_mesh(mesh, SAMPLES[NEAR]), NEAR, "plain"))
+def explain_unusable_mesh(mesh: KernelMesh, adjacency: Adjacency) -> str:
+    """Say why `learn_surface` finds no model of a mesh."""
+    return explain_unusable_sample(
+        sample_by_mode(
+            mesh, adjacency, draw_from_mesh(mesh, SAMPLES_PER_RING[NORMAL_CHECK_RINGS]), NORMAL_CHECK_RINGS, "plain"
+        )
+    )
 
 
-def learn_from_samples(sampler: Sampler, vertex_count: int, choices: Choices) -> tuple[list[RingAnalysis], Leaf | None]:
-    """The same for a mesh of which only samples are known.
+def learn_from_samples(
+    sampler: Sampler, vertex_count: int, constraints: FitConstraints
+) -> tuple[list[RingAnalysis], Leaf | None]:
+    """`learn_surface` for a mesh of which only samples are available.
 
-    ``sampler(rings, count, view)`` gives neighbourhoods, the same vertices for the same count.
+    ``sampler(rings, count, mode)`` returns neighbourhoods, of the same vertices for the same count.
     """
-    rings = sorted({*CANDIDATE_RINGS, *(() if choices.rings is None else (choices.rings,))})
-    stages = [[k for k in rings if k <= NEAR_RINGS], *([k] for k in rings if k > NEAR_RINGS)]
+    rings = sorted({*CANDIDATE_RINGS, *(() if constraints.rings is None else (constraints.rings,))})
+    stages = [[k for k in rings if k <= FIRST_STAGE_MAX_RINGS], *([k] for k in rings if k > FIRST_STAGE_MAX_RINGS)]
     analyses: list[RingAnalysis] = []
     known: list[RingModel] = []
     errors: list[float] = []
     leaf: Leaf | None = None
     correlated, promising, heavy, outliers = None, True, False, 0.0
-    any_rings = replace(choices, rings=None)
+    any_rings = replace(constraints, rings=None)
     for stage in stages:
-        if not promising and choices.rings not in stage:
+        if not promising and constraints.rings not in stage:
             continue
-        count = SAMPLES[2] if stage is stages[0] else SAMPLES[6]
+        count = SAMPLES_PER_RING[2] if stage is stages[0] else SAMPLES_PER_RING[6]
         sample = sampler(stage[-1], count, "steady" if heavy else "plain")
-        if stage is stages[0] and _turns_normals(sample):
+        if stage is stages[0] and _has_flipped_normals(sample):
             steady = sampler(stage[-1], count, "steady")
-            heavy = _is_rough(steady) and not _turns_normals(steady)
+            heavy = _is_rough(steady) and not _has_flipped_normals(steady)
             sample = steady if heavy else sample
         most: dict[int, int] = {}
         for k in stage:
-            promising = promising and sample.usable[:, k].sum() >= USABLE_SHARE * sample.clear[:, k].sum()
-            if promising or k == choices.rings or not (analyses or most):
-                most[k] = SAMPLES.get(k, SAMPLES[10])
+            promising = promising and sample.usable[:, k].sum() >= MIN_USABLE_SHARE * sample.is_interior[:, k].sum()
+            if promising or k == constraints.rings or not (analyses or most):
+                most[k] = SAMPLES_PER_RING.get(k, SAMPLES_PER_RING[10])
         found = analyse_rings(sample, most, vertex_count=vertex_count)
         if not found:
             continue
         analyses += found
         if stage is stages[0]:
-            correlated, outliers = learn_noise(analyses), _outliers(sample, sampler, count)
-        # by itself first: what wider rings say of narrower ones does not matter for how far to go on
-        alone = leaf_of(found, any_rings, correlated or white_noise(analyses), heavy=heavy, outliers=outliers)
+            correlated, outliers = learn_noise_covariance(analyses), _estimate_outlier_share(sample, sampler, count)
+        # by itself first: corrections of narrow rings by wider ones do not matter for the decision to continue
+        alone = fit_leaf(found, any_rings, correlated or estimate_white_noise(analyses), heavy=heavy, outliers=outliers)
         if alone is not None:
             leaf = alone
             known += leaf.surface.by_rings
-            errors += [plan.error for plan in leaf.plans]
-            promising = promising and errors[-1] <= HOPELESS * min(errors)
-        if choices.only_noise and correlated is not None:
+            errors += [spec.error for spec in leaf.specs]
+            promising = promising and errors[-1] <= MAX_ERROR_GROWTH * min(errors)
+        if constraints.only_noise and correlated is not None:
             break
-    if choices.only_noise:
+    if constraints.only_noise:
         return analyses, leaf
     if leaf is None or len(leaf.surface.by_rings) < len(analyses):
-        leaf = leaf_of(analyses, any_rings, correlated, heavy=heavy, outliers=outliers, known=known)
-    return analyses, None if leaf is None else best_leaf(leaf.surface, leaf.plans, choices)
+        leaf = fit_leaf(analyses, any_rings, correlated, heavy=heavy, outliers=outliers, known=known)
+    return analyses, None if leaf is None else best_leaf(leaf.surface, leaf.specs, constraints)
 
 
-def _outliers(sample: NeighbourhoodSample, sampler: Sampler, count: int) -> float:
-    """The `outlier_share`; of neighbourhoods that are not usable, too, if these are many: outliers may be why."""
-    if (~sample.usable[:, RINGS]).mean() > MANY_UNUSABLE:
-        sample = sampler(RINGS, count, "tolerant")
+def _estimate_outlier_share(sample: NeighbourhoodSample, sampler: Sampler, count: int) -> float:
+    """The `outlier_share`, in tolerant mode if many neighbourhoods are unusable: outliers may be the cause."""
+    if (~sample.usable[:, OUTLIER_RINGS]).mean() > MAX_UNUSABLE_FRACTION:
+        sample = sampler(OUTLIER_RINGS, count, "tolerant")
     return outlier_share(sample)
 
 
-def _turns_normals(sample: NeighbourhoodSample) -> bool:
-    """Whether many normals turn away from those around them, and not only at few places, as at thin parts."""
-    if not len(sample.turned):
+def _has_flipped_normals(sample: NeighbourhoodSample) -> bool:
+    """Whether many normals are flipped, and in many neighbourhoods: at thin walls they are in few."""
+    if not len(sample.flipped_fraction):
         return False
-    return bool(sample.turned.mean() > MANY_TURNED and (sample.turned > 0.0).mean() > OFTEN_TURNED)
+    return bool(
+        sample.flipped_fraction.mean() > HEAVY_FLIPPED_NORMALS
+        and (sample.flipped_fraction > 0.0).mean() > HEAVY_FLIPPED_PLACES
+    )
 
 
 def _is_rough(sample: NeighbourhoodSample) -> bool:
-    """Whether at most places the neighbours are far off the plane, at the distance that they have."""
+    """Whether the median slope from a vertex to its neighbours is large."""
     seen = sample.usable[:, 1:].any(axis=1)
     is_near = np.arange(sample.points.shape[1]) < sample.sizes[:, 1:2]
     x, y, z = np.moveaxis(np.square(sample.points).sum(axis=1, where=is_near[..., np.newaxis])[seen], 1, 0)
-    return bool(seen.any() and np.median(z / np.maximum(x + y, np.finfo(np.float64).tiny)) > ROUGH**2)
+    return bool(seen.any() and np.median(z / np.maximum(x + y, np.finfo(np.float64).tiny)) > HEAVY_MEDIAN_SLOPE**2)

@@ -1,4 +1,7 @@
-"""A sample of neighbourhoods in local coordinates, from which the surface is learned."""
+"""Random samples of neighbourhoods, projected to local coordinates over their tangent planes.
+
+Vertices are drawn by stratified sampling: one from each of equal intervals of the vertex numbers.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,9 +17,9 @@ from bezier_filters.meshes.neighbourhoods import forget, next_ring
 from bezier_filters.runtime.jit import inner_jit, jit, variable
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
-CHUNK = 32  # neighbourhoods per chunk
-NEAR = 2  # rings in which it is counted how many normals turn away
-MOST_POINTS = 450  # of a neighbourhood that is looked at
+SAMPLE_CHUNK = 32  # neighbourhoods per chunk
+NORMAL_CHECK_RINGS = 2  # rings in which flipped normals are counted
+MAX_NEIGHBOURHOOD_POINTS = 450  # points of the largest usable neighbourhood
 
 
 class NeighbourhoodSample(NamedTuple):
@@ -27,31 +30,33 @@ class NeighbourhoodSample(NamedTuple):
     # a neighbourhood's size are zero
     points: FloatArray
     sizes: IntArray  # (N, rings + 1): number of points within k edges, for each k up to the widest ring
-    clear: BoolArray  # (N, rings + 1): whether the k-ring has no boundary or crease inside
-    # (N, rings + 1): whether, in addition, the k-ring projects with at most the allowed share of turned vertices
+    is_interior: BoolArray  # (N, rings + 1): whether the k-ring has no boundary or crease inside
+    # (N, rings + 1): whether, in addition, at most the allowed fraction of its normals is flipped
     usable: BoolArray
-    turned: FloatArray  # (N,): share of the vertices within two edges whose normals turn away; 0 if these are not clear
+    # (N,): fraction of flipped normals within two edges; 0 if that ring is not interior
+    flipped_fraction: FloatArray
 
 
 @dataclass(frozen=True)
 class Population:
-    """Vertices to draw from, numbered in the user's order, wherever they are kept."""
+    """Vertices to draw from, numbered in the user's order, in memory or in a store."""
 
-    size: int  # how many there are
-    members: Callable[[IntArray], IntArray]  # gives the vertices of some numbers (k,), (k,) int32
+    size: int  # number of vertices
+    members: Callable[[IntArray], IntArray]  # vertices (k,) int32 of numbers (k,)
 
 
 def sample_neighbourhoods(
-    mesh: KernelMesh, adjacency: Adjacency, ids: IntArray, *, rings: int, most_turned: float
+    mesh: KernelMesh, adjacency: Adjacency, ids: IntArray, *, rings: int, max_flipped_fraction: float
 ) -> NeighbourhoodSample:
     """Project the neighbourhoods of some vertices, out to a widest ring, onto their tangent planes.
 
-    Rings with a larger share of turned vertices than `most_turned`, or with more than `MOST_POINTS`, are not usable.
+    Rings with a larger fraction of flipped normals than `max_flipped_fraction`, or with more points than
+    `MAX_NEIGHBOURHOOD_POINTS`, are not usable.
     """
     by_ring = len(ids), rings + 1
     sample = NeighbourhoodSample(
         ids,
-        np.zeros((len(ids), MOST_POINTS, 3)),
+        np.zeros((len(ids), MAX_NEIGHBOURHOOD_POINTS, 3)),
         np.zeros(by_ring, dtype=np.int32),
         np.zeros(by_ring, dtype=np.bool_),
         np.zeros(by_ring, dtype=np.bool_),
@@ -62,10 +67,10 @@ def sample_neighbourhoods(
     def make_task() -> RangeTask:
         members, visited = np.empty(n + 1, np.int32), np.zeros(n, np.bool_)
         return lambda start, stop: _project_sample(
-            mesh, adjacency.on_boundary, most_turned, members, visited, sample, start, stop
+            mesh, adjacency.on_boundary, max_flipped_fraction, members, visited, sample, start, stop
         )
 
-    run_in_chunks(make_task, len(ids), chunk=CHUNK)
+    run_in_chunks(make_task, len(ids), chunk=SAMPLE_CHUNK)
     return sample
 
 
@@ -75,38 +80,38 @@ def draw_from_mesh(mesh: KernelMesh, count: int) -> IntArray:
     def has_normal(ids: IntArray) -> BoolArray:
         return np.asarray(mesh.normals[ids].any(axis=1))
 
-    def with_normals() -> Population:
+    def list_with_normals() -> Population:
         candidates = vertex_of_row[has_normal(vertex_of_row)]
         return Population(len(candidates), candidates.__getitem__)
 
     vertex_of_row = np.empty_like(mesh.origin)
     vertex_of_row[mesh.origin] = np.arange(len(mesh.origin), dtype=np.int32)
     every = Population(len(vertex_of_row), vertex_of_row.__getitem__)
-    return draw_vertices(every, has_normal, with_normals, count)
+    return draw_vertices(every, has_normal, list_with_normals, count)
 
 
 def draw_vertices(
     every: Population,
     has_normal: Callable[[IntArray], BoolArray],
-    with_normals: Callable[[], Population],
+    list_with_normals: Callable[[], Population],
     count: int,
 ) -> IntArray:
-    """Up to `count` of all vertices that have a normal, in random order.
+    """Draw up to `count` vertices with a normal, in random order.
 
-    One is drawn from each of as many stretches of the user's mesh, so that hardly a region is missed and
-    turning the mesh does not matter. `with_normals` finds those that have a normal, and is called only if one
-    without was drawn from all.
+    One vertex is drawn from each of `count` intervals of the vertex numbers, so that no region is missed; rotations of
+    the mesh do not matter. `list_with_normals` lists the vertices with a normal. It is called only if a vertex without
+    a normal was drawn from all.
     """
     generator = np.random.default_rng(0)
-    ids = every.members(_one_per_stretch(every.size, count, generator))
+    ids = every.members(_draw_per_stretch(every.size, count, generator))
     if not has_normal(ids).all():
-        candidates = with_normals()
-        ids = candidates.members(_one_per_stretch(candidates.size, count, generator))
+        candidates = list_with_normals()
+        ids = candidates.members(_draw_per_stretch(candidates.size, count, generator))
     return generator.permutation(ids)
 
 
-def _one_per_stretch(n: int, count: int, generator: np.random.Generator) -> IntArray:
-    """One of the numbers below n from each of `count` equal stretches, or all, if there are fewer."""
+def _draw_per_stretch(n: int, count: int, generator: np.random.Generator) -> IntArray:
+    """Draw one of the numbers below n from each of `count` equal intervals; all numbers, if there are fewer."""
     ends = np.linspace(0, n, min(n, count) + 1).astype(np.int32)
     return generator.integers(ends[:-1], ends[1:], dtype=np.int32) if n else ends[:0]
 
@@ -115,7 +120,7 @@ def _one_per_stretch(n: int, count: int, generator: np.random.Generator) -> IntA
 def _project_sample(
     mesh: KernelMesh,
     on_boundary: BoolArray,
-    most_turned: float,
+    max_flipped_fraction: float,
     members: IntArray,
     visited: BoolArray,
     sample: NeighbourhoodSample,
@@ -136,15 +141,15 @@ def _project_sample(
             sizes[row, k] = count
             for a in range(before, inner):
                 open_ring = open_ring or on_boundary[members[a]] or mesh.stops[members[a]]
-            sample.clear[row, k] = not open_ring
+            sample.is_interior[row, k] = not open_ring
             if open_ring or count > points.shape[1]:
                 continue
             nx, ny, nz = mean_normal(mesh.normals, members, count)
             if nx == 0.0 and ny == 0.0 and nz == 0.0:
                 continue
-            if k == NEAR:
-                sample.turned[row] = turned_share(mesh.normals, members, count, nx, ny, nz)
-            if turned_share(mesh.normals, members, inner, nx, ny, nz) > most_turned:
+            if k == NORMAL_CHECK_RINGS:
+                sample.flipped_fraction[row] = turned_share(mesh.normals, members, count, nx, ny, nz)
+            if turned_share(mesh.normals, members, inner, nx, ny, nz) > max_flipped_fraction:
                 continue
             sample.usable[row, k] = True
             plane_count = count

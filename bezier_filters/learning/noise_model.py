@@ -1,8 +1,9 @@
-"""The covariance of the noise along the normal, and what it does to the fits of one ring.
+"""The covariance of the noise along the normal, and its propagation to the fits of one ring.
 
-Scanners blur what they measure, so the noise of neighbouring vertices is alike. It counts as a white part and parts
-whose correlation falls off with the distance d as exp(-d^2 / (2 l^2)), as white noise does that was averaged over
-surroundings of width l / sqrt(2). Distances go by edges, whichever way these are longer: see `RingAnalysis.quadratics`.
+Scanners blur their measurements, so the noise of neighbouring vertices is correlated. The model is a nested covariance:
+white noise (the nugget) plus components with sill s and range l, C(d) = s exp(-d^2 / (2 l^2)) at distance d. White
+noise averaged with a Gaussian of width l / sqrt(2) has this correlation. Distances are measured in edges, which may be
+longer in one direction: see `RingAnalysis.quadratics`.
 """
 
 from dataclasses import dataclass, replace
@@ -14,27 +15,28 @@ from bezier_filters.learning.ring_analysis import RingAnalysis
 from bezier_filters.patches.harmonics import harmonic_basis
 from bezier_filters.runtime.cached_property import cached_property
 
-STEEP = 1.02  # mean of 1 / cos^2 of the slopes, below which white noise along the normal counts as that of the heights
-# times the standard deviation of correlated noise that was learned: most that it is mistaken by. If it is known to be
-# stronger, the rest has so many times the length of what was learned
-MISTAKEN, UNSEEN = 2.5, 4.0
-FEWEST_RINGS_FOR_SLOPES = 3  # narrower ones have too few points to tell slopes from noise, and count as flat
+# mean of 1 / cos^2 of the slopes below which white noise along the normal equals the noise of the heights
+STEEP_MEAN_SQUARE = 1.02
+# Largest ratio of the true to the estimated standard deviation of correlated noise. If the known standard deviation is
+# larger, the remaining variance gets this factor times the longest estimated range.
+MAX_UNDERESTIMATION, HIDDEN_RANGE_FACTOR = 2.5, 4.0
+MIN_SLOPE_RINGS = 3  # narrower rings have too few points to separate slopes from noise, and count as flat
 
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """Noise of the heights: the same everywhere, Gaussian, its covariance a function of the distance."""
+    """Noise of the heights: stationary, Gaussian, with an isotropic covariance."""
 
-    white: float  # variance of the part that is independent from vertex to vertex, length^2
-    sills: tuple[float, ...] = ()  # variances of the correlated parts, length^2,
-    lengths: tuple[float, ...] = ()  # and over what distances their correlation falls to exp(-1/2)
-    heavy: bool = False  # whether it turns single normals so far that they mean nothing
-    outliers: float = 0.0  # share of the vertices that are far off what is around them
-    given: bool = False  # whether somebody has said how strong it is
+    white: float  # variance of the white component, length^2
+    sills: tuple[float, ...] = ()  # variances of the correlated components, length^2
+    lengths: tuple[float, ...] = ()  # their ranges: distances at which the correlation is exp(-1/2)
+    heavy: bool = False  # whether single normals are so noisy that they must be smoothed
+    outliers: float = 0.0  # share of the vertices that are outliers
+    given: bool = False  # whether the user gave the standard deviation
 
     @property
     def variance(self) -> float:
-        """Of the noise of one vertex, length^2."""
+        """Variance of the noise of one vertex, length^2."""
         return self.white + sum(self.sills)
 
     @property
@@ -44,17 +46,17 @@ class NoiseModel:
 
     @property
     def length(self) -> float:
-        """Distance over which the noise is correlated: the mean over its correlated parts; 0 if it is white."""
+        """Range of the noise: the mean over its correlated components weighted by their sills; 0 if it is white."""
         return float(np.dot(self.sills, self.lengths) / sum(self.sills)) if self.sills else 0.0
 
-    def times(self, factor: float) -> "NoiseModel":
+    def scale_variance(self, factor: float) -> "NoiseModel":
         """The same noise with `factor` times the variance."""
         return replace(self, white=factor * self.white, sills=tuple(factor * sill for sill in self.sills))
 
     def covariances(self, points: FloatArray, steepness: FloatArray) -> FloatArray:
-        """Of the heights of the points of neighbourhoods, (T, n, 3) to (T, n, n).
+        """Covariances of the heights of the points of neighbourhoods, (T, n, 3) to (T, n, n).
 
-        `steepness` (T, n) is 1 / cos of the slope of the surface there.
+        `steepness` (T, n) is 1 / cos of the slope of the surface at the points.
 
         Examples
         --------
@@ -63,7 +65,7 @@ class NoiseModel:
         array([[[3.   , 0.736],
                 [0.736, 3.   ]]])
         """
-        squares = squared_distances(points)
+        squares = pairwise_squared_distances(points)
         result = np.zeros(squares.shape)
         for sill, length in zip(self.sills, self.lengths, strict=True):  # in place: new arrays take longer than sums
             correlations = -0.5 / length**2 * squares
@@ -76,31 +78,34 @@ class NoiseModel:
         return result
 
 
-def known_noise(learned: NoiseModel | None, sigma: float) -> NoiseModel:
-    """Noise of a given standard deviation: how alike neighbouring vertices are is learned all the same.
+def rescale_noise(learned: NoiseModel | None, sigma: float) -> NoiseModel:
+    """Rescale estimated noise to a known standard deviation, with the estimated correlation.
 
-    If it is correlated, and much more than could be learned, the rest has not been seen, so it is as long as shape.
+    If the noise is correlated, and its known standard deviation is more than `MAX_UNDERESTIMATION` times the estimate,
+    the remaining variance becomes a component of longer range, which the estimate counted as shape.
 
-    >>> known_noise(NoiseModel(1.0, (3.0,), (0.5,)), 1.0)
+    >>> rescale_noise(NoiseModel(1.0, (3.0,), (0.5,)), 1.0)
     NoiseModel(white=0.25, sills=(0.75,), lengths=(0.5,), heavy=False, outliers=0.0, given=True)
-    >>> known_noise(NoiseModel(1.0, (3.0,), (0.5,)), 10.0)
+    >>> rescale_noise(NoiseModel(1.0, (3.0,), (0.5,)), 10.0)
     NoiseModel(white=6.25, sills=(18.75, 75.0), lengths=(0.5, 2.0), heavy=False, outliers=0.0, given=True)
     """
     known = replace(learned or NoiseModel(0.0), given=True)
     if not known.sills or sigma == 0.0:
         return replace(known, white=sigma**2, sills=(), lengths=())
-    seen = min(sigma, MISTAKEN * known.sigma)
-    known = known.times(seen**2 / known.variance)
+    seen = min(sigma, MAX_UNDERESTIMATION * known.sigma)
+    known = known.scale_variance(seen**2 / known.variance)
     if seen == sigma:
         return known
     rest = sigma**2 - seen**2
-    return replace(known, sills=(*known.sills, rest), lengths=(*known.lengths, UNSEEN * max(known.lengths)))
+    return replace(
+        known, sills=(*known.sills, rest), lengths=(*known.lengths, HIDDEN_RANGE_FACTOR * max(known.lengths))
+    )
 
 
-def squared_distances(points: FloatArray) -> FloatArray:
-    """Between all points of every neighbourhood, (T, n, d) to (T, n, n).
+def pairwise_squared_distances(points: FloatArray) -> FloatArray:
+    """Squared distances between all points of every neighbourhood, (T, n, d) to (T, n, n).
 
-    |a - b|^2 = -2 a b + |a|^2 + |b|^2 is one product of longer vectors, which needs no other arrays of this size.
+    |a - b|^2 = -2 a b + |a|^2 + |b|^2 is one product of longer vectors, without other arrays of this size.
     """
     squares = np.square(points).sum(axis=2, keepdims=True)
     ones = np.ones_like(squares)
@@ -114,27 +119,27 @@ def squared_distances(points: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class RingNoise:
-    """What noise does to the fits of one ring, on average.
+    """Variances, length^2, that noise causes in the fits of one ring, averaged over neighbourhoods.
 
-    T are its first neighbourhoods; degrees d run from 0 to J; m terms, M of them in all and G groups are those of
-    `RingAnalysis`. All are variances, length^2.
+    T is the number of the first neighbourhoods; degrees d run from 0 to J; m, M and G are the numbers of terms and
+    groups in `RingAnalysis`.
     """
 
     model: NoiseModel
     analysis: RingAnalysis
-    parts: FloatArray  # (m,): of what the heights hold of each term, see `RingSums`
-    residuals: FloatArray  # (J + 1,): mean square that the fit of each degree leaves, per degree of freedom
-    # (J + 1, G): of the coefficients of each degree, over what they would be under white noise of variance 1
+    score_variances: FloatArray  # (m,): variances of the scores, see `RingSums`
+    residuals: FloatArray  # (J + 1,): mean squared residual of the fit of each degree, per degree of freedom
+    # (J + 1, G): variances of the coefficients of each degree over their variances under white noise of variance 1
     coefficients: FloatArray
 
     @property
     def is_flat(self) -> bool:
-        """Whether slopes do not matter, by which white heights differ."""
+        """Whether the slopes are too small to change the variance of the heights."""
         return _is_flat(self.analysis)
 
     @cached_property
     def covariances(self) -> FloatArray | None:
-        """Of the heights of the first points, (T, n, n); None if the noise is white."""
+        """Covariances of the heights of the first points, (T, n, n); None if the noise is white."""
         if not self.model.sills:
             return None
         points, steepness = self.analysis.quadratics(self.analysis.first)
@@ -142,81 +147,83 @@ class RingNoise:
 
     @cached_property
     def variances(self) -> FloatArray:
-        """Of the heights of the first points, if the noise is white, (T, n) or (1, 1)."""
+        """Variances of the heights of the first points under white noise, (T, n) or (1, 1)."""
         if self.is_flat:
             return np.array([[self.model.white]])
         return self.model.white * np.square(self.analysis.quadratics(self.analysis.first)[1])
 
-    def through(self, weighted: FloatArray) -> FloatArray:
-        """A^T covariance A for matrices A with a row for each of the first points, (T, n, m) to (T, m, m)."""
+    def propagate_covariance(self, weighted: FloatArray) -> FloatArray:
+        """A^T C A with the covariance C of the first points and matrices A, (T, n, m) to (T, m, m)."""
         if self.covariances is None:
             return weighted.transpose(0, 2, 1) @ (weighted * self.variances[..., np.newaxis])
         return weighted.transpose(0, 2, 1) @ self.covariances @ weighted
 
     @cached_property
     def grams(self) -> FloatArray:
-        """What comes through the design matrices of the first points, (T, m, m)."""
-        m = self.analysis.sums.parts.shape[1]
+        """A^T C A for the design matrices A of the first points, (T, m, m)."""
+        m = self.analysis.sums.scores.shape[1]
         if self.covariances is None and self.is_flat:
             return self.model.white * self.analysis.first_grams[..., :m]
-        return self.through(self.analysis.first_designs[..., :m])
+        return self.propagate_covariance(self.analysis.first_designs[..., :m])
 
-    def of_part(self, model: NoiseModel, analysis: RingAnalysis) -> "RingNoise":
-        """The same for some of the neighbourhoods, where the noise has another strength, and slopes may be others."""
+    def transfer_to_region(self, model: NoiseModel, analysis: RingAnalysis) -> "RingNoise":
+        """Rescale the variances to a subset of the neighbourhoods, where noise and slopes may differ."""
         if not model.sills and _is_flat(analysis):
             return ring_noise(model, analysis)
         factor = model.variance / self.model.variance
         if not model.sills:
-            factor *= analysis.steep / self.analysis.steep
-        return RingNoise(model, analysis, factor * self.parts, factor * self.residuals, factor * self.coefficients)
+            factor *= analysis.mean_square_steepness / self.analysis.mean_square_steepness
+        return RingNoise(
+            model, analysis, factor * self.score_variances, factor * self.residuals, factor * self.coefficients
+        )
 
 
 def _is_flat(analysis: RingAnalysis) -> bool:
-    """Whether slopes do not matter to white noise along the normal."""
-    return analysis.rings < FEWEST_RINGS_FOR_SLOPES or analysis.steep < STEEP
+    """Whether slopes change the variance of white noise along the normal too little to matter."""
+    return analysis.rings < MIN_SLOPE_RINGS or analysis.mean_square_steepness < STEEP_MEAN_SQUARE
 
 
 def ring_noise(noise: NoiseModel, analysis: RingAnalysis) -> RingNoise:
-    """Find out what noise does to the fits of one ring."""
-    m, by_degree = analysis.sums.parts.shape[1], analysis.sums.term_squares.shape[1:]
+    """Propagate the covariance of the noise to the fits of one ring."""
+    m, by_degree = analysis.sums.scores.shape[1], analysis.sums.term_squares.shape[1:]
     if not noise.sills and _is_flat(analysis):
         every = noise.white
         return RingNoise(noise, analysis, np.full(m, every), np.full(by_degree[0], every), np.full(by_degree, every))
-    fitted = analysis.looked_at
+    fitted = analysis.noise_sample
     points = float(analysis.sizes[: len(fitted.points)].mean())
     if noise.sills:
         passed = noise.covariances(analysis.radius * fitted.points, fitted.steepness) @ fitted.orthonormal
     else:
         passed = noise.white * np.square(fitted.steepness)[..., np.newaxis] * fitted.orthonormal
     of_pairs = fitted.orthonormal.transpose(0, 2, 1) @ passed
-    parts = np.diagonal(of_pairs, axis1=1, axis2=2).mean(axis=0)
+    scores = np.diagonal(of_pairs, axis1=1, axis2=2).mean(axis=0)
     return RingNoise(
         noise,
         analysis,
-        parts,
-        _of_residuals(analysis.degree, points, noise.variance * analysis.steep, parts),
-        _of_coefficients(analysis, of_pairs, noise.white),
+        scores,
+        _residual_variances(analysis.degree, points, noise.variance * analysis.mean_square_steepness, scores),
+        _coefficient_variances(analysis, of_pairs, noise.white),
     )
 
 
-def _of_residuals(highest: int, points: float, variance: float, parts: FloatArray) -> FloatArray:
-    """Trace of the covariance less what the parts of each degree take of it, per degree of freedom, (J + 1,)."""
+def _residual_variances(highest: int, points: float, variance: float, scores: FloatArray) -> FloatArray:
+    """Trace of the covariance less the variances of the scores up to each degree, per degree of freedom, (J + 1,)."""
     counts = np.array([harmonic_basis().up_to(degree) for degree in range(highest + 1)])
-    taken = np.array([parts[:count].sum() for count in counts])
-    result: FloatArray = np.maximum(points * variance - taken, 0.0) / np.maximum(points - counts, 1.0)
+    explained = np.array([scores[:count].sum() for count in counts])
+    result: FloatArray = np.maximum(points * variance - explained, 0.0) / np.maximum(points - counts, 1.0)
     return result
 
 
-def _of_coefficients(analysis: RingAnalysis, of_pairs: FloatArray, white: float) -> FloatArray:
-    """See `RingNoise.coefficients`; as white noise, for terms that no points see.
+def _coefficient_variances(analysis: RingAnalysis, of_pairs: FloatArray, white: float) -> FloatArray:
+    """The variances `RingNoise.coefficients`; those of white noise for terms that no points determine.
 
-    `of_pairs` (k, m, m) are the covariances of the orthonormal terms.
+    `of_pairs` (k, m, m) are the covariances of the scores.
     """
     basis = harmonic_basis()
     result = np.zeros(analysis.sums.term_squares.shape[1:])
     for degree in range(analysis.degree + 1):
         count = basis.up_to(degree)
-        to_terms = analysis.looked_at.to_terms[:, :count, :count]
+        to_terms = analysis.noise_sample.to_terms[:, :count, :count]
         passed = ((to_terms @ of_pairs[:, :count, :count]) * to_terms).sum(axis=2)
         of_white = np.square(to_terms).sum(axis=2)
         ratios = np.divide(passed, of_white, out=np.zeros_like(passed), where=of_white > 0.0).sum(axis=0)

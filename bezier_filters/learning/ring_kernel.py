@@ -1,6 +1,7 @@
-"""What fits of every degree to sampled neighbourhoods leave over and find, eight neighbourhoods at a time: see `lanes`.
+"""Kernel of the ring analysis: residuals and coefficients of the fits of every degree, in SIMD lanes (see `lanes`).
 
-Gram matrices of the terms and the heights over the points are summed up, and factorised by Cholesky's method.
+The Gram matrix of the terms and the heights over the points of a neighbourhood is accumulated and factorised by
+Cholesky's method; eight neighbourhoods are processed together.
 """
 
 from typing import NamedTuple
@@ -11,22 +12,22 @@ from bezier_filters.patches.harmonics import HIGHEST_DEGREE
 from bezier_filters.runtime.jit import inner_jit, jit, variable
 from bezier_filters.runtime.lanes import LANES, aligned, load, multiply_add, spread, store, where_greater
 
-# a term whose column keeps less than this of its length, once what earlier terms explain is gone, is not seen
-UNSEEN = 3e-5
-POINTS = 16  # points whose terms are held at a time
+# relative length of a column orthogonal to the columns before it, below which the points do not determine the term
+RANK_TOLERANCE = 3e-5
+POINTS_PER_BLOCK = 16  # points whose terms are held at a time
 
 
 class RingSums(NamedTuple):
-    """What is found of N neighbourhoods, a row for each; see `RingAnalysis` for the other letters."""
+    """Results for N neighbourhoods, a row for each; see `RingAnalysis` for the other letters."""
 
-    parts: FloatArray  # (N, m): Q^T z: what the heights hold of each term, a length
-    unexplained: FloatArray  # (N, M): squared length of what no term up to J explains of each term; 0 for those up to J
+    scores: FloatArray  # (N, m): Q^T z, the components of the heights along the orthonormal terms, a length
+    unexplained: FloatArray  # (N, M): squared length of each column of A orthogonal to the terms up to J; 0 for these
     residuals: FloatArray  # (N, J + 1): squared residual of the fit of each degree, length^2,
     freedom: FloatArray  # (N, J + 1): and its degrees of freedom
-    # (N, J + 1, G): for the fit of each degree and each group, the sums over its terms of
-    term_squares: FloatArray  # w a^2, a being the coefficient, a length, and 1 / w its variance under unit noise,
-    term_weights: FloatArray  # w, and
-    term_counts: FloatArray  # 1, for those that the points see
+    # (N, J + 1, G): for the fit of each degree and each group, sums over its terms
+    term_squares: FloatArray  # of w a^2, with the coefficient a, a length, and its variance 1 / w under unit noise,
+    term_weights: FloatArray  # of w, and
+    term_counts: FloatArray  # of 1, for terms that the points determine
 
 
 class RingWorkspace(NamedTuple):
@@ -38,8 +39,8 @@ class RingWorkspace(NamedTuple):
     coefficients: FloatArray
     column: FloatArray  # of the inverse factor
     variances: FloatArray  # of the coefficients under unit noise
-    left: FloatArray  # (1): squared residual
-    sound: FloatArray  # (1)
+    squared_residual: FloatArray  # (1): squared residual
+    full_rank: FloatArray  # (1)
     sums: FloatArray  # (3 G): squares, weights and counts by group, of one degree
 
 
@@ -48,7 +49,7 @@ def ring_workspace(most: int) -> RingWorkspace:
     terms = (HIGHEST_DEGREE + 1) * (HIGHEST_DEGREE + 2) // 2
     return RingWorkspace(
         aligned(4 * most),
-        aligned((terms + 1 + GROUP) * POINTS),
+        aligned((terms + 1 + GROUP) * POINTS_PER_BLOCK),
         aligned((terms + 1 + GROUP) * (terms + 2 + GROUP) // 2),
         aligned(terms),
         aligned(terms),
@@ -75,10 +76,10 @@ def analyse_in_lanes(
 ) -> None:
     """Fill rows start .. stop-1 of `factors` and `sums`.
 
-    `points`, `sizes` and the results are those of `RingAnalysis`, x and y yet to be scaled; degrees and groups of
-    the terms are those of `harmonic_basis`; `row_starts` says where the rows of a lower triangle start.
+    `points`, `sizes` and the results belong to `RingAnalysis`, with x and y not yet scaled; `degrees` and `groups`
+    belong to `harmonic_basis`; `row_starts` are the starts of the rows of a lower triangle.
     """
-    terms, m = degrees.shape[0], sums.parts.shape[1]
+    terms, m = degrees.shape[0], sums.scores.shape[1]
     highest, stride = degrees[m - 1], points.shape[1]
     for first in range(start, stop, LANES):
         count = variable(0)
@@ -89,15 +90,15 @@ def analyse_in_lanes(
             _gather(points, row, n, scale, stride, lane, work.points)
         for k in range(row_starts[terms + 1]):
             store(work.gram, k, spread(0.0))
-        for begin in range(0, count, POINTS):
-            here = min(POINTS, count - begin)
+        for begin in range(0, count, POINTS_PER_BLOCK):
+            here = min(POINTS_PER_BLOCK, count - begin)
             _write_terms(work, stride, begin, here, degrees[terms - 1])
-            add_moments(work.terms, work.terms, variable(POINTS), here, row_starts, work.gram)
-        for s in range(m, terms):  # what the factorisation leaves to be explained of the terms beyond
+            add_moments(work.terms, work.terms, variable(POINTS_PER_BLOCK), here, row_starts, work.gram)
+        for s in range(m, terms):  # squared lengths of the terms beyond J, before the factorisation overwrites them
             store(work.coefficients, s, load(work.gram, row_starts[s] + s))
-        factorise(work.gram, terms + 1, m, UNSEEN * UNSEEN, work.sound)
+        factorise(work.gram, terms + 1, m, RANK_TOLERANCE * RANK_TOLERANCE, work.full_rank)
         substitute_back(work.gram, m, terms, work.coefficients)
-        _square_what_is_left(work, stride, count, m, highest)
+        _sum_squared_residuals(work, stride, count, m, highest)
         for lane in range(min(LANES, stop - first)):
             _write_row(work, lane, first + lane, sizes[first + lane], degrees, row_starts, sums)
             _write_factors(work, lane, row_starts, factors[first + lane])
@@ -106,7 +107,7 @@ def analyse_in_lanes(
 
 @inner_jit()
 def _gather(points: FloatArray, row: int, count: int, scale: float, stride: int, lane: int, table: FloatArray) -> None:
-    """Write the points of a neighbourhood to its lane, and points that are none behind them."""
+    """Write the points of a neighbourhood to its lane, padded with absent points."""
     step = LANES * stride
     for p in range(stride):
         place = LANES * p + lane
@@ -131,27 +132,31 @@ def _write_terms(work: RingWorkspace, stride: int, begin: int, count: int, highe
         for j in range(1, highest + 1):
             here, before = j * (j + 1) // 2, (j - 2) * (j - 1) // 2
             cosine, sine = x * cosine - y * sine, multiply_add(x, sine, y * cosine)
-            store(terms, here * POINTS + p, cosine)
-            store(terms, (here + 1) * POINTS + p, sine)
-            for k in range(j - 1):  # those of lower frequency are r^2 times those of degree j - 2
-                store(terms, (here + 2 + k) * POINTS + p, square * load(terms, (before + k) * POINTS + p))
-        store(terms, last * POINTS + p, load(work.points, 2 * stride + q))
+            store(terms, here * POINTS_PER_BLOCK + p, cosine)
+            store(terms, (here + 1) * POINTS_PER_BLOCK + p, sine)
+            for k in range(j - 1):  # terms of lower frequency are r^2 times the terms of degree j - 2
+                store(
+                    terms,
+                    (here + 2 + k) * POINTS_PER_BLOCK + p,
+                    square * load(terms, (before + k) * POINTS_PER_BLOCK + p),
+                )
+        store(terms, last * POINTS_PER_BLOCK + p, load(work.points, 2 * stride + q))
 
 
 @inner_jit()
-def _square_what_is_left(work: RingWorkspace, stride: int, count: int, m: int, highest: int) -> None:
+def _sum_squared_residuals(work: RingWorkspace, stride: int, count: int, m: int, highest: int) -> None:
     """Sum up the squared residuals of the fit of the highest degree, from the points: no digits cancel."""
     total = spread(0.0)
-    height = m * POINTS
-    for begin in range(0, count, POINTS):
-        here = min(POINTS, count - begin)
+    height = m * POINTS_PER_BLOCK
+    for begin in range(0, count, POINTS_PER_BLOCK):
+        here = min(POINTS_PER_BLOCK, count - begin)
         _write_terms(work, stride, begin, here, highest)
         for p in range(here):
             difference = load(work.terms, height + p)
             for t in range(m):
-                difference = difference - load(work.coefficients, t) * load(work.terms, t * POINTS + p)
+                difference = difference - load(work.coefficients, t) * load(work.terms, t * POINTS_PER_BLOCK + p)
             total = multiply_add(difference, difference, total)
-    store(work.left, 0, total)
+    store(work.squared_residual, 0, total)
 
 
 @inner_jit()
@@ -169,17 +174,17 @@ def _write_factors(work: RingWorkspace, lane: int, row_starts: IntArray, factors
 def _write_row(
     work: RingWorkspace, lane: int, row: int, size: int, degrees: IntArray, row_starts: IntArray, sums: RingSums
 ) -> None:
-    """Write parts, residuals and what is unexplained of one lane."""
-    terms, m, highest = degrees.shape[0], sums.parts.shape[1], sums.residuals.shape[1] - 1
+    """Write scores, residuals and unexplained squares of one lane."""
+    terms, m, highest = degrees.shape[0], sums.scores.shape[1], sums.residuals.shape[1] - 1
     for d in range(highest + 1):
-        sums.residuals[row, d] = work.left[lane]
+        sums.residuals[row, d] = work.squared_residual[lane]
         sums.freedom[row, d] = size
     for t in range(m):
         reciprocal = work.gram[LANES * (row_starts[t] + t) + lane]
         part = work.gram[LANES * (row_starts[terms] + t) + lane]
-        sums.parts[row, t] = part
+        sums.scores[row, t] = part
         for d in range(highest + 1):
-            if degrees[t] > d:  # the part that the fits of lower degree leave
+            if degrees[t] > d:  # fits of lower degree do not remove this score
                 sums.residuals[row, d] += part * part
             elif reciprocal > 0.0:
                 sums.freedom[row, d] -= 1.0
@@ -200,8 +205,8 @@ def _write_coefficients(
     count: int,
     sums: RingSums,
 ) -> None:
-    """Sum up the coefficients of the fits of each degree: the inverse factor, column by column, times the parts."""
-    terms, m, all_groups = len(degrees), sums.parts.shape[1], sums.term_squares.shape[2]
+    """Sum up the coefficients of the fits of each degree: the inverse factor, column by column, times the scores."""
+    terms, m, all_groups = len(degrees), sums.scores.shape[1], sums.term_squares.shape[2]
     zero, one = spread(0.0), spread(1.0)
     gram, column = work.gram, work.column
     for t in range(m):

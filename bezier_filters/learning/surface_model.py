@@ -1,9 +1,11 @@
-"""What a sample of neighbourhoods says about a surface: its noise, and how fast it varies.
+"""The surface model: a random-effects polynomial regression with variance components by the method of moments.
 
-Over a neighbourhood the height is a polynomial plus noise of standard deviation sigma. Terms of
-total degree 3 and more count as random, with one variance per degree and angular frequency (see
-`harmonics`); height, slope and curvature are free. The variances follow from the coefficients of
-fits of every degree, over a sample: a coefficient is that term, a share of later ones and noise.
+Over a neighbourhood of radius 1 the height is z = sum a_jl r^j e^(il phi) + noise of standard deviation sigma. The
+terms of degree j <= 2, height, slope and curvature, are fixed effects. The terms of degree 3 and more are random
+effects with one variance per degree j and angular frequency l (see `harmonics`). A coefficient of a fit is the term, a
+share of terms of higher degree, and noise. So its mean square over a sample less the expected noise estimates the
+variance of the term (method of moments). The estimates are shrunk (empirical Bayes, see `posterior_mean_variance`)
+towards those of wider rings and of the whole mesh, and bounded so that they decay with the degree.
 """
 
 from collections.abc import Sequence
@@ -15,31 +17,38 @@ from bezier_filters.arrays import FloatArray
 from bezier_filters.learning.noise_model import NoiseModel, RingNoise, ring_noise
 from bezier_filters.learning.quartic_mean import QuarticMean, learn_quartic_mean
 from bezier_filters.learning.ring_analysis import FREE_DEGREE, RingAnalysis
-from bezier_filters.learning.variances import CAUTIOUS_RANGE, PRIOR_RANGE, UNSURE, expected_variance
+from bezier_filters.learning.variances import (
+    CORRELATED_NOISE_ERROR,
+    PRIOR_RANGE,
+    UPPER_PRIOR_RANGE,
+    posterior_mean_variance,
+)
 from bezier_filters.patches.harmonics import HIGHEST_DEGREE, harmonic_basis
 
-FEWEST_RINGS_FOR_NOISE = 2  # narrower rings leave too few points for a fit of high degree to tell noise from shape
-SURELY = 4.0  # standard errors by which one estimate of a variance must be above another to be taken instead
+MIN_NOISE_RINGS = 2  # narrower rings have too few points for a fit of high degree to separate noise from shape
+# standard errors by which one estimate of a variance must exceed another to replace it
+SIGNIFICANT_STANDARD_ERRORS = 4.0
 
 
 @dataclass(frozen=True)
 class RingModel:
-    """The surface as its k-rings see it."""
+    """Variance components of one ring."""
 
     analysis: RingAnalysis
     noise: RingNoise
-    # (M,): of the terms, for coordinates in units of the radius, length^2; 0 for the free degrees
+    # (M,): variances of the terms, for coordinates in units of the radius, length^2; 0 for the free degrees
     variances: FloatArray
-    cautious: FloatArray  # (M,): the same with less doubt that a term is there at all: what may be, for standard errors
-    unmodelled: float  # mean square of the heights that is neither noise nor any of the terms, length^2
-    quartic: QuarticMean  # of the terms of degree 4, given those of degree 2
+    # (M,): upper variances for standard errors, with a weaker shrinkage to 0
+    upper_variances: FloatArray
+    unmodelled: float  # mean square of the heights that neither noise nor the terms explain, length^2
+    quartic: QuarticMean  # mean of the terms of degree 4 given the terms of degree 2
 
 
 @dataclass(frozen=True)
 class SurfaceModel:
-    """Noise and smoothness of a surface, or of a part of it."""
+    """Noise and variance components of a surface, or of a region of it."""
 
-    noise: NoiseModel  # of the heights
+    noise: NoiseModel  # noise of the heights
     by_rings: tuple[RingModel, ...]  # in ascending order of k
 
     @property
@@ -48,20 +57,20 @@ class SurfaceModel:
         return self.noise.sigma
 
 
-def learn_model(
+def learn_surface_model(
     analyses: Sequence[RingAnalysis],
     correlated: NoiseModel | None = None,
     whole: SurfaceModel | None = None,
     known: Sequence[RingModel] = (),
 ) -> SurfaceModel:
-    """Find the variances that noise leaves to the surface, from analyses in ascending order of rings.
+    """Estimate the variance components from analyses in ascending order of rings.
 
-    The noise is `correlated`, or else that of the whole of which this is a part at another strength, or white. Where a
-    ring says little of a variance, the next wider one, which sees more of the term, is listened to, and the whole
-    with the same rings and possibly wider ones. What noise does to a ring is found out once: for the whole, and for
-    each strength that it is found to have there.
+    The noise is `correlated` if given; else the noise of the `whole` mesh at another strength, or white noise. The
+    variances of a ring are shrunk towards those of the next wider ring, which has more information on the term, and
+    towards those of the same ring of the whole. The effect of noise on a ring is computed once for the whole, and
+    rescaled for its regions.
     """
-    noise = _noise(analyses, whole) if correlated is None else correlated
+    noise = _estimate_noise(analyses, whole) if correlated is None else correlated
     basis = harmonic_basis()
     free = basis.degrees <= FREE_DEGREE
     of_whole = {} if whole is None else {model.analysis.rings: model.variances for model in whole.by_rings}
@@ -74,76 +83,78 @@ def learn_model(
     models: list[RingModel] = []
     wider_errors = np.zeros(len(free))
     for analysis in reversed(analyses):
-        alike = known_rings.get(analysis.rings)
-        if alike is None:
+        known_model = known_rings.get(analysis.rings)
+        if known_model is None:
             of_ring = ring_noise(noise, analysis)
         else:
-            of_ring = alike.noise if whole is None else alike.noise.of_part(noise, analysis)
+            of_ring = known_model.noise if whole is None else known_model.noise.transfer_to_region(noise, analysis)
         values, errors = _term_variances(analysis, of_ring)
         if models:
             scale = (analysis.radius / models[-1].analysis.radius) ** (2.0 * basis.degrees)
-            values, errors = _with_hint(values, errors, scale * models[-1].variances, scale * wider_errors)
+            values, errors = _shrink(values, errors, scale * models[-1].variances, scale * wider_errors)
         if analysis.rings in of_whole:
-            values, errors = _with_hint(values, errors, of_whole[analysis.rings], np.zeros(len(values)))
-        believed, cautious = (
-            _falling_off(
-                np.where(free | np.isinf(errors), 0.0, expected_variance(values, errors, odds)), values, errors
+            values, errors = _shrink(values, errors, of_whole[analysis.rings], np.zeros(len(values)))
+        believed, upper_variances = (
+            _enforce_decay(
+                np.where(free | np.isinf(errors), 0.0, posterior_mean_variance(values, errors, odds)), values, errors
             )
-            for odds in (PRIOR_RANGE, CAUTIOUS_RANGE)
+            for odds in (PRIOR_RANGE, UPPER_PRIOR_RANGE)
         )
         modelled = float((analysis.sums.unexplained @ believed).sum() / analysis.sums.freedom[:, -1].sum())
         unmodelled = max(float(analysis.mean_squares[-1]) - of_ring.residuals[-1] - modelled, 0.0)
-        quartic = alike.quartic if alike is not None and whole is None else learn_quartic_mean(of_ring)
-        models.append(RingModel(analysis, of_ring, believed, cautious, unmodelled, quartic))
+        quartic = known_model.quartic if known_model is not None and whole is None else learn_quartic_mean(of_ring)
+        models.append(RingModel(analysis, of_ring, believed, upper_variances, unmodelled, quartic))
         wider_errors = errors
     return SurfaceModel(noise, tuple(reversed(models)))
 
 
-def _noise(analyses: Sequence[RingAnalysis], whole: SurfaceModel | None) -> NoiseModel:
-    """That of the whole times a factor, as `white_noise` is found, or else that.
+def _estimate_noise(analyses: Sequence[RingAnalysis], whole: SurfaceModel | None) -> NoiseModel:
+    """Noise of the whole times a factor, if it is correlated; else white noise.
 
-    The factor is 1 at most: where a part, chosen for its residuals or its curvature, has more than the correlated noise
-    of the whole, that is detail.
+    The factor is 1 at most: a region, chosen for its residuals or its curvature, with more variance than the correlated
+    noise of the whole has detail.
     """
     if whole is None or not whole.noise.sills:
-        return white_noise(analyses)
+        return estimate_white_noise(analyses)
     expected = {model.analysis.rings: float(model.noise.residuals[-1]) for model in whole.by_rings}
-    return whole.noise.times(min(1.0, *(one.typical_square / expected[one.rings] for one in _reliable(analyses))))
+    return whole.noise.scale_variance(
+        min(1.0, *(one.median_square / expected[one.rings] for one in _reliable_analyses(analyses)))
+    )
 
 
-def white_noise(analyses: Sequence[RingAnalysis]) -> NoiseModel:
-    """What explains the smallest residual of the highest degree, which is larger where there is shape beyond that."""
-    return NoiseModel(min(analysis.typical_square for analysis in _reliable(analyses)))
+def estimate_white_noise(analyses: Sequence[RingAnalysis]) -> NoiseModel:
+    """White noise with the smallest median squared residual of all rings, to which shape adds in the others."""
+    return NoiseModel(min(analysis.median_square for analysis in _reliable_analyses(analyses)))
 
 
-def _reliable(analyses: Sequence[RingAnalysis]) -> Sequence[RingAnalysis]:
-    return [analysis for analysis in analyses if analysis.rings >= FEWEST_RINGS_FOR_NOISE] or analyses
+def _reliable_analyses(analyses: Sequence[RingAnalysis]) -> Sequence[RingAnalysis]:
+    return [analysis for analysis in analyses if analysis.rings >= MIN_NOISE_RINGS] or analyses
 
 
-def _falling_off(believed: FloatArray, values: FloatArray, errors: FloatArray) -> FloatArray:
-    """Variances that fall off with the degree, unless the data are sure of more.
+def _enforce_decay(believed: FloatArray, values: FloatArray, errors: FloatArray) -> FloatArray:
+    """Bound the variances so that they decay with the degree, except where the data are significant.
 
-    Over a neighbourhood that polynomials follow, a term is not larger than those one degree lower,
-    or than a quarter of those two degrees lower, as on a sphere of the neighbourhood's own radius.
+    Where polynomials converge, a term is not larger than the terms one degree lower, or than a quarter of the terms two
+    degrees lower (its variance than a sixteenth), as on a sphere whose radius is that of the neighbourhood.
     """
     degrees = harmonic_basis().degrees
     result = believed.copy()
     curved = degrees == FREE_DEGREE
-    largest = {FREE_DEGREE - 1: 0.0, FREE_DEGREE: float((values + SURELY * errors)[curved].max())}
+    largest = {FREE_DEGREE - 1: 0.0, FREE_DEGREE: float((values + SIGNIFICANT_STANDARD_ERRORS * errors)[curved].max())}
     for degree in range(FREE_DEGREE + 1, HIGHEST_DEGREE + 1):
         most = max(largest[degree - 1], largest[degree - 2] / 16.0)
-        unsure = (degrees == degree) & (values < SURELY * errors)
+        unsure = (degrees == degree) & (values < SIGNIFICANT_STANDARD_ERRORS * errors)
         result[unsure] = np.minimum(result[unsure], most)
         largest[degree] = float(result[degrees == degree].max())
     return result
 
 
 def _term_variances(analysis: RingAnalysis, of_ring: RingNoise) -> tuple[FloatArray, FloatArray]:
-    """Variances of all terms as one ring shows them, and their standard errors, infinite if it does not.
+    """Moment estimates of the variances of all terms from one ring, and their standard errors; infinite if unknown.
 
-    The coefficient of a term follows from a fit of any degree that has it: a low one leaves it
-    with less noise, a high one with less of later terms, whose share may have either sign. Of
-    the estimates of its variance, the one is taken that is surely the largest.
+    Every fit whose degree includes a term estimates its coefficient. A low degree has less noise, a high one less
+    confounding with higher terms, whose share may have either sign. Of the estimates of a variance the one with the
+    largest lower bound, estimate less `SIGNIFICANT_STANDARD_ERRORS` standard errors, is used.
     """
     squares, weights, counts = (
         part.sum(axis=0) for part in (analysis.sums.term_squares, analysis.sums.term_weights, analysis.sums.term_counts)
@@ -152,24 +163,24 @@ def _term_variances(analysis: RingAnalysis, of_ring: RingNoise) -> tuple[FloatAr
     beyond_white = noise - of_ring.model.white
     with np.errstate(divide="ignore", invalid="ignore"):
         values = (squares - noise * counts) / weights
-        errors = noise * np.sqrt(2.0 * counts / analysis.independent) / weights
+        errors = noise * np.sqrt(2.0 * counts / analysis.independent_fraction) / weights
         if (beyond_white != 0.0).any():
-            of_model = _or_of_lower_degree(beyond_white) if of_ring.model.sills else beyond_white
-            errors = np.hypot(errors, UNSURE * of_model * counts / weights)
-    surely = np.where(counts > 0.0, values - SURELY * errors, -np.inf)
+            of_model = _running_maximum(beyond_white) if of_ring.model.sills else beyond_white
+            errors = np.hypot(errors, CORRELATED_NOISE_ERROR * of_model * counts / weights)
+    surely = np.where(counts > 0.0, values - SIGNIFICANT_STANDARD_ERRORS * errors, -np.inf)
     best = surely.argmax(axis=0), np.arange(counts.shape[1])
     found = counts[best] > 0.0
-    basis, m = harmonic_basis(), analysis.sums.parts.shape[1]
+    basis, m = harmonic_basis(), analysis.sums.scores.shape[1]
     result, uncertainty = np.zeros(len(basis.groups)), np.full(len(basis.groups), np.inf)
     result[:m] = np.where(found, values[best], 0.0)[basis.groups[:m]]
     uncertainty[:m] = np.where(found, errors[best], np.inf)[basis.groups[:m]]
     return result, uncertainty
 
 
-def _or_of_lower_degree(values: FloatArray) -> FloatArray:
-    """The larger of values (J + 1, G) and of their means over the groups of the degree before.
+def _running_maximum(values: FloatArray) -> FloatArray:
+    """Maximum of values (J + 1, G) and of their means over the groups of the preceding degree.
 
-    A Gaussian covariance leaves next to nothing to high degrees, and what real noise leaves there is no share of that.
+    A Gaussian covariance contributes next to nothing to high degrees; real noise contributes more.
     """
     basis, result = harmonic_basis(), values.copy()
     degrees = np.zeros(values.shape[1], dtype=np.int32)
@@ -180,12 +191,12 @@ def _or_of_lower_degree(values: FloatArray) -> FloatArray:
     return result
 
 
-def _with_hint(
+def _shrink(
     values: FloatArray, errors: FloatArray, hints: FloatArray, hint_errors: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Estimates improved by those of another ring or of the whole, which may differ by as much as they are large.
+    """Shrink estimates towards hints, estimates of another ring or of the whole: the inverse-variance weighted mean.
 
-    A hint of 0 is none.
+    The true values of both may differ by as much as the hint; a hint of 0 is not used.
     """
     hint_errors = np.hypot(hints, hint_errors)
     use = (hints > 0.0) & np.isfinite(hint_errors)

@@ -8,7 +8,7 @@ from threading import Lock
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, Report
-from bezier_filters.estimation.remembered import key_of
+from bezier_filters.estimation.model_cache import cache_key
 from bezier_filters.holes.hole_detection import find_holes
 from bezier_filters.meshes.adjacency import incoherent_vertices, vertex_adjacency
 from bezier_filters.meshes.face_sides import face_sides
@@ -65,7 +65,7 @@ class Topology:
 
 def topology_of(vertices: FloatArray, faces: IntArray) -> Topology:
     """What pymeshlab says of the topology of a mesh, or said of one of the last that it was asked for."""
-    key = key_of(np.ascontiguousarray(faces), len(vertices))
+    key = cache_key(np.ascontiguousarray(faces), len(vertices))
     with _lock:
         known = _recent.pop(key, None)
     if known is None:

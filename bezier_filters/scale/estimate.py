@@ -9,9 +9,9 @@ import numpy as np
 
 from bezier_filters.arrays import Report
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.estimation.adaptive_fit import SurfaceFit, fit_parts
+from bezier_filters.estimation.adaptive_fit import SurfaceFit, fit_regions
 from bezier_filters.estimation.fallbacks import fit_with_fallbacks
-from bezier_filters.estimation.outlier_removal import measure_from
+from bezier_filters.estimation.outlier_removal import rebase_displacements
 from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, empty_geometry
 from bezier_filters.fields import CURVATURE, ESTIMATES, PREFIX, QUALITY, TORSION, Field, fields_of, values_of
 from bezier_filters.learning.model_tree import leaves
@@ -211,16 +211,16 @@ def fit_tile(store: Store, fit: SurfaceFit, creases: bool, tile: int) -> tuple[V
     arrays = arrays._replace(origin=np.arange(len(part.ids), dtype=np.int32) - own[0])
     geometry = empty_geometry(len(own))
     fit_with_fallbacks(arrays, own, fit.attempts, geometry, robust=fit.robust)
-    choice = fit_parts(arrays, own, fit, geometry)
+    choice = fit_regions(arrays, own, fit, geometry)
     if fit.cleaned:
-        measure_from(part.mesh.vertices, arrays, own, geometry)
+        rebase_displacements(part.mesh.vertices, arrays, own, geometry)
     return replace(geometry, fit=choice), part
 
 
 def _with_counts(fit: SurfaceFit, done: Round) -> FitChoice:
     """The choice with the number of vertices of each part."""
-    if fit.parts is None:
+    if fit.regions is None:
         return fit.choice
-    found = zip(done.sums("parts"), leaves(fit.parts), strict=True)
+    found = zip(done.sums("parts"), leaves(fit.regions), strict=True)
     parts = tuple(FitPart(int(count), part.rings, part.degree, part.noise_sigma) for count, part in found)
     return replace(fit.choice, parts=parts)

@@ -10,31 +10,31 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, IntArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.adaptive_fit import (
-    LOOKED_AT,
-    Places,
+    PROBE_COUNT,
+    ProbeVertices,
     SurfaceFit,
+    add_regions,
     choose_fit,
     first_features,
-    with_parts,
 )
 from bezier_filters.estimation.fallbacks import FitAttempt, fit_with_fallbacks
 from bezier_filters.estimation.fit_options import check_detail, check_fit_noise, fit_options
-from bezier_filters.estimation.noise_free import learned_noise
-from bezier_filters.estimation.outlier_removal import OUTLIER_REACH, without_outliers
+from bezier_filters.estimation.noise_free import estimate_noise
+from bezier_filters.estimation.outlier_removal import OUTLIER_REACH, move_outliers
 from bezier_filters.estimation.vertex_geometry import empty_geometry
 from bezier_filters.kernels.kernel_input import KernelMesh, fitted_mesh, with_steady_normals
-from bezier_filters.learning.learn import SAMPLES, View, learn_from_samples, viewed_sample
+from bezier_filters.learning.fit_spec import FitConstraints
+from bezier_filters.learning.learn import SAMPLES_PER_RING, SampleMode, learn_from_samples, sample_by_mode
 from bezier_filters.learning.model_tree import Leaf, leaves
 from bezier_filters.learning.neighbourhood_samples import (
-    NEAR,
+    NORMAL_CHECK_RINGS,
     NeighbourhoodSample,
     Population,
     draw_vertices,
 )
 from bezier_filters.learning.noise_model import NoiseModel
-from bezier_filters.learning.plans import Choices
 from bezier_filters.learning.ring_analysis import RingAnalysis
-from bezier_filters.learning.unlearned import reason_unlearned
+from bezier_filters.learning.sample_check import explain_unusable_sample
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.frames import STEADY_ROUNDS, tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
@@ -42,12 +42,19 @@ from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.scale.halo import Part, in_source_order, part_around, part_around_samples, tile_part
 from bezier_filters.scale.store import Store
-from bezier_filters.smoothing.mesh_parts import PART, MeshPart, grow, mesh_part, next_unseen, sampled_vertices
+from bezier_filters.smoothing.mesh_parts import (
+    PART_VERTICES,
+    MeshPart,
+    grow_component,
+    mesh_part,
+    next_unseen,
+    sample_vertices,
+)
 
 NORMAL_RINGS = 2  # around a vertex, within which faces decide about its normal, should its own have no area
 CREASE_RINGS = 2  # around a vertex, within which faces decide about its plane and its creases
 # rings, to look that way; learning alone looks at samples the tolerant way
-MORE_FOR: dict[View, int] = {"plain": 0, "steady": STEADY_ROUNDS, "tolerant": 1}
+MORE_FOR: dict[SampleMode, int] = {"plain": 0, "steady": STEADY_ROUNDS, "tolerant": 1}
 
 MOST_RINGS = 100  # that tiles may be asked to have around them
 # that are read around a vertex, and around those where there was nothing more to grow to; more if that is too few
@@ -89,12 +96,12 @@ def learn_fit(store: Store, options: FitOptions) -> SurfaceFit:
     fit, learned = choose_fit(learn, rings, fixed, degrees, options.robust, options.noise, options.detail)
     if learned is None:
         if fit.choice.noise_sigma is None and (fixed is None or rings == "auto"):
-            fit = replace(fit, choice=replace(fit.choice, noise_reason=_why_unlearned(store, options)))
+            fit = replace(fit, choice=replace(fit.choice, noise_reason=_explain_unusable_store(store, options)))
         return fit
-    drawn = _draw(store, LOOKED_AT)
+    drawn = _draw(store, PROBE_COUNT)
     known = np.union1d(learned.centers, drawn)
-    view: View = "steady" if fit.steady else "plain"
-    reach = _reach(_widest(fit.attempts), view, fit.cleaned)
+    mode: SampleMode = "steady" if fit.steady else "plain"
+    reach = _reach(_widest(fit.attempts), mode, fit.cleaned)
     part = part_around_samples(store, known, reach)
     local = part.local(known)
     arrays, _ = mesh_to_fit(part.mesh, options.creases, fit.cleaned, fit.steady)
@@ -103,43 +110,45 @@ def learn_fit(store: Store, options: FitOptions) -> SurfaceFit:
     features = first_features(geometry, local)
 
     def sample(centers: IntArray, rings: int) -> NeighbourhoodSample:
-        return _sample_at(store, options, centers, rings, view)
+        return _sample_at(store, options, centers, rings, mode)
 
-    places = Places(drawn, lambda centers: features[np.searchsorted(known, centers)], sample)
-    return with_parts(fit, learned, places)
+    places = ProbeVertices(drawn, lambda centers: features[np.searchsorted(known, centers)], sample)
+    return add_regions(fit, learned, places)
 
 
-def _why_unlearned(store: Store, options: FitOptions) -> str:
+def _explain_unusable_store(store: Store, options: FitOptions) -> str:
     """Why nothing is learned of a mesh, as in memory."""
-    return reason_unlearned(_sample_at(store, options, _draw(store, SAMPLES[NEAR]), NEAR, "plain"))
+    return explain_unusable_sample(
+        _sample_at(store, options, _draw(store, SAMPLES_PER_RING[NORMAL_CHECK_RINGS]), NORMAL_CHECK_RINGS, "plain")
+    )
 
 
-def learn_noise(store: Store, sigma: float | None = None, robust: bool | None = None) -> NoiseModel | None:
-    """The noise of a mesh, as `noise_free.learn_noise` learns it in memory."""
-    return learned_noise(partial(_learn_surface, store, FitOptions()), sigma, robust)
+def learn_store_noise(store: Store, sigma: float | None = None, robust: bool | None = None) -> NoiseModel | None:
+    """The noise of a mesh, as `noise_free.learn_store_noise` learns it in memory."""
+    return estimate_noise(partial(_learn_surface, store, FitOptions()), sigma, robust)
 
 
 def _learn_surface(
-    store: Store, options: FitOptions, choices: Choices, without: bool
+    store: Store, options: FitOptions, choices: FitConstraints, without: bool
 ) -> tuple[list[RingAnalysis], Leaf | None]:
     """What is learned of a mesh in memory, as it is or without its outliers."""
 
-    def sample(rings: int, count: int, view: View) -> NeighbourhoodSample:
-        return _sample_at(store, options, _draw(store, count), rings, view, without)
+    def sample(rings: int, count: int, mode: SampleMode) -> NeighbourhoodSample:
+        return _sample_at(store, options, _draw(store, count), rings, mode, without)
 
     return learn_from_samples(sample, store.layout.vertex_count, choices)
 
 
 def rings_needed(fit: SurfaceFit) -> int:
     """How many rings around a vertex its values depend on."""
-    parts = [] if fit.parts is None else leaves(fit.parts)
+    parts = [] if fit.regions is None else leaves(fit.regions)
     attempts = [*fit.attempts, *(attempt for part in parts for attempt in part.attempts)]
     return _reach(_widest(attempts), "steady" if fit.steady else "plain", fit.cleaned)
 
 
-def _reach(rings: int, view: View, without: bool) -> int:
+def _reach(rings: int, mode: SampleMode, without: bool) -> int:
     """How many rings around a vertex decide about what is seen of some, maybe without outliers."""
-    return rings + CREASE_RINGS + (OUTLIER_REACH if without else 0) + MORE_FOR[view]
+    return rings + CREASE_RINGS + (OUTLIER_REACH if without else 0) + MORE_FOR[mode]
 
 
 def _widest(attempts: Sequence[FitAttempt]) -> int:
@@ -158,19 +167,19 @@ def _draw(store: Store, count: int) -> IntArray:
 
 
 def _sample_at(
-    store: Store, options: FitOptions, centers: IntArray, rings: int, view: View, without: bool = False
+    store: Store, options: FitOptions, centers: IntArray, rings: int, mode: SampleMode, without: bool = False
 ) -> NeighbourhoodSample:
     """The neighbourhoods of some vertices."""
-    part = part_around_samples(store, centers, _reach(rings, view, without))
+    part = part_around_samples(store, centers, _reach(rings, mode, without))
     arrays, adjacency = mesh_to_fit(part.mesh, options.creases, without)
-    return viewed_sample(arrays, adjacency, part.local(centers), rings, view)._replace(centers=centers)
+    return sample_by_mode(arrays, adjacency, part.local(centers), rings, mode)._replace(centers=centers)
 
 
 def mesh_to_fit(mesh: TriangleMesh, creases: bool, without: bool, steady: bool = False) -> tuple[KernelMesh, Adjacency]:
     """What the kernels fit of a part of a mesh, maybe without its outliers, with averages of normals: see `_reach`."""
     arrays, adjacency = fitted_mesh(mesh, creases=creases)
     if without:
-        arrays = without_outliers(arrays, adjacency)
+        arrays = move_outliers(arrays, adjacency)
     return with_steady_normals(arrays) if steady else arrays, adjacency
 
 
@@ -189,16 +198,16 @@ def _with_normals(store: Store) -> Population:
     return Population(len(numbers), lambda chosen: _ranks(store, numbers[chosen]))
 
 
-def sampled_parts_of(store: Store, around: Sequence[int] = ()) -> MeshPart:
+def sample_store_parts(store: Store, around: Sequence[int] = ()) -> MeshPart:
     """The same parts as `smoothing.mesh_parts` finds in memory; vertices are those of the source."""
     n = store.layout.vertex_count
-    samples = sampled_vertices(n, around, partial(_grown, store))
+    samples = sample_vertices(n, around, partial(_grow_from_seed, store))
     ids, mesh = in_source_order(store, part_around(store, np.sort(_ranks(store, samples[0])), 1))
     numbers, adjacency = store.sources(ids), vertex_adjacency(mesh)
     return mesh_part(mesh, adjacency, numbers, samples, n)
 
 
-def _grown(store: Store, seed: int) -> IntArray:
+def _grow_from_seed(store: Store, seed: int) -> IntArray:
     """Vertices of the source around one, nearest first, and then around the next one that is not among them."""
     n, found = store.layout.vertex_count, np.zeros(0, dtype=np.int32)
     seeds, rings = np.array([seed], dtype=np.int32), FIRST_RINGS
@@ -209,12 +218,12 @@ def _grown(store: Store, seed: int) -> IntArray:
         for seed, place in zip(seeds.tolist(), np.searchsorted(numbers, seeds).tolist(), strict=True):
             if seen[place]:
                 continue
-            order, looked_at = grow(rows, place, seen, PART - len(found))
+            order, looked_at = grow_component(rows, place, seen, PART_VERTICES - len(found))
             if looked_at >= rings:  # it goes on further than was read
                 seeds, rings = np.array([seed], dtype=np.int32), 2 * rings
                 break
             found = np.append(found, numbers[order])
-            if len(found) == PART:
+            if len(found) == PART_VERTICES:
                 return found
         else:
             met = np.zeros(n, dtype=np.bool_)

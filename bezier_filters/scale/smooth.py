@@ -11,7 +11,12 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, Report
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.adaptive_fit import SurfaceFit
-from bezier_filters.estimation.noise_free import are_to_be_taken_off, cleaned, unfolded_surface, with_outliers_as_noise
+from bezier_filters.estimation.noise_free import (
+    choose_outliers_or_noise,
+    move_mesh_outliers,
+    needs_outlier_removal,
+    unfold_surface,
+)
 from bezier_filters.estimation.outlier_removal import OUTLIER_REACH
 from bezier_filters.fields import PREFIX, QUALITY
 from bezier_filters.learning.noise_model import NoiseModel
@@ -24,32 +29,32 @@ from bezier_filters.scale.array_file import ArrayFile, Values, saved_array
 from bezier_filters.scale.components import StoredComponents, labelled_vertices, unite_components
 from bezier_filters.scale.estimate import fit_tile
 from bezier_filters.scale.halo import TilePart, tile_part
-from bezier_filters.scale.learn import FitOptions, learn_fit, learn_noise, rings_needed, sampled_parts_of
+from bezier_filters.scale.learn import FitOptions, learn_fit, learn_store_noise, rings_needed, sample_store_parts
 from bezier_filters.scale.run import Round, Run, RunOptions, StageProgress, TileTask, file_run
 from bezier_filters.scale.scheduling import Scheduler
 from bezier_filters.scale.source import SourcePath, open_source
 from bezier_filters.scale.store import Store
 from bezier_filters.scale.tiles import Tile, TileReport, open_tile, table_of
-from bezier_filters.smoothing.denoise import SmoothingOptions, SmoothingPlan, denoise, learn_plan, rings_around
+from bezier_filters.smoothing.denoise import SmoothingOptions, SmoothingPlan, denoise, halo_rings, learn_plan
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.impulses import (
-    MOST_ROUNDS,
+    MAX_IMPULSE_ROUNDS,
     Impulses,
     has_settled,
     learn_impulses,
-    without_impulses,
+    remove_impulses,
 )
-from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, MeshPart, renumbered
-from bezier_filters.smoothing.noise import ROUGHNESS_RINGS, roughest, roughness
-from bezier_filters.smoothing.sliding import REACH as SLIDING_REACH
-from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, check_smoothing, sound_displacements
+from bezier_filters.smoothing.mesh_parts import MAX_WHOLE_VERTICES, MeshPart, reorder_part
+from bezier_filters.smoothing.noise import ROUGHNESS_RINGS, roughest_vertices, roughness
+from bezier_filters.smoothing.sliding import SLIDING_RINGS
+from bezier_filters.smoothing.smooth import SmoothedBorders, SmoothingMethod, admissible_displacements, check_smoothing
 from bezier_filters.smoothing.volume import (
-    STEPS,
+    VOLUME_STEPS,
+    apply_moves,
     component_volumes,
-    moved_by,
-    movement_around,
+    local_movement,
     outward_moves,
-    steps_to,
+    volume_steps,
     volumes_along,
 )
 
@@ -57,7 +62,7 @@ from bezier_filters.smoothing.volume import (
 DISPLACEMENT, SHARPNESS = PREFIX + "displacement", PREFIX + "sharpness"
 PAPER = FitOptions(rings=2, alpha=0.8, smoothness="paper")  # as ``bezier_filters.smooth(..., method="paper")``
 IN_STORE = {"auto": (90, 56), "paper": (0, 64)}  # bytes per vertex in the store, once and for each iteration
-# around a tile, in which faces may turn over because others do: a few times `REACH` of `smoothing.flipped_faces`
+# rings around a tile whose flipped faces may flip others: a few times `REPAIR_RINGS` of `smoothing.flipped_faces`
 FINISH_RINGS = 8
 LARGEST_TILE = 5 << 18  # vertices: tiles of the automatic smoothing have many rings around them
 # what is told of the faces
@@ -168,22 +173,22 @@ def _automatic(run: Run, iterations: int, options: SmoothingOptions, keep_volume
         current, here = _without_outliers(run, current, here, results / f"clean-{step + 1}", options)
         impulses: Impulses | None = None
         before = np.zeros((0, 3))
-        for k in range(1 + MOST_ROUNDS):
+        for k in range(1 + MAX_IMPULSE_ROUNDS):
             here, name, around = here or NoiseModel(0.0), f"{step + 1}-{k + 1}", tuple[int, ...]()
             is_first = step == k == 0
-            if is_first or mesh.layout.vertex_count > LARGEST_WHOLE:
+            if is_first or mesh.layout.vertex_count > MAX_WHOLE_VERTICES:
                 look = partial(measure_tile, current, here.sigma)
                 done = run.tiles("measure", results / f"measure-{name}", look)
                 around = (_roughest(done.tiles),)
             if is_first and mesh.layout.face_count > 0 and not done.sums("incoherent")[0]:
                 components = unite_components(mesh, done.tiles)
             with run.stages.stage("learn"):
-                parts = sampled_parts_of(current, around)
+                parts = sample_store_parts(current, around)
                 learned = learn_plan(parts, here, options)
                 plan = None if learned is None else learned[0]
             is_last = step + 1 == iterations
             is_cleaned = current is not measured
-            reach = rings_around(plan) + (FINISH_RINGS if is_cleaned else 0)
+            reach = halo_rings(plan) + (FINISH_RINGS if is_cleaned else 0)
             last = components if is_last else None
             job = partial(smooth_tile, mesh, current, plan, reach, fixed, is_cleaned, last)
             folder = results / f"smooth-{name}"
@@ -191,7 +196,7 @@ def _automatic(run: Run, iterations: int, options: SmoothingOptions, keep_volume
             if options.sigma is None:
                 with run.stages.stage("learn"):
                     impulses, before = _impulses_left(measured, current, impulses, before)
-            if impulses is None or k == MOST_ROUNDS:
+            if impulses is None or k == MAX_IMPULSE_ROUNDS:
                 break
             corrected = partial(correct_tile, measured, current, impulses)
             current, _ = _moved(run, "correct", results / f"correct-{name}", corrected)
@@ -202,7 +207,7 @@ def _automatic(run: Run, iterations: int, options: SmoothingOptions, keep_volume
         sums = _component_sums(done.tiles, components.count)
         volume_before = float(sums[:, 0].sum())
         if keep_volume:
-            steps = steps_to(sums[:, 0], sums[:, 1:])
+            steps = volume_steps(sums[:, 0], sums[:, 1:])
     of_steps = None if steps is None else saved_array(results / "steps.bin", steps)
     finish = partial(finish_tile, mesh, current, folders, fixed, components, of_steps)
     current, done = _moved(run, "finish", results / "finish", finish)
@@ -227,23 +232,23 @@ def _automatic(run: Run, iterations: int, options: SmoothingOptions, keep_volume
 def _noise_of(run: Run, store: Store, sigma: float | None = None, robust: bool | None = None) -> NoiseModel | None:
     """The noise, of a given strength if that is known, with the outliers if not `robust`."""
     with run.stages.stage("learn"):
-        return learn_noise(store, sigma, robust)
+        return learn_store_noise(store, sigma, robust)
 
 
 def _without_outliers(
     run: Run, store: Store, noise: NoiseModel | None, folder: Path, options: SmoothingOptions
 ) -> tuple[Store, NoiseModel | None]:
-    """A mesh without its outliers, if `denoised` takes them off first, and the noise that it has then.
+    """A mesh without its outliers, if `denoise_mesh` takes them off first, and the noise that it has then.
 
     Each round has a folder of this name and its number.
     """
     if noise is not None and noise.outliers:
         with run.stages.stage("learn"):
-            are_noise, _ = with_outliers_as_noise(sampled_parts_of(store), noise, options)
+            are_noise, _ = choose_outliers_or_noise(sample_store_parts(store), noise, options)
         if are_noise:
             return store, _noise_of(run, store, options.sigma, robust=False)
     rounds = 0
-    while are_to_be_taken_off(noise, rounds):
+    while needs_outlier_removal(noise, rounds):
         rounds += 1
         of_round = folder.with_name(f"{folder.name}-{rounds}")
         store, _ = _moved(run, "clean", of_round, partial(clean_tile, store))
@@ -254,15 +259,15 @@ def _without_outliers(
 def _impulses_left(
     measured: Store, smoothed: Store, impulses: Impulses | None, before: FloatArray
 ) -> tuple[Impulses | None, FloatArray]:
-    """What `denoised` learns of impulses after a round, unless that has changed next to nothing, and from what points.
+    """The impulses that `denoise_mesh` learns after a round, None if it has converged, and the points that show them.
 
     Given are the impulses and the points of the round before.
     """
-    parts = sampled_parts_of(smoothed)
+    parts = sample_store_parts(smoothed)
     points = parts.mesh.vertices
     if impulses is not None and has_settled(before, points, impulses):
         return None, points
-    return learn_impulses(sampled_parts_of(measured).mesh.vertices, parts), points
+    return learn_impulses(sample_store_parts(measured).mesh.vertices, parts), points
 
 
 def _moved(run: Run, stage: str, folder: Path, move: TileTask) -> tuple[Store, Round]:
@@ -278,28 +283,28 @@ def _moved(run: Run, stage: str, folder: Path, move: TileTask) -> tuple[Store, R
 
 def _component_sums(tiles: Sequence[Tile], count: int) -> FloatArray:
     """Volumes of components before, and along their moves, (c, 5), from those of the faces of all tiles."""
-    result = np.zeros((count, 1 + len(STEPS)))
+    result = np.zeros((count, 1 + len(VOLUME_STEPS)))
     for sums in (tile.report.sums for tile in tiles):
-        result[np.array(sums["components"], dtype=np.int64)] += np.reshape(sums["volumes"], (-1, 1 + len(STEPS)))
+        result[np.array(sums["components"], dtype=np.int64)] += np.reshape(sums["volumes"], (-1, 1 + len(VOLUME_STEPS)))
     return result
 
 
 def _roughest(tiles: Sequence[Tile]) -> int:
     """The vertex of the source around which the mesh is roughest."""
     values, ids = (np.concatenate([tile.report.sums[name] for tile in tiles]) for name in ("roughness", "roughest"))
-    return int(ids[roughest(values, ids.astype(np.int32))[0]])
+    return int(ids[roughest_vertices(values, ids.astype(np.int32))[0]])
 
 
 def measure_tile(store: Store, sigma: float, tile: int) -> tuple[Values, TileReport]:
     """Which vertices of a tile hang together, and where it is roughest, if the mesh is large."""
-    is_large = store.layout.vertex_count > LARGEST_WHOLE and sigma > 0.0
+    is_large = store.layout.vertex_count > MAX_WHOLE_VERTICES and sigma > 0.0
     part = tile_part(store, tile, ROUGHNESS_RINGS if is_large else 1)
     adjacency = vertex_adjacency(part.mesh)
     values, ids = np.zeros(1), np.zeros(1, dtype=np.int32)
     if is_large:
         piece = _mesh_part(store, part, adjacency)
         values, ids = roughness(piece, sigma)[part.own], piece.ids[part.own]
-    places = roughest(values, ids)
+    places = roughest_vertices(values, ids)
     incoherent = incoherent_vertices(part.mesh.faces, adjacency)[part.own].any()
     sums = {"roughness": values[places].tolist(), "roughest": ids[places].tolist(), "incoherent": [float(incoherent)]}
     return labelled_vertices(part, adjacency), TileReport(tile, len(part.ids), sums)
@@ -308,14 +313,14 @@ def measure_tile(store: Store, sigma: float, tile: int) -> tuple[Values, TileRep
 def clean_tile(store: Store, tile: int) -> tuple[Values, TileReport]:
     """Where the vertices of a tile are without its outliers."""
     part = tile_part(store, tile, OUTLIER_REACH)
-    points = cleaned(part.mesh, vertex_adjacency(part.mesh)).vertices
+    points = move_mesh_outliers(part.mesh, vertex_adjacency(part.mesh)).vertices
     return table_of(points[part.own], {}), TileReport(tile, len(part.ids), {})
 
 
 def correct_tile(measured: Store, smoothed: Store, impulses: Impulses, tile: int) -> tuple[Values, TileReport]:
     """Where the vertices of a tile were measured, as far as they were not hit by impulses."""
-    part = tile_part(smoothed, tile, SLIDING_REACH)
-    points = without_impulses(measured.coordinates_of(part.ids), part.mesh, vertex_adjacency(part.mesh), impulses)
+    part = tile_part(smoothed, tile, SLIDING_RINGS)
+    points = remove_impulses(measured.coordinates_of(part.ids), part.mesh, vertex_adjacency(part.mesh), impulses)
     return table_of(points[part.own], {}), TileReport(tile, len(part.ids), {})
 
 
@@ -329,7 +334,7 @@ def _denoised(store: Store, part: TilePart, plan: SmoothingPlan) -> tuple[FloatA
     """Where the vertices of a part are without their noise, (k, 3), and how sharp edges are there, (k,)."""
     adjacency = vertex_adjacency(part.mesh)
     ordered = by_levels(part.mesh, adjacency)  # filters read it again and again, and a tile is cell by cell
-    piece = renumbered(_mesh_part(store, part, adjacency), ordered)
+    piece = reorder_part(_mesh_part(store, part, adjacency), ordered)
     del adjacency  # memory counts
     found = denoise(piece, plan)
     return ordered.back(found.points), ordered.back(found.sharpness)
@@ -359,14 +364,14 @@ def smooth_tile(
     adjacency = vertex_adjacency(mesh)
     movable = _movable(adjacency, fixed)
     if is_cleaned:
-        points = unfolded_surface(mesh, adjacency, points)
+        points = unfold_surface(mesh, adjacency, points)
     points = np.where(movable[:, np.newaxis], points, mesh.vertices)
     rows = table_of(points[own], {SHARPNESS: sharpness[own]})
     sums: dict[str, list[float]] = {}
     if stored is not None:
         before = TriangleMesh(first.coordinates_of(part.ids), mesh.faces)
         components, numbers = stored.at(part.ids)
-        moves = outward_moves(TriangleMesh(points, mesh.faces), movement_around(before, adjacency, points) * movable)
+        moves = outward_moves(TriangleMesh(points, mesh.faces), local_movement(before, adjacency, points) * movable)
         of_tile = mesh.faces[part.faces_of_tile()]
         volumes = component_volumes(components, TriangleMesh(before.vertices, of_tile))
         along = volumes_along(components, TriangleMesh(points, of_tile), moves)
@@ -398,9 +403,11 @@ def finish_tile(
     points = smoothed.coordinates_of(part.ids)
     components, numbers = (None, None) if stored is None else stored.at(part.ids)
     if components is not None and steps is not None and components.count:
-        amounts = movement_around(mesh, adjacency, points) * _movable(adjacency, fixed)
+        amounts = local_movement(mesh, adjacency, points) * _movable(adjacency, fixed)
         of_components = np.array(steps.mapped()[numbers])
-        points = moved_by(components, points, of_components, outward_moves(TriangleMesh(points, mesh.faces), amounts))
+        points = apply_moves(
+            components, points, of_components, outward_moves(TriangleMesh(points, mesh.faces), amounts)
+        )
     points = repair_flipped_faces(mesh, adjacency, points)
     of_tile = part.faces_of_tile()
     volume = 0.0
@@ -420,7 +427,7 @@ def move_tile(first: Store, current: Store, fit: SurfaceFit, creases: bool, tile
     geometry, part = fit_tile(current, fit, creases, tile)
     displacements = np.zeros_like(part.mesh.vertices)
     displacements[part.own] = geometry.displacements
-    points = part.mesh.vertices + sound_displacements(part.mesh, vertex_adjacency(part.mesh), displacements)
+    points = part.mesh.vertices + admissible_displacements(part.mesh, vertex_adjacency(part.mesh), displacements)
     moved = np.linalg.norm(points[part.own] - first.coordinates(*first.layout.tile(tile)), axis=1)
     rows = table_of(points[part.own], {QUALITY: moved, DISPLACEMENT: moved})
     return rows, TileReport(tile, len(part.ids), {})

@@ -1,1 +1,1 @@
-"""Takes the noise off a mesh and leaves its edges."""
+"""Removes the noise of a mesh and preserves its edges."""

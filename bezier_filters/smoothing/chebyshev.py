@@ -1,14 +1,14 @@
-"""Low-pass filters of a mesh as polynomials of a Laplacian, by the recurrence of Chebyshev.
+"""Low-pass filters of a mesh as Chebyshev polynomials of a Laplacian.
 
-The filter of order r and strength s is 1 / (1 + (s L^4)^(r / 4)) of a Laplacian L: for a symmetric L and r = 4, x
-minimises |x - p|^2 + s |L^2 x|^2. Filters of one strength end their pass band at the same place, the steeper the
-higher the order. As a Chebyshev series in L a filter takes some dozen steps, each a mean over neighbours, and the
+The filter of order r and strength s is f(L) = 1 / (1 + (s L^4)^(r / 4)) of a Laplacian L. For a symmetric L and r = 4,
+x = f(L) p minimises |x - p|^2 + s |L^2 x|^2. Filters of one strength have the same cut-off, L = s^(-1/4), and a steeper
+transition for a higher order. A Chebyshev series in L takes a few dozen steps, each a mean over neighbours, and the
 steps are the same for all strengths: the scale space of a mesh.
 
-A filter f with f(0) = 1 takes off p - f(L) p = g(L) (L p) with g(x) = (1 - f(x)) / x. So the
-recurrence runs on the differences L p, which are as small as the noise: single precision then has
-an error of some millionths of the noise, and what is constant stays exactly. Four signals run
-side by side; a step reads every neighbour once and overwrites the polynomial before the last.
+A filter f with f(0) = 1 removes p - f(L) p = g(L) (L p) with g(x) = (1 - f(x)) / x. So the
+recurrence runs on the differences L p, which are as small as the noise: the error of single precision
+is some millionths of the noise, and constants are preserved exactly. Four signals are filtered together; a
+step reads every neighbour once and overwrites the last polynomial but one.
 """
 
 from collections.abc import Callable
@@ -23,31 +23,31 @@ from bezier_filters.runtime.parallel import LONGEST, run_kernel
 from bezier_filters.runtime.rows import Row, add_scaled, row_of, scaled, write_row, zero_row
 from bezier_filters.smoothing.laplacian import Laplacian
 
-SIDE_BY_SIDE = 4  # signals that run side by side
-ORDER = 4  # of the filters, where nothing else is said
-LOWEST = 2  # order of those that fall off least steeply
-# of a series, times the square root of half the range of the eigenvalues over the end of the pass band, over the sine
-# of half the angle at which the poles of the filter lie: series converge the slower, the nearer these are
-TERMS = 4.6
-MORE_TERMS = 6.5  # the same for filters of the lowest order, which would be several times less exact
+SIGNALS_PER_PASS = 4  # signals that are filtered together
+DEFAULT_ORDER = 4  # order r of the filters by default
+LOWEST_ORDER = 2  # order of the least steep filters
+# Number of terms of a series, over sqrt(bound / (2 cut-off)) / sin(pi / (2 order)): the series converges as fast as the
+# distance of the poles of the filter from the eigenvalues allows.
+SERIES_TERMS_FACTOR = 4.6
+LOWEST_ORDER_TERMS_FACTOR = 6.5  # the same for the lowest order, which would be several times less accurate
 
-FASTER = {"contract", "reassoc"}  # products may be added without being rounded first, and in any order
+FAST_MATH_FLAGS = {"contract", "reassoc"}  # fused multiply-add, and sums in any order
 
 Signals = TypeVar("Signals", FloatArray, SingleArray)
-# Loops below count without a sign: places that may be negative, from the end, take a fourth of the time.
+# Loops below use unsigned indices: signed ones, which may count from the end, take a quarter of the time.
 
 
 class Step(NamedTuple):
-    """Of the recurrence: from T_k-1 and T_k to T_k+1."""
+    """Step of the recurrence, from T_k-1 and T_k to T_k+1."""
 
-    scale: np.float32  # of the Laplacian in A
+    scale: np.float32  # factor of the Laplacian in A
     factor: np.float32  # 2, or 1 in the first step
     before: SingleArray  # T_k-1, which is overwritten
     current: SingleArray  # T_k
 
 
 def coefficients(response: Callable[[FloatArray], FloatArray], bound: float, terms: int) -> FloatArray:
-    """Of Chebyshev series of functions on [0, bound], (terms, s), from their values (k, s) at k places.
+    """Coefficients (terms, s) of the Chebyshev series of functions on [0, bound], from their values (k, s) at k places.
 
     >>> np.round(coefficients(lambda x: x[:, np.newaxis] ** 2, 2.0, 3), 12).ravel()  # ((x - 1) + 1)^2
     array([1.5, 2. , 0.5])
@@ -59,7 +59,7 @@ def coefficients(response: Callable[[FloatArray], FloatArray], bound: float, ter
     return result
 
 
-def low_pass_series(strengths: FloatArray, bound: float, order: int = ORDER) -> FloatArray:
+def low_pass_series(strengths: FloatArray, bound: float, order: int = DEFAULT_ORDER) -> FloatArray:
     """Chebyshev coefficients, (terms, strengths), of (1 - f(x)) / x on [0, bound] for the filters f.
 
     >>> rows = low_pass_series(np.array([0.0, 10.0]), 2.0)  # at x = 2, where all polynomials are 1
@@ -67,56 +67,62 @@ def low_pass_series(strengths: FloatArray, bound: float, order: int = ORDER) -> 
     True
     """
     edge = max(float(strengths.max()), 1.0) ** -0.25
-    per_root = (TERMS if order > LOWEST else MORE_TERMS) / np.sin(0.5 * np.pi / order)
+    per_root = (SERIES_TERMS_FACTOR if order > LOWEST_ORDER else LOWEST_ORDER_TERMS_FACTOR) / np.sin(
+        0.5 * np.pi / order
+    )
     terms = max(8, int(np.ceil(per_root * np.sqrt(bound / (2.0 * edge)))))
     scales = strengths**0.25
 
-    def taken(x: FloatArray) -> FloatArray:
-        """The part that a filter takes off, over x."""
+    def removal_response(x: FloatArray) -> FloatArray:
+        """The removed part over x, (1 - f(x)) / x."""
         powers = np.outer(x, scales) ** order
         result: FloatArray = powers / ((1.0 + powers) * x[:, np.newaxis])
         return result
 
-    return coefficients(taken, bound, terms)
+    return coefficients(removal_response, bound, terms)
 
 
 def low_pass(
-    laplacian: Laplacian, signals: Signals, strengths: FloatArray, shares: SingleArray | None = None, order: int = ORDER
+    laplacian: Laplacian,
+    signals: Signals,
+    strengths: FloatArray,
+    shares: SingleArray | None = None,
+    order: int = DEFAULT_ORDER,
 ) -> Signals:
-    """Signals (n, c) filtered by mixtures, with shares (n, s), of filters of some strengths and one order.
+    """Filter signals (n, c) by mixtures, with shares (n, s), of filters of some strengths and one order.
 
     Without shares there is one filter only.
     """
-    return _filtered(laplacian, signals, low_pass_series(strengths, laplacian.bound, order), shares)
+    return _apply_series(laplacian, signals, low_pass_series(strengths, laplacian.bound, order), shares)
 
 
 def diffuse(laplacian: Laplacian, signals: FloatArray, time: float) -> FloatArray:
-    """Signals (n, c) after heat flow, exp(-time L): means over the surroundings, some `time` edges squared wide."""
+    """Signals (n, c) after heat flow exp(-time L): local means, of a squared width of about `time` squared edges."""
     bound = laplacian.bound
     terms = 8 + int(np.ceil(2.0 * np.sqrt(time * bound)))
     rows = coefficients(lambda x: -np.expm1(-time * x[:, np.newaxis]) / x[:, np.newaxis], bound, terms)
-    return _filtered(laplacian, signals, rows, None)
+    return _apply_series(laplacian, signals, rows, None)
 
 
-def _filtered(laplacian: Laplacian, signals: Signals, series: FloatArray, shares: SingleArray | None) -> Signals:
-    """Signals without what filters, given by series (terms, s) and mixed by shares, take off: four columns at a time.
+def _apply_series(laplacian: Laplacian, signals: Signals, series: FloatArray, shares: SingleArray | None) -> Signals:
+    """Subtract the parts that filters remove, given by series (terms, s) and mixed by shares, four columns at a time.
 
-    These are filled up with zeros.
+    Groups of fewer columns are padded with zeros.
     """
     result = signals.copy()
     mixture = np.ones((len(signals), 1), dtype=np.float32) if shares is None else shares
-    for first in range(0, signals.shape[1], SIDE_BY_SIDE):
-        group = np.ascontiguousarray(signals[:, first : first + SIDE_BY_SIDE])  # no copy of four columns
+    for first in range(0, signals.shape[1], SIGNALS_PER_PASS):
+        group = np.ascontiguousarray(signals[:, first : first + SIGNALS_PER_PASS])  # no copy of four columns
         count = group.shape[1]
-        if count < SIDE_BY_SIDE:
-            group = np.hstack([group, np.zeros((len(group), SIDE_BY_SIDE - count), group.dtype)])
-        taken = np.zeros(group.shape, dtype=np.float32)
-        _run(laplacian, group, series, _advance_and_mix, (mixture, taken))
-        result[:, first : first + count] -= taken[:, :count]
+        if count < SIGNALS_PER_PASS:
+            group = np.hstack([group, np.zeros((len(group), SIGNALS_PER_PASS - count), group.dtype)])
+        removed = np.zeros(group.shape, dtype=np.float32)
+        _run(laplacian, group, series, _advance_and_mix, (mixture, removed))
+        result[:, first : first + count] -= removed[:, :count]
     return result
 
 
-def add_heights(
+def accumulate_residuals(
     laplacian: Laplacian,
     signals: RealArray,
     series: FloatArray,
@@ -124,10 +130,10 @@ def add_heights(
     sums: SingleArray,
     products: SingleArray,
 ) -> None:
-    """Add components of what each of the filters, given by series (terms, s), takes off four signals.
+    """Accumulate components of the parts of four signals that filters remove, given by series (terms, s).
 
-    `sums` (n, s) get the first three signals times the first three columns of `directions` (n, 4), `products` (n, s)
-    the fourth times the fourth.
+    `sums` (n, s) add the inner products of the first three removed signals with the first three columns of `directions`
+    (n, 4), `products` (n, s) the products of the fourth ones.
     """
     _run(laplacian, signals, series, _advance_and_measure, (directions, sums, products))
 
@@ -139,9 +145,9 @@ def _run(
     kernel: Callable[..., None],
     arrays: tuple[SingleArray, ...],
 ) -> None:
-    """Go through T_0, T_1, ... of A = 2 L / bound - 1; a kernel does what is to be done with three of them at a time.
+    """Compute T_0, T_1, ... of A = 2 L / bound - 1, and pass three of them at a time to a kernel.
 
-    What the filters make of them is as large as the signals times the filters: it is passed over every third step.
+    The results of the kernel are as large as the signals times the filters, so it runs in every third step only.
     """
     before, current = np.zeros((2, *signals.shape), dtype=np.float32)
     run = partial(run_kernel, chunk=LONGEST)  # to wake a thread takes as long as 4,000 vertices
@@ -173,8 +179,8 @@ def _differences(laplacian: Laplacian, signals: RealArray, result: SingleArray, 
         result[i, 0], result[i, 1], result[i, 2], result[i, 3] = rate * a, rate * b, rate * c, rate * d
 
 
-@inner_jit(inline="always")  # a call with so many arrays takes three times as long as what it does
-def _advanced(laplacian: Laplacian, step: Step, i: int) -> Row:
+@inner_jit(inline="always")  # a call with so many arrays would take three times as long as its body
+def _advance_row(laplacian: Laplacian, step: Step, i: int) -> Row:
     """Overwrite T_k-1 at vertex i by T_k+1 = 2 A T_k - T_k-1, or T_1 = A T_0, whose factor is 1."""
     scale, factor, before, current = step
     total = zero_row()
@@ -188,18 +194,18 @@ def _advanced(laplacian: Laplacian, step: Step, i: int) -> Row:
     return value
 
 
-@jit(fastmath=FASTER)
+@jit(fastmath=FAST_MATH_FLAGS)
 def _advance(laplacian: Laplacian, step: Step, start: int, stop: int) -> None:
     for i in range(np.uint32(start), np.uint32(stop)):
-        _advanced(laplacian, step, i)
+        _advance_row(laplacian, step, i)
 
 
-@jit(fastmath=FASTER)
+@jit(fastmath=FAST_MATH_FLAGS)
 def _advance_and_mix(
     laplacian: Laplacian, step: Step, rows: SingleArray, shares: SingleArray, result: SingleArray, start: int, stop: int
 ) -> None:
     for i in range(np.uint32(start), np.uint32(stop)):
-        before, value = row_of(step.before, i), _advanced(laplacian, step, i)
+        before, value = row_of(step.before, i), _advance_row(laplacian, step, i)
         first = second = third = np.float32(0.0)
         for s in range(rows.shape[1]):
             first += shares[i, s] * rows[0, s]
@@ -209,7 +215,7 @@ def _advance_and_mix(
         write_row(result, i, add_scaled(np.float32(1.0), mixed, row_of(result, i)))
 
 
-@jit(fastmath=FASTER)
+@jit(fastmath=FAST_MATH_FLAGS)
 def _advance_and_measure(
     laplacian: Laplacian,
     step: Step,
@@ -225,7 +231,7 @@ def _advance_and_measure(
         x, y, z, w = directions[i, 0], directions[i, 1], directions[i, 2], directions[i, 3]
         first, first_product = before[i, 0] * x + before[i, 1] * y + before[i, 2] * z, before[i, 3] * w
         second, second_product = current[i, 0] * x + current[i, 1] * y + current[i, 2] * z, current[i, 3] * w
-        _advanced(laplacian, step, i)  # which overwrites what was before
+        _advance_row(laplacian, step, i)  # overwrites T_k-1
         third, third_product = before[i, 0] * x + before[i, 1] * y + before[i, 2] * z, before[i, 3] * w
         for s in range(rows.shape[1]):
             sums[i, s] += first * rows[0, s] + second * rows[1, s] + third * rows[2, s]

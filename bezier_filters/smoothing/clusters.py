@@ -1,12 +1,11 @@
-"""Clusters of neighbouring vertices: what varies slowly over a mesh need not be known at every vertex.
+"""Clusters of neighbouring vertices, a coarse mesh for slowly varying quantities.
 
-A cluster is a vertex and its neighbours, nine or so vertices. Neighbouring clusters exchange what they hold in
-proportion to the edges between them; a unit of time on them is scaled so that things spread
-as far, on average, as they do on the mesh.
+A cluster is a vertex and its neighbours, about nine vertices. Values diffuse between neighbouring clusters in
+proportion to the edges between them. The time is scaled so that the diffusion length is that of the mesh.
 
-They form in a random order of the vertices, which goes by their numbers in the whole mesh: whether a vertex is a center
-then depends on those a few rings around it (on chains of ever earlier vertices, which are short), and a tile has
-the clusters of the mesh but near where it was cut out. In the order of the vertices it would depend on all before.
+Clusters form in a random order of the vertices, hashes of their numbers in the whole mesh. So the centers depend only
+on a few rings around a vertex (on short chains of earlier vertices), and a tile has the clusters of the mesh except
+near its cut. In the order of the vertex numbers a center would depend on all vertices before.
 """
 
 from collections.abc import Iterable
@@ -25,8 +24,8 @@ from bezier_filters.smoothing.laplacian import Laplacian
 from bezier_filters.smoothing.mesh_parts import MeshPart
 from bezier_filters.smoothing.random_noise import random_bits
 
-SURROUNDINGS = 100.0  # squared edges around a vertex over which noise, rates and risks are averaged
-CENTERS = 100  # which of the random numbers at vertices say what order clusters form in
+AVERAGING_TIME = 100.0  # diffusion time, squared edges, over which noise, rates and risks are averaged
+CLUSTER_STREAM = 100  # stream of the vertex hashes that order the clusters
 
 
 @dataclass(frozen=True)
@@ -36,8 +35,8 @@ class Clusters:
     of_vertex: IntArray  # (n,): number of the cluster that a vertex belongs to
     sizes: IntArray  # (k,): numbers of their vertices
     adjacency: Adjacency  # of the vertices
-    laplacian: Laplacian  # how values on clusters spread,
-    pace: float  # and how much time that takes, per time on the mesh
+    laplacian: Laplacian  # diffusion between clusters
+    time_scale: float  # diffusion time on clusters over that on the mesh for the same length
 
     def means(self, columns: Iterable[RealArray]) -> FloatArray:
         """Means of columns of values at vertices, each (n,), over each cluster, (k, c)."""
@@ -45,24 +44,24 @@ class Clusters:
         return np.column_stack(sums) / self.sizes[:, np.newaxis]
 
     def diffuse(self, values: FloatArray) -> FloatArray:
-        """Values on clusters (k, c), averaged over their `SURROUNDINGS`."""
-        return diffuse(self.laplacian, values, SURROUNDINGS * self.pace)
+        """Values on clusters (k, c) after diffusion by `AVERAGING_TIME`."""
+        return diffuse(self.laplacian, values, AVERAGING_TIME * self.time_scale)
 
-    def at_vertices(self, values: FloatArray) -> SingleArray:
+    def spread_to_vertices(self, values: FloatArray) -> SingleArray:
         """Values on clusters (k, c) as means over each vertex and its neighbours, (n, c)."""
         single, rows = values.astype(np.float32), self.adjacency.vertices
         result = np.zeros((len(self.of_vertex), values.shape[1]), dtype=np.float32)
         of_mesh = rows.indptr, rows.indices, self.of_vertex
-        run_kernel(_spread, len(result), *of_mesh, single, result)
+        run_kernel(_spread_kernel, len(result), *of_mesh, single, result)
         return result
 
-    def around(self, columns: Iterable[RealArray]) -> SingleArray:
-        """Columns of values at vertices, each (n,), averaged over their `SURROUNDINGS`, (n, c)."""
-        return self.at_vertices(self.diffuse(self.means(columns)))
+    def average(self, columns: Iterable[RealArray]) -> SingleArray:
+        """Local means (n, c) of columns of values at vertices, each (n,), by diffusion over `AVERAGING_TIME`."""
+        return self.spread_to_vertices(self.diffuse(self.means(columns)))
 
 
-def clusters_of(part: MeshPart, pace: float | None = None) -> Clusters:
-    """Cluster a mesh, at the pace of the whole mesh or, by default, of this part.
+def clusters_of(part: MeshPart, time_scale: float | None = None) -> Clusters:
+    """Cluster a mesh, with the time scale of the whole mesh or, by default, of this part.
 
     >>> from bezier_filters.meshes.adjacency import vertex_adjacency
     >>> from bezier_filters.meshes.mesh import triangle_mesh
@@ -75,7 +74,7 @@ def clusters_of(part: MeshPart, pace: float | None = None) -> Clusters:
     (True, np.True_)
     """
     mesh, adjacency, rows = part.mesh, part.adjacency, part.adjacency.vertices
-    visits = np.argsort(random_bits(part.ids, CENTERS)).astype(np.int32)
+    visits = np.argsort(random_bits(part.ids, CLUSTER_STREAM)).astype(np.int32)
     rank = np.empty_like(visits)
     rank[visits] = np.arange(len(visits), dtype=np.int32)
     center = np.full(len(rows), -1, dtype=np.int32)
@@ -97,13 +96,13 @@ def clusters_of(part: MeshPart, pace: float | None = None) -> Clusters:
         (outer / np.maximum(leaving, 1.0)[of_entry]).astype(np.float32),
         (leaving / np.maximum(edges.sum(axis=1), 1.0)).astype(np.float32),
     )
-    if pace is None:
-        pace = _pace(mesh, rows, of_vertex, sizes, edges)
-    return Clusters(of_vertex, sizes, adjacency, laplacian, pace)
+    if time_scale is None:
+        time_scale = _time_scale(mesh, rows, of_vertex, sizes, edges)
+    return Clusters(of_vertex, sizes, adjacency, laplacian, time_scale)
 
 
-def _pace(mesh: TriangleMesh, rows: Rows, of_vertex: IntArray, sizes: IntArray, joined: csr_array) -> float:
-    """Time on clusters per time on the mesh: by how far apart vertices are, and centers of gravity."""
+def _time_scale(mesh: TriangleMesh, rows: Rows, of_vertex: IntArray, sizes: IntArray, joined: csr_array) -> float:
+    """Time scale: the mean squared distance of neighbouring vertices over that of neighbouring cluster centroids."""
     start = np.repeat(np.arange(len(rows), dtype=np.int32), rows.lengths)
     squares = np.square(mesh.vertices[rows.indices] - mesh.vertices[start]).sum()
     middles = np.column_stack([np.bincount(of_vertex, mesh.vertices[:, k], len(sizes)) / sizes for k in range(3)])
@@ -114,7 +113,7 @@ def _pace(mesh: TriangleMesh, rows: Rows, of_vertex: IntArray, sizes: IntArray, 
 
 @jit()
 def _find_centers(ptr: IntArray, indices: IntArray, visits: IntArray, center: IntArray) -> None:
-    """Make clusters of the vertices whose neighbours are all free yet, with them, visit by visit."""
+    """Make a cluster of each visited vertex whose neighbours are all free."""
     for i in visits:
         free = center[i] < 0
         for q in range(ptr[i], ptr[i + 1]):
@@ -127,10 +126,10 @@ def _find_centers(ptr: IntArray, indices: IntArray, visits: IntArray, center: In
 
 @jit()
 def _join_centers(ptr: IntArray, indices: IntArray, rank: IntArray, center: IntArray) -> None:
-    """Let the others join the earliest cluster of a neighbour that has one."""
+    """Let the other vertices join the earliest cluster of their neighbours."""
     for i in range(len(center)):
         for q in range(ptr[i], ptr[i + 1]):
-            # Those who came late count only as themselves, lest a cluster grow into a chain.
+            # Vertices that joined in this loop are skipped, so that no cluster grows into a chain.
             found = center[indices[q]]
             if found >= 0 and center[i] < 0 and (center[i] == -1 or rank[found] < rank[-2 - center[i]]):
                 center[i] = -2 - found
@@ -140,7 +139,7 @@ def _join_centers(ptr: IntArray, indices: IntArray, rank: IntArray, center: IntA
 
 
 @jit()
-def _spread(
+def _spread_kernel(
     ptr: IntArray,
     indices: IntArray,
     of_vertex: IntArray,

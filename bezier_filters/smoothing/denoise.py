@@ -1,12 +1,13 @@
-"""Takes noise off a mesh: as a smooth surface or as one with sharp edges, wherever it is which.
+"""Removes noise from a mesh by a local mixture of smooth and sharp estimates of its surface.
 
 There are several estimates of the surface under the noise, from smooth to sharp (`candidates`). The first is a low-pass
-filter. For edges and corners the normals of a more weakly filtered mesh are filtered, many times, by means that do not
-reach across what noise cannot explain, and the vertices follow. In between are fewer rounds. Stein's estimate of the
-risk tells what is best around each vertex, and which of them are worth their while at all.
+filter f(L) of the vertices. For edges and corners, a weak low-pass filter is followed by rounds of a bilateral filter
+of the face normals, which does not average over differences that noise cannot explain, and the vertices follow the
+normals. More rounds give sharper estimates. Stein's unbiased risk estimate (see `risk`) decides which estimates are
+used, and with which shares they are mixed around each vertex.
 
-What holds for a mesh as a whole is learned from parts of it (`learn_plan`) and then done to all of it, or to tile after
-tile (`denoise`). A mesh that is not large is its own sample, and learning leaves what was to be found.
+The global parameters are learned from parts of a mesh (`learn_plan`) and then applied to all of it, or tile by tile
+(`denoise`). A mesh that is not large is its own sample, and learning already gives the result.
 """
 
 from collections.abc import Collection, Iterator
@@ -23,96 +24,96 @@ from bezier_filters.runtime.parallel import Progress, report
 from bezier_filters.smoothing.clusters import Clusters, clusters_of
 from bezier_filters.smoothing.laplacian import Borders, umbrella_laplacian
 from bezier_filters.smoothing.low_pass import (
-    STRENGTHS,
+    FILTER_STRENGTHS,
     LowPass,
     LowPassPlan,
     fit_low_pass,
     learn_low_pass,
+    max_strength,
     shares_of,
-    strongest,
 )
-from bezier_filters.smoothing.mesh_parts import LARGEST_WHOLE, MeshPart, sampled_parts, whole_mesh
+from bezier_filters.smoothing.mesh_parts import MAX_WHOLE_VERTICES, MeshPart, sample_parts, whole_mesh
 from bezier_filters.smoothing.noise import (
-    LEAST_NOISE,
-    PACE,
+    DEFAULT_TIME_SCALE,
+    MIN_NOISE_PER_EDGE,
     NoiseLevels,
     NoisyMesh,
     learn_noise_levels,
     local_sigma,
-    roughest,
+    roughest_vertices,
     roughness,
 )
 from bezier_filters.smoothing.normal_filter import NoisyNormals, filter_normals, move_to_normals, noisy_normals
-from bezier_filters.smoothing.random_noise import OTHER_SIGNS, Correlation
+from bezier_filters.smoothing.random_noise import PROBE_SIGN_COLUMN, Correlation
 from bezier_filters.smoothing.risk import (
     Estimates,
-    gain_of,
     local_risks,
+    mean_gain,
     noise_factor,
     overall_risks,
-    worthwhile,
+    select_estimates,
 )
-from bezier_filters.smoothing.sliding import Sliding, held_back, sliding_of
+from bezier_filters.smoothing.sliding import TangentialMotion, choose_sliding, restrict_to_normals
 
-# kinds of estimates: the low-pass filter proper, and one round after a slightly weaker one; then the sharp ones
-SMOOTH, GENTLE = 0, 1
-FILTER_ROUNDS = (0, 1, 2, 5, 16)  # of filtering the normals, by kind: from the third on after a much weaker filter
-SHARPNESS = (0.0, 0.0, 0.33, 0.67, 1.0)  # as reported, by kind
-KINDS = range(len(FILTER_ROUNDS))
-GENTLE_TOLERANCE, SHARP_TOLERANCE = 3.2, 1.65  # of `filter_normals`
-PROBE = 0.1  # times sigma: how far vertices are moved to find their leverages
-PAIRS_SAMPLED = 30_000  # about so many vertices times pairs of samples of the noise, that normals are filtered by
-GAIN = 1e-3  # times sigma^2: mean decrease of the risk around a vertex below which a further estimate is left out
-SUPERFLUOUS = 3e-4  # the same for one that sharper ones may have replaced
-# around a tile there are the rings in which a low-pass filter fades by so many powers of e, those over which risks
-# are averaged (`SURROUNDINGS` of clusters), and those that a round of filtering the normals reaches across: measured,
-# for a hundredth of the noise
-FADED, AVERAGED, RINGS_PER_ROUND = 7.5, 14, 1.25
-HINT = GENTLE + 1  # kind of estimate that may not gain though sharper ones do: strong noise goes in more rounds
-STEPS = 6  # of the progress
+# kinds of estimates: the low-pass filter; one bilateral round after a slightly weaker low-pass filter; sharp ones
+LOW_PASS_KIND, WEAK_BILATERAL_KIND = 0, 1
+BILATERAL_ROUNDS = (0, 1, 2, 5, 16)  # rounds of `filter_normals` by kind; sharp kinds start from a much weaker filter
+KIND_SHARPNESS = (0.0, 0.0, 0.33, 0.67, 1.0)  # reported sharpness by kind
+ESTIMATE_KINDS = range(len(BILATERAL_ROUNDS))
+WEAK_BILATERAL_TOLERANCE, SHARP_BILATERAL_TOLERANCE = 3.2, 1.65  # tolerances of `filter_normals`
+PROBE_SIGMAS = 0.1  # displacement of the probe that measures leverages, over sigma
+NOISE_PAIR_BUDGET = 30_000  # vertices times pairs of noise samples that pass through the normal filter
+MIN_RISK_GAIN = 1e-3  # mean decrease of the risk, over sigma^2, by another estimate
+MIN_RETAINED_GAIN = 3e-4  # the same for estimates that sharper ones may have replaced
+# Rings around a tile: those in which a low-pass filter decays by exp(-7.5), those over which risks are averaged (see
+# `AVERAGING_TIME`), and those per round of the normal filter; measured for errors of a hundredth of the noise.
+FADING_EXPONENT, AVERAGING_RINGS, RINGS_PER_ROUND = 7.5, 14, 1.25
+# kind of estimate up to which sharper kinds are tried without a gain: strong noise needs more rounds
+FIRST_SHARP_KIND = WEAK_BILATERAL_KIND + 1
+PROGRESS_STEPS = 6  # steps that `progress` reports
 
 
 @dataclass(frozen=True)
 class SmoothingOptions:
-    """What a user may decide about how noise is taken off."""
+    """The user's options of noise removal."""
 
     borders: Borders = "curve"
     detail: float | None = None  # length of the shortest waves that keep half of their height
     relax: bool = False  # whether all vertices slide along the surface, see `sliding`
-    sigma: float | None = None  # standard deviation of the noise along the normal, a length, where that is known
+    sigma: float | None = None  # known standard deviation of the noise along the normal, a length
 
 
 @dataclass(frozen=True)
 class Candidate:
     """An estimate of the surface."""
 
-    kind: int  # which one it is
-    moves: SingleArray  # (n, 3): how far each vertex moves
-    residuals: SingleArray  # (n,): heights of the measured vertices over it, times the standard deviation of the noise
-    leverages: SingleArray  # (n,): how far it follows each vertex
+    kind: int  # index of `BILATERAL_ROUNDS`
+    moves: SingleArray  # (n, 3): displacements of the vertices
+    residuals: SingleArray  # (n,): heights of the measured vertices over it, in standard deviations of the noise
+    leverages: SingleArray  # (n,): derivatives of the estimate by its own vertex
 
 
 @dataclass(frozen=True)
 class SmoothingPlan:
-    """What holds for a mesh as a whole, and how its noise is taken off."""
+    """Global parameters of the noise removal of a mesh."""
 
-    center: FloatArray  # (3,): what is taken off the coordinates,
-    scale: float  # and what they are then multiplied by: lengths of the plan are in these units
-    cluster_pace: float  # see `Clusters`
+    center: FloatArray  # (3,): origin that is subtracted from the coordinates
+    scale: float  # factor on the coordinates: lengths of the plan have this unit
+    cluster_time_scale: float  # see `Clusters`
     noise: NoiseLevels
     low_pass: LowPassPlan
-    kinds: tuple[int, ...]  # kinds of estimates that are worth their while
-    noise_factor: float  # how much less noise there is than was thought
+    kinds: tuple[int, ...]  # kinds of estimates that reduce the risk
+    noise_factor: float  # ratio of the actual to the assumed standard deviation of the noise
     overall: FloatArray  # (kinds,): risks of these estimates, see `overall_risks`
-    sliding: Sliding
+    sliding: TangentialMotion
 
 
 @dataclass(frozen=True)
-class Denoised:
+class DenoisedMesh:
     """A mesh without its noise."""
 
     points: FloatArray  # (n, 3): coordinates
-    sharpness: FloatArray  # (n,): 0 where the surface was taken for smooth, 1 where edges were kept as sharp as can be
+    sharpness: FloatArray  # (n,): 0 where the smooth estimates were used, 1 where the sharpest one was used
 
 
 def remove_noise(
@@ -122,18 +123,18 @@ def remove_noise(
     options: SmoothingOptions,
     *,
     progress: Progress | None = None,
-) -> Denoised:
-    """Take the noise along the normal off a mesh in memory: learn a plan from parts of it, and denoise all of it."""
+) -> DenoisedMesh:
+    """Remove the noise along the normal from a mesh in memory: learn a plan from parts of it, and denoise all of it."""
     whole, around, clusters = whole_mesh(mesh, adjacency), tuple[int, ...](), None
-    if mesh.vertex_count > LARGEST_WHOLE and noise.sigma > 0.0:
-        clusters = clusters_of(whole, PACE)
-        around = (int(roughest(roughness(whole, noise.sigma, clusters), whole.ids)[0]),)
-    parts = sampled_parts(mesh, adjacency, around)
+    if mesh.vertex_count > MAX_WHOLE_VERTICES and noise.sigma > 0.0:
+        clusters = clusters_of(whole, DEFAULT_TIME_SCALE)
+        around = (int(roughest_vertices(roughness(whole, noise.sigma, clusters), whole.ids)[0]),)
+    parts = sample_parts(mesh, adjacency, around)
     is_whole = parts.mesh is mesh
     shown = progress if is_whole else None
     learned = learn_plan(parts, noise, options, progress=shown)
     if learned is None:
-        return Denoised(mesh.vertices.copy(), np.zeros(mesh.vertex_count))
+        return DenoisedMesh(mesh.vertices.copy(), np.zeros(mesh.vertex_count))
     plan, result = learned
     if is_whole:
         return result
@@ -143,96 +144,98 @@ def remove_noise(
 
 def learn_plan(
     parts: MeshPart, noise: NoiseModel, options: SmoothingOptions, *, progress: Progress | None = None
-) -> tuple[SmoothingPlan, Denoised] | None:
-    """Learn what holds for a mesh as a whole, and what it makes of the parts; None if there is no noise to speak of.
+) -> tuple[SmoothingPlan, DenoisedMesh] | None:
+    """Learn the global parameters from parts of a mesh, and denoise the parts; None if the noise is negligible.
 
-    One of the parts should be around the roughest place of the mesh, see `roughness`.
+    One of the parts should be around the roughest vertex of the mesh, see `roughness`.
     """
     vertices, unit = parts.mesh.vertices, mean_edge(parts.mesh, parts.adjacency)
     sigma = noise.sigma
-    if not (sigma > LEAST_NOISE * unit and unit > 0.0):
+    if not (sigma > MIN_NOISE_PER_EDGE * unit and unit > 0.0):
         return None
     center = vertices.mean(axis=0)
     if np.abs(center).max() <= np.ptp(vertices, axis=0).max():
-        center = np.zeros(3)  # it is not so far from the origin that digits would be lost
+        center = np.zeros(3)  # near the origin no digits are lost
     scale = float(2.0 ** -np.round(np.log2(unit)))  # single precision has few exponents
-    part, sigma, unit = _normalised(parts, center, scale), sigma * scale, unit * scale
+    part, sigma, unit = _normalise(parts, center, scale), sigma * scale, unit * scale
     laplacian = umbrella_laplacian(part, "free")
-    correlation = Correlation.of(noise, unit / scale, part.ids, laplacian, parts.core)
+    correlation = Correlation.calibrate(noise, unit / scale, part.ids, laplacian, parts.core)
     noisy = NoisyMesh(part, clusters_of(part), np.full(len(part.ids), sigma), correlation, laplacian)
     levels, at_vertices = learn_noise_levels(noisy, laplacian, sigma, unit, given=noise.given)
     noisy = replace(noisy, sigma=at_vertices)
-    report(progress, 1, STEPS)
+    report(progress, 1, PROGRESS_STEPS)
     detail = None if options.detail is None else options.detail * scale
     low_pass, filters = learn_low_pass(noisy, options.borders, unit, detail)
-    # Filters of the normals do to hidden waves what a stronger low-pass filter does that may not be taken.
-    stronger = STRENGTHS[low_pass.first + 1 : low_pass.first + 2]
-    is_bounded = detail is not None and bool((stronger > strongest(detail / unit)).any())
-    allowed = (SMOOTH,) if is_bounded else KINDS
+    # Normal filters would remove long waves like the stronger low-pass filter that `detail` excludes.
+    stronger = FILTER_STRENGTHS[low_pass.first + 1 : low_pass.first + 2]
+    is_bounded = detail is not None and bool((stronger > max_strength(detail / unit)).any())
+    allowed = (LOW_PASS_KIND,) if is_bounded else ESTIMATE_KINDS
     others = candidates(noisy, filters, allowed, progress=progress)
     found, factor, clusters = [next(others)], 1.0, noisy.clusters
     risks = np.zeros((len(clusters.sizes), 1))
     for candidate in others:
         tried = [*found, candidate]
-        less_noise = noise_factor(_side_by_side(tried), parts.core)
-        estimates = _side_by_side(tried, less_noise)
+        less_noise = noise_factor(_stack_estimates(tried), parts.core)
+        estimates = _stack_estimates(tried, less_noise)
         overall = overall_risks(estimates, parts.core)
-        these = local_risks(clusters, estimates, overall, correlation.alike)
-        if gain_of(clusters, these, -1) > GAIN:
+        these = local_risks(clusters, estimates, overall, correlation.variance_inflation)
+        if mean_gain(clusters, these, -1) > MIN_RISK_GAIN:
             found, factor, risks = tried, less_noise, these
-        elif candidate.kind > HINT:
+        elif candidate.kind > FIRST_SHARP_KIND:
             break
-    # What was better than weaker filters may not be, beside sharper ones.
-    found = [found[k] for k in worthwhile(clusters, risks, SUPERFLUOUS)]
-    overall = overall_risks(_side_by_side(found, factor), parts.core)
+    # Estimates that were better than weaker ones may not be better than sharper ones.
+    found = [found[k] for k in select_estimates(clusters, risks, MIN_RETAINED_GAIN)]
+    overall = overall_risks(_stack_estimates(found, factor), parts.core)
     kinds = tuple(candidate.kind for candidate in found)
     mesh, adjacency = parts.mesh, parts.adjacency
     result = _mixture(mesh, noisy, found, factor, overall, scale)
-    sliding = Sliding.ALL
+    sliding = TangentialMotion.ALL
     if not options.relax:
-        sliding = sliding_of(parts, result.points, at_vertices / scale)
-    plan = SmoothingPlan(center, scale, clusters.pace, levels, low_pass, kinds, factor, overall, sliding)
-    report(progress, STEPS, STEPS)
-    return plan, replace(result, points=held_back(mesh, adjacency, result.points, sliding))
+        sliding = choose_sliding(parts, result.points, at_vertices / scale)
+    plan = SmoothingPlan(center, scale, clusters.time_scale, levels, low_pass, kinds, factor, overall, sliding)
+    report(progress, PROGRESS_STEPS, PROGRESS_STEPS)
+    return plan, replace(result, points=restrict_to_normals(mesh, adjacency, result.points, sliding))
 
 
 def denoise(
     part: MeshPart, plan: SmoothingPlan, clusters: Clusters | None = None, *, progress: Progress | None = None
-) -> Denoised:
-    """Take the noise off a mesh, or off a tile of it with `rings_around` what is wanted, by a plan of `learn_plan`.
+) -> DenoisedMesh:
+    """Remove the noise from a mesh, or from a tile with `halo_rings` around its vertices, by a plan of `learn_plan`.
 
-    Its clusters may be known, at any pace.
+    Its clusters may be given, with any time scale.
     """
-    scaled = _normalised(part, plan.center, plan.scale)
-    clusters = replace(clusters or clusters_of(scaled, plan.cluster_pace), pace=plan.cluster_pace)
+    scaled = _normalise(part, plan.center, plan.scale)
+    clusters = replace(clusters or clusters_of(scaled, plan.cluster_time_scale), time_scale=plan.cluster_time_scale)
     correlation, at_vertices = plan.noise.correlation, local_sigma(scaled, clusters, plan.noise)
     laplacian = umbrella_laplacian(scaled, "free") if correlation.times else None
     noisy = NoisyMesh(scaled, clusters, at_vertices, correlation, laplacian)
-    report(progress, 1, STEPS)
+    report(progress, 1, PROGRESS_STEPS)
     estimates = candidates(noisy, fit_low_pass(noisy, plan.low_pass), plan.kinds, progress=progress)
     found = list(estimates)
     result = _mixture(part.mesh, noisy, found, plan.noise_factor, plan.overall, plan.scale)
-    report(progress, STEPS, STEPS)
-    return replace(result, points=held_back(part.mesh, part.adjacency, result.points, plan.sliding))
+    report(progress, PROGRESS_STEPS, PROGRESS_STEPS)
+    return replace(result, points=restrict_to_normals(part.mesh, part.adjacency, result.points, plan.sliding))
 
 
-def rings_around(plan: SmoothingPlan | None) -> int:
-    """Rings around a tile that its vertices depend on, as far as matters."""
+def halo_rings(plan: SmoothingPlan | None) -> int:
+    """Rings around a tile that its vertices depend on, up to a hundredth of the noise."""
     if plan is None:
         return 2
     filters = plan.low_pass
-    # What a filter makes of a vertex fades away edge by edge, which its poles tell, slowest where edges are short.
-    edge = filters.strengths.max() ** -0.25 / filters.haste
+    # The impulse response of a filter decays edge by edge, at a rate given by its poles; slowest where edges are short.
+    edge = filters.strengths.max() ** -0.25 / filters.max_diffusivity
     fading = 2.0 * np.sqrt(edge) * np.sin(0.5 * np.pi / filters.order)
-    return int(np.ceil(FADED / fading + AVERAGED + RINGS_PER_ROUND * FILTER_ROUNDS[max(plan.kinds)]))
+    return int(
+        np.ceil(FADING_EXPONENT / fading + AVERAGING_RINGS + RINGS_PER_ROUND * BILATERAL_ROUNDS[max(plan.kinds)])
+    )
 
 
-def _normalised(part: MeshPart, center: FloatArray, scale: float) -> MeshPart:
+def _normalise(part: MeshPart, center: FloatArray, scale: float) -> MeshPart:
     return replace(part, mesh=TriangleMesh((part.mesh.vertices - center) * scale, part.mesh.faces))
 
 
-def _side_by_side(found: list[Candidate], factor: float = 1.0) -> Estimates:
-    """Residuals and leverages of all estimates, with less noise by a factor."""
+def _stack_estimates(found: list[Candidate], factor: float = 1.0) -> Estimates:
+    """Residuals and leverages of all estimates, for noise rescaled by a factor."""
     residuals = np.column_stack([candidate.residuals for candidate in found])
     leverages = np.column_stack([candidate.leverages for candidate in found])
     return Estimates(residuals if factor == 1.0 else residuals / np.float32(factor), leverages)
@@ -240,100 +243,105 @@ def _side_by_side(found: list[Candidate], factor: float = 1.0) -> Estimates:
 
 def _mixture(
     mesh: TriangleMesh, noisy: NoisyMesh, found: list[Candidate], factor: float, overall: FloatArray, scale: float
-) -> Denoised:
-    """Estimates mixed by their risks around every vertex."""
+) -> DenoisedMesh:
+    """Mix estimates by their risks around every vertex."""
     shares = np.ones((mesh.vertex_count, 1), dtype=np.float32)
     if len(found) > 1:
-        shares = shares_of(noisy, _side_by_side(found, factor), overall)
+        shares = shares_of(noisy, _stack_estimates(found, factor), overall)
     points = mesh.vertices.copy()
     for k, candidate in enumerate(found):
-        points += shares[:, [k]] * (candidate.moves / np.float64(scale))  # which may be beyond single precision
-    return Denoised(points, np.einsum("ns,s->n", shares, np.array([SHARPNESS[candidate.kind] for candidate in found])))
+        points += shares[:, [k]] * (candidate.moves / np.float64(scale))  # a scale that may exceed single precision
+    return DenoisedMesh(
+        points, np.einsum("ns,s->n", shares, np.array([KIND_SHARPNESS[candidate.kind] for candidate in found]))
+    )
 
 
 def candidates(
     noisy: NoisyMesh, filters: LowPass, kinds: Collection[int], *, progress: Progress | None = None
 ) -> Iterator[Candidate]:
-    """Estimates, ever sharper ones, of which the first is the low-pass filter's, and others as they are wanted.
+    """Estimates of the given kinds in ascending sharpness; the first is the low-pass filter.
 
-    All of them start with more or less of that filter.
+    All others start with a weaker low-pass filter.
     """
     part = noisy.part
-    report(progress, 2, STEPS)
-    signs = noisy.probes(1, first=OTHER_SIGNS)[:, 0]
+    report(progress, 2, PROGRESS_STEPS)
+    signs = noisy.probes(1, first=PROBE_SIGN_COLUMN)[:, 0]
     squares = noisy.mean_squares(signs[:, np.newaxis])
     filtered = filters.apply(np.column_stack([part.mesh.vertices, signs]))
     leverages = (signs * filtered[:, 3] / squares).astype(np.float32)
-    yield Candidate(SMOOTH, _moves(part.mesh, filtered[:, :3]), filters.residuals, leverages)
+    yield Candidate(LOW_PASS_KIND, _moves(part.mesh, filtered[:, :3]), filters.residuals, leverages)
     del filtered, leverages  # for large meshes, memory counts
-    sharp = {kind: FILTER_ROUNDS[kind] for kind in KINDS[GENTLE + 1 :] if kind in kinds}
-    if GENTLE in kinds:
-        begun = [_begun(noisy, filters.next_weaker(), signs)]  # lists hand over what they hold: nothing else keeps it
-        yield from _sharp(noisy, begun.pop(), squares, {GENTLE: 1}, GENTLE_TOLERANCE, progress)
+    sharp = {kind: BILATERAL_ROUNDS[kind] for kind in ESTIMATE_KINDS[WEAK_BILATERAL_KIND + 1 :] if kind in kinds}
+    if WEAK_BILATERAL_KIND in kinds:
+        # `pop` passes on the only reference, so that the memory is freed early
+        prefiltered = [_prefilter(noisy, filters.next_weaker(), signs)]
+        yield from _sharp_candidates(
+            noisy, prefiltered.pop(), squares, {WEAK_BILATERAL_KIND: 1}, WEAK_BILATERAL_TOLERANCE, progress
+        )
     if sharp:
-        weak = filters.weak(umbrella_laplacian(part, filters.borders))
-        begun = [_begun(noisy, weak, signs)]
+        weak = filters.prefilter(umbrella_laplacian(part, filters.borders))
+        prefiltered = [_prefilter(noisy, weak, signs)]
         del filters, weak
-        yield from _sharp(noisy, begun.pop(), squares, sharp, SHARP_TOLERANCE, progress)
+        yield from _sharp_candidates(noisy, prefiltered.pop(), squares, sharp, SHARP_BILATERAL_TOLERANCE, progress)
 
 
-class _Begun(NamedTuple):
-    """What sharp estimates begin with: a mesh after a low-pass filter."""
+class _Prefiltered(NamedTuple):
+    """Start of the sharp estimates: a mesh after a low-pass filter."""
 
-    normals: SingleArray  # (n, 3): of a smooth surface, along which noise is measured
-    signs: SingleArray  # (n,): of the probe
-    start: SingleArray  # (n, 3): moves
-    probe: SingleArray  # (n, 3): what moves the mesh of which one sees how far estimates follow the data
+    normals: SingleArray  # (n, 3): normals of a smooth surface, along which noise is measured
+    signs: SingleArray  # (n,): signs of the probe
+    start: SingleArray  # (n, 3): displacements by the low-pass filter
+    probe: SingleArray  # (n, 3): displacements of the probe, a second mesh that measures the leverages
     state: NoisyNormals
 
 
-def _begun(noisy: NoisyMesh, filters: LowPass, signs: SingleArray) -> _Begun:
+def _prefilter(noisy: NoisyMesh, filters: LowPass, signs: SingleArray) -> _Prefiltered:
     """Filter the mesh, the probe and samples of the noise."""
     mesh, normals = noisy.part.mesh, filters.normals
     start = _moves(mesh, filters.apply(mesh.vertices))
-    heights = noisy.samples(2 * int(np.clip(np.round(PAIRS_SAMPLED / noisy.part.vertex_count), 1, 3)))
+    heights = noisy.samples(2 * int(np.clip(np.round(NOISE_PAIR_BUDGET / noisy.part.vertex_count), 1, 3)))
     heights[:, 0] = signs
     heights *= noisy.sigma.astype(np.float32)[:, np.newaxis]
     samples: SingleArray = heights[:, :, np.newaxis] * normals[:, np.newaxis]
     samples = filters.apply(samples.reshape(len(samples), -1)).reshape(samples.shape)
-    probe = np.float32(PROBE) * samples[:, 0]
-    state = noisy_normals(_moved(mesh, start), noisy.part.adjacency, _moved(mesh, start + probe), samples)
-    return _Begun(normals, signs, start, probe, state)
+    probe = np.float32(PROBE_SIGMAS) * samples[:, 0]
+    state = noisy_normals(_move(mesh, start), noisy.part.adjacency, _move(mesh, start + probe), samples)
+    return _Prefiltered(normals, signs, start, probe, state)
 
 
-def _sharp(
+def _sharp_candidates(
     noisy: NoisyMesh,
-    begun: _Begun,
+    prefiltered: _Prefiltered,
     squares: SingleArray,
     rounds: dict[int, int],
     tolerance: float,
     progress: Progress | None,
 ) -> Iterator[Candidate]:
-    """Estimates by kind, whose vertices follow normals that were filtered some rounds."""
+    """Estimates by kind, whose vertices follow normals after the given rounds of the bilateral filter."""
     mesh, adjacency, sigma = noisy.part.mesh, noisy.part.adjacency, noisy.sigma
-    normals, signs, start, probe, state = begun
-    del begun
-    movable, done = ~adjacency.on_boundary, 0  # those at borders stay
+    normals, signs, start, probe, state = prefiltered
+    del prefiltered
+    movable, done = ~adjacency.on_boundary, 0  # border vertices stay
     for kind, total in rounds.items():
         state = filter_normals(state, total - done, tolerance)
         done = total
         moves, probed = (
-            first + move_to_normals(_moved(mesh, first), adjacency, goal, movable)
+            first + move_to_normals(_move(mesh, first), adjacency, goal, movable)
             for first, goal in ((start, state.normals), (start + probe, state.probed_normals))
         )
         residuals = (-np.einsum("ij,ij->i", moves, normals) / sigma).astype(np.float32)
         probed -= moves
-        leverages = np.einsum("ij,ij->i", probed, normals) * signs / (PROBE * sigma * squares)
+        leverages = np.einsum("ij,ij->i", probed, normals) * signs / (PROBE_SIGMAS * sigma * squares)
         del probed
         leverages = leverages.astype(np.float32)
-        report(progress, min(2 + kind, STEPS - 1), STEPS)
+        report(progress, min(2 + kind, PROGRESS_STEPS - 1), PROGRESS_STEPS)
         yield Candidate(kind, moves, residuals, leverages)
 
 
 def _moves(mesh: TriangleMesh, vertices: FloatArray) -> SingleArray:
-    """How far vertices are from where they were measured."""
+    """Displacements of vertices from their measured positions."""
     return (vertices - mesh.vertices).astype(np.float32)
 
 
-def _moved(mesh: TriangleMesh, moves: SingleArray) -> TriangleMesh:
+def _move(mesh: TriangleMesh, moves: SingleArray) -> TriangleMesh:
     return TriangleMesh(mesh.vertices + moves, mesh.faces)

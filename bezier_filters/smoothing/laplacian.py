@@ -1,4 +1,4 @@
-"""Laplacians of a mesh: how far every vertex is from the mean of its neighbours."""
+"""Laplacians of a mesh, (L x)_i = rate_i (x_i - sum_j weight_ij x_j): differences from a mean of the neighbours."""
 
 from typing import Literal, NamedTuple
 
@@ -15,13 +15,13 @@ from bezier_filters.smoothing.mesh_parts import MeshPart
 # whether border vertices follow their neighbours along the border, stay, or follow all their neighbours
 Borders = Literal["curve", "fixed", "free"]
 
-# weights are kept within these bounds: none is negative, and slivers do not rule their vertices
-LEAST_COTANGENT, LARGEST_COTANGENT = 0.05, 3.0
-# times a squared mean edge: a vertex with less area counts as having this, lest the Laplacian grow without bound
-LEAST_AREA = 0.2
-# rate of a vertex, at the most, and quantile of the rates beyond which they all are the same: a few faster ones would
-# cost all the others many steps, and a low-pass filter takes off what varies so fast in any case
-FASTEST, FAST = 8.0, 0.95
+# bounds of the cotangent weights: no negative weights, and slivers do not dominate their vertices
+MIN_EDGE_WEIGHT, MAX_EDGE_WEIGHT = 0.05, 3.0
+# lower bound of the area of a vertex over the squared mean edge, which bounds the Laplacian
+MIN_VERTEX_AREA = 0.2
+# Upper bound of the rates, and quantile at which they are clipped: a few larger ones would cost all vertices many
+# steps, and a low-pass filter removes such high frequencies in any case.
+MAX_RATE, RATE_QUANTILE = 8.0, 0.95
 
 
 class MeshStars(NamedTuple):
@@ -45,43 +45,43 @@ class Laplacian(NamedTuple):
     indptr: IntArray
     indices: IntArray
     weights: SingleArray  # one for each neighbour; those of a row sum to 1, or are all 0
-    rates: SingleArray  # (n,): how fast the vertices move, 1 on a regular mesh; 0 for those that do not
+    rates: SingleArray  # (n,): rates of the vertices, 1 on a regular mesh, 0 for fixed vertices
     bound: float = 2.0  # twice the largest rate, or more: no eigenvalue is larger (Gershgorin)
 
 
 def umbrella_laplacian(part: MeshPart, borders: Borders) -> Laplacian:
-    """Differences from the plain mean of the neighbours.
+    """Differences from the plain mean of the neighbours (the umbrella operator).
 
-    It depends on the connections alone, not on coordinates and their noise, and evens out the triangles, too.
-    Vertices where the part was cut out stay.
+    It depends on the connectivity alone, not on coordinates and their noise, and also makes the triangles more regular.
+    Vertices at the cut of a part stay.
     """
-    return cotangent_laplacian(part, borders, 0.0, 0.0, fastest=1.0)
+    return cotangent_laplacian(part, borders, 0.0, 0.0, max_rate=1.0)
 
 
 def cotangent_laplacian(
-    part: MeshPart, borders: Borders, power: float, unit: float, *, fastest: float | None = None
+    part: MeshPart, borders: Borders, power: float, unit: float, *, max_rate: float | None = None
 ) -> Laplacian:
-    """Differences from the mean with cotangent weights, which vanish on planes: they move vertices along the normal.
+    """Differences from the mean with cotangent weights, which vanish on planes: vertices move along the normal.
 
-    A power of 0 means one rate for all, which goes by edges; 1 the Laplace-Beltrami operator, which goes by lengths, in
-    units of the mean edge, `unit`. Rates are kept within `fastest`, which bounds the eigenvalues, by default
-    the quantile `FAST` of them. Vertices where the part was cut out stay.
-    The means are plain ones if the unit is 0.
+    The rates are (sum of weights / (4 area))^power. A power of 0 gives equal rates, with edges as the unit of length; 1
+    the Laplace-Beltrami operator in units of the mean edge, `unit`. Rates are clipped at `max_rate`, which bounds the
+    eigenvalues, by default at their quantile `RATE_QUANTILE`. Vertices at the cut of a part stay. A unit of 0 gives
+    plain means.
     """
     rows, n = part.adjacency.vertices, len(part.ids)
     result = Laplacian(rows.indptr, rows.indices, np.zeros(len(rows.indices), np.float32), np.zeros(n, np.float32))
-    options = unit, power, FASTEST if fastest is None else fastest, {"curve": 1, "fixed": 0, "free": 2}[borders]
+    options = unit, power, MAX_RATE if max_rate is None else max_rate, {"curve": 1, "fixed": 0, "free": 2}[borders]
     run_kernel(_write_rows, n, mesh_stars(part.mesh, part.adjacency), *options, result)
     result.rates[part.cut] = 0.0
-    if fastest is None:
-        fastest = max(float(np.quantile(result.rates, FAST)), 0.5) if n else 0.5
-        np.minimum(result.rates, fastest, out=result.rates)
-    return result._replace(bound=2.0 * fastest)
+    if max_rate is None:
+        max_rate = max(float(np.quantile(result.rates, RATE_QUANTILE)), 0.5) if n else 0.5
+        np.minimum(result.rates, max_rate, out=result.rates)
+    return result._replace(bound=2.0 * max_rate)
 
 
 @jit()
 def _write_rows(
-    mesh: MeshStars, unit: float, power: float, fastest: float, borders: int, result: Laplacian, start: int, stop: int
+    mesh: MeshStars, unit: float, power: float, max_rate: float, borders: int, result: Laplacian, start: int, stop: int
 ) -> None:
     """Write the weights and rates of vertices start .. stop-1; plain means if the unit is 0."""
     ptr, weights = result.indptr, result.weights
@@ -109,7 +109,7 @@ def _write_rows(
             weights[q] = weights[q] / total if total > 0.0 else 0.0
         result.rates[i] = 1.0
         if unit > 0.0 and not on_border:
-            result.rates[i] = min((total / (4.0 * max(area / (unit * unit), LEAST_AREA))) ** power, fastest)
+            result.rates[i] = min((total / (4.0 * max(area / (unit * unit), MIN_VERTEX_AREA))) ** power, max_rate)
         if total == 0.0 or (on_border and borders == 0):
             result.rates[i] = 0.0
 
@@ -135,5 +135,5 @@ def _write_cotangents(mesh: MeshStars, result: Laplacian, i: int) -> float:
             elif indices[q] == b:
                 weights[q] += 0.5 * at_a
     for q in range(first, last):
-        weights[q] = min(max(weights[q], LEAST_COTANGENT), LARGEST_COTANGENT)
+        weights[q] = min(max(weights[q], MIN_EDGE_WEIGHT), MAX_EDGE_WEIGHT)
     return area

@@ -1,4 +1,4 @@
-"""Parts of a large mesh, from which what holds for the whole is learned."""
+"""Connected parts of a large mesh, the sample from which its global parameters are learned."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -12,99 +12,100 @@ from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.spatial_order import SpatialOrder
 from bezier_filters.runtime.jit import jit
 
-LARGEST_WHOLE = 60_000  # vertices up to which the sample is the whole mesh
-# how many parts, of how many vertices, and how many of these are so far inside that the strongest filters do not feel
-# where the part was cut out
-PARTS, PART, CORE = 6, 15_000, 6_000
+MAX_WHOLE_VERTICES = 60_000  # vertices up to which the sample is the whole mesh
+# number of parts, vertices of a part, and vertices of its core, so far inside that the strongest filters do not reach
+# the cut
+PART_COUNT, PART_VERTICES, PART_CORE_VERTICES = 6, 15_000, 6_000
 
 
 @dataclass(frozen=True)
 class MeshPart:
-    """A mesh that is a part of another one, or all of it."""
+    """A part of a mesh, or all of it."""
 
     mesh: TriangleMesh
-    adjacency: Adjacency  # of that mesh
-    ids: IntArray  # (k,): which vertices of the whole mesh they are
+    adjacency: Adjacency  # of the part
+    ids: IntArray  # (k,): numbers of its vertices in the whole mesh
     cut: BoolArray  # (k,): vertices some of whose faces are missing
-    core: BoolArray  # (k,): vertices that stand for the mesh as a whole: not those near where the part was cut out
-    vertex_count: int  # how many vertices the whole mesh has
+    core: BoolArray  # (k,): vertices that represent the whole mesh, away from the cut
+    vertex_count: int  # number of vertices of the whole mesh
 
 
 def whole_mesh(mesh: TriangleMesh, adjacency: Adjacency) -> MeshPart:
-    """All of a mesh."""
+    """A whole mesh as a part."""
     n = mesh.vertex_count
     cut, core = np.zeros(n, dtype=np.bool_), np.ones(n, dtype=np.bool_)
     return MeshPart(mesh, adjacency, np.arange(n, dtype=np.int32), cut, core, n)
 
 
-def renumbered(part: MeshPart, ordered: SpatialOrder) -> MeshPart:
-    """A part whose mesh is in another order."""
+def reorder_part(part: MeshPart, ordered: SpatialOrder) -> MeshPart:
+    """Reorder the vertices of a part."""
     mesh, order = ordered.mesh, ordered.order
     return MeshPart(mesh, vertex_adjacency(mesh), part.ids[order], part.cut[order], part.core[order], part.vertex_count)
 
 
-def sampled_parts(mesh: TriangleMesh, adjacency: Adjacency, around: Sequence[int] = ()) -> MeshPart:
-    """Connected parts from all over a mesh, or all of it if it is not large.
+def sample_parts(mesh: TriangleMesh, adjacency: Adjacency, around: Sequence[int] = ()) -> MeshPart:
+    """Sample connected parts from all over a mesh, or all of it if it is not large.
 
-    Each part grows ring by ring from a vertex until it has enough, and continues with another one where there
-    is nothing more to grow to. The sample also holds the vertices `around` with what is around them; these do not
-    stand for the mesh as a whole.
+    Each part grows ring by ring from a vertex until it is large enough, and continues at another vertex if its
+    component ends. The sample also has parts around the vertices `around`, which do not belong to the core.
     """
     n = mesh.vertex_count
-    if n <= LARGEST_WHOLE:
+    if n <= MAX_WHOLE_VERTICES:
         return whole_mesh(mesh, adjacency)
-    samples = sampled_vertices(n, around, partial(_grown, adjacency))
+    samples = sample_vertices(n, around, partial(_grow_from_seed, adjacency))
     return mesh_part(mesh, adjacency, np.arange(n, dtype=np.int32), samples, n)
 
 
-def sampled_vertices(n: int, around: Sequence[int], grown: Callable[[int], IntArray]) -> tuple[IntArray, IntArray]:
-    """Vertices of the parts of a mesh of n, and those that stand for the whole, from what grows around one of them."""
-    if n <= LARGEST_WHOLE:
+def sample_vertices(
+    n: int, around: Sequence[int], grow_from_seed: Callable[[int], IntArray]
+) -> tuple[IntArray, IntArray]:
+    """Vertices of the parts of a mesh of n vertices, and of their cores; `grow_from_seed` grows a part from one."""
+    if n <= MAX_WHOLE_VERTICES:
         every = np.arange(n, dtype=np.int32)
         return every, every
-    orders = [grown(int(seed)) for seed in (np.arange(PARTS) + 0.5) * n / PARTS]
-    core = [order[: CORE if len(order) == PART else len(order)] for order in orders]
-    return np.unique(np.concatenate([*orders, *map(grown, around)])), np.unique(np.concatenate(core))
+    orders = [grow_from_seed(int(seed)) for seed in (np.arange(PART_COUNT) + 0.5) * n / PART_COUNT]
+    core = [order[: PART_CORE_VERTICES if len(order) == PART_VERTICES else len(order)] for order in orders]
+    return np.unique(np.concatenate([*orders, *map(grow_from_seed, around)])), np.unique(np.concatenate(core))
 
 
 def mesh_part(
     mesh: TriangleMesh, adjacency: Adjacency, ids: IntArray, samples: tuple[IntArray, IntArray], n: int
 ) -> MeshPart:
-    """The samples among the vertices of a mesh, which have ids in one of n vertices, and the faces between them."""
-    taken, core = (np.isin(ids, some) for some in samples)
-    number = np.cumsum(taken, dtype=np.int32) - np.int32(1)
-    part = TriangleMesh(mesh.vertices[taken], number[mesh.faces[taken[mesh.faces].all(axis=1)]])
+    """The samples of a mesh, whose vertices have ids in a mesh of n vertices, with the faces between them."""
+    sampled, core = (np.isin(ids, some) for some in samples)
+    number = np.cumsum(sampled, dtype=np.int32) - np.int32(1)
+    part = TriangleMesh(mesh.vertices[sampled], number[mesh.faces[sampled[mesh.faces].all(axis=1)]])
     found = vertex_adjacency(part)
-    cut = found.faces.lengths != adjacency.faces.lengths[taken]
-    return MeshPart(part, found, ids[taken], cut, core[taken], n)
+    cut = found.faces.lengths != adjacency.faces.lengths[sampled]
+    return MeshPart(part, found, ids[sampled], cut, core[sampled], n)
 
 
-def _grown(adjacency: Adjacency, seed: int) -> IntArray:
-    """Vertices around one, nearest first, and then around the next one that is not among them."""
+def _grow_from_seed(adjacency: Adjacency, seed: int) -> IntArray:
+    """Vertices around one, nearest first, and then around the next unseen one."""
     seen, following = np.zeros(len(adjacency.vertices), np.bool_), seed
-    orders, room = list[IntArray](), PART
+    orders, room = list[IntArray](), PART_VERTICES
     while room and following >= 0:
-        orders.append(grow(adjacency.vertices, following, seen, room)[0])
+        orders.append(grow_component(adjacency.vertices, following, seen, room)[0])
         room -= len(orders[-1])
         following = next_unseen(seen, following)
     return np.concatenate(orders)
 
 
-def grow(rows: Rows, seed: int, seen: BoolArray, room: int) -> tuple[IntArray, int]:
-    """What is connected to a vertex and was not seen before, nearest first, as many as there is room for.
+def grow_component(rows: Rows, seed: int, seen: BoolArray, room: int) -> tuple[IntArray, int]:
+    """Unseen vertices connected to a seed, nearest first, up to `room` of them.
 
-    Also how many edges the last one whose neighbours were added is away; -1 if there is none.
+    Also the distance in edges of the last vertex whose neighbours were added; -1 if there is none.
     """
     order, depth = np.zeros((2, room), dtype=np.int32)
-    count, done = _grow(rows.indptr, rows.indices, seed, seen, order, depth)
+    count, done = _grow_kernel(rows.indptr, rows.indices, seed, seen, order, depth)
     return order[:count], int(depth[done - 1]) if done else -1
 
 
 @jit()
-def _grow(
+def _grow_kernel(
     ptr: IntArray, indices: IntArray, seed: int, seen: BoolArray, order: IntArray, depth: IntArray
 ) -> tuple[int, int]:
-    """Write vertices around one, nearest first; return how many there are, and how many were looked at."""
+    """Write vertices around one, nearest first; return their number, and the number of expanded ones."""
     order[0], seen[seed] = seed, True
     count, done = 1, 0
     while done < count and count < len(order):
@@ -121,7 +122,7 @@ def _grow(
 
 @jit()
 def next_unseen(seen: BoolArray, after: int) -> int:
-    """The next vertex, beginning anew after the last one; -1 if all were seen."""
+    """The next unseen vertex in cyclic order; -1 if all were seen."""
     n = len(seen)
     for k in range(1, n):
         if not seen[(after + k) % n]:

@@ -1,4 +1,8 @@
-"""Whether the noise of a mesh varies from place to place, and how."""
+"""Estimates the local standard deviation of the noise of a mesh, if it varies, and the roughest vertices.
+
+The local level is a robust mean of the high-pass residuals |p - f(L) p| along the normals, where f is a weak low-pass
+filter, over the fraction of the noise that the filter removes.
+"""
 
 from dataclasses import dataclass
 
@@ -12,48 +16,48 @@ from bezier_filters.smoothing.clusters import Clusters, clusters_of
 from bezier_filters.smoothing.laplacian import Laplacian, umbrella_laplacian
 from bezier_filters.smoothing.mesh_parts import MeshPart
 from bezier_filters.smoothing.random_noise import (
-    FIRST_STREAM,
+    CORRELATED_NOISE_STREAM,
     WHITE,
     Correlation,
+    draw_white_noise,
     random_bits,
     random_signs,
-    white_noise,
 )
 
-WEAK, MEDIUM = np.array([1.0]), np.array([10.0])  # strengths of the filters that residuals and normals are taken from
-STRONG = np.array([100.0])  # strength of the filter that rough places do not follow
-ROUGHNESS_RINGS = 32  # around a tile, within which something may be rough
-# of clusters, see there, where no mesh tells: on triangles of about one size it is within some hundredths of that
-PACE = 0.27
-# times the largest roughness: which of such places is taken does not matter, but tiles have to take that of memory
-AS_ROUGH = 0.98
-LOTS = 101  # which of the random numbers at vertices say what place that is
-SPREAD = 2.0  # ratio of high levels to low ones from which on the noise is taken to vary
-HIGHEST = 0.8  # quantile of the levels above which creases are looked for
-# mean |x| over the squared mean of sqrt(|x|) above which x is not normally distributed, for which it is 1.18
-CREASED = 1.21
-LEAST = 0.1  # of the highest levels, the lowest
-# times the mean edge: fine relief of clean scans, in which neighbours differ, too, and which is left alone
-DETAIL = 0.01
-LEAST_NOISE = DETAIL + 1e-4  # times the mean edge: below that there is nothing to take off
-MEAN_ROOT = 0.822  # mean of sqrt(|x|) for a standard normal x
+WEAK_STRENGTH, MEDIUM_STRENGTH = np.array([1.0]), np.array([10.0])  # filter strengths for residuals and for normals
+STRONG_STRENGTH = np.array([100.0])  # strength of the filter that rough places do not follow
+ROUGHNESS_RINGS = 32  # rings around a tile that its roughness depends on
+# `time_scale` of clusters where no mesh gives it: triangles of about one size are within some hundredths of it
+DEFAULT_TIME_SCALE = 0.27
+# Ratio to the largest roughness that counts as a tie: any such vertex will do, but tiles and memory must pick the same.
+ROUGHNESS_TIE_RATIO = 0.98
+TIE_BREAK_STREAM = 101  # stream of the vertex hashes that break ties
+MIN_LEVEL_RATIO = 2.0  # ratio of the 0.9 to the 0.1 quantile of the levels from which on the noise varies
+CREASE_LEVEL_QUANTILE = 0.8  # quantile of the levels above which creases are searched
+# mean |x| over the squared mean of sqrt(|x|), above which x is not normal; the normal distribution has 1.18
+CREASE_MOMENT_RATIO = 1.21
+MIN_LEVEL_FRACTION = 0.1  # lower bound of the levels, over the 0.9 quantile
+# standard deviation of fine relief over the mean edge: clean scans have it, and smoothing keeps it
+RELIEF_PER_EDGE = 0.01
+MIN_NOISE_PER_EDGE = RELIEF_PER_EDGE + 1e-4  # smallest standard deviation of noise over the mean edge
+NORMAL_MEAN_ROOT = 0.822  # mean of sqrt(|x|) for a standard normal x
 
 
 @dataclass(frozen=True)
 class NoiseLevels:
-    """How much noise there is, and where."""
+    """Global parameters of the local standard deviation of the noise."""
 
-    sigma: float | None  # its standard deviation everywhere, a length; None if it varies
-    share: float  # of the noise, what a weak filter takes off
-    lowest: float  # the lowest level that there may be, a length
-    detail: float  # standard deviation of the relief that is left alone, a shorter length
-    correlation: Correlation = WHITE  # how alike it is at neighbouring vertices
-    factor: float = 1.0  # how much more noise there is, where it varies, than can be seen
+    sigma: float | None  # standard deviation everywhere, a length; None if it varies
+    share: float  # fraction of the noise that a weak filter removes
+    min_level: float  # lower bound of the levels, a length
+    detail: float  # standard deviation of the relief to keep, a shorter length
+    correlation: Correlation = WHITE  # correlation of neighbouring vertices
+    factor: float = 1.0  # ratio of the known to the estimated standard deviation, if the noise varies
 
-    def at(self, roots: SingleArray) -> FloatArray:
+    def sigma_from_roots(self, roots: SingleArray) -> FloatArray:
         """Standard deviation of the noise at vertices, (n,)."""
         levels = np.full(len(roots), self.sigma) if self.sigma is not None else self.factor * _levels(roots)
-        result: FloatArray = np.sqrt(np.maximum(levels, self.lowest) ** 2 - self.detail**2)
+        result: FloatArray = np.sqrt(np.maximum(levels, self.min_level) ** 2 - self.detail**2)
         return result
 
 
@@ -64,14 +68,16 @@ class NoisyMesh:
     part: MeshPart
     clusters: Clusters  # of the same mesh
     sigma: FloatArray  # (n,): standard deviation of the noise around every vertex, positive lengths
-    correlation: Correlation = WHITE  # how alike the noise of neighbouring vertices is
-    laplacian: Laplacian | None = None  # of umbrellas, with free borders: what noise that is alike is made with
+    correlation: Correlation = WHITE  # correlation of the noise of neighbouring vertices
+    laplacian: Laplacian | None = None  # umbrella Laplacian with free borders, whose heat flow makes correlated noise
 
     def probes(self, columns: int, *, first: int = 0) -> SingleArray:
         """Noise of variance 1, (n, columns): random signs if it is white."""
 
         def signs(part: int) -> SingleArray:
-            return random_signs(self.part.ids, columns, first=first, stream=FIRST_STREAM + part - 1 if part else 0)
+            return random_signs(
+                self.part.ids, columns, first=first, stream=CORRELATED_NOISE_STREAM + part - 1 if part else 0
+            )
 
         return self.correlation.apply(signs, self.laplacian)
 
@@ -79,7 +85,7 @@ class NoisyMesh:
         """Noise of variance 1 and normal distribution, (n, columns)."""
 
         def numbers(part: int) -> SingleArray:
-            return white_noise(self.part.ids, columns, stream=FIRST_STREAM * (part + 1) if part else 1)
+            return draw_white_noise(self.part.ids, columns, stream=CORRELATED_NOISE_STREAM * (part + 1) if part else 1)
 
         return self.correlation.apply(numbers, self.laplacian)
 
@@ -88,102 +94,102 @@ class NoisyMesh:
         squares: SingleArray = np.square(probes).sum(axis=1, dtype=np.float32)
         if not self.correlation.times:
             return squares
-        return self.clusters.around([squares])[:, 0]
+        return self.clusters.average([squares])[:, 0]
 
 
 def learn_noise_levels(
     noisy: NoisyMesh, laplacian: Laplacian, sigma: float, unit: float, *, given: bool = False
 ) -> tuple[NoiseLevels, FloatArray]:
-    """What holds for a mesh as a whole, by the core of a part, and the standard deviation of the noise, (n,).
+    """Learn the noise levels of a mesh from the core of a part, and the standard deviation at its vertices, (n,).
 
-    The noise has the same level everywhere, sigma, which the mesh has so far, unless it clearly varies. Levels are
-    means of what a weak filter takes off, in a way that outliers, such as at edges, matter little to. Where they are
-    high for many creases, what it takes off is not normally distributed, as noise is. None is below `LEAST_NOISE`
-    before the standard deviation of the relief, `DETAIL`, is taken off it; `unit` is the mean edge. If it varies, sigma
-    is its root mean square if that was `given`, and no matter otherwise. The Laplacian is
-    that of umbrellas, with free borders.
+    The noise has the level sigma everywhere, unless it clearly varies. Levels are robust local means of the high-pass
+    residuals of a weak filter, in which outliers, such as edges, have little weight. If many creases cause the highest
+    levels, the residuals there are not normally distributed as noise is, and the level is constant. Levels are at least
+    `MIN_NOISE_PER_EDGE`; the standard deviation of the relief, `RELIEF_PER_EDGE`, is subtracted from them in squares.
+    `unit` is the mean edge. If the noise varies and sigma was `given`, sigma is its root mean square; otherwise sigma
+    is not used. `laplacian` is the umbrella Laplacian with free borders.
     """
-    least, detail, core = LEAST_NOISE * unit, DETAIL * unit, noisy.part.core
+    least, detail, core = MIN_NOISE_PER_EDGE * unit, RELIEF_PER_EDGE * unit, noisy.part.core
     noise = noisy.samples(1).astype(np.float64)
-    taken = noise - low_pass(laplacian, noise, WEAK)
-    share = float(np.sqrt(np.square(taken[core]).mean()))
-    heights, roots = _taken_off(noisy.part, noisy.clusters, laplacian, share)
+    removed = noise - low_pass(laplacian, noise, WEAK_STRENGTH)
+    share = float(np.sqrt(np.square(removed[core]).mean()))
+    heights, roots = _high_pass_residuals(noisy.part, noisy.clusters, laplacian, share)
     found = _levels(roots[core])
     low, high = np.quantile(found, (0.1, 0.9))
-    if high < SPREAD * low or _is_creased(heights[core], found):
+    if high < MIN_LEVEL_RATIO * low or _is_creased(heights[core], found):
         levels = NoiseLevels(sigma, share, least, detail, noisy.correlation)
     else:
         factor = sigma / float(np.sqrt(np.square(found).mean())) if given else 1.0
-        lowest = max(least, LEAST * factor * float(high))
-        levels = NoiseLevels(None, share, lowest, detail, noisy.correlation, factor)
-    return levels, levels.at(roots)
+        min_level = max(least, MIN_LEVEL_FRACTION * factor * float(high))
+        levels = NoiseLevels(None, share, min_level, detail, noisy.correlation, factor)
+    return levels, levels.sigma_from_roots(roots)
 
 
 def local_sigma(part: MeshPart, clusters: Clusters, levels: NoiseLevels) -> FloatArray:
     """Standard deviation of the noise around every vertex, (n,)."""
     if levels.sigma is not None:
-        return levels.at(np.zeros(len(part.ids), dtype=np.float32))
+        return levels.sigma_from_roots(np.zeros(len(part.ids), dtype=np.float32))
     laplacian = umbrella_laplacian(part, "free")
-    return levels.at(_taken_off(part, clusters, laplacian, levels.share)[1])
+    return levels.sigma_from_roots(_high_pass_residuals(part, clusters, laplacian, levels.share)[1])
 
 
 def roughness(part: MeshPart, sigma: float, clusters: Clusters | None = None) -> FloatArray:
-    """How much more a strong filter takes off around every vertex than a weak one, (n,): most at edges and corners.
+    """Local ratio of the squared residuals of a strong and of a weak filter, (n,): largest at edges and corners.
 
-    Where a large mesh is roughest, it has to be looked at, lest an edge be smoothed because no sample has met one.
-    It goes by ratios, as the noise itself may vary. A tile has `ROUGHNESS_RINGS` around what counts; sigma is the
-    standard deviation of the noise of the mesh as a whole. The clusters, if they are known, have the pace `PACE`.
+    The sample of a large mesh must include its roughest vertex: otherwise edges would be smoothed if no sample has one.
+    A ratio is used because the noise itself may vary. A tile needs `ROUGHNESS_RINGS` around its own vertices; sigma is
+    the standard deviation of the noise of the whole mesh. Given clusters must have the time scale `DEFAULT_TIME_SCALE`.
     """
-    clusters, laplacian = clusters or clusters_of(part, PACE), umbrella_laplacian(part, "free")
-    strong, weak = _heights(part, laplacian, STRONG)
-    around = clusters.around([np.square(strong), np.sqrt(np.abs(weak))]).astype(np.float64)
-    return around[:, 0] / np.maximum(around[:, 1] ** 4, (LEAST * sigma) ** 2)
+    clusters, laplacian = clusters or clusters_of(part, DEFAULT_TIME_SCALE), umbrella_laplacian(part, "free")
+    strong, weak = _heights(part, laplacian, STRONG_STRENGTH)
+    around = clusters.average([np.square(strong), np.sqrt(np.abs(weak))]).astype(np.float64)
+    return around[:, 0] / np.maximum(around[:, 1] ** 4, (MIN_LEVEL_FRACTION * sigma) ** 2)
 
 
-def roughest(values: FloatArray, ids: IntArray) -> IntArray:
-    """Where it is roughest, as far as some of the vertices tell: places among these, that for all of them first.
+def roughest_vertices(values: FloatArray, ids: IntArray) -> IntArray:
+    """Indices of the roughest of some vertices first, and of candidates for the roughest of a larger set.
 
-    It is drawn by lot from what is nearly as rough as the roughest of all: a tile, whose sums are others, nearly always
-    draws what memory draws, where the very largest would be a matter of rounding. The others are what may
-    be drawn when there are more vertices: so a few of each tile do.
+    Ties within 2 % are broken by a vertex hash, so that tiles and memory pick the same vertex; their largest values
+    differ by rounding. The candidates of all tiles include the roughest vertex of the mesh, so each tile needs to
+    report only a few.
 
     >>> values, ids = np.random.default_rng(0).random(10_000), np.arange(10_000, dtype=np.int32)
-    >>> few = [k + roughest(values[k : k + 500], ids[k : k + 500]) for k in range(0, 10_000, 500)]
-    >>> max(map(len, few)) < 12, ids[roughest(values, ids)[0]] == np.concatenate(few)[
-    ...     roughest(values[np.concatenate(few)], ids[np.concatenate(few)])[0]
+    >>> few = [k + roughest_vertices(values[k : k + 500], ids[k : k + 500]) for k in range(0, 10_000, 500)]
+    >>> max(map(len, few)) < 12, ids[roughest_vertices(values, ids)[0]] == np.concatenate(few)[
+    ...     roughest_vertices(values[np.concatenate(few)], ids[np.concatenate(few)])[0]
     ... ]
     (True, np.True_)
     """
-    values = np.nan_to_num(values)  # of lengths whose squares are no numbers
-    near = np.flatnonzero(values >= AS_ROUGH * values.max())
-    near = near[np.argsort(random_bits(ids[near], LOTS))]
+    values = np.nan_to_num(values)  # squares of lengths may overflow
+    near = np.flatnonzero(values >= ROUGHNESS_TIE_RATIO * values.max())
+    near = near[np.argsort(random_bits(ids[near], TIE_BREAK_STREAM))]
     before = np.maximum.accumulate(np.append(-1.0, values[near]))[:-1]
     return near[values[near] > before].astype(np.int32)
 
 
-def _taken_off(
+def _high_pass_residuals(
     part: MeshPart, clusters: Clusters, laplacian: Laplacian, share: float
 ) -> tuple[FloatArray, SingleArray]:
-    """What a weak filter takes off every vertex, over its share of the noise, lengths, and mean roots of it, (n,)."""
-    heights = np.abs(_heights(part, laplacian, MEDIUM)[1] / share)
-    return heights, np.maximum(clusters.around([np.sqrt(heights)])[:, 0], np.float32(0.0))
+    """High-pass residuals of every vertex over their share of noise, lengths, and local means of their roots, (n,)."""
+    heights = np.abs(_heights(part, laplacian, MEDIUM_STRENGTH)[1] / share)
+    return heights, np.maximum(clusters.average([np.sqrt(heights)])[:, 0], np.float32(0.0))
 
 
 def _is_creased(heights: FloatArray, levels: FloatArray) -> bool:
-    """Whether creases are what makes heights that a weak filter takes off large where their levels (n,) are highest."""
-    highest = (levels >= np.quantile(levels, HIGHEST)) & (levels > 0.0)
+    """Whether creases cause the highest levels (n,): the high-pass residuals there are not normally distributed."""
+    highest = (levels >= np.quantile(levels, CREASE_LEVEL_QUANTILE)) & (levels > 0.0)
     relative = heights[highest] / levels[highest]
-    return not (len(relative) and relative.mean() < CREASED * np.sqrt(relative).mean() ** 2)
+    return not (len(relative) and relative.mean() < CREASE_MOMENT_RATIO * np.sqrt(relative).mean() ** 2)
 
 
 def _heights(part: MeshPart, laplacian: Laplacian, strength: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Of the vertices over the mesh after a filter, and after a weak one, along the normals of the former, (n,)."""
+    """Heights of the vertices over the mesh after a filter and after a weak one, along normals of the first, (n,)."""
     vertices = part.mesh.vertices
-    smooth, weak = (low_pass(laplacian, vertices, one) for one in (strength, WEAK))
+    smooth, weak = (low_pass(laplacian, vertices, one) for one in (strength, WEAK_STRENGTH))
     normals = tangent_planes(TriangleMesh(smooth, part.mesh.faces), part.adjacency).normals
     return np.einsum("ij,ij->i", vertices - smooth, normals), np.einsum("ij,ij->i", vertices - weak, normals)
 
 
 def _levels(roots: SingleArray) -> FloatArray:
-    result: FloatArray = np.square(roots.astype(np.float64) / MEAN_ROOT)
+    result: FloatArray = np.square(roots.astype(np.float64) / NORMAL_MEAN_ROOT)
     return result

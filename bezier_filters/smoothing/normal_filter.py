@@ -1,11 +1,11 @@
-"""Face normals without their noise, and vertices that fit them.
+"""A bilateral filter of face normals, and an update of the vertices that fits the filtered normals.
 
-The normals become means over the faces around that agree up to the noise. A face's neighbours count the less, the
-farther their normals are from its own, in units of the noise that is left in both (a bilateral filter). The noise is
-known: samples of it pass through the same means. So the filter becomes ever pickier as the noise falls, and comes to
-rest by itself where edges and corners, which noise does not explain, are as sharp as they are going to be.
+Each normal becomes a mean over the adjacent faces, with weights exp(-d^2 / (2 tolerance^2 v)), where d is the
+difference of two normals and v the variance of its noise. The remaining noise is known, because samples of it pass
+through the same means. As it falls, the weights become more selective, and the filter converges where edges and
+corners, which noise does not explain, are sharp.
 
-To tell how far the result follows the data, a mesh whose vertices are moved a little, the probe, passes along.
+A second mesh with slightly displaced vertices, the probe, passes through the same filter and gives the leverages.
 """
 
 from functools import partial
@@ -24,17 +24,17 @@ from bezier_filters.runtime.rows import NUMBERS, first_twice, inner_products, ve
 from bezier_filters.smoothing.chebyshev import Step, coefficients
 from bezier_filters.smoothing.laplacian import MeshStars, mesh_stars
 
-SMALLEST_VARIANCE = 1e-12  # of a normal, radians^2: below that everything agrees only with itself
-SQUARINGS = 5
-POWER = 2**SQUARINGS  # weights are (1 - x / power)^power, nearly exp(-x) and soon computed
-UPDATE_ROUNDS = 20  # more would fit the normals better, but let the vertices drift away from where they were measured
-ONE, FOUR, EIGHT = np.uint32(1), np.uint32(NUMBERS), np.uint32(LANES)  # for places without a sign, see `lanes.Place`
-AREA, VARIANCE = np.uint32(3), np.uint32(7)  # where these are in the lanes of a face, see `NoisyNormals`
-TERMS = 10  # of the polynomial that does as much as all rounds
+MIN_NORMAL_VARIANCE = 1e-12  # lower bound of the variance of a normal, radians^2
+WEIGHT_SQUARINGS = 5
+WEIGHT_POWER = 2**WEIGHT_SQUARINGS  # weights are (1 - x / power)^power, nearly exp(-x) and fast to compute
+UPDATE_ROUNDS = 20  # more would fit the normals better, but the vertices would drift from their measured positions
+ONE, FOUR, EIGHT = np.uint32(1), np.uint32(NUMBERS), np.uint32(LANES)  # unsigned, see `lanes.Place`
+AREA_LANE, VARIANCE_LANE = np.uint32(3), np.uint32(7)  # lanes of a face, see `NoisyNormals`
+UPDATE_TERMS = 10  # terms of the polynomial that is equivalent to all rounds
 
 
 class NoisyNormals(NamedTuple):
-    """Unit normals of faces, and what noise did to them."""
+    """Unit normals of faces, and the effect of noise on them."""
 
     faces: IntArray  # (m, 3): vertices of the faces
     # (m (2 + k), 4), for each face: normal of the mesh and twice the area of the face; normal of the probe and variance
@@ -59,7 +59,7 @@ class NoisyNormals(NamedTuple):
 
 
 def noisy_normals(mesh: TriangleMesh, adjacency: Adjacency, probe: TriangleMesh, noise: SingleArray) -> NoisyNormals:
-    """Normals of two meshes, and how samples of the noise of vertices (n, k, 3) turn the first ones, to first order."""
+    """Normals of two meshes, and first-order changes of the first ones by samples of vertex noise (n, k, 3)."""
     m, at_vertex = mesh.face_count, adjacency.faces
     rows = np.zeros((m * (2 + noise.shape[1]), NUMBERS), dtype=np.float32)
     state = NoisyNormals(mesh.faces, rows, at_vertex.indptr, at_vertex.indices)
@@ -68,10 +68,10 @@ def noisy_normals(mesh: TriangleMesh, adjacency: Adjacency, probe: TriangleMesh,
 
 
 def filter_normals(state: NoisyNormals, rounds: int, tolerance: float) -> NoisyNormals:
-    """Replace every normal by its mean with those around it, some rounds.
+    """Replace every normal by its weighted mean with the adjacent ones, for a number of rounds.
 
-    The rows of the state are overwritten. A neighbour weighs exp(-1/2) if two normals differ by `tolerance` standard
-    deviations of what noise makes of their difference.
+    The rows of the state are overwritten. The weight of a neighbour is exp(-1/2) if the two normals differ by
+    `tolerance` standard deviations of the noise of their difference.
 
     >>> from bezier_filters.meshes.adjacency import vertex_adjacency
     >>> from bezier_filters.meshes.mesh import triangle_mesh
@@ -87,7 +87,7 @@ def filter_normals(state: NoisyNormals, rounds: int, tolerance: float) -> NoisyN
     means, squares, factor = np.empty_like(state.rows), np.empty(len(state.faces), np.float32), np.float32(tolerance**2)
     run_kernel(_mean_squares, len(state.faces), state.rows, factor, squares)
     for _ in range(rounds):
-        _write_variances(state, squares, np.float32(SMALLEST_VARIANCE) * factor)
+        _write_variances(state, squares, np.float32(MIN_NORMAL_VARIANCE) * factor)
 
         def make_task(state: NoisyNormals = state, means: SingleArray = means) -> RangeTask:
             around, weights = np.empty(most, dtype=np.int32), np.empty(LANES * most, dtype=np.float32)
@@ -99,12 +99,12 @@ def filter_normals(state: NoisyNormals, rounds: int, tolerance: float) -> NoisyN
 
 
 def _write_variances(state: NoisyNormals, squares: SingleArray, least: np.float32) -> None:
-    """Write means of the mean squared changes of the normals, (m,), around each face; they are overwritten, too."""
+    """Write local means of the mean squared changes of the normals, (m,), which are overwritten, too."""
     m, at_vertices = len(state.faces), np.zeros(len(state.face_ptr) - 1, dtype=np.float32)
     rows = state.rows.ravel()
-    for result, stride, first in ((squares, 1, 0), (rows, len(rows) // max(m, 1), int(VARIANCE))):
-        run_kernel(_to_vertices, len(at_vertices), state.face_ptr, state.face_indices, squares, at_vertices)
-        run_kernel(_to_faces, m, state.faces, at_vertices, least, result, stride, first)
+    for result, stride, first in ((squares, 1, 0), (rows, len(rows) // max(m, 1), int(VARIANCE_LANE))):
+        run_kernel(_average_to_vertices, len(at_vertices), state.face_ptr, state.face_indices, squares, at_vertices)
+        run_kernel(_average_to_faces, m, state.faces, at_vertices, least, result, stride, first)
 
 
 @jit()
@@ -119,7 +119,7 @@ def _mean_squares(rows: SingleArray, factor: np.float32, of_faces: SingleArray, 
 
 
 @jit()
-def _to_vertices(
+def _average_to_vertices(
     face_ptr: IntArray, face_indices: IntArray, of_faces: SingleArray, at_vertices: SingleArray, start: int, stop: int
 ) -> None:
     for i in range(np.uint32(start), np.uint32(stop)):
@@ -130,7 +130,7 @@ def _to_vertices(
 
 
 @jit()
-def _to_faces(
+def _average_to_faces(
     faces: IntArray,
     at_vertices: SingleArray,
     least: np.float32,
@@ -197,23 +197,23 @@ def _filter(
     one, zero = spread(np.float32(1.0)), spread(np.float32(0.0))
     for f in range(np.uint32(start), np.uint32(stop)):
         own, count = pairs * f, _faces_around(state, f, around)
-        here, area, variance = load(rows, own), rows[EIGHT * own + AREA], rows[EIGHT * own + VARIANCE]
+        here, area, variance = load(rows, own), rows[EIGHT * own + AREA_LANE], rows[EIGHT * own + VARIANCE_LANE]
         normals = spread(area) * here
         for q in range(np.uint32(count)):
             g = pairs * np.uint32(around[q])
-            there, scale = load(rows, g), np.float32(-0.5 / POWER) / (variance + rows[EIGHT * g + VARIANCE])
-            # How much the two normals agree with those of the other face.
+            there, scale = load(rows, g), np.float32(-0.5 / WEIGHT_POWER) / (variance + rows[EIGHT * g + VARIANCE_LANE])
+            # Agreement of the two normals with those of the other face.
             weight = one + spread(scale) * inner_products(here - there, here - there)
             weight = where_greater(weight, zero, weight, zero)
-            for _ in range(SQUARINGS):
+            for _ in range(WEIGHT_SQUARINGS):
                 weight = weight * weight
-            weight = weight * spread(rows[EIGHT * g + AREA])
+            weight = weight * spread(rows[EIGHT * g + AREA_LANE])
             normals = multiply_add(weight, there, normals)
             store(weights, q, first_twice(weight))
         lengths = square_root(inner_products(normals, normals))
         normals = vectors(where_greater(lengths, zero, normals / lengths, normals))
         store(means, own, normals)
-        means[EIGHT * own + AREA] = area
+        means[EIGHT * own + AREA_LANE] = area
         normal, inverse = first_twice(normals), first_twice(where_greater(lengths, zero, one / lengths, zero))
         total = np.float32(0.0)
         for k in range(ONE, pairs):
@@ -231,10 +231,10 @@ def _filter(
 
 @inner_jit()
 def _faces_around(state: NoisyNormals, f: Place, around: IntArray) -> np.uint32:
-    """Write the faces that share a vertex with one, each once; return how many there are.
+    """Write the faces that share a vertex with one, each once; return their number.
 
-    All are written, and those met before are written over: a branch would be mispredicted for every third one.
-    Numbers are without a sign here, see `lanes.Place`.
+    All are written, and repeated ones are overwritten: a branch would be mispredicted for every third one.
+    Numbers are unsigned here, see `lanes.Place`.
     """
     faces, face_ptr, face_indices, count = state.faces, state.face_ptr, state.face_indices, np.uint32(0)
     a, b, c = int(np.uint32(faces[f, 0])), int(np.uint32(faces[f, 1])), int(np.uint32(faces[f, 2]))
@@ -253,8 +253,8 @@ def _faces_around(state: NoisyNormals, f: Place, around: IntArray) -> np.uint32:
 def move_to_normals(mesh: TriangleMesh, adjacency: Adjacency, normals: SingleArray, movable: BoolArray) -> SingleArray:
     """Move the vertices so that the faces become perpendicular to given normals.
 
-    Each round moves every vertex by the mean of what takes it onto the planes through the centers of its faces,
-    x_i += mean of ((c_f - x_i) . n_f) n_f: steps downhill for the sum of ((x_i - c_f) . n_f)^2 (after
+    Each round moves every vertex by the mean of its projections onto the planes through the centers of its faces,
+    x_i += mean of ((c_f - x_i) . n_f) n_f: gradient descent for the sum of ((x_i - c_f) . n_f)^2 (after
     Sun, Rosin, Martin, Langbein, "Fast and effective feature-preserving mesh denoising", TVCG 2007).
     The first step is linear in the coordinates, b = -A x, and all of them together are the polynomial
     (1 - (1 - A)^rounds) / A of b, which a short Chebyshev series gives: the eigenvalues of A lie in [0, 1].
@@ -266,7 +266,7 @@ def move_to_normals(mesh: TriangleMesh, adjacency: Adjacency, normals: SingleArr
     planes[:, :3] = normals
     before, current, result = np.zeros((3, mesh.vertex_count, 3), dtype=np.float32)
     run_kernel(_first_step, len(result), stars, planes, movable, current)
-    polynomial = coefficients(lambda x: (-np.expm1(UPDATE_ROUNDS * np.log1p(-x)) / x)[:, np.newaxis], 1.0, TERMS)
+    polynomial = coefficients(lambda x: (-np.expm1(UPDATE_ROUNDS * np.log1p(-x)) / x)[:, np.newaxis], 1.0, UPDATE_TERMS)
     for k, coefficient in enumerate(polynomial[:, 0].astype(np.float32)):
         step = Step(np.float32(2.0), np.float32(min(k, 2)), before, current)
         run_kernel(_heights, mesh.face_count, mesh.faces, current, planes)
@@ -280,7 +280,7 @@ def move_to_normals(mesh: TriangleMesh, adjacency: Adjacency, normals: SingleArr
 def _first_step(
     mesh: MeshStars, planes: SingleArray, movable: BoolArray, moves: SingleArray, start: int, stop: int
 ) -> None:
-    """Write how far vertices start .. stop-1 move in the first round."""
+    """Write the moves of vertices start .. stop-1 in the first round."""
     vertices, faces, face_ptr, face_indices = mesh
     for i in range(np.uint32(start), np.uint32(stop)):
         if not movable[i]:
@@ -304,7 +304,7 @@ def _first_step(
 
 @jit()
 def _heights(faces: IntArray, moves: SingleArray, planes: SingleArray, start: int, stop: int) -> None:
-    """Write how far the centers of faces start .. stop-1 move along their normals."""
+    """Write the moves of the centers of faces start .. stop-1 along their normals."""
     third = np.float32(1.0 / 3.0)
     for f in range(np.uint32(start), np.uint32(stop)):
         a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])

@@ -1,8 +1,7 @@
-"""Random noise at the vertices of a mesh, by which leverages and what filters leave of noise are found.
+"""Random noise at the vertices of a mesh, as probes for leverages and for the noise that filters leave.
 
-It goes by the numbers of the vertices in the whole mesh alone, not by their order, so a tile draws the same as the mesh
-that it is a part of. Noise that is alike at neighbouring vertices is made of white noise: heat flow on the mesh
-averages it over surroundings, which makes it as smooth as scanners do.
+The numbers are hashes of the vertex numbers in the whole mesh, so that a tile draws the same noise as the mesh.
+Correlated noise is white noise after heat flow exp(-t L) on the mesh, with a diffusion time t for each range.
 """
 
 from collections.abc import Callable
@@ -16,15 +15,15 @@ from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.smoothing.chebyshev import diffuse
 from bezier_filters.smoothing.laplacian import Laplacian
 
-OTHER_SIGNS = 32  # column from which on random signs are others than those that chose the filters
-FIRST_STREAM = 100  # of the random bits that correlated noise is made of
-# of a lattice of triangles, where it is known how alike heat flow makes neighbours: its size, and the largest time
-GRID, LONGEST = 32, 64.0
-AREA = 0.87  # of a mesh per vertex, times the squared mean edge
+PROBE_SIGN_COLUMN = 32  # first column of random signs that did not serve to select the filters
+CORRELATED_NOISE_STREAM = 100  # first stream of the random bits for correlated noise
+# triangular lattice on which the correlation of neighbours after heat flow is computed: its size, and the largest time
+LATTICE_SIZE, MAX_DIFFUSION_TIME = 32, 64.0
+AREA_PER_VERTEX = 0.87  # area of a mesh per vertex over the squared mean edge
 
 
 def random_bits(ids: IntArray, stream: int) -> NDArray[np.uint64]:
-    """64 random bits for every number, (n,) (the generator splitmix64 of Steele, Lea and Flood, at the place `id`).
+    """64 random bits for every number, (n,): output `id` of the generator splitmix64 of Steele, Lea and Flood.
 
     >>> random_bits(np.array([0, 1], dtype=np.int32), 0)
     array([16294208416658607535,  7960286522194355700], dtype=uint64)
@@ -44,7 +43,7 @@ def random_signs(ids: IntArray, columns: int, *, first: int = 0, stream: int = 0
     return np.column_stack([2.0 * sign.astype(np.float32) - 1.0 for sign in signs])
 
 
-def white_noise(ids: IntArray, columns: int, *, stream: int = 1) -> SingleArray:
+def draw_white_noise(ids: IntArray, columns: int, *, stream: int = 1) -> SingleArray:
     """Numbers of the standard normal distribution, (n, columns), by the transform of Box and Muller."""
     result = np.empty((len(ids), columns), dtype=np.float32)
     for k in range(0, columns, 2):
@@ -57,30 +56,35 @@ def white_noise(ids: IntArray, columns: int, *, stream: int = 1) -> SingleArray:
 
 @dataclass(frozen=True)
 class Correlation:
-    """How noise of variance 1 is made of white noise: some of it is taken as it is, some after heat flow."""
+    """Recipe for noise of variance 1: a sum of white noise and of white noise after heat flow."""
 
-    white: float = 1.0  # standard deviation of the part that is independent from vertex to vertex
-    times: tuple[float, ...] = ()  # times of the heat flow, squared edges, that make the other parts
-    scales: tuple[float, ...] = ()  # what these are then multiplied by
-    alike: float = 1.0  # mean number of vertices whose noise is that of one: the sum of the squared correlations
+    white: float = 1.0  # standard deviation of the white component
+    times: tuple[float, ...] = ()  # diffusion times of the correlated components, squared edges
+    scales: tuple[float, ...] = ()  # factors on these components
+    # n / n_eff: the sum of the squared correlations with all vertices
+    variance_inflation: float = 1.0
 
     @staticmethod
-    def of(noise: NoiseModel, unit: float, ids: IntArray, laplacian: Laplacian, core: BoolArray) -> "Correlation":
-        """That of a noise, where the mean edge is `unit`, a length, measured at the `core` of a mesh."""
+    def calibrate(
+        noise: NoiseModel, unit: float, ids: IntArray, laplacian: Laplacian, core: BoolArray
+    ) -> "Correlation":
+        """Calibrate times and scales for a noise model at the `core` of a mesh with mean edge `unit`, a length."""
         if not noise.sills:
             return WHITE
-        times = tuple(_time_until_alike(float(np.exp(-0.5 * (unit / length) ** 2))) for length in noise.lengths)
+        times = tuple(_diffusion_time(float(np.exp(-0.5 * (unit / length) ** 2))) for length in noise.lengths)
         shares = np.array(noise.sills) / noise.variance
-        white = random_signs(ids, 1, stream=FIRST_STREAM)
+        white = random_signs(ids, 1, stream=CORRELATED_NOISE_STREAM)
         spreads = [diffuse(laplacian, white.astype(np.float64), time)[core].std() for time in times]
         curvatures = (unit / np.array(noise.lengths)) ** 2
-        vertices = 2.0 * np.pi / AREA / (curvatures[:, np.newaxis] + curvatures)  # sums of products of two correlations
-        alike = 1.0 + float(shares @ (vertices - 1.0) @ shares)
+        vertices = (
+            2.0 * np.pi / AREA_PER_VERTEX / (curvatures[:, np.newaxis] + curvatures)
+        )  # sums of products of two correlations
+        variance_inflation = 1.0 + float(shares @ (vertices - 1.0) @ shares)
         scales = tuple(float(np.sqrt(share) / spread) for share, spread in zip(shares, spreads, strict=True))
-        return Correlation(float(np.sqrt(noise.white / noise.variance)), times, scales, max(alike, 1.0))
+        return Correlation(float(np.sqrt(noise.white / noise.variance)), times, scales, max(variance_inflation, 1.0))
 
     def apply(self, draw: Callable[[int], SingleArray], laplacian: Laplacian | None) -> SingleArray:
-        """Noise (n, c) made of white noise, drawn for each part by its number: 0 for that which is taken as it is.
+        """Noise (n, c) from white noise that `draw` returns for each component: 0 is the white one.
 
         White noise alone needs no Laplacian.
         """
@@ -92,17 +96,17 @@ class Correlation:
         return result.astype(np.float32)
 
 
-def _time_until_alike(correlation: float) -> float:
-    """Of the heat flow, squared edges, after which the noise of neighbours on a lattice of triangles is so alike.
+def _diffusion_time(correlation: float) -> float:
+    """Diffusion time, squared edges, after which the noise of neighbours on a triangular lattice has a correlation.
 
-    White noise after a time t is as alike as heat from one vertex is spread after 2 t. Much of that is still at the
-    vertex itself, so neighbours are less alike, for short times, than heat flow on a surface would make them.
+    The covariance of white noise after a time t is the heat kernel at 2 t. For short times the lattice kernel has more
+    of its mass at the vertex itself than the kernel of a surface, so that neighbours are less correlated.
     """
-    x, y = 2.0 * np.pi / GRID * np.mgrid[:GRID, :GRID].reshape(2, -1)
+    x, y = 2.0 * np.pi / LATTICE_SIZE * np.mgrid[:LATTICE_SIZE, :LATTICE_SIZE].reshape(2, -1)
     means = (np.cos(x) + np.cos(y) + np.cos(x + y)) / 3.0  # of its six neighbours, for every wave
-    times = np.geomspace(1e-4, LONGEST, 256)
+    times = np.geomspace(1e-4, MAX_DIFFUSION_TIME, 256)
     waves = np.exp(2.0 * np.outer(times, means - 1.0))
     return float(np.interp(correlation, waves @ means / waves.sum(axis=1), times))
 
 
-WHITE = Correlation()  # that of noise that is independent from vertex to vertex
+WHITE = Correlation()  # white noise

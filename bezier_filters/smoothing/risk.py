@@ -1,12 +1,12 @@
-"""How far estimates are from the truth that nobody knows: Stein's unbiased estimate of the risk.
+"""Stein's unbiased risk estimate (SURE) of filtered meshes, locally and overall, and the shares that follow from it.
 
 If p = x + noise of variance sigma^2, an estimate f(p) of x has the expected squared error
 
     |f(p) - x|^2 = |f(p) - p|^2 - n sigma^2 + 2 sigma^2 (sum of the leverages df_i / dp_i)
 
 (Stein, "Estimation of the mean of a multivariate normal distribution", Annals of Statistics
-1981). Single terms of the sum are noisy; means over the surroundings of a vertex tell which of
-several estimates to trust there.
+1981). Single terms of the sum are noisy, so they are averaged around each vertex. Shares of several estimates are
+proportional to exp(-risk / temperature).
 """
 
 from collections.abc import Sequence
@@ -16,28 +16,29 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from bezier_filters.runtime.jit import jit
-from bezier_filters.smoothing.clusters import SURROUNDINGS, Clusters
+from bezier_filters.smoothing.clusters import AVERAGING_TIME, Clusters
 
-# vertices over which risks are averaged, on a regular mesh: the reciprocal of the sum of their squared weights
-VERTICES = 7.26 * SURROUNDINGS
-DOUBT = 1.5  # times its variance: up to that squared deviation from the mesh as a whole, a local risk is not believed
-# times sigma^2, divided by the square root of the number of vertices: difference of risks at which the larger one's
-# share is exp(-1) times the other's. The overall difference of two risks is known about that well.
-TEMPERATURE = 0.3
-LEAST_FREE = 1e-3  # of an estimate: below, it follows the data so closely that its residuals say nothing of the noise
-LEAST_FACTOR = 1e-3  # by which the noise may be less than was thought
+# effective number of vertices in a local mean on a regular mesh: the reciprocal of the sum of the squared weights
+AVERAGED_VERTICES = 7.26 * AVERAGING_TIME
+# squared deviation of a local risk from the overall one, over its variance, up to which it is shrunk to the overall one
+SHRINKAGE_THRESHOLD = 1.5
+# Difference of risks, over sigma^2 / sqrt(number of vertices), at which the ratio of the shares is exp(-1): about the
+# standard error of the overall difference of two risks.
+MIXING_TEMPERATURE = 0.3
+MIN_RESIDUAL_FREEDOM = 1e-3  # lower bound of 1 - mean leverage: interpolating estimates show no noise
+MIN_NOISE_FACTOR = 1e-3  # lower bound of `noise_factor`
 
 
 @dataclass(frozen=True)
 class Estimates:
-    """Several estimates of the same vertices, in units of the standard deviation of the noise at each."""
+    """Several estimates of the same vertices, in units of the local standard deviation of the noise."""
 
     residuals: SingleArray  # (n, s): heights of the measured vertices over each estimate
-    # (n, s): how much each estimate follows its own vertex: 1 for no smoothing at all, near 0 for much
+    # (n, s): derivative of each estimate by its own vertex: 1 without smoothing, near 0 with much
     leverages: SingleArray
 
-    def among(self, columns: Sequence[int]) -> "Estimates":
-        """Some of them."""
+    def subset(self, columns: Sequence[int]) -> "Estimates":
+        """Some of the estimates."""
         return Estimates(*(np.take(values, columns, axis=1) for values in (self.residuals, self.leverages)))
 
     def means(self, rows: BoolArray | slice = slice(None)) -> tuple[FloatArray, FloatArray]:
@@ -59,11 +60,14 @@ def overall_risks(estimates: Estimates, rows: BoolArray | slice) -> FloatArray:
     return result
 
 
-def local_risks(clusters: Clusters, estimates: Estimates, overall: FloatArray, alike: float = 1.0) -> FloatArray:
-    """Risk of every estimate around every cluster, (k, s), less that of the one that is best for the mesh as a whole.
+def local_risks(
+    clusters: Clusters, estimates: Estimates, overall: FloatArray, variance_inflation: float = 1.0
+) -> FloatArray:
+    """Risk of every estimate around every cluster, (k, s), less that of the overall best one.
 
-    Where the local difference deviates from the overall one, (s,) from `overall_risks`, by no more than noise may make
-    it do, the latter is taken (after James and Stein). So many vertices are `alike` that they tell no more than one.
+    The local differences are shrunk towards the overall ones, (s,) from `overall_risks`, by the positive part of
+    1 - threshold * variance / deviation^2 (after James and Stein). `variance_inflation` is the number of vertices with
+    correlated noise that are as informative as one with independent noise, n / n_eff.
     """
     best, count = int(overall.argmin()), len(overall)
     means = np.zeros((len(clusters.sizes), 2 * count))
@@ -73,10 +77,13 @@ def local_risks(clusters: Clusters, estimates: Estimates, overall: FloatArray, a
     around = clusters.diffuse(means)
     local = around[:, :count] - overall
     # A difference of squared residuals has four times the variance of the difference of the estimates.
-    variances = np.maximum(4.0 * alike / VERTICES * around[:, count:], 0.0)
+    variances = np.maximum(4.0 * variance_inflation / AVERAGED_VERTICES * around[:, count:], 0.0)
     squares = np.square(local)
     believed = np.divide(
-        np.maximum(squares - DOUBT * variances, 0.0), squares, out=np.zeros_like(squares), where=squares > 0.0
+        np.maximum(squares - SHRINKAGE_THRESHOLD * variances, 0.0),
+        squares,
+        out=np.zeros_like(squares),
+        where=squares > 0.0,
     )
     result: FloatArray = overall + believed * local
     return result
@@ -94,37 +101,40 @@ def _sum_risks(residuals: SingleArray, leverages: SingleArray, best: int, cluste
             sums[k, count + s] += apart * apart
 
 
-def gain_of(clusters: Clusters, risks: FloatArray, number: int) -> float:
-    """Mean of what one of several estimates gains over all others."""
+def mean_gain(clusters: Clusters, risks: FloatArray, number: int) -> float:
+    """Mean decrease of the risk by one of several estimates over the best of the others."""
     gains = np.maximum(np.delete(risks, number, axis=1).min(axis=1) - risks[:, number], 0.0)
     return float(clusters.sizes @ gains) / max(len(clusters.of_vertex), 1)
 
 
-def worthwhile(clusters: Clusters, risks: FloatArray, gain: float) -> list[int]:
-    """Numbers of the estimates that are left, with the first, when those go that gain no more over what is left."""
+def select_estimates(clusters: Clusters, risks: FloatArray, gain: float) -> list[int]:
+    """Backward elimination: numbers of the estimates that each gain more than `gain`; the first one always stays."""
     kept = list(range(risks.shape[1]))
     while len(kept) > 1:
-        gains = [gain_of(clusters, risks[:, kept], k) for k in range(1, len(kept))]
+        gains = [mean_gain(clusters, risks[:, kept], k) for k in range(1, len(kept))]
         if min(gains) > gain:
             break
         del kept[1 + int(np.argmin(gains))]
     return kept
 
 
-def local_shares(clusters: Clusters, risks: FloatArray, vertex_count: int, alike: float = 1.0) -> SingleArray:
-    """Share of every estimate at every vertex, (n, s), by their risks around it, in a mesh of so many vertices."""
-    temperature = TEMPERATURE / np.sqrt(max(vertex_count / alike, 1.0))
+def local_shares(
+    clusters: Clusters, risks: FloatArray, vertex_count: int, variance_inflation: float = 1.0
+) -> SingleArray:
+    """Share of every estimate at every vertex, (n, s), by the local risks, in a mesh of `vertex_count` vertices."""
+    temperature = MIXING_TEMPERATURE / np.sqrt(max(vertex_count / variance_inflation, 1.0))
     shares: FloatArray = np.exp(-(risks - risks.min(axis=1, keepdims=True)) / temperature)
     shares /= shares.sum(axis=1, keepdims=True)
-    return clusters.at_vertices(shares)
+    return clusters.spread_to_vertices(shares)
 
 
 def noise_factor(estimates: Estimates, rows: BoolArray | slice) -> float:
-    """How much less noise there is if the estimate that predicts best leaves smaller residuals than the noise would.
+    """Ratio of the actual to the assumed noise, at most 1, from the residuals of the estimate that predicts best.
 
-    Where a surface has edges, noise is easily overestimated until something keeps them. Some of the vertices tell.
+    The best one minimises the generalised cross-validation score. Noise is easily overestimated on a surface with sharp
+    edges until an estimate preserves them. Only `rows` are used.
     """
     squares, leverages = estimates.means(rows)
     free = 1.0 - leverages
-    best = np.argmin(squares / np.maximum(free, LEAST_FREE) ** 2)
-    return max(min(float(np.sqrt(squares[best] / max(free[best], LEAST_FREE))), 1.0), LEAST_FACTOR)
+    best = np.argmin(squares / np.maximum(free, MIN_RESIDUAL_FREEDOM) ** 2)
+    return max(min(float(np.sqrt(squares[best] / max(free[best], MIN_RESIDUAL_FREEDOM))), 1.0), MIN_NOISE_FACTOR)

@@ -1,10 +1,10 @@
-"""How far vertices slide along the surface while noise is taken off it.
+"""Tangential motion: which vertices slide along the surface when noise is removed.
 
-What filters take off along the surface moves textures, colours and marks with the vertices, and is mostly the
-unevenness of the triangles, not noise. So vertices move along the normals of the result; at its edges and corners,
-along those of all faces there. Noise in all directions makes triangles so narrow that normals suffer, or turns them
-over: where there may be such noise, the vertices of narrow faces slide, too, and all of them if such faces are many.
-Faces that would turn over otherwise let their vertices slide in any case.
+The tangential part of a filter's moves shifts textures, colours and marks, and is mostly due to irregular triangles,
+not to noise. So vertices move along the normals of the result; at edges and corners, along the normals of all faces
+there. Noise in all directions makes triangles so narrow that normals become inaccurate, or flips them. Where there may
+be such noise, the vertices of narrow faces slide, too, and all vertices if there are many such faces. Vertices of faces
+that would flip otherwise slide in any case.
 """
 
 from enum import IntEnum
@@ -21,51 +21,55 @@ from bezier_filters.runtime.parallel import run_kernel
 from bezier_filters.smoothing.laplacian import MeshStars, mesh_stars
 from bezier_filters.smoothing.mesh_parts import MeshPart
 
-STEPS = 8  # each leaves of a move what is not along a normal: an edge at a right angle takes a half off in each
-# times the noise along the normal: unevenness of the triangles below which that is not in all directions
-UNEVEN = 0.8
-# height of a face over its longest edge from which down it is narrow, if filters would make it wider by a factor
-NARROW, WIDER = 0.05, 2.0
-SLIDING_STEPS = 4  # in which the vertices of narrow faces slide ever farther, up to where filters take them
-REACH = SLIDING_STEPS + 2  # rings around a vertex that decide how far it slides
-FARTHEST = 2.0  # times the longest edge at a vertex: what would go farther has not been estimated but flung
-MANY = 0.05  # share of the vertices at narrow faces beyond which there is noise in all directions everywhere
+PROJECTION_STEPS = 8  # iterations of the projection on the normals of a vertex; at a right angle each halves the rest
+# tangential unevenness of the triangles over the noise along the normal, from which on noise may be in all directions
+MIN_UNEVENNESS_RATIO = 0.8
+# height of a narrow face over its longest edge, and the widening by the filter that makes it worth sliding
+NARROW_HEIGHT_RATIO, MIN_WIDENING = 0.05, 2.0
+SLIDING_STEPS = 4  # steps in which the vertices of narrow faces slide, up to the unrestricted result
+SLIDING_RINGS = SLIDING_STEPS + 2  # rings around a vertex that decide how far it slides
+MAX_MOVE_EDGES = 2.0  # largest move over the longest edge at a vertex: longer ones are failures of the estimate
+MAX_SLIDING_FRACTION = 0.05  # fraction of vertices at narrow faces above which all vertices slide
 
 
-class Sliding(IntEnum):
+class TangentialMotion(IntEnum):
     """Which vertices slide."""
 
-    TURNED = 0  # those of faces that would turn over otherwise
-    NARROW = 1  # those of faces that would be narrow otherwise
+    FLIPPED = 0  # vertices of faces that would flip otherwise
+    NARROW = 1  # vertices of faces that would be narrow otherwise, too
     ALL = 2
 
 
-def sliding_of(part: MeshPart, points: FloatArray, sigma: FloatArray) -> Sliding:
-    """Which vertices of a mesh have to slide on their way to points, as the core of a part tells.
+def choose_sliding(part: MeshPart, points: FloatArray, sigma: FloatArray) -> TangentialMotion:
+    """Choose which vertices of a mesh slide on their way to points, from the core of a part.
 
     `sigma` (n,) is the standard deviation of the noise along the normal, lengths.
     """
     mesh, adjacency, core = part.mesh, part.adjacency, part.core
-    held = _along_normals(mesh, adjacency, points)
+    held = _project_on_normals(mesh, adjacency, points)
     uneven = _unevenness(TriangleMesh(points, mesh.faces), adjacency, held)[core]
-    if not np.square(uneven).mean() > np.square(UNEVEN * sigma[core]).mean():
-        return Sliding.TURNED
-    slides = _slides(mesh, points, held, NARROW)[core] > 0.0
-    return Sliding.ALL if slides.mean() > MANY else Sliding.NARROW
+    if not np.square(uneven).mean() > np.square(MIN_UNEVENNESS_RATIO * sigma[core]).mean():
+        return TangentialMotion.FLIPPED
+    slides = _sliding_fractions(mesh, points, held, NARROW_HEIGHT_RATIO)[core] > 0.0
+    return TangentialMotion.ALL if slides.mean() > MAX_SLIDING_FRACTION else TangentialMotion.NARROW
 
 
-def held_back(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray, sliding: Sliding) -> FloatArray:
-    """Where vertices that would move to points (n, 3) end if not all of them slide. Those at borders do.
+def restrict_to_normals(
+    mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray, sliding: TangentialMotion
+) -> FloatArray:
+    """Restrict the moves of vertices to points (n, 3) to the normals, except for sliding vertices; return the points.
 
-    None goes farther than a multiple of its longest edge.
+    Border vertices always slide. No vertex moves farther than a multiple of its longest edge.
     """
-    if sliding == Sliding.ALL:
+    if sliding == TangentialMotion.ALL:
         result = points.copy()
     else:
-        held = _along_normals(mesh, adjacency, points)
-        slides = _slides(mesh, points, held, NARROW if sliding == Sliding.NARROW else 0.0)
-        result = _slid(held, points, slides)
-    moves, most = result - mesh.vertices, FARTHEST * longest_edges(mesh, adjacency)
+        held = _project_on_normals(mesh, adjacency, points)
+        slides = _sliding_fractions(
+            mesh, points, held, NARROW_HEIGHT_RATIO if sliding == TangentialMotion.NARROW else 0.0
+        )
+        result = _slide(held, points, slides)
+    moves, most = result - mesh.vertices, MAX_MOVE_EDGES * longest_edges(mesh, adjacency)
     lengths = np.linalg.norm(moves, axis=1)
     too_far = lengths > most
     shortened = (most[too_far] / lengths[too_far])[:, np.newaxis] * moves[too_far]
@@ -73,14 +77,14 @@ def held_back(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray, slid
     return result
 
 
-def _along_normals(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray) -> FloatArray:
+def _project_on_normals(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray) -> FloatArray:
     held, stars = points.copy(), mesh_stars(mesh, adjacency)
-    run_kernel(_hold_back, len(points), stars, adjacency.on_boundary, points, held)
+    run_kernel(_project_moves, len(points), stars, adjacency.on_boundary, points, held)
     return held
 
 
 def _unevenness(smooth: TriangleMesh, adjacency: Adjacency, points: FloatArray) -> FloatArray:
-    """How far points are from the middle of their neighbours along a surface, per direction, lengths (n,)."""
+    """Tangential distances of points from the mean of their neighbours, per direction, lengths (n,)."""
     away, normals = from_middles(adjacency.vertices, points), tangent_planes(smooth, adjacency).normals
     away -= np.einsum("ij,ij->i", away, normals)[:, np.newaxis] * normals
     away[adjacency.on_boundary] = 0.0
@@ -88,11 +92,11 @@ def _unevenness(smooth: TriangleMesh, adjacency: Adjacency, points: FloatArray) 
     return result
 
 
-def _slides(mesh: TriangleMesh, points: FloatArray, held: FloatArray, least: float) -> SingleArray:
-    """How far vertices slide, (n,), from where they are held, 0, to the points, 1, lest faces be narrower than that."""
+def _sliding_fractions(mesh: TriangleMesh, points: FloatArray, held: FloatArray, least: float) -> SingleArray:
+    """Fractions (n,) by which vertices slide, from the held positions, 0, to the points, 1, to avoid narrow faces."""
     slides = np.zeros(len(points), dtype=np.float32)
     for _ in range(SLIDING_STEPS):
-        more, current = slides.copy(), _slid(held, points, slides)
+        more, current = slides.copy(), _slide(held, points, slides)
         farther = slides + np.float32(1.0 / SLIDING_STEPS)
         run_kernel(_mark_narrow, mesh.face_count, mesh.faces, points, current, least, farther, more)
         if (more == slides).all():
@@ -101,15 +105,15 @@ def _slides(mesh: TriangleMesh, points: FloatArray, held: FloatArray, least: flo
     return slides
 
 
-def _slid(held: FloatArray, points: FloatArray, slides: SingleArray) -> FloatArray:
+def _slide(held: FloatArray, points: FloatArray, slides: SingleArray) -> FloatArray:
     return held + slides[:, np.newaxis] * (points - held)
 
 
 @jit()
-def _hold_back(
+def _project_moves(
     mesh: MeshStars, on_boundary: BoolArray, points: FloatArray, held: FloatArray, start: int, stop: int
 ) -> None:
-    """Take off the moves of vertices start .. stop-1 what is along the surface: normals span what stays."""
+    """Project the moves of vertices start .. stop-1 on the span of the normals of their faces."""
     vertices = mesh.vertices
     for i in range(start, stop):
         if on_boundary[i]:
@@ -125,7 +129,7 @@ def _hold_back(
         if total == 0.0:
             continue
         x, y, z = (points[i, 0] - vertices[i, 0], points[i, 1] - vertices[i, 1], points[i, 2] - vertices[i, 2])
-        for _ in range(STEPS):
+        for _ in range(PROJECTION_STEPS):
             x, y, z = (
                 x - (xx * x + xy * y + xz * z) / total,
                 y - (xy * x + yy * y + yz * z) / total,
@@ -145,7 +149,7 @@ def _mark_narrow(
     start: int,
     stop: int,
 ) -> None:
-    """Let the vertices of those of the faces start .. stop-1 slide farther that are narrow, and less so at points."""
+    """Let the vertices of the narrow ones among faces start .. stop-1 slide farther, if the points make them wider."""
     for f in range(start, stop):
         x, y, z = face_normal(points, faces, f)
         length = np.sqrt(x * x + y * y + z * z)
@@ -153,6 +157,6 @@ def _mark_narrow(
         there, here = longest_squared(points, faces, f), longest_squared(held, faces, f)
         wide = length / there if there > 0.0 else 0.0
         height = (u * x + v * y + w * z) / (length * here) if length * here > 0.0 else 0.0
-        if height < least and WIDER * height < wide:
+        if height < least and MIN_WIDENING * height < wide:
             for corner in range(3):
                 slides[faces[f, corner]] = farther[faces[f, corner]]

@@ -1,4 +1,4 @@
-"""Smoothing: the function that users call, and what it gives."""
+"""Smoothing of meshes: the public function `smooth` and its result."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -12,7 +12,7 @@ from bezier_filters.errors import InvalidParameterError, is_integer
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.estimation.first_call import first_call
 from bezier_filters.estimation.fit_options import check_detail, check_noise
-from bezier_filters.estimation.noise_free import denoised, learn_noise, why_noise_is_unknown
+from bezier_filters.estimation.noise_free import denoise_mesh, explain_unknown_noise, learn_mesh_noise
 from bezier_filters.meshes.adjacency import Adjacency, longest_edges, mean_edge, vertex_adjacency
 from bezier_filters.meshes.half_edges import unclear_vertices
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
@@ -24,9 +24,9 @@ from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_fac
 from bezier_filters.smoothing.volume import (
     ClosedComponents,
     component_volumes,
-    movement_around,
+    local_movement,
     restore_volumes,
-    unlike_before,
+    volume_not_restored,
 )
 
 SmoothingMethod = Literal["auto", "paper"]
@@ -35,37 +35,37 @@ SmoothedBorders = Literal["curve", "fixed"]
 
 @dataclass(frozen=True, repr=False)
 class SmoothingResult:
-    """A smoothed mesh, and what was done to it.
+    """A smoothed mesh, with measures of the change.
 
     Attributes
     ----------
     vertices : (n, 3) float64
         The new coordinates; the faces are the same.
     displacement : (n,) float64
-        How far each vertex moved, a length.
+        Distance that each vertex moved, a length.
     sharpness : (n,) float64
-        From 0, where the surface was smoothed like a scan of something round, to 1, where edges were kept as sharp
-        as can be; 0 with ``method="paper"``.
+        From 0, where a smooth estimate of the surface was used, to 1, where the sharpest one was used; 0 with
+        ``method="paper"``.
     noise_before, noise_after : float or None
         Standard deviation of the noise along the normal, a length; None if it could not be learned.
     noise_length : float or None
         Distance over which the noise before is correlated; 0 if it is independent from vertex to vertex.
     noise_heavy : bool
-        Whether the noise before turns single normals so far that they mean nothing, as noise in all directions does.
+        Whether the noise before is so strong, as noise in all directions is, that single normals are useless.
     noise_reason : str
         Why the noise before could not be learned; empty if it was.
     iterations : int
-        How often it was smoothed: as asked for, or until nothing was left to do.
+        Number of iterations: as requested, or until nothing changed.
     mean_edge : float
         Mean length of the edges before.
     volume_before, volume_after : float or None
-        What the closed parts enclose in all, length^3; None if there are none.
+        Total volume of the closed components, length^3; None if there are none.
     flipped_before, flipped_after : int
         Faces more than 90 degrees away from the mean normal around them.
     degenerate_before, degenerate_after : int
         Faces without area.
     new_bad_faces : int
-        Faces that are flipped or degenerate, and were not before; none but where four times as many were mended.
+        Faces that are flipped or degenerate, and were not before; 0 unless four times as many were repaired.
     """
 
     vertices: FloatArray = field(metadata=LENGTH)
@@ -158,14 +158,13 @@ def smooth(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> SmoothingResult:
-    """Take the noise off a mesh and keep its shape, its volume and its edges.
+    """Remove the noise of a mesh and keep its shape, its volume and its edges.
 
-    By default nothing is to be chosen. The noise is learned from the mesh, as `estimate_vertex_geometry` does,
-    and where there is none, nothing moves. A filter is then best whose expected distance from the true
-    surface, which the noise and the result tell (Stein's estimate of the risk), is smallest: its
-    kind and its strength follow from that, for the mesh and around every vertex. Surfaces that are smooth
-    but for the noise take a low-pass filter, sharp edges one of the face normals that
-    does not reach across what noise cannot explain.
+    By default all parameters are automatic. The noise is estimated from the mesh, as by `estimate_vertex_geometry`,
+    and without noise nothing moves. The kind and the strength of the filter minimise the expected distance from the
+    true surface, which follows from the noise and the result (Stein's unbiased risk estimate), for the mesh and around
+    every vertex. Smooth surfaces get a low-pass filter, sharp edges a bilateral filter of the face normals, which does
+    not average over differences that noise cannot explain.
 
     ``method="paper"`` is the paper's: every vertex p_i moves to the point B(u_i, v_i) of its patch, all from the
     old mesh (Li, Barsky, Jin, "An effective third-order local fitting patch and its application", IEEE SMI 2009).
@@ -184,21 +183,22 @@ def smooth(
         How many times, at least 1; once is enough for ``"auto"``.
     noise : float, optional
         Standard deviation of the noise along the normal, a length, if it is known better than it can
-        be learned; 0 leaves the mesh as it is. What is much more than the correlated noise that can be learned counts
-        as longer, as the waves of depth cameras are, which pass for shape otherwise. For ``"auto"`` only.
+        be estimated; 0 does not change the mesh. If it is much more than the estimated correlated noise, the difference
+        gets a longer range, as the waves of depth cameras have, which would count as shape otherwise. For ``"auto"``
+        only.
     borders : {"curve", "fixed"}
         Whether border vertices are smoothed along the border, or stay; with ``"paper"`` they move to their patches
         unless they are fixed.
     keep_volume : bool, optional
-        Whether each closed part keeps its volume: what smoothing took or gave is spread over it along
-        the normals, in proportion to how far the surroundings moved. By default with ``"auto"`` only.
+        Whether each closed component keeps its volume: the change by smoothing is compensated by moves along
+        the normals, in proportion to the local movement. By default with ``"auto"`` only.
     detail : float, optional
-        Size of the smallest detail to keep, a length: filters that take more than half off waves of this length are
-        left out, and where a stronger one would be best, filters of the normals, too, which keep edges. For ``"auto"``
+        Size of the smallest detail to keep, a length: filters that more than halve waves of this length are
+        excluded, and where a stronger one would be best, filters of the normals, too, which keep edges. For ``"auto"``
         only.
     relax : bool
-        Whether vertices slide along the surface, too, which evens out the triangles. By default they move along the
-        normals, and slide only where noise in all directions has made triangles narrow. For ``"auto"`` only.
+        Whether all vertices slide along the surface, which makes the triangles more regular. By default they move along
+        the normals, and slide only where noise in all directions has made triangles narrow. For ``"auto"`` only.
     rings, alpha : int, float, optional
         Neighbourhood, 2 by default, and weight of the points, in (0, 1], by default 0.8, for ``"paper"`` only.
     selected : (n,) bool, optional
@@ -248,37 +248,39 @@ def smooth(
         movable = movable & ~adjacency.on_boundary
     points, sharpness = mesh.vertices, np.zeros(n)
     with first_call():
-        known, done = learn_noise(mesh, adjacency, noise), 0
+        known, done = learn_mesh_noise(mesh, adjacency, noise), 0
         for k in range(iterations):
-            current, part = TriangleMesh(points, mesh.faces), part_of(progress, k, iterations)
+            current, part = TriangleMesh(points, mesh.faces), iteration_progress(progress, k, iterations)
             if method == "auto":
-                here = known if k == 0 else learn_noise(current, adjacency)
+                here = known if k == 0 else learn_mesh_noise(current, adjacency)
                 options = SmoothingOptions(borders, detail, relax, noise if k == 0 else None)
-                found = denoised(current, adjacency, here, options, progress=part)
+                found = denoise_mesh(current, adjacency, here, options, progress=part)
                 points, sharpness = found.points, np.maximum(sharpness, found.sharpness)
             else:
                 geometry = estimate_vertex_geometry(
                     points, mesh.faces, rings=rings, alpha=alpha, smoothness="paper", progress=part
                 )
-                points = points + sound_displacements(current, adjacency, geometry.displacements)
+                points = points + admissible_displacements(current, adjacency, geometry.displacements)
             points = np.where(movable[:, np.newaxis], points, mesh.vertices)
             if np.array_equal(points, current.vertices) and (k or noise is None):
-                break  # and all that would follow does the same
+                break  # further iterations would not change it
             done += 1
-        components = ClosedComponents.of(mesh, adjacency)
+        components = ClosedComponents.locate(mesh, adjacency)
         volumes_before = component_volumes(components, mesh)
         keeps_volume = components.count and (keep_volume or (keep_volume is None and method == "auto"))
         if keeps_volume:
-            amounts = movement_around(mesh, adjacency, points) * movable
+            amounts = local_movement(mesh, adjacency, points) * movable
             points = restore_volumes(components, TriangleMesh(points, mesh.faces), volumes_before, amounts)
         if method == "auto":
             points = repair_flipped_faces(mesh, adjacency, points)
         if keeps_volume:
-            unlike = unlike_before(components, mesh, TriangleMesh(points, mesh.faces), known.sigma if known else 0.0)
+            unlike = volume_not_restored(
+                components, mesh, TriangleMesh(points, mesh.faces), known.sigma if known else 0.0
+            )
             points = np.where(unlike[:, np.newaxis], mesh.vertices, points)
         smoothed = TriangleMesh(points, mesh.faces)
         volumes_after = component_volumes(components, smoothed)
-        left = learn_noise(smoothed, adjacency)
+        left = learn_mesh_noise(smoothed, adjacency)
         bad_before, bad_after = (bad_faces(one, adjacency) for one in (mesh, smoothed))
         return SmoothingResult(
             vertices=ordered.back(points),
@@ -288,7 +290,7 @@ def smooth(
             noise_after=None if left is None else left.sigma,
             noise_length=None if known is None else known.length,
             noise_heavy=known is not None and known.heavy,
-            noise_reason="" if known is not None else why_noise_is_unknown(mesh, adjacency),
+            noise_reason="" if known is not None else explain_unknown_noise(mesh, adjacency),
             iterations=done,
             mean_edge=mean_edge(mesh, adjacency),
             volume_before=float(volumes_before.sum()) if components.count else None,
@@ -301,14 +303,14 @@ def smooth(
         )
 
 
-def sound_displacements(mesh: TriangleMesh, adjacency: Adjacency, displacements: FloatArray) -> FloatArray:
-    """Those onto patches, (n, 3), but zero beyond the neighbours and at edges that make no surface."""
-    sound = (np.linalg.norm(displacements, axis=1) <= longest_edges(mesh, adjacency)) & ~unclear_vertices(mesh)
-    return np.where(sound[:, np.newaxis], displacements, 0.0)
+def admissible_displacements(mesh: TriangleMesh, adjacency: Adjacency, displacements: FloatArray) -> FloatArray:
+    """Displacements onto patches, (n, 3), set to zero if longer than the edges, and at edges that are not manifold."""
+    admissible = (np.linalg.norm(displacements, axis=1) <= longest_edges(mesh, adjacency)) & ~unclear_vertices(mesh)
+    return np.where(admissible[:, np.newaxis], displacements, 0.0)
 
 
-def part_of(progress: Progress | None, k: int, total: int) -> Progress | None:
-    """Progress of the k-th of several iterations as that of the whole."""
+def iteration_progress(progress: Progress | None, k: int, total: int) -> Progress | None:
+    """Progress of the k-th of several iterations as progress of all of them."""
     if progress is None:
         return None
     return lambda done, of: progress(k * of + done, total * of)

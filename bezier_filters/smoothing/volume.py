@@ -1,4 +1,7 @@
-"""Volumes of the closed components of a mesh, and how to keep them."""
+"""Volumes of the closed components of a mesh, and their restoration after smoothing.
+
+The volume after t times the moves of the vertices is a cubic in t; Newton's method finds the t that restores it.
+"""
 
 from dataclasses import dataclass
 from math import sqrt
@@ -14,10 +17,10 @@ from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.triangles import area_vectors
 from bezier_filters.runtime.jit import jit
 
-STEPS = (-1.0, 0.0, 1.0, 2.0)  # times the moves of vertices, at which volumes tell the polynomial that they follow
-NEWTON_STEPS = 6  # of Newton's method; that polynomial is nearly linear
-LOST = 0.05  # part of its volume by which a component with its volume restored may still differ
-FLAT = 1e-9  # where the vector area around a vertex is so small a part of the area, there is no outside
+VOLUME_STEPS = (-1.0, 0.0, 1.0, 2.0)  # factors on the moves of vertices at which the cubic of the volume is evaluated
+VOLUME_NEWTON_STEPS = 6  # iterations of Newton's method; the cubic is nearly linear
+MAX_VOLUME_LOSS = 0.05  # largest relative difference of a restored volume
+FLAT_AREA_RATIO = 1e-9  # vector area around a vertex over its area, below which there is no outside
 
 
 @dataclass(frozen=True)
@@ -28,31 +31,31 @@ class ClosedComponents:
     origins: FloatArray  # (c, 3): a point of each: its first vertex
 
     @staticmethod
-    def of(mesh: TriangleMesh, adjacency: Adjacency) -> "ClosedComponents":
-        """Those of a mesh in memory."""
+    def locate(mesh: TriangleMesh, adjacency: Adjacency) -> "ClosedComponents":
+        """Find the closed components of a mesh in memory."""
         of_vertex, first = closed_components(mesh, adjacency)
         return ClosedComponents(of_vertex, mesh.vertices[first])
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Number of components."""
         return len(self.origins)
 
     def sums(self, component: IntArray, values: FloatArray) -> FloatArray:
-        """Sums of values over each component, (c,), from the number of that of each value."""
+        """Sums of values over each component, (c,); `component` has the number of the component of each value."""
         return np.bincount(component + 1, values, self.count + 1)[1:].astype(np.float64)
 
 
 def component_volumes(components: ClosedComponents, mesh: TriangleMesh) -> FloatArray:
     """Volume of every closed component, (c,), positive if its normals point outwards.
 
-    Those of some of the faces add up to that of all.
+    The volumes from subsets of the faces add up to the volume from all faces.
 
     >>> from bezier_filters.meshes.adjacency import vertex_adjacency
     >>> from bezier_filters.meshes.mesh import triangle_mesh
     >>> from bezier_filters.surfaces import block_with_sharp_edges
     >>> block = triangle_mesh(*block_with_sharp_edges(resolution=4))
-    >>> component_volumes(ClosedComponents.of(block, vertex_adjacency(block)), block)
+    >>> component_volumes(ClosedComponents.locate(block, vertex_adjacency(block)), block)
     array([0.875])
     """
     volumes = np.zeros(components.count)
@@ -63,22 +66,24 @@ def component_volumes(components: ClosedComponents, mesh: TriangleMesh) -> Float
 def restore_volumes(
     components: ClosedComponents, mesh: TriangleMesh, volumes: FloatArray, amounts: FloatArray
 ) -> FloatArray:
-    """Coordinates after moves along the normals, in proportion to amounts (n,), that give components volumes (c,).
+    """Move vertices along the normals, in proportion to amounts (n,), so that components have the volumes (c,).
 
-    A component whose amounts are all 0 stays as it is.
+    A component whose amounts are all 0 does not change.
     """
     moves = outward_moves(mesh, amounts)
-    steps = steps_to(volumes, volumes_along(components, mesh, moves))
-    return moved_by(components, mesh.vertices, steps, moves)
+    steps = volume_steps(volumes, volumes_along(components, mesh, moves))
+    return apply_moves(components, mesh.vertices, steps, moves)
 
 
-def unlike_before(components: ClosedComponents, mesh: TriangleMesh, smoothed: TriangleMesh, sigma: float) -> BoolArray:
-    """Which vertices belong to components whose volume could not be restored, (n,): boxes of few faces mostly.
+def volume_not_restored(
+    components: ClosedComponents, mesh: TriangleMesh, smoothed: TriangleMesh, sigma: float
+) -> BoolArray:
+    """Mask (n,) of the vertices of components whose volume could not be restored: mostly boxes of few faces.
 
-    What is thinner than noise of standard deviation `sigma`, such as both sides of a sheet, has no volume to speak of.
+    Components thinner than the noise of standard deviation `sigma`, as the two sides of a sheet, are exempt.
     """
     before, after = component_volumes(components, mesh), component_volumes(components, smoothed)
-    is_unlike = np.abs(after - before) > LOST * np.abs(before)
+    is_unlike = np.abs(after - before) > MAX_VOLUME_LOSS * np.abs(before)
     if not is_unlike.any():
         return np.zeros(mesh.vertex_count, dtype=np.bool_)
     areas = 0.5 * np.linalg.norm(area_vectors(mesh.vertices, mesh.faces), axis=1)
@@ -87,40 +92,40 @@ def unlike_before(components: ClosedComponents, mesh: TriangleMesh, smoothed: Tr
 
 
 def outward_moves(mesh: TriangleMesh, amounts: FloatArray) -> FloatArray:
-    """Moves of amounts (n,) along the normals, (n, 3), by which the volume grows fastest; 0 where there is no outside.
+    """Moves (n, 3) of amounts (n,) along the gradient of the volume; 0 where there is no outside.
 
-    That is where the faces around a vertex cancel, as those of both sides of a sheet do.
+    There is no outside where the vector areas of the faces around a vertex cancel, as at the two sides of a sheet.
     """
     gradient, areas = np.zeros_like(mesh.vertices), np.zeros(mesh.vertex_count)
     _add_gradient(mesh.vertices, mesh.faces, gradient, areas)
     lengths = np.sqrt(np.einsum("ij,ij->i", gradient, gradient))
-    factors = np.divide(amounts, lengths, out=np.zeros(len(lengths)), where=lengths > FLAT * areas)
+    factors = np.divide(amounts, lengths, out=np.zeros(len(lengths)), where=lengths > FLAT_AREA_RATIO * areas)
     gradient *= factors[:, np.newaxis]
     return gradient
 
 
 def volumes_along(components: ClosedComponents, mesh: TriangleMesh, moves: FloatArray) -> FloatArray:
-    """Volumes of components after `STEPS` times the moves (n, 3) of their vertices, (c, 4).
+    """Volumes (c, 4) of components after `VOLUME_STEPS` times the moves (n, 3) of their vertices.
 
-    Those of some of the faces add up to that of all.
+    The volumes from subsets of the faces add up to the volumes from all faces.
     """
-    moved = (TriangleMesh(mesh.vertices + step * moves, mesh.faces) for step in STEPS)
+    moved = (TriangleMesh(mesh.vertices + step * moves, mesh.faces) for step in VOLUME_STEPS)
     return np.column_stack([component_volumes(components, one) for one in moved])
 
 
-def steps_to(volumes: FloatArray, along: FloatArray) -> FloatArray:
-    """How many times its moves every component has to go for its volume, (c,), from `volumes_along`.
+def volume_steps(volumes: FloatArray, along: FloatArray) -> FloatArray:
+    """Factor (c,) on the moves that gives every component its volume, from `volumes_along`.
 
-    The volume is a polynomial of degree 3 in the step, which four values tell, and Newton's method finds the step.
-    Nothing moves farther than once its moves: where that does not give the volume, faces nearly cancel, as those of a
-    double sheet do, and there is none to restore.
+    The volume is a cubic in the factor, determined by four values; Newton's method finds the factor. It is bounded by
+    -1 and 1: where this does not restore the volume, faces nearly cancel, as in a double sheet, and the volume is
+    meaningless.
 
-    >>> steps_to(np.array([1.331]), np.array([[0.0, 1.0, 8.0, 27.0]])).round(6)  # of a cube that grows
+    >>> volume_steps(np.array([1.331]), np.array([[0.0, 1.0, 8.0, 27.0]])).round(6)  # locate a cube that grows
     array([0.1])
     """
-    cubic = np.linalg.solve(polyvander(STEPS, 3), along.T)
+    cubic = np.linalg.solve(polyvander(VOLUME_STEPS, 3), along.T)
     slope, steps = polyder(cubic), np.zeros(len(volumes))
-    for _ in range(NEWTON_STEPS):
+    for _ in range(VOLUME_NEWTON_STEPS):
         gained = polyval(steps, slope, tensor=False)
         wanted = volumes - polyval(steps, cubic, tensor=False)
         steps += np.divide(wanted, gained, out=np.zeros(len(volumes)), where=gained > 0.0)
@@ -128,14 +133,14 @@ def steps_to(volumes: FloatArray, along: FloatArray) -> FloatArray:
     return steps
 
 
-def moved_by(components: ClosedComponents, points: FloatArray, steps: FloatArray, moves: FloatArray) -> FloatArray:
-    """Vertices after as many of their moves (n, 3) as the step of their component is, (c,)."""
+def apply_moves(components: ClosedComponents, points: FloatArray, steps: FloatArray, moves: FloatArray) -> FloatArray:
+    """Apply the moves (n, 3) of vertices, times the factor (c,) of their component."""
     result: FloatArray = points + np.append(steps, 0.0)[components.of_vertex][:, np.newaxis] * moves
     return result
 
 
-def movement_around(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray) -> FloatArray:
-    """How far the surroundings of a vertex have moved, (n,), lengths; by its longest edge at most."""
+def local_movement(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray) -> FloatArray:
+    """Root mean square movement of a vertex and its neighbours, (n,), lengths; its longest edge at most."""
     rows, n = adjacency.vertices, mesh.vertex_count
     neighbours = csr_array((np.ones(len(rows.indices), np.float32), rows.indices, rows.indptr), shape=(n, n))
     moves = points - mesh.vertices
@@ -149,7 +154,7 @@ def movement_around(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray
 def _add_volumes(
     vertices: FloatArray, faces: IntArray, part: IntArray, origins: FloatArray, volumes: FloatArray
 ) -> None:
-    """Add the tetrahedra between faces and a point of their part, so that nothing cancels out far from the origin."""
+    """Add the tetrahedra of the faces with a point of their component, to avoid cancellation far from the origin."""
     for f in range(len(faces)):
         a = faces[f, 0]
         k = part[a]
@@ -161,7 +166,7 @@ def _add_volumes(
 
 @jit()
 def _add_gradient(vertices: FloatArray, faces: IntArray, gradient: FloatArray, areas: FloatArray) -> None:
-    """Add the derivative of the volume by every vertex: a third of the vector area around it. Areas are thirds, too."""
+    """Add the gradient of the volume, a third of the vector area around every vertex, and a third of its area."""
     for f in range(len(faces)):
         x, y, z = face_normal(vertices, faces, f)
         area = sqrt(x * x + y * y + z * z) / 6.0

@@ -5,8 +5,8 @@ import pytest
 from scanner_noise import mean_edge_of
 
 from bezier_filters import estimate_vertex_geometry, smooth, triangle_mesh
-from bezier_filters.estimation.noise_free import learn_noise
-from bezier_filters.estimation.outlier_removal import _geometric_means, without_outliers
+from bezier_filters.estimation.noise_free import learn_mesh_noise
+from bezier_filters.estimation.outlier_removal import _geometric_means, move_outliers
 from bezier_filters.kernels.kernel_input import kernel_mesh
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.frames import tangent_planes
@@ -18,11 +18,11 @@ SIGMA = 0.0006
 
 
 def cleaned(vertices, faces):
-    """Vertices as `without_outliers` leaves them."""
+    """Vertices as `move_outliers` leaves them."""
     mesh = triangle_mesh(vertices, faces)
     adjacency = vertex_adjacency(mesh)
     arrays = kernel_mesh(mesh, adjacency, tangent_planes(mesh, adjacency))
-    return without_outliers(arrays, adjacency).vertices
+    return move_outliers(arrays, adjacency).vertices
 
 
 def noisy_torus(far_share):
@@ -113,7 +113,7 @@ def height_errors(shape, vertices):
 def test_the_share_of_outliers_is_what_it_is(make, share, size):
     shape = make()
     mesh = triangle_mesh(*with_heights(shape, spikes(len(shape[0]), share, size)[0]))
-    noise = learn_noise(mesh, vertex_adjacency(mesh))
+    noise = learn_mesh_noise(mesh, vertex_adjacency(mesh))
     assert 0.4 * share < noise.outliers < 1.4 * share  # those of small heights are none
     assert noise.sigma < 0.02 * mean_edge_of(mesh.vertices, mesh.faces)
 
@@ -125,7 +125,7 @@ def test_a_few_outliers_are_seen(make, share, size, base):
     for seed in range(4):  # of one draw, some 28 outliers are looked at
         heights = spikes(len(shape[0]), share, size, seed)[0] + spikes(len(shape[0]), 1.0, base, seed + 1)[0]
         mesh = triangle_mesh(*with_heights(shape, heights))
-        found.append(learn_noise(mesh, vertex_adjacency(mesh)).outliers)
+        found.append(learn_mesh_noise(mesh, vertex_adjacency(mesh)).outliers)
     assert found[0] > 0.2 * share
     assert 0.2 * share < np.mean(found) < 1.2 * share  # small ones are none
 
@@ -137,7 +137,7 @@ def test_noise_that_all_vertices_have_has_no_outliers(make, draw):
     n = len(shape[0])
     heights = random.standard_t(5, n) if draw == "standard_t" else getattr(random, draw)(size=n)
     mesh = triangle_mesh(*with_heights(shape, 0.1 * (heights - heights.mean()) / heights.std()))
-    assert learn_noise(mesh, vertex_adjacency(mesh)).outliers == 0.0
+    assert learn_mesh_noise(mesh, vertex_adjacency(mesh)).outliers == 0.0
 
 
 @pytest.mark.parametrize("make", [star, block])
@@ -147,7 +147,7 @@ def test_noise_in_all_directions_has_no_outliers(make, size):
     vertices, faces, _ = make()
     noise = np.random.default_rng(1).standard_normal(vertices.shape)
     mesh = triangle_mesh(vertices + size * mean_edge_of(vertices, faces) * noise, faces)
-    assert learn_noise(mesh, vertex_adjacency(mesh)).outliers == 0.0
+    assert learn_mesh_noise(mesh, vertex_adjacency(mesh)).outliers == 0.0
 
 
 @pytest.mark.parametrize("make", [star, block])
@@ -156,7 +156,7 @@ def test_noise_that_ends_has_no_outliers(make):
     shape = make()
     heights = np.random.default_rng(1).standard_normal(len(shape[0])) * (shape[0][:, 0] > np.median(shape[0][:, 0]))
     mesh = triangle_mesh(*with_heights(shape, 0.1 * heights))
-    assert learn_noise(mesh, vertex_adjacency(mesh)).outliers == 0.0
+    assert learn_mesh_noise(mesh, vertex_adjacency(mesh)).outliers == 0.0
 
 
 @pytest.mark.parametrize(

@@ -8,10 +8,10 @@ from numba import config
 from scanner_noise import in_all_directions
 
 from bezier_filters import estimate_vertex_geometry
-from bezier_filters.estimation.adaptive_fit import _part_fit
+from bezier_filters.estimation.adaptive_fit import _region_fit
 from bezier_filters.kernels.kernel_input import fitted_mesh
+from bezier_filters.learning.fit_spec import FitConstraints
 from bezier_filters.learning.learn import CANDIDATE_RINGS, learn_surface
-from bezier_filters.learning.plans import Choices
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, ellipsoid, sphere, torus
 
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long witho
 
 def noise_of(vertices, faces):
     arrays, adjacency = fitted_mesh(triangle_mesh(vertices, faces), creases=True)
-    return learn_surface(arrays, adjacency, Choices())[1].surface.noise
+    return learn_surface(arrays, adjacency, FitConstraints())[1].surface.noise
 
 
 def flattened(surface, factor):
@@ -65,7 +65,7 @@ def test_every_ring_is_analysed_once_and_the_wanted_one_in_any_case(rings):
     surface = SURFACES["ellipsoid"]
     noisy = in_all_directions(surface.vertices, surface.faces, 0.1)
     arrays, adjacency = fitted_mesh(triangle_mesh(noisy, surface.faces), creases=True)
-    found = [analysis.rings for analysis in learn_surface(arrays, adjacency, Choices(rings=rings))[0]]
+    found = [analysis.rings for analysis in learn_surface(arrays, adjacency, FitConstraints(rings=rings))[0]]
     assert found == sorted(set(found))
     assert set(range(1, 6)) < set(found) <= {*CANDIDATE_RINGS, rings}
     assert rings is None or rings in found
@@ -89,8 +89,8 @@ def test_parts_of_a_surface_that_is_exact_elsewhere_have_fits_of_their_own(exact
     """Standard errors of 0, as a flat whole has, are no unit for those of a part."""
     surface = bumpy_star(resolution=12, jitter=0.2)
     arrays, adjacency = fitted_mesh(triangle_mesh(surface.vertices, surface.faces), creases=True)
-    leaf = learn_surface(arrays, adjacency, Choices())[1]
-    assert not _part_fit(leaf, leaf).attempts
-    part = _part_fit(replace(leaf, chosen=replace(leaf.chosen, **{exact: 0.0})), leaf)
+    leaf = learn_surface(arrays, adjacency, FitConstraints())[1]
+    assert not _region_fit(leaf, leaf).attempts
+    part = _region_fit(replace(leaf, chosen=replace(leaf.chosen, **{exact: 0.0})), leaf)
     assert part.attempts
     assert not np.isfinite(part.error_ratios).any()

@@ -6,18 +6,18 @@ from numba import config
 from random_neighbourhoods import analyse_ring, as_sample, draw, variances_by_degree
 
 from bezier_filters import estimate_vertex_geometry, load_mesh
+from bezier_filters.learning.fit_spec import FitConstraints, FitSpec
 from bezier_filters.learning.model_tree import (
-    FEWEST_ON_A_SIDE,
+    MIN_SPLIT_SAMPLES,
     Leaf,
     Split,
     _candidates,
-    grow,
+    fit_leaf,
+    grow_tree,
     leaf_numbers,
-    leaf_of,
     leaves,
 )
 from bezier_filters.learning.noise_model import NoiseModel
-from bezier_filters.learning.plans import Choices, FitPlan
 from bezier_filters.learning.surface_model import SurfaceModel
 from bezier_filters.meshlab.meshset import shipped_bunny
 from bezier_filters.patches.harmonics import harmonic_basis
@@ -43,8 +43,8 @@ def grown(halves, features):
     order = np.random.default_rng(0).permutation(len(points))  # samples are drawn at random
     points, features = points[order], features[order]
     analysis = analyse_ring(as_sample(points), 3, len(points))
-    root = leaf_of([analysis], Choices())
-    return root, grow(root, [analysis], lambda rows: features[rows], Choices())
+    root = fit_leaf([analysis], FitConstraints())
+    return root, grow_tree(root, [analysis], lambda rows: features[rows], FitConstraints())
 
 
 def two_kinds(variances, sigmas):
@@ -88,7 +88,7 @@ def test_splits_gain_the_same_whichever_side_comes_first_and_lose_nothing():
     points = np.concatenate([drawn.points for drawn in two_kinds((CALM, ROUGH), (0.01, 0.1))])
     analysis = analyse_ring(as_sample(points), 3, len(points))
     features = np.column_stack([NOISE, -NOISE, IS_SECOND + 0.1 * NOISE])
-    splits = list(_candidates(leaf_of([analysis], Choices()), [analysis], lambda rows: features[rows]))
+    splits = list(_candidates(fit_leaf([analysis], FitConstraints()), [analysis], lambda rows: features[rows]))
     gains = [[gain for gain, feature, _ in splits if feature == k] for k in range(3)]
     np.testing.assert_allclose(gains[0], gains[1][::-1])
     assert min(map(min, gains)) >= 0.0
@@ -97,15 +97,15 @@ def test_splits_gain_the_same_whichever_side_comes_first_and_lose_nothing():
 
 
 def test_no_side_gets_fewer_neighbourhoods_than_a_model_needs():
-    few = (np.arange(300) >= 300 - FEWEST_ON_A_SIDE + 5).astype(float)
+    few = (np.arange(300) >= 300 - MIN_SPLIT_SAMPLES + 5).astype(float)
     halves = [draw(265, 37, CALM, 0.01, seed=1), draw(35, 37, CALM, 1.0, seed=2)]
     root, tree = grown(halves, few[:, np.newaxis])
     assert tree is root
 
 
 def test_leaves_are_numbered_from_left_to_right():
-    plan = FitPlan(1, 2, 7.0, 1.0, np.zeros(6), np.inf, 0.0, 0.0)
-    a, b, c = (Leaf(SurfaceModel(NoiseModel(sigma**2), ()), (plan,), plan) for sigma in (1.0, 2.0, 3.0))
+    spec = FitSpec(1, 2, 7.0, 1.0, np.zeros(6), np.inf, 0.0, 0.0)
+    a, b, c = (Leaf(SurfaceModel(NoiseModel(sigma**2), ()), (spec,), spec) for sigma in (1.0, 2.0, 3.0))
     tree = Split(1, 5.0, a, Split(0, 2.0, b, c))
     assert leaves(tree) == [a, b, c]
     features = np.array([[9.0, 5.0], [2.0, 6.0], [2.1, 6.0], [0.0, -1.0]])

@@ -18,10 +18,10 @@ from random_neighbourhoods import (
 )
 from scipy.linalg import sqrtm
 
-from bezier_filters.learning.noise_model import NoiseModel, ring_noise, squared_distances
-from bezier_filters.learning.plans import ring_plans
-from bezier_filters.learning.quartic_mean import no_mean
-from bezier_filters.learning.ring_analysis import FIRST, LOOKED_AT
+from bezier_filters.learning.fit_spec import candidate_specs
+from bezier_filters.learning.noise_model import NoiseModel, pairwise_squared_distances, ring_noise
+from bezier_filters.learning.quartic_mean import zero_quartic_mean
+from bezier_filters.learning.ring_analysis import COMPARISON_SAMPLE_SIZE, NOISE_SAMPLE_SIZE
 from bezier_filters.learning.surface_model import RingModel, SurfaceModel
 from bezier_filters.patches.harmonics import harmonic_basis
 
@@ -41,7 +41,7 @@ def analysed(drawn):
 
 
 def bent(steep):
-    """Neighbourhoods whose slopes and curvatures are of the order of `steep`."""
+    """Neighbourhoods whose slopes and curvatures are of the order of `mean_square_steepness`."""
     variances = np.where((BASIS.degrees == 1) | (BASIS.degrees == 2), steep**2, 0.0)
     return draw(30, SIZE, variances, 1e-9)
 
@@ -87,7 +87,7 @@ def test_variances_of_fits_are_those_of_explicit_linear_estimators(noise, steep,
     m = BASIS.up_to(analysis.degree)
     found = ring_noise(noise, analysis)
     parts, residuals, ratios = [], [], []
-    for points in analysis.points[analysis.rows[:LOOKED_AT], :size] / analysis.radius:
+    for points in analysis.points[analysis.rows[:NOISE_SAMPLE_SIZE], :size] / analysis.radius:
         sigma = dense_covariance(replace(noise, lengths=tuple(x / analysis.radius for x in noise.lengths)), points)
         design = terms_at(points[:, :2])[:, :m]
         orthonormal = np.linalg.qr(design)[0]
@@ -101,7 +101,7 @@ def test_variances_of_fits_are_those_of_explicit_linear_estimators(noise, steep,
             left.append(np.trace(remover @ sigma @ remover.T) / (size - count))
         residuals.append(left)
         ratios.append(over)
-    np.testing.assert_allclose(found.parts, np.mean(parts, axis=0), rtol=1e-5)
+    np.testing.assert_allclose(found.score_variances, np.mean(parts, axis=0), rtol=1e-5)
     np.testing.assert_allclose(found.residuals, np.mean(residuals, axis=0), rtol=1e-5)
     ratios = np.mean(ratios, axis=0)
     for degree in range(analysis.degree + 1):
@@ -109,9 +109,11 @@ def test_variances_of_fits_are_those_of_explicit_linear_estimators(noise, steep,
             expected = ratios[degree, : BASIS.up_to(degree)][BASIS.groups[: BASIS.up_to(degree)] == group].mean()
             assert found.coefficients[degree, group] == pytest.approx(expected, rel=1e-5)
     assert found.model.variance == noise.variance
-    through = found.through(np.broadcast_to(np.eye(SIZE), (FIRST, SIZE, SIZE)))
+    propagate_covariance = found.propagate_covariance(
+        np.broadcast_to(np.eye(SIZE), (COMPARISON_SAMPLE_SIZE, SIZE, SIZE))
+    )
     expected = [dense_covariance(noise, points) for points in analysis.points[analysis.rows[analysis.first], :size]]
-    np.testing.assert_allclose(through[:, :size, :size], expected, rtol=1e-5)
+    np.testing.assert_allclose(propagate_covariance[:, :size, :size], expected, rtol=1e-5)
     assert found.is_flat == (steep == 0.0)
 
 
@@ -125,7 +127,7 @@ def test_places_beyond_the_points_of_a_neighbourhood_count_for_nothing(noise):
         sample = as_sample(padded)._replace(sizes=np.repeat(sizes[:, np.newaxis], 4, axis=1))
         found.append(ring_noise(noise, analyse_ring(sample, 3, len(points))))
     zeros, others = found
-    for name in ("parts", "residuals", "coefficients", "grams"):
+    for name in ("score_variances", "residuals", "coefficients", "grams"):
         np.testing.assert_array_equal(getattr(others, name), getattr(zeros, name))
 
 
@@ -133,10 +135,12 @@ def test_places_beyond_the_points_of_a_neighbourhood_count_for_nothing(noise):
 def test_noise_that_was_drawn_is_found_by_the_analysis_as_was_foreseen(noise):
     """Means of squares over many neighbourhoods, by the kernel; within four standard errors."""
     count, small = 1000, 1e-6
-    drawn = with_correlated_noise(draw(count, SIZE, np.zeros(len(BASIS.degrees)), 0.0), noise.times(small**2))
+    drawn = with_correlated_noise(draw(count, SIZE, np.zeros(len(BASIS.degrees)), 0.0), noise.scale_variance(small**2))
     analysis = analysed(drawn)
-    found, sums = ring_noise(noise.times(small**2), analysis), analysis.sums
-    assert np.square(sums.parts).mean(axis=0) / found.parts == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / count))
+    found, sums = ring_noise(noise.scale_variance(small**2), analysis), analysis.sums
+    assert np.square(sums.scores).mean(axis=0) / found.score_variances == pytest.approx(
+        1.0, abs=4.0 * np.sqrt(2.0 / count)
+    )
     assert analysis.mean_squares / found.residuals == pytest.approx(1.0, abs=0.05)
     for degree in range(analysis.degree + 1):
         groups = BASIS.groups[BASIS.up_to(degree) - 1] + 1
@@ -147,7 +151,7 @@ def test_noise_that_was_drawn_is_found_by_the_analysis_as_was_foreseen(noise):
 
 
 def models_of(noise, analysis, variances):
-    ring = RingModel(analysis, ring_noise(noise, analysis), variances, variances, 0.0, no_mean())
+    ring = RingModel(analysis, ring_noise(noise, analysis), variances, variances, 0.0, zero_quartic_mean())
     return SurfaceModel(noise, (ring,))
 
 
@@ -161,7 +165,7 @@ def test_noise_that_reaches_no_neighbour_is_white():
     plain, found = white.by_rings[0].noise, other.by_rings[0].noise
     assert plain.covariances is None
     assert found.model.variance == pytest.approx(plain.model.variance)
-    np.testing.assert_allclose(found.parts, plain.parts, rtol=1e-5)
+    np.testing.assert_allclose(found.score_variances, plain.score_variances, rtol=1e-5)
     np.testing.assert_allclose(found.residuals, plain.residuals, rtol=1e-5)
     filled = found.coefficients > 0.0
     np.testing.assert_allclose(found.coefficients[filled], plain.coefficients[filled], rtol=1e-5)
@@ -170,8 +174,8 @@ def test_noise_that_reaches_no_neighbour_is_white():
     for grams in (found.grams, plain.grams):
         np.testing.assert_allclose(grams, expected, rtol=1e-6, atol=1e-8 * sigma**2)
     np.testing.assert_allclose(found.covariances, np.broadcast_to(sigma**2 * np.eye(SIZE), found.covariances.shape))
-    ours, theirs = (ring_plans(model, model.by_rings[0]) for model in (other, white))
-    assert any(np.isfinite(plan.weight_radius) for plan in ours)
+    ours, theirs = (candidate_specs(model, model.by_rings[0]) for model in (other, white))
+    assert any(np.isfinite(spec.weight_radius) for spec in ours)
     assert [(p.degree, p.weight_radius) for p in ours] == [(p.degree, p.weight_radius) for p in theirs]
     for one, two in zip(ours, theirs, strict=True):
         assert one.normal_error == pytest.approx(two.normal_error, rel=1e-5)
@@ -182,21 +186,21 @@ def test_noise_that_reaches_no_neighbour_is_white():
 def test_errors_that_plans_predict_are_those_of_the_kernel(noise):
     """For every degree, prior and weight that is tried; that white noise of this strength would do otherwise shows."""
     small = 1e-5
-    variances, noise = small**2 * variances_by_degree(0.3, 0.2), noise.times(0.09 * small**2)
+    variances, noise = small**2 * variances_by_degree(0.3, 0.2), noise.scale_variance(0.09 * small**2)
     drawn = with_correlated_noise(draw(600, SIZE, variances, 0.0, seed=4), noise)
     analysis = analysed(drawn)
     model, white = (models_of(one, analysis, variances) for one in (noise, NoiseModel(noise.variance)))
     x, y, c, s, r = drawn.coefficients[:, 1:6].T  # slopes; x^2 - y^2, 2 x y and x^2 + y^2
     slope = np.column_stack([x, y])
     second = 2.0 * np.array([[r + c, s], [s, r - c]]).transpose(2, 0, 1)
-    for plan in ring_plans(model, model.by_rings[0]):
-        gradients, hessians = fit_stars(drawn, replace(plan, rings=1))
-        assert plan.normal_error == pytest.approx(np.sqrt(np.square(gradients - slope).sum(axis=1).mean()), rel=0.15)
-        assert plan.curvature_error == pytest.approx(
+    for spec in candidate_specs(model, model.by_rings[0]):
+        gradients, hessians = fit_stars(drawn, replace(spec, rings=1))
+        assert spec.normal_error == pytest.approx(np.sqrt(np.square(gradients - slope).sum(axis=1).mean()), rel=0.15)
+        assert spec.curvature_error == pytest.approx(
             np.sqrt(np.square(hessians - second).sum(axis=(1, 2)).mean()), rel=0.15
         )
-    unaware = min(plan.normal_error for plan in ring_plans(white, white.by_rings[0]))
-    assert min(plan.normal_error for plan in ring_plans(model, model.by_rings[0])) > 1.2 * unaware
+    unaware = min(spec.normal_error for spec in candidate_specs(white, white.by_rings[0]))
+    assert min(spec.normal_error for spec in candidate_specs(model, model.by_rings[0])) > 1.2 * unaware
 
 
 models = st.builds(
@@ -224,7 +228,7 @@ def test_covariances_scale_and_neither_turning_nor_moving_matters(noise, points,
     level = np.ones(points.shape[:2])
     expected = noise.covariances(points, level)
     # The smallest numbers that there are have fewer digits than others.
-    times = noise.times(factor).covariances(points, level)
+    times = noise.scale_variance(factor).covariances(points, level)
     np.testing.assert_allclose(times, factor * expected, rtol=1e-9, atol=1e-300)
     larger = replace(noise, lengths=tuple(factor * length for length in noise.lengths))
     np.testing.assert_allclose(larger.covariances(factor * points, level), expected, rtol=1e-6, atol=1e-9)
@@ -237,7 +241,7 @@ def test_covariances_scale_and_neither_turning_nor_moving_matters(noise, points,
 @given(noise=models, factor=st.floats(0.0, 1e6))
 def test_noise_times_a_factor_has_so_much_more_variance_and_the_same_length(noise, factor):
     noise = replace(noise, heavy=True)
-    more = noise.times(factor)
+    more = noise.scale_variance(factor)
     assert more.variance == pytest.approx(factor * noise.variance)
     assert more.sigma**2 == pytest.approx(more.variance)
     assert more.lengths == noise.lengths
@@ -250,4 +254,4 @@ def test_noise_times_a_factor_has_so_much_more_variance_and_the_same_length(nois
 def test_distances_are_those_of_all_pairs():
     points = np.random.default_rng(0).standard_normal((3, 6, 3))
     expected = [[[np.sum((p - q) ** 2) for q in one] for p in one] for one in points]
-    np.testing.assert_allclose(squared_distances(points), expected, atol=1e-12)
+    np.testing.assert_allclose(pairwise_squared_distances(points), expected, atol=1e-12)

@@ -8,9 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from random_neighbourhoods import analyse_ring, as_sample, draw, fit_stars, terms_at
 
+from bezier_filters.learning.fit_spec import FitSpec
 from bezier_filters.learning.noise_model import NoiseModel, ring_noise
-from bezier_filters.learning.plans import FitPlan
-from bezier_filters.learning.quartic_mean import LEAST, QUARTIC, learn_quartic_mean, no_mean, round_quartics
+from bezier_filters.learning.quartic_mean import (
+    MIN_QUARTIC_FACTOR,
+    QUARTIC,
+    learn_quartic_mean,
+    round_quartics,
+    zero_quartic_mean,
+)
 from bezier_filters.patches.harmonics import harmonic_basis
 
 BASIS = harmonic_basis()
@@ -96,21 +102,21 @@ def test_variances_are_those_about_the_mean():
     points, seconds = quartic_neighbourhoods(1.0, 1e-5, own=own)
     mean = learned_from(points, 1e-5)
     assert mean.factor == pytest.approx(1.0, abs=0.1)
-    np.testing.assert_allclose(mean.left[FOURTH], own**2, rtol=0.3)
-    assert (mean.left[~FOURTH] == 0.0).all()
+    np.testing.assert_allclose(mean.residual_variances[FOURTH], own**2, rtol=0.3)
+    assert (mean.residual_variances[~FOURTH] == 0.0).all()
     squares = np.square(round_quartics(seconds, 1.0, np.ones(len(seconds)))).mean(axis=0)
     np.testing.assert_allclose(mean.squares[FOURTH][4], squares[4], rtol=0.3)  # the sixth power of a curvature
     about_zero = np.full(len(BASIS.degrees), 7.0)
     np.testing.assert_allclose(mean.variances(about_zero, 0.0)[~FOURTH], 7.0)
     wrong = mean.variances(about_zero, mean.factor + 2.0)
-    np.testing.assert_allclose(wrong[FOURTH], mean.left[FOURTH] + 4.0 * mean.squares[FOURTH])
+    np.testing.assert_allclose(wrong[FOURTH], mean.residual_variances[FOURTH] + 4.0 * mean.squares[FOURTH])
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_fourth_degree_that_has_nothing_to_do_with_curvature_has_no_mean(seed):
     points, _ = quartic_neighbourhoods(0.0, 1e-4, seed, own=3e-3)
     mean = learned_from(points, 1e-4)
-    assert mean.factor == 0.0 or LEAST < mean.factor < 0.6, "0 but by chance"
+    assert mean.factor == 0.0 or MIN_QUARTIC_FACTOR < mean.factor < 0.6, "0 but by chance"
     if mean.factor == 0.0:
         about_zero = np.ones(len(BASIS.degrees))
         np.testing.assert_array_equal(mean.variances(about_zero, 0.0), about_zero)
@@ -120,7 +126,7 @@ def test_a_fourth_degree_that_has_nothing_to_do_with_curvature_has_no_mean(seed)
 def test_narrow_rings_and_those_that_hold_no_fourth_degree_have_no_mean(rings, size):
     points, _ = quartic_neighbourhoods(1.0, 1e-4, size=size)
     analysis = analyse_ring(as_sample(points, rings), rings, size)
-    assert learn_quartic_mean(ring_noise(NoiseModel(1e-8), analysis)).factor == no_mean().factor == 0.0
+    assert learn_quartic_mean(ring_noise(NoiseModel(1e-8), analysis)).factor == zero_quartic_mean().factor == 0.0
 
 
 @pytest.mark.parametrize("radius", [1.0, 0.1])
@@ -129,9 +135,9 @@ def test_the_kernel_solves_about_the_mean_that_its_own_second_derivatives_let_ex
     points, seconds = quartic_neighbourhoods(1.0, 1e-4, count=24)
     m, factor = BASIS.up_to(QUARTIC), 0.8
     prior = np.where(BASIS.degrees[:m] <= 2, 0.0, np.where(BASIS.degrees[:m] == 3, 1.0, 20.0))
-    plan = FitPlan(1, QUARTIC, float(points.shape[1]), radius, prior, np.inf, 0.0, 0.0, quartic=factor)
+    spec = FitSpec(1, QUARTIC, float(points.shape[1]), radius, prior, np.inf, 0.0, 0.0, quartic=factor)
     drawn = replace(draw(24, points.shape[1], np.zeros(len(BASIS.degrees)), 0.0), points=radius * points)
-    _, hessians = fit_stars(drawn, plan)
+    _, hessians = fit_stars(drawn, spec)
     reaches = np.linalg.norm(points, axis=2).max(axis=1)
     for k, neighbourhood in enumerate(points):
         design = terms_at(neighbourhood[:, :2])[:, :m]
@@ -142,6 +148,6 @@ def test_the_kernel_solves_about_the_mean_that_its_own_second_derivatives_let_ex
             mean[FOURTH[:m]] = factor * round_quartics(found[np.newaxis, SECONDS[:m]], 1.0, reaches[k : k + 1])[0]
             found = np.linalg.solve(left, right + prior * mean)
         np.testing.assert_allclose(radius * hessians[k], hessian_of(found[SECONDS[:m]]), rtol=1e-3, atol=1e-3)
-    plain = fit_stars(drawn, replace(plan, quartic=0.0))[1]
+    plain = fit_stars(drawn, replace(spec, quartic=0.0))[1]
     truth = np.array([hessian_of(row) for row in seconds]) / radius
     assert np.abs(hessians - truth).mean() < 0.5 * np.abs(plain - truth).mean()

@@ -12,7 +12,12 @@ from random_neighbourhoods import analyse_ring, as_sample, draw, variances_by_de
 
 from bezier_filters import InvalidParameterError, estimate_vertex_geometry
 from bezier_filters.learning.noise_model import NoiseModel, ring_noise
-from bezier_filters.learning.surface_model import SURELY, _falling_off, _term_variances, learn_model
+from bezier_filters.learning.surface_model import (
+    SIGNIFICANT_STANDARD_ERRORS,
+    _enforce_decay,
+    _term_variances,
+    learn_surface_model,
+)
 from bezier_filters.patches.harmonics import harmonic_basis
 from bezier_filters.patches.polynomials import total_degree_space
 from bezier_filters.surfaces import bumpy_star, ellipsoid, height_field, monkey_saddle, sphere, torus, waves
@@ -303,7 +308,7 @@ def test_known_noise_and_variances_are_learned(seed):
     """Within four standard errors, where a low degree hides little of the later terms; elsewhere they may be larger."""
     basis = harmonic_basis()
     count, truth, sigma = 600, variances_by_degree(1.0, 0.1), 1e-3
-    model = learn_model([analysed(draw(count, 60, truth, sigma, seed=seed))])
+    model = learn_surface_model([analysed(draw(count, 60, truth, sigma, seed=seed))])
     assert model.sigma == pytest.approx(sigma, rel=0.05)
     learned = model.by_rings[0].variances
     assert not learned[basis.degrees <= 2].any()
@@ -320,7 +325,8 @@ def test_the_terms_of_the_highest_degree_are_learned_without_bias():
     basis = harmonic_basis()
     truth = 1e-6 * variances_by_degree(1.0, 0.3)
     shares = [
-        learn_model([analysed(draw(300, 60, truth, 1e-6, seed=seed))]).by_rings[0].variances / np.maximum(truth, 1e-300)
+        learn_surface_model([analysed(draw(300, 60, truth, 1e-6, seed=seed))]).by_rings[0].variances
+        / np.maximum(truth, 1e-300)
         for seed in range(4)
     ]
     assert np.mean(shares, axis=0)[basis.degrees == 8] == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / 1200))
@@ -336,7 +342,10 @@ def test_a_wider_ring_helps_a_narrow_one_where_noise_hides_the_terms(scale):
     for seed in range(6):
         narrow = analysed(draw(300, 25, truth, sigma, seed=seed))
         wide = analysed(draw(300, 80, truth * 4.0**basis.degrees, sigma, radius=2.0, seed=100 + seed), rings=6)
-        by_itself, with_wide = learn_model([narrow]).by_rings[0], learn_model([narrow, wide]).by_rings[0]
+        by_itself, with_wide = (
+            learn_surface_model([narrow]).by_rings[0],
+            learn_surface_model([narrow, wide]).by_rings[0],
+        )
         alone.append(np.abs(np.log(by_itself.variances[cubic] / truth[cubic])).mean())
         helped.append(np.abs(np.log(with_wide.variances[cubic] / truth[cubic])).mean())
         assert not by_itself.variances[beyond].any()
@@ -352,10 +361,11 @@ def test_terms_are_no_larger_than_lower_ones_suggest_unless_that_is_sure(seed):
     rng = np.random.default_rng(seed)
     basis = harmonic_basis()
     values, errors, believed = np.exp(rng.normal(0.0, 2.0, (3, len(basis.groups))))
-    result, sure = _falling_off(believed, values, errors), values >= SURELY * errors
+    result, sure = _enforce_decay(believed, values, errors), values >= SIGNIFICANT_STANDARD_ERRORS * errors
     np.testing.assert_array_equal(result[sure], believed[sure])
     np.testing.assert_array_equal(result[basis.degrees <= 2], believed[basis.degrees <= 2])
-    curvature = np.sqrt((values + SURELY * errors)[basis.degrees == 2].max())  # as large as it may be
+    # as large as it may be
+    curvature = np.sqrt((values + SIGNIFICANT_STANDARD_ERRORS * errors)[basis.degrees == 2].max())
     largest = [0.0, 0.0, curvature, *(np.sqrt(result[basis.degrees == k].max()) for k in range(3, 9))]
     for degree in range(3, 9):
         doubtful = (basis.degrees == degree) & ~sure

@@ -23,12 +23,12 @@ from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.scale import FitOptions, learn, smooth_file
 from bezier_filters.scale.components import labelled_vertices, unite_components
 from bezier_filters.scale.halo import tile_part
-from bezier_filters.scale.learn import sampled_parts_of
+from bezier_filters.scale.learn import sample_store_parts
 from bezier_filters.scale.source import open_source
 from bezier_filters.scale.store import build_store
 from bezier_filters.scale.tiles import TileReport, open_tile, tile_path, write_tile
 from bezier_filters.smoothing import mesh_parts
-from bezier_filters.smoothing.mesh_parts import CORE, LARGEST_WHOLE, PART
+from bezier_filters.smoothing.mesh_parts import MAX_WHOLE_VERTICES, PART_CORE_VERTICES, PART_VERTICES
 from bezier_filters.smoothing.volume import ClosedComponents
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, sphere, torus, waves
 
@@ -223,7 +223,7 @@ def test_closed_components_are_those_in_memory(seed, tile, tmp_path_factory):
         assert not incoherent_vertices(part.mesh.faces, adjacency)[part.own].any()
         write_tile(folder, TileReport(k, len(part.ids), {}), labelled_vertices(part, adjacency))
         tiles.append(open_tile(folder, k))
-    found, expected = unite_components(store, tiles), ClosedComponents.of(mesh, vertex_adjacency(mesh))
+    found, expected = unite_components(store, tiles), ClosedComponents.locate(mesh, vertex_adjacency(mesh))
     if not expected.count:
         assert found is None
         return
@@ -239,23 +239,25 @@ def test_closed_components_are_those_in_memory(seed, tile, tmp_path_factory):
 
 
 @pytest.mark.parametrize("shape", ["star", "pieces", "pipe"])
-@pytest.mark.parametrize("size", [600, pytest.param(PART, marks=[compiled, pytest.mark.slow])])
+@pytest.mark.parametrize("size", [600, pytest.param(PART_VERTICES, marks=[compiled, pytest.mark.slow])])
 def test_sampled_parts_are_those_in_memory(size, shape, tmp_path, monkeypatch):
     """Also where a mesh falls into many small pieces, so that parts go on and on, or is long and thin."""
-    vertices, faces = star(80 if size == PART else 24)
+    vertices, faces = star(80 if size == PART_VERTICES else 24)
     if shape == "pieces":
         faces = faces[np.random.default_rng(0).random(len(faces)) < 0.2]
     elif shape == "pipe":
-        vertices, faces = pipe(12, 5200) if size == PART else pipe(3, 1800)
+        vertices, faces = pipe(12, 5200) if size == PART_VERTICES else pipe(3, 1800)
     mesh = triangle_mesh(*shuffled(vertices, faces))
-    monkeypatch.setattr(mesh_parts, "CORE", CORE * size // PART)
-    monkeypatch.setattr(mesh_parts, "LARGEST_WHOLE", LARGEST_WHOLE * size // PART)
+    monkeypatch.setattr(mesh_parts, "PART_CORE_VERTICES", PART_CORE_VERTICES * size // PART_VERTICES)
+    monkeypatch.setattr(mesh_parts, "MAX_WHOLE_VERTICES", MAX_WHOLE_VERTICES * size // PART_VERTICES)
     for module in (mesh_parts, learn):
-        monkeypatch.setattr(module, "PART", size)
-    monkeypatch.setattr(learn, "FIRST_RINGS", 64 if size == PART else 6)
-    assert mesh.vertex_count > LARGEST_WHOLE * size // PART
-    store = build_store(open_source(save_arrays(tmp_path, mesh.vertices, mesh.faces)), tmp_path, 8192 * size // PART)
-    expected, found = mesh_parts.sampled_parts(mesh, vertex_adjacency(mesh), (17,)), sampled_parts_of(store, (17,))
+        monkeypatch.setattr(module, "PART_VERTICES", size)
+    monkeypatch.setattr(learn, "FIRST_RINGS", 64 if size == PART_VERTICES else 6)
+    assert mesh.vertex_count > MAX_WHOLE_VERTICES * size // PART_VERTICES
+    store = build_store(
+        open_source(save_arrays(tmp_path, mesh.vertices, mesh.faces)), tmp_path, 8192 * size // PART_VERTICES
+    )
+    expected, found = mesh_parts.sample_parts(mesh, vertex_adjacency(mesh), (17,)), sample_store_parts(store, (17,))
     assert np.array_equal(found.core, expected.core)
     assert len(found.ids) < found.vertex_count == mesh.vertex_count
     for one, other in zip(

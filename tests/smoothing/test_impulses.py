@@ -9,8 +9,8 @@ from scipy.stats import norm
 from bezier_filters import smooth
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
-from bezier_filters.smoothing.impulses import Impulses, has_settled, learn_impulses, without_impulses
-from bezier_filters.smoothing.mesh_parts import sampled_parts
+from bezier_filters.smoothing.impulses import Impulses, has_settled, learn_impulses, remove_impulses
+from bezier_filters.smoothing.mesh_parts import sample_parts
 from bezier_filters.surfaces import bumpy_star, sphere, torus
 
 
@@ -34,7 +34,7 @@ def measured_at(ball, heights):
     surface, mesh, adjacency = ball
     edge = mean_edge_of(mesh.vertices, mesh.faces)
     points = mesh.vertices + (edge * heights)[:, np.newaxis] * surface.normals
-    return learn_impulses(points, sampled_parts(mesh, adjacency)), edge
+    return learn_impulses(points, sample_parts(mesh, adjacency)), edge
 
 
 @pytest.mark.parametrize(("share", "hit", "others"), [(0.6, 0.6, 0.1), (0.05, 0.5, 0.05), (0.3, 0.2, 0.03)])
@@ -42,8 +42,8 @@ def test_a_mixture_is_found(ball, share, hit, others):
     heights, _ = mixture(ball[1].vertex_count, share, hit, others)
     found, edge = measured_at(ball, heights)
     assert found.share == pytest.approx(share, rel=0.15)
-    assert found.hit / edge == pytest.approx(hit, rel=0.1)
-    assert found.others / edge == pytest.approx(others, rel=0.1)
+    assert found.impulse_sigma / edge == pytest.approx(hit, rel=0.1)
+    assert found.inlier_sigma / edge == pytest.approx(others, rel=0.1)
 
 
 def test_one_distribution_is_none(ball):
@@ -71,16 +71,16 @@ def test_lengths_have_no_unit(ball, scale):
         mesh.vertices + heights[:, np.newaxis] * surface.normals,
         TriangleMesh(scale * mesh.vertices, mesh.faces),
     )
-    found = learn_impulses(points, sampled_parts(mesh, adjacency))
-    scaled = learn_impulses(scale * points, sampled_parts(other, adjacency))
+    found = learn_impulses(points, sample_parts(mesh, adjacency))
+    scaled = learn_impulses(scale * points, sample_parts(other, adjacency))
     assert scaled.share == pytest.approx(found.share, rel=1e-6)
-    assert scaled.hit == pytest.approx(scale * found.hit, rel=1e-6)
+    assert scaled.impulse_sigma == pytest.approx(scale * found.impulse_sigma, rel=1e-6)
 
 
 def test_probabilities_are_those_of_bayes():
     impulses, heights = Impulses(0.3, 0.5, 0.04), np.linspace(-3.0, 3.0, 101)
     others, hit = 0.7 * norm.pdf(heights, scale=0.04), 0.3 * norm.pdf(heights, scale=0.5)
-    assert np.allclose(impulses.sound(heights), others / (others + hit), rtol=1e-12, atol=1e-300)
+    assert np.allclose(impulses.inlier_probability(heights), others / (others + hit), rtol=1e-12, atol=1e-300)
 
 
 def test_vertices_that_were_hit_go_onto_the_surface(ball):
@@ -88,7 +88,7 @@ def test_vertices_that_were_hit_go_onto_the_surface(ball):
     heights, is_hit = mixture(mesh.vertex_count, 0.1, 0.5, 0.001)
     is_hit &= np.abs(heights) > 0.1
     points = mesh.vertices + heights[:, np.newaxis] * surface.normals
-    found = without_impulses(points, mesh, adjacency, Impulses(0.1, 0.5, 0.001, sideways=0.5))
+    found = remove_impulses(points, mesh, adjacency, Impulses(0.1, 0.5, 0.001, tangential_sigma=0.5))
     assert np.abs(found - mesh.vertices)[is_hit].max() < 1e-12
     sound = np.abs(heights) < 0.002
     assert np.abs(found - points)[sound].max() < 0.001
@@ -103,8 +103,8 @@ def test_impulses_along_the_normals_are_told_from_others(ball, along, least, mos
     moves = heights[:, np.newaxis] * surface.normals
     if not along:
         moves = np.where(is_hit[:, np.newaxis], np.random.default_rng(2).normal(scale=0.5, size=moves.shape), moves)
-    found = learn_impulses(mesh.vertices + edge * moves, sampled_parts(mesh, adjacency))
-    assert least <= found.sideways / found.hit < most
+    found = learn_impulses(mesh.vertices + edge * moves, sample_parts(mesh, adjacency))
+    assert least <= found.tangential_sigma / found.impulse_sigma < most
 
 
 def test_impulses_along_the_normals_do_not_slide(ball):
@@ -114,7 +114,7 @@ def test_impulses_along_the_normals_do_not_slide(ball):
     is_hit &= np.abs(heights) > 0.1
     points = mesh.vertices + (edge * heights)[:, np.newaxis] * surface.normals
     slid = Rotation.from_rotvec([0.0, 0.0, 0.3 * edge]).apply(mesh.vertices)
-    found = without_impulses(points, TriangleMesh(slid, mesh.faces), adjacency, Impulses(0.1, 0.5 * edge, 0.01 * edge))
+    found = remove_impulses(points, TriangleMesh(slid, mesh.faces), adjacency, Impulses(0.1, 0.5 * edge, 0.01 * edge))
 
     def along_surface(where):
         off = (where - mesh.vertices)[is_hit]

@@ -10,7 +10,7 @@ from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.runtime.parallel import CHUNK
 from bezier_filters.smoothing import denoise, mesh_parts
-from bezier_filters.smoothing.mesh_parts import CORE, LARGEST_WHOLE, PART, sampled_parts
+from bezier_filters.smoothing.mesh_parts import MAX_WHOLE_VERTICES, PART_CORE_VERTICES, PART_VERTICES, sample_parts
 from bezier_filters.smoothing.normal_filter import UPDATE_ROUNDS, move_to_normals
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, sphere
 
@@ -22,12 +22,12 @@ def star(request):
     """A surface with more vertices than are looked at as a whole, or a fourth of that, and parts as much smaller."""
     share = request.param
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(mesh_parts, "PART", PART // share)
-        patch.setattr(mesh_parts, "CORE", CORE // share)
+        patch.setattr(mesh_parts, "PART_VERTICES", PART_VERTICES // share)
+        patch.setattr(mesh_parts, "PART_CORE_VERTICES", PART_CORE_VERTICES // share)
         for module in (mesh_parts, denoise):
-            patch.setattr(module, "LARGEST_WHOLE", LARGEST_WHOLE // share)
+            patch.setattr(module, "MAX_WHOLE_VERTICES", MAX_WHOLE_VERTICES // share)
         surface = bumpy_star(resolution=80 if share == 1 else 42, jitter=0.2)
-        assert len(surface.vertices) > max(LARGEST_WHOLE // share, 2 * CHUNK)
+        assert len(surface.vertices) > max(MAX_WHOLE_VERTICES // share, 2 * CHUNK)
         yield surface
 
 
@@ -35,9 +35,9 @@ def star(request):
 def test_parts_are_of_one_piece_with_a_margin(star):
     mesh = triangle_mesh(star.vertices, star.faces)
     adjacency = vertex_adjacency(mesh)
-    parts = sampled_parts(mesh, adjacency)
-    assert mesh_parts.PART < parts.mesh.vertex_count < mesh.vertex_count
-    assert parts.core.sum() > mesh_parts.CORE
+    parts = sample_parts(mesh, adjacency)
+    assert mesh_parts.PART_VERTICES < parts.mesh.vertex_count < mesh.vertex_count
+    assert parts.core.sum() > mesh_parts.PART_CORE_VERTICES
     assert np.array_equal(parts.mesh.vertices, star.vertices[parts.ids])
     # Nothing is missing around the vertices that count.
     inside = parts.adjacency.vertices.lengths[parts.core]
@@ -48,7 +48,7 @@ def test_parts_are_of_one_piece_with_a_margin(star):
 def test_small_meshes_are_their_own_sample():
     ball = sphere(resolution=6)
     mesh = triangle_mesh(ball.vertices, ball.faces)
-    parts = sampled_parts(mesh, vertex_adjacency(mesh))
+    parts = sample_parts(mesh, vertex_adjacency(mesh))
     assert parts.mesh is mesh
     assert parts.core.all()
 

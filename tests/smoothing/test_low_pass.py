@@ -7,10 +7,10 @@ from scipy.linalg import lu_factor, lu_solve
 
 from bezier_filters.meshes.adjacency import mean_edge, vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
-from bezier_filters.smoothing.chebyshev import ORDER, diffuse, low_pass
-from bezier_filters.smoothing.clusters import SURROUNDINGS, clusters_of
+from bezier_filters.smoothing.chebyshev import DEFAULT_ORDER, diffuse, low_pass
+from bezier_filters.smoothing.clusters import AVERAGING_TIME, clusters_of
 from bezier_filters.smoothing.laplacian import cotangent_laplacian, umbrella_laplacian
-from bezier_filters.smoothing.low_pass import ORDERS, learn_low_pass, strongest
+from bezier_filters.smoothing.low_pass import FILTER_ORDERS, learn_low_pass, max_strength
 from bezier_filters.smoothing.mesh_parts import whole_mesh
 from bezier_filters.smoothing.noise import NoisyMesh
 from bezier_filters.smoothing.risk import Estimates, local_risks, local_shares, overall_risks
@@ -84,7 +84,7 @@ def test_border_vertices_follow_whom_they_should(sheet, borders):
             assert adjacency.on_boundary[followed].all()
 
 
-@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("order", FILTER_ORDERS)
 def test_series_are_the_filters_that_they_stand_for(ball, order):
     mesh, adjacency, _ = ball
     laplacian = umbrella_laplacian(whole_mesh(mesh, adjacency), "curve")
@@ -111,9 +111,9 @@ def test_the_strongest_filter_leaves_half_of_a_wave(power, length):
     laplacian = umbrella if power is None else cotangent_laplacian(whole_mesh(mesh, adjacency), "curve", power, 1.0)
     for angle in (0.0, 0.5):
         wave = np.sin(2.0 * np.pi / length * plane @ [np.cos(angle), np.sin(angle)])[:, np.newaxis]
-        for order in ORDERS:
+        for order in FILTER_ORDERS:
             for times in (1.0, 3.0):
-                left = low_pass(laplacian, wave, np.array([times * strongest(length)]), order=order)
+                left = low_pass(laplacian, wave, np.array([times * max_strength(length)]), order=order)
                 share = (left * wave)[inside].sum() / np.square(wave[inside]).sum()
                 assert share == pytest.approx(1.0 / (1.0 + times ** (order / 4)), abs=0.02)
 
@@ -142,7 +142,7 @@ def test_mixtures_are_taken_vertex_by_vertex(ball):
 @pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
 def test_the_order_suits_the_detail():
     ring = torus(resolution=30, jitter=0.2)  # whose detail ends at some size
-    assert chosen_order(ring.vertices, ring.normals, ring.faces) > ORDER
+    assert chosen_order(ring.vertices, ring.normals, ring.faces) > DEFAULT_ORDER
     ball = sphere(resolution=20)  # with detail of all sizes, whose spectrum x^-4 Wiener's filter of order 4 suits best
     mesh = triangle_mesh(ball.vertices, ball.faces)
     laplacian = umbrella_laplacian(whole_mesh(mesh, vertex_adjacency(mesh)), "curve")
@@ -151,7 +151,7 @@ def test_the_order_suits_the_detail():
     for _ in range(2):  # over x + 0.01 twice, so that even the largest detail is finite
         roughness = lu_solve(factors, roughness)
     rough = ball.vertices * (1.0 + 0.02 * roughness / roughness.std())
-    assert chosen_order(rough, ball.normals, ball.faces) == ORDER
+    assert chosen_order(rough, ball.normals, ball.faces) == DEFAULT_ORDER
 
 
 def chosen_order(vertices, normals, faces):
@@ -179,9 +179,9 @@ def test_clusters_spread_values_as_far_as_the_mesh_does():
     adjacency = vertex_adjacency(mesh)
     clusters = clusters_of(whole_mesh(mesh, adjacency))
     values = np.random.default_rng(0).standard_normal((mesh.vertex_count, 3))
-    on_mesh = diffuse(umbrella_laplacian(whole_mesh(mesh, adjacency), "free"), values, SURROUNDINGS)
+    on_mesh = diffuse(umbrella_laplacian(whole_mesh(mesh, adjacency), "free"), values, AVERAGING_TIME)
     means = clusters.diffuse(clusters.means(values.T))
-    on_clusters = clusters.at_vertices(means)
+    on_clusters = clusters.spread_to_vertices(means)
     assert on_clusters.std() == pytest.approx(on_mesh.std(), rel=0.15)
     assert np.corrcoef(on_mesh.ravel(), on_clusters.ravel())[0, 1] > 0.95
 

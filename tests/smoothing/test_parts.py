@@ -8,10 +8,10 @@ from test_smoothing import edge_of, face_normals, with_noise
 from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
-from bezier_filters.smoothing.denoise import SmoothingOptions, denoise, learn_plan, remove_noise, rings_around
+from bezier_filters.smoothing.denoise import SmoothingOptions, denoise, halo_rings, learn_plan, remove_noise
 from bezier_filters.smoothing.flipped_faces import repair_flipped_faces
-from bezier_filters.smoothing.mesh_parts import MeshPart, sampled_parts, whole_mesh
-from bezier_filters.smoothing.noise import roughest, roughness
+from bezier_filters.smoothing.mesh_parts import MeshPart, sample_parts, whole_mesh
+from bezier_filters.smoothing.noise import roughest_vertices, roughness
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
@@ -49,14 +49,14 @@ def test_parts_with_rings_around_are_smoothed_as_the_whole(make):
     mesh = triangle_mesh(*make())
     adjacency = vertex_adjacency(mesh)
     sigma = 0.2 * edge_of(mesh.vertices, mesh.faces)
-    plan, _ = learn_plan(sampled_parts(mesh, adjacency), NoiseModel(sigma**2), SmoothingOptions())
+    plan, _ = learn_plan(sample_parts(mesh, adjacency), NoiseModel(sigma**2), SmoothingOptions())
     whole = denoise(whole_mesh(mesh, adjacency), plan)
     learned = remove_noise(mesh, adjacency, NoiseModel(sigma**2), SmoothingOptions())
     assert np.abs(learned.points - whole.points).max() < 1e-3 * sigma  # whose filters are series of other lengths
     squares = []
     low, high = np.quantile(mesh.vertices[:, 0], (0.1, 0.9))
     for inner in (mesh.vertices[:, 0] < low, mesh.vertices[:, 0] > high):
-        part = part_around(mesh, adjacency, inner, rings_around(plan))
+        part = part_around(mesh, adjacency, inner, halo_rings(plan))
         assert part.cut.any()
         is_inner = inner[part.ids]
         found, expected = denoise(part, plan), part.ids[is_inner]
@@ -86,13 +86,13 @@ def test_what_is_as_rough_is_chosen_alike_from_tiles(share):
     rng, alike, n = np.random.default_rng(0), 0, 20_000
     for _ in range(50):
         values, ids = 5.0 - share * rng.random(n), rng.permutation(n).astype(np.int32)
-        expected = roughest(values, ids)[0]
+        expected = roughest_vertices(values, ids)[0]
         rounded, few = values * (1.0 + 1e-5 * rng.standard_normal(n)), []
         for start in range(0, n, 2000):
             tile = slice(start, start + 2000)
-            few.extend(start + roughest(rounded[tile], ids[tile]))
+            few.extend(start + roughest_vertices(rounded[tile], ids[tile]))
         assert len(few) < 150
-        alike += few[roughest(rounded[few], ids[few])[0]] == expected
+        alike += few[roughest_vertices(rounded[few], ids[few])[0]] == expected
         assert values[expected] >= 0.98 * values.max()
     assert alike >= 48
 

@@ -9,7 +9,7 @@ from scanner_noise import along_normals, averaged_noise, in_all_directions, mean
 from test_smoothing import mean_angle
 
 from bezier_filters import smooth
-from bezier_filters.learning.noise_model import MISTAKEN, UNSEEN, NoiseModel, known_noise
+from bezier_filters.learning.noise_model import HIDDEN_RANGE_FACTOR, MAX_UNDERESTIMATION, NoiseModel, rescale_noise
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import triangle_mesh
@@ -46,7 +46,7 @@ def made_of(surface, noise):
     part = whole_mesh(mesh, vertex_adjacency(mesh))
     laplacian, unit = umbrella_laplacian(part, "free"), mean_edge_of(surface.vertices, surface.faces)
     every = np.ones(len(surface.vertices), dtype=np.bool_)
-    return part, laplacian, Correlation.of(in_units(noise, unit), unit, part.ids, laplacian, every)
+    return part, laplacian, Correlation.calibrate(in_units(noise, unit), unit, part.ids, laplacian, every)
 
 
 def pairs_apart(faces, count):
@@ -93,7 +93,7 @@ def test_the_number_of_vertices_that_are_alike_is_the_sum_of_squared_correlation
     squares = np.square(surface.vertices[rows, np.newaxis] - surface.vertices).sum(axis=2)
     correlations = model_correlations(scaled, squares)
     correlations[np.arange(len(rows)), rows] = 1.0
-    assert correlation.alike == pytest.approx(np.square(correlations).sum(axis=1).mean(), rel=0.25)
+    assert correlation.variance_inflation == pytest.approx(np.square(correlations).sum(axis=1).mean(), rel=0.25)
 
 
 def test_white_noise_is_made_of_signs_alone():
@@ -107,15 +107,17 @@ def test_white_noise_is_made_of_signs_alone():
 def test_noise_of_known_strength_is_as_alike_as_was_learned():
     """Up to what may be a mistake; beyond it the shape of what was seen stays, and the rest is longer."""
     learned = NOISES["two parts"]
-    for strength in (0.1, 1.0, MISTAKEN, 2.0 * MISTAKEN):
-        found = known_noise(learned, strength * learned.sigma)
+    for strength in (0.1, 1.0, MAX_UNDERESTIMATION, 2.0 * MAX_UNDERESTIMATION):
+        found = rescale_noise(learned, strength * learned.sigma)
         assert found.sigma == pytest.approx(strength * learned.sigma)
         assert found.lengths[:2] == learned.lengths
         seen = replace(found, sills=found.sills[:2], lengths=found.lengths[:2])
         assert seen.white / seen.variance == pytest.approx(learned.white / learned.variance)
-        assert seen.sigma == pytest.approx(min(strength, MISTAKEN) * learned.sigma)
-        assert found.lengths[2:] == ((UNSEEN * max(learned.lengths),) if strength > MISTAKEN else ())
-    assert known_noise(NoiseModel(2.0), 3.0) == known_noise(None, 3.0) == NoiseModel(9.0, given=True)
+        assert seen.sigma == pytest.approx(min(strength, MAX_UNDERESTIMATION) * learned.sigma)
+        assert found.lengths[2:] == (
+            (HIDDEN_RANGE_FACTOR * max(learned.lengths),) if strength > MAX_UNDERESTIMATION else ()
+        )
+    assert rescale_noise(NoiseModel(2.0), 3.0) == rescale_noise(None, 3.0) == NoiseModel(9.0, given=True)
 
 
 def test_noise_of_many_lengths_goes_once_its_strength_is_known():

@@ -8,15 +8,15 @@ from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
 from bezier_filters.smoothing.volume import (
     ClosedComponents,
     component_volumes,
-    movement_around,
+    local_movement,
     restore_volumes,
-    unlike_before,
+    volume_not_restored,
 )
 from bezier_filters.surfaces import block_with_sharp_edges, sphere, waves
 
 
 def components_of(mesh):
-    return ClosedComponents.of(mesh, vertex_adjacency(mesh))
+    return ClosedComponents.locate(mesh, vertex_adjacency(mesh))
 
 
 def volumes_of(mesh):
@@ -107,7 +107,7 @@ def test_what_has_lost_its_volume_is_told(two_bodies_and_a_sheet, shrunk, sigma,
     mesh, (end_of_block, _) = two_bodies_and_a_sheet
     points = mesh.vertices.copy()
     points[:end_of_block] *= shrunk
-    unlike = unlike_before(components_of(mesh), mesh, TriangleMesh(points, mesh.faces), sigma)
+    unlike = volume_not_restored(components_of(mesh), mesh, TriangleMesh(points, mesh.faces), sigma)
     assert (unlike == (is_unlike & (np.arange(mesh.vertex_count) < end_of_block))).all()
 
 
@@ -115,5 +115,5 @@ def test_vertices_follow_their_surroundings_by_an_edge_at_most():
     """A fan with long edges on one side: its short side does not follow what the tip of the long one does."""
     vertices = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-100.0, 0.0, 0.0], [-100.0, 1.0, 0.0]]
     mesh = triangle_mesh(vertices, [[0, 1, 2], [0, 2, 3], [2, 4, 3]])
-    amounts = movement_around(mesh, vertex_adjacency(mesh), mesh.vertices + np.array([0.0, 0.0, 50.0]))
+    amounts = local_movement(mesh, vertex_adjacency(mesh), mesh.vertices + np.array([0.0, 0.0, 50.0]))
     assert amounts == pytest.approx([50.0, np.sqrt(2.0), 50.0, 50.0, 50.0])

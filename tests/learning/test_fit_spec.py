@@ -7,21 +7,21 @@ import pytest
 from random_neighbourhoods import analyse_ring, as_sample, draw, fit_stars, variances_by_degree
 
 from bezier_filters import FitStatus, estimate_vertex_geometry
-from bezier_filters.learning import plans as plans_module
-from bezier_filters.learning.noise_model import NoiseModel, ring_noise
-from bezier_filters.learning.plans import (
-    FAR_LOWER,
-    PER_VERTEX,
+from bezier_filters.learning import fit_spec as fit_spec_module
+from bezier_filters.learning.fit_spec import (
+    MIN_ERROR_DROP,
+    VERTEX_TIME,
     WEIGHTED_RINGS,
-    FitPlan,
-    all_plans,
-    best_plan,
-    first_valley,
-    plan_for,
-    ring_plans,
-    steady_plan,
+    FitSpec,
+    best_spec,
+    best_specs,
+    candidate_specs,
+    predict_under_model,
+    prefer_cubic,
+    specs_to_first_minimum,
 )
-from bezier_filters.learning.quartic_mean import no_mean
+from bezier_filters.learning.noise_model import NoiseModel, ring_noise
+from bezier_filters.learning.quartic_mean import zero_quartic_mean
 from bezier_filters.learning.surface_model import RingModel, SurfaceModel
 from bezier_filters.surfaces import height_field, sphere
 
@@ -39,13 +39,13 @@ def surface_model(points, variances, sigma, rings=3):
     analysis = analyse_ring(as_sample(points, rings), rings, len(points))
     noise = NoiseModel(sigma**2)
     return SurfaceModel(
-        noise, (RingModel(analysis, ring_noise(noise, analysis), variances, variances, 0.0, no_mean()),)
+        noise, (RingModel(analysis, ring_noise(noise, analysis), variances, variances, 0.0, zero_quartic_mean()),)
     )
 
 
-def errors_of_the_kernel(plan, drawn):
+def errors_of_the_kernel(spec, drawn):
     """Root mean square errors of slope and of the second derivatives, both as norms."""
-    gradients, hessians = fit_stars(drawn, replace(plan, rings=1))
+    gradients, hessians = fit_stars(drawn, replace(spec, rings=1))
     x, y, c, s, r = drawn.coefficients[:, 1:6].T  # slopes; x^2 - y^2, 2 x y and x^2 + y^2
     slope = np.column_stack([x, y]) / drawn.radius
     second = 2.0 * np.array([[r + c, s], [s, r - c]]).transpose(2, 0, 1) / drawn.radius**2
@@ -59,41 +59,43 @@ def errors_of_the_kernel(plan, drawn):
 @pytest.mark.parametrize(("variances", "sigma"), [CALM, BETWEEN, ROUGH], ids=["calm", "between", "rough"])
 def test_predicted_errors_are_those_of_the_kernel(variances, sigma, radius, monkeypatch):
     """For every degree, prior and weight that could be tried."""
-    monkeypatch.setattr(plans_module, "MUCH_WORSE", np.inf)
+    monkeypatch.setattr(fit_spec_module, "MAX_ERROR_RATIO", np.inf)
     drawn = draw(COUNT, SIZE, variances, sigma, radius=radius, seed=4)
     model = surface_model(drawn.points, variances, sigma)
-    plans = [*ring_plans(model, model.by_rings[0]), *ring_plans(model, model.by_rings[0], (2,))]
-    for plan in plans:
-        normal, curvature = errors_of_the_kernel(plan, drawn)
-        assert plan.normal_error == pytest.approx(normal, rel=0.15)
-        assert plan.curvature_error == pytest.approx(curvature, rel=0.15)
-    assert {plan.degree for plan in plans} == {2, 3, 4, 5, 6}
-    errors = [plan.error for plan in plans]
+    specs = [*candidate_specs(model, model.by_rings[0]), *candidate_specs(model, model.by_rings[0], (2,))]
+    for spec in specs:
+        normal, curvature = errors_of_the_kernel(spec, drawn)
+        assert spec.normal_error == pytest.approx(normal, rel=0.15)
+        assert spec.curvature_error == pytest.approx(curvature, rel=0.15)
+    assert {spec.degree for spec in specs} == {2, 3, 4, 5, 6}
+    errors = [spec.error for spec in specs]
     if sigma < SMALL:  # otherwise all plans are alike
         assert max(errors) > 1.3 * min(errors), "the plans differ by more than the tolerance"
 
 
 def test_weights_are_tried_where_a_degree_leaves_much_out_and_help_there(monkeypatch):
-    monkeypatch.setattr(plans_module, "MUCH_WORSE", np.inf)
+    monkeypatch.setattr(fit_spec_module, "MAX_ERROR_RATIO", np.inf)
     drawn = draw(200, SIZE, *ROUGH)
-    plans = ring_plans(model := surface_model(drawn.points, *ROUGH), model.by_rings[0])
-    weighted = [plan for plan in plans if np.isfinite(plan.weight_radius)]
-    assert {plan.degree for plan in weighted} == {3, 4, 5, 6}
-    equal = {plan.degree: plan.error for plan in reversed(plans) if np.isinf(plan.weight_radius)}
-    assert all(plan.error < equal[plan.degree] for plan in weighted)
+    specs = candidate_specs(model := surface_model(drawn.points, *ROUGH), model.by_rings[0])
+    weighted = [spec for spec in specs if np.isfinite(spec.weight_radius)]
+    assert {spec.degree for spec in weighted} == {3, 4, 5, 6}
+    equal = {spec.degree: spec.error for spec in reversed(specs) if np.isinf(spec.weight_radius)}
+    assert all(spec.error < equal[spec.degree] for spec in weighted)
     calm = surface_model(draw(200, SIZE, *CALM).points, *CALM)
-    assert not any(np.isfinite(plan.weight_radius) and plan.degree > 3 for plan in ring_plans(calm, calm.by_rings[0]))
+    assert not any(
+        np.isfinite(spec.weight_radius) and spec.degree > 3 for spec in candidate_specs(calm, calm.by_rings[0])
+    )
     wide = surface_model(drawn.points, *ROUGH, rings=WEIGHTED_RINGS + 1)
-    assert all(np.isinf(plan.weight_radius) for plan in ring_plans(wide, wide.by_rings[0]))
+    assert all(np.isinf(spec.weight_radius) for spec in candidate_specs(wide, wide.by_rings[0]))
 
 
 @pytest.mark.parametrize(("variances", "sigma"), [CALM, BETWEEN, ROUGH], ids=["calm", "between", "rough"])
 def test_degrees_that_are_not_tried_would_not_be_chosen(variances, sigma, monkeypatch):
     model = surface_model(draw(200, SIZE, variances, sigma).points, variances, sigma)
-    found = best_plan(tried := ring_plans(model, model.by_rings[0]))
-    monkeypatch.setattr(plans_module, "MUCH_WORSE", np.inf)
-    every = ring_plans(model, model.by_rings[0])
-    assert (found.degree, found.weight_radius) == (best_plan(every).degree, best_plan(every).weight_radius)
+    found = best_spec(tried := candidate_specs(model, model.by_rings[0]))
+    monkeypatch.setattr(fit_spec_module, "MAX_ERROR_RATIO", np.inf)
+    every = candidate_specs(model, model.by_rings[0])
+    assert (found.degree, found.weight_radius) == (best_spec(every).degree, best_spec(every).weight_radius)
     assert (len(tried) < len(every)) == (variances is ROUGH[0]), "only there low degrees are much worse"
 
 
@@ -102,9 +104,9 @@ def test_the_learned_prior_is_better_than_any_other_factor_of_it():
     variances, sigma = BETWEEN
     drawn = draw(100, SIZE, variances, sigma)
     model = surface_model(drawn.points, variances, sigma)
-    best = next(plan for plan in ring_plans(model, model.by_rings[0]) if plan.degree == 6)
+    best = next(spec for spec in candidate_specs(model, model.by_rings[0]) if spec.degree == 6)
     for factor in (0.1, 10.0):
-        other = plan_for(replace(best, term_prior=factor * best.term_prior), model)
+        other = predict_under_model(replace(best, term_prior=factor * best.term_prior), model)
         assert other.normal_error > best.normal_error
         assert other.curvature_error > best.curvature_error
 
@@ -113,28 +115,28 @@ def test_errors_scale_with_the_noise_and_what_it_is_asked_about():
     variances, sigma = CALM
     drawn = draw(50, SIZE, variances, sigma)
     model = surface_model(drawn.points, variances, sigma)
-    plan = all_plans(model)[0]
+    spec = best_specs(model)[0]
     noise = NoiseModel(4.0 * sigma**2)
     ring = replace(model.by_rings[0], noise=ring_noise(noise, model.by_rings[0].analysis), variances=4.0 * variances)
     twice = SurfaceModel(noise, (ring,))
-    assert plan_for(plan, twice).normal_error == pytest.approx(2.0 * plan.normal_error)
-    assert plan_for(plan, twice).curvature_error == pytest.approx(2.0 * plan.curvature_error)
-    assert plan_for(replace(plan, rings=7), twice) is None
+    assert predict_under_model(spec, twice).normal_error == pytest.approx(2.0 * spec.normal_error)
+    assert predict_under_model(spec, twice).curvature_error == pytest.approx(2.0 * spec.curvature_error)
+    assert predict_under_model(replace(spec, rings=7), twice) is None
 
 
 def plan_with(rings, degree, error):
-    return FitPlan(rings, degree, 1.0, 1.0, np.zeros(0), np.inf, error, error)
+    return FitSpec(rings, degree, 1.0, 1.0, np.zeros(0), np.inf, error, error)
 
 
 @pytest.mark.parametrize(("overhead", "ratio"), [(0.0, 1.5), (0.0, 2.0), (1e4, 1.2)])
 def test_twice_the_time_must_take_a_fifth_off_the_error(overhead, ratio):
     """The time of finding the plans counts, too."""
     fast = replace(plan_with(8, 4, 1.0), overhead=overhead)
-    rings = np.sqrt((ratio * fast.cost - fast.cost) / (fast.cost - overhead - PER_VERTEX) + 1.0) * 8
+    rings = np.sqrt((ratio * fast.cost - fast.cost) / (fast.cost - overhead - VERTEX_TIME) + 1.0) * 8
     slow = replace(plan_with(rings, 4, 0.97 * 0.785 ** np.log2(ratio)), overhead=overhead)
     assert slow.cost == pytest.approx(ratio * fast.cost)
-    assert best_plan([fast, slow]) is slow
-    assert best_plan([fast, replace(plan_with(rings, 4, 1.03 * 0.785 ** np.log2(ratio)), overhead=overhead)]) is fast
+    assert best_spec([fast, slow]) is slow
+    assert best_spec([fast, replace(plan_with(rings, 4, 1.03 * 0.785 ** np.log2(ratio)), overhead=overhead)]) is fast
 
 
 @pytest.mark.parametrize(
@@ -147,10 +149,10 @@ def test_twice_the_time_must_take_a_fifth_off_the_error(overhead, ratio):
     ],
 )
 def test_under_correlated_noise_detail_is_kept_if_it_costs_little(errors, rings):
-    plans = [plan_with(k, min(k + 1, 3), error) for k, error in enumerate(errors, 1)]
-    assert [plan.rings for plan in first_valley(plans)] == rings
-    narrow = plans[:1]
-    assert first_valley(narrow) == narrow
+    specs = [plan_with(k, min(k + 1, 3), error) for k, error in enumerate(errors, 1)]
+    assert [spec.rings for spec in specs_to_first_minimum(specs)] == rings
+    narrow = specs[:1]
+    assert specs_to_first_minimum(narrow) == narrow
 
 
 @pytest.mark.parametrize("sills", [(), (SMALL**2,)], ids=["white", "correlated"])
@@ -161,22 +163,22 @@ def test_narrow_rings_keep_the_third_order_under_correlated_noise_unless_that_is
     noise = NoiseModel(SMALL**2, sills=sills, lengths=tuple(0.5 for _ in sills))
     analysis = analyse_ring(as_sample(points, rings), rings, len(points))
     model = SurfaceModel(
-        noise, (RingModel(analysis, ring_noise(noise, analysis), BETWEEN[0], BETWEEN[0], 0.0, no_mean()),)
+        noise, (RingModel(analysis, ring_noise(noise, analysis), BETWEEN[0], BETWEEN[0], 0.0, zero_quartic_mean()),)
     )
-    third = ring_plans(model, model.by_rings[0], (3,))[0]
+    third = candidate_specs(model, model.by_rings[0], (3,))[0]
     for factor in (1.1, 0.9):
-        curvature, normal = (factor / FAR_LOWER * error for error in (third.curvature_error, third.normal_error))
+        curvature, normal = (factor / MIN_ERROR_DROP * error for error in (third.curvature_error, third.normal_error))
         fourth = replace(third, degree=4, normal_error=normal, curvature_error=curvature)
         kept = rings == 2 and bool(sills) and factor > 1.0
-        assert steady_plan(model, fourth).degree == (3 if kept else 4)
-        assert steady_plan(model, third) is third
+        assert prefer_cubic(model, fourth).degree == (3 if kept else 4)
+        assert prefer_cubic(model, third) is third
 
 
 def test_a_single_degree_is_taken_even_where_the_points_do_not_determine_it():
     drawn = draw(50, 9, *CALM)
     model = surface_model(drawn.points, *CALM)
-    assert {plan.degree for plan in ring_plans(model, model.by_rings[0], [6])} == {6}
-    assert {plan.degree for plan in ring_plans(model, model.by_rings[0])} == {2}
+    assert {spec.degree for spec in candidate_specs(model, model.by_rings[0], [6])} == {6}
+    assert {spec.degree for spec in candidate_specs(model, model.by_rings[0])} == {2}
 
 
 def test_a_vertex_far_away_gives_no_warning_and_finite_results():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import bezier_filters as bf
-from bezier_filters.estimation import remembered
+from bezier_filters.estimation import model_cache
 from bezier_filters.estimation.adaptive_fit import SurfaceFit
 from bezier_filters.estimation.estimate import geometry_where
 from bezier_filters.estimation.vertex_geometry import FitChoice
@@ -21,8 +21,8 @@ def arrays_of(geometry):
 
 
 @pytest.fixture
-def nothing_known(monkeypatch):
-    monkeypatch.setattr(remembered, "_recent", type(remembered._recent)())
+def empty_cache(monkeypatch):
+    monkeypatch.setattr(model_cache, "_recent", type(model_cache._recent)())
 
 
 @pytest.fixture(params=["star", "block"])
@@ -36,17 +36,17 @@ def mesh(request):
     return vertices + np.random.default_rng(5).normal(0.0, 0.1 * edge, vertices.shape), faces
 
 
-def test_the_second_call_gives_the_same_to_the_last_bit(nothing_known, mesh):
+def test_the_second_call_gives_the_same_to_the_last_bit(empty_cache, mesh):
     first, second = (arrays_of(bf.estimate_vertex_geometry(*mesh)) for _ in range(2))
-    assert len(remembered._recent) == 1
+    assert len(model_cache._recent) == 1
     for name, values in first.items():
         np.testing.assert_array_equal(second[name], values, err_msg=name)
 
 
-def test_so_does_a_selection_after_the_whole(nothing_known, mesh):
+def test_so_does_a_selection_after_the_whole(empty_cache, mesh):
     selected = np.arange(len(mesh[0])) % 7 == 0
     alone = bf.estimate_vertex_geometry(*mesh, selected=selected)
-    remembered._recent.clear()
+    model_cache._recent.clear()
     bf.estimate_vertex_geometry(*mesh)
     after = bf.estimate_vertex_geometry(*mesh, selected=selected)
     for name in ("normals", "k_min", "extremality_max", "mean_curvature_std", "status"):
@@ -54,26 +54,26 @@ def test_so_does_a_selection_after_the_whole(nothing_known, mesh):
 
 
 @pytest.mark.parametrize("order", ["its own first", "that of space first"])
-def test_so_does_a_mesh_in_its_own_order_after_that_of_space(nothing_known, mesh, order):
+def test_so_does_a_mesh_in_its_own_order_after_that_of_space(empty_cache, mesh, order):
     """Holes are surrounded by few vertices, for which a mesh is not sorted; where patches end is told by the mesh."""
     own = triangle_mesh(*mesh)
     ways = [
         lambda: geometry_where(own, vertex_adjacency(own), lambda _: np.ones(len(mesh[0]), dtype=bool)),
         lambda: bf.estimate_vertex_geometry(*mesh),
     ]
-    learn, recall = ways if order == "its own first" else ways[::-1]
-    alone = recall()
-    remembered._recent.clear()
+    learn, look_up_fit = ways if order == "its own first" else ways[::-1]
+    alone = look_up_fit()
+    model_cache._recent.clear()
     learn()
-    after = recall()
-    assert len(remembered._recent) == 1
+    after = look_up_fit()
+    assert len(model_cache._recent) == 1
     np.testing.assert_array_equal(after.status, alone.status)
     for name in ("normals", "k_min", "mean_curvature_std"):
         values = getattr(alone, name)
         np.testing.assert_allclose(getattr(after, name), values, atol=1e-9 * np.abs(values).max(), err_msg=name)
 
 
-def test_other_arrays_or_options_are_learned_anew(nothing_known, mesh):
+def test_other_arrays_or_options_are_learned_anew(empty_cache, mesh):
     vertices, faces = mesh
     bf.estimate_vertex_geometry(vertices, faces)
     moved = vertices.copy()
@@ -81,29 +81,29 @@ def test_other_arrays_or_options_are_learned_anew(nothing_known, mesh):
     bf.estimate_vertex_geometry(moved, faces)
     bf.estimate_vertex_geometry(vertices, faces, degree=3)
     bf.estimate_vertex_geometry(vertices, faces[:, ::-1])
-    assert len(remembered._recent) == 4
+    assert len(model_cache._recent) == 4
 
 
-def test_nothing_is_kept_of_what_is_given(nothing_known, mesh):
+def test_nothing_is_kept_of_what_is_given(empty_cache, mesh):
     bf.estimate_vertex_geometry(*mesh, rings=2, alpha=0.8)
     bf.estimate_vertex_geometry(*mesh, smoothness="paper")
-    assert not remembered._recent
+    assert not model_cache._recent
 
 
-def test_what_was_not_asked_for_longest_is_forgotten(nothing_known):
+def test_what_was_not_asked_for_longest_is_forgotten(empty_cache):
     fit = SurfaceFit(FitChoice(2, 3, None, None), ())
-    for number in range(remembered.MOST + 1):
-        remembered.remember(number, remembered.LearnedFit(fit, np.zeros(3, bool), None, None))
-        assert remembered.recall(0) is not None or number == remembered.MOST
-        remembered.recall(1)
-    assert remembered.recall(2) is None
-    assert len(remembered._recent) == remembered.MOST
-    large = remembered.LearnedFit(fit, np.zeros(remembered.LARGEST + 1, bool), None, None)
-    remembered.remember("large", large)
-    assert remembered.recall("large") is None
+    for number in range(model_cache.MAX_CACHED_FITS + 1):
+        model_cache.cache_fit(number, model_cache.CachedFit(fit, np.zeros(3, bool), None, None))
+        assert model_cache.look_up_fit(0) is not None or number == model_cache.MAX_CACHED_FITS
+        model_cache.look_up_fit(1)
+    assert model_cache.look_up_fit(2) is None
+    assert len(model_cache._recent) == model_cache.MAX_CACHED_FITS
+    large = model_cache.CachedFit(fit, np.zeros(model_cache.MAX_CACHED_VERTICES + 1, bool), None, None)
+    model_cache.cache_fit("large", large)
+    assert model_cache.look_up_fit("large") is None
 
 
-def test_threads_share_it(nothing_known, mesh):
+def test_threads_share_it(empty_cache, mesh):
     with ThreadPoolExecutor(2) as pool:
         results = list(pool.map(lambda _: bf.estimate_vertex_geometry(*mesh).k_max, range(8)))
     for k_max in results[1:]:
