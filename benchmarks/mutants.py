@@ -70,8 +70,8 @@ OPERATORS = (
     *("ReplaceBreakWithContinue", "ReplaceContinueWithBreak", "NumberReplacer", "ZeroIterationForLoop"),
 )
 SPEED = re.compile(
-    r"^(ROOM|FEWEST = 128|CHUNK|GROUP|SAMPLES|LOOKED_AT|PLACES|FIRST = 8|POINTS|DISTANCES_AT_ONCE"
-    r"|LARGEST_EXACT|FEW =|MOST_DENSE|FEW_FACES|PER_CELL|MOST_BITS|NO_VERTEX)|threads|chunk"
+    r"^(ROOM|FEWEST = 128|CHUNK|GROUP|SAMPLES|LOOKED_AT|PLACES|FIRST = 8|POINTS|MAX_PAIRWISE_POINTS"
+    r"|MAX_EXACT_LOOP|FEW =|MAX_DENSE_VERTICES|FEW_FACES|PER_CELL|MOST_BITS|NO_VERTEX)|threads|chunk"
 )
 """Lines that say how fast or at what effort something is computed, not what."""
 

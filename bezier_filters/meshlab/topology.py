@@ -109,7 +109,7 @@ def _ask_for_topology(vertices: FloatArray, faces: IntArray) -> Topology:
     if counts["boundary_loops"] < 0:
         mesh = triangle_mesh(vertices, proper)
         holes = find_holes(mesh, vertex_adjacency(mesh))
-        loops = None if any(hole.unclear_edges for hole in holes) else sum(len(hole.loops) for hole in holes)
+        loops = None if any(hole.non_manifold_edges for hole in holes) else sum(len(hole.loops) for hole in holes)
         counts |= {"genus": None, "boundary_loops": loops, "boundary_loops_by": "bezier_filters"}
     return Topology(counts, on_border, not_manifold)
 

@@ -3,14 +3,21 @@ import pytest
 from hole_cases import assert_filled, sheet, without_faces_near
 
 from bezier_filters import fill_holes
-from bezier_filters.holes.crease_ends import CreaseEnd, border, crease_ends, creases_around, cut_hole, sub_hole
+from bezier_filters.holes.crease_ends import (
+    CreaseEnd,
+    crease_ends,
+    cut_hole,
+    sharp_edge_graph,
+    sub_hole_border,
+    sub_hole_region,
+)
 from bezier_filters.holes.crease_fill import (
-    LEAVING,
+    FAR_CORNER,
     bending_energy,
-    evenly_spaced,
     groupings,
     hermite_curve,
     nearest_corner,
+    resample_polyline,
 )
 from bezier_filters.holes.hole_detection import find_holes
 from bezier_filters.holes.influence_region import influence_regions
@@ -383,7 +390,7 @@ def test_hermite_curves_leave_along_their_tangents():
     np.testing.assert_allclose((stop - curve[-1]) / np.linalg.norm(stop - curve[-1]), down, atol=0.02)
     spaces = np.linalg.norm(np.diff(np.vstack([start, curve, stop]), axis=0), axis=1)
     assert spaces.max() < 1.05 * spaces.min()
-    assert len(evenly_spaced(np.array([start, stop]), 0.5)) == 3
+    assert len(resample_polyline(np.array([start, stop]), 0.5)) == 3
 
 
 @pytest.mark.parametrize("angle", [0.05, 0.2, 0.4])
@@ -405,7 +412,7 @@ def test_no_curves_to_a_corner_far_away():
     faces = np.vstack([np.column_stack([a, b, b + 4 * n]), np.column_stack([a, b + 4 * n, a + 4 * n])])
     result = fill_holes(np.vstack(layers), faces, outer_rims=True)
     assert all(hole.filled for hole in result.holes)
-    assert any(LEAVING in hole.reason for hole in result.holes)
+    assert any(FAR_CORNER in hole.reason for hole in result.holes)
     assert result.vertices[:, 2].max() < 2.0
 
 
@@ -415,7 +422,7 @@ def region_and_creases(vertices, faces):
     adjacency = vertex_adjacency(mesh)
     (hole,) = find_holes(mesh, adjacency)
     (region,) = influence_regions(mesh, adjacency, [hole.loops])
-    return region, creases_around(region)
+    return region, sharp_edge_graph(region)
 
 
 def ends_at_hole(vertices, faces):
@@ -473,10 +480,10 @@ def test_surroundings_of_a_part_are_those_of_the_hole():
     curve = np.linspace(region.vertices[start], region.vertices[stop], 7)[1:-1]
     path = np.array([start, *range(count, count + len(curve)), stop], dtype=np.int32)
     points, sizes = np.vstack([region.rim_vertices, curve]), np.ones(count + len(curve))
-    for part in (0, 1):
-        loop = border(cut, [path], part)
-        side = sub_hole(cut, part, points, sizes, loop, region.rim_edges)
-        around = region.vertices[region.faces[cut.part_of_face == part]]
+    for number in (0, 1):
+        loop = sub_hole_border(cut, [path], number)
+        side = sub_hole_region(cut, number, points, sizes, loop, region.rim_edges)
+        around = region.vertices[region.faces[cut.sub_hole_of_face == number]]
         np.testing.assert_array_equal(side.vertices[side.faces], around)
         np.testing.assert_array_equal(side.rim_vertices, points[loop])
         assert side.faces.min() < side.rim_count < side.faces.max()
