@@ -70,7 +70,7 @@ class _Curve:
 def crease_attempts(
     region: InfluenceRegion, *, noisy: bool, fill_sub_hole: Callable[[InfluenceRegion], Fill | str] | None = None
 ) -> Iterator[Attempt]:
-    """Fills that continue the creases at the rim, the most likely first; none without creases at or beside the rim.
+    """Fills that continue the creases at the rim, the most likely first; none without creases at the rim or near it.
 
     An attempt holds a fill or the reason for its failure. If creases only pass by, the hole is filled smoothly from
     the faces on its own side of them.

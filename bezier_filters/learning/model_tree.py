@@ -191,7 +191,7 @@ def _candidates(root: Leaf, analyses: Sequence[RingAnalysis], features: Features
 
 def _log_likelihood(analysis: RingAnalysis, rows: BoolArray) -> float:
     """Of Gaussian terms of degree 3 and more and a Gaussian rest, each with its own variance."""
-    free = harmonic_basis().up_to(FREE_DEGREE)
+    free = harmonic_basis().term_count(FREE_DEGREE)
     groups = harmonic_basis().groups[free : analysis.sums.parts.shape[1]]
     groups = groups - harmonic_basis().groups[free]
     sums = np.bincount(groups, weights=np.square(analysis.sums.parts[rows, free:]).sum(axis=0))

@@ -201,7 +201,7 @@ def ring_noise(noise: NoiseModel, analysis: RingAnalysis) -> RingNoise:
 
 def _of_residuals(highest: int, points: float, variance: float, parts: FloatArray) -> FloatArray:
     """Trace of the covariance less what the parts of each degree take of it, per degree of freedom, (J + 1,)."""
-    counts = np.array([harmonic_basis().up_to(degree) for degree in range(highest + 1)])
+    counts = np.array([harmonic_basis().term_count(degree) for degree in range(highest + 1)])
     taken = np.array([parts[:count].sum() for count in counts])
     result: FloatArray = np.maximum(points * variance - taken, 0.0) / np.maximum(points - counts, 1.0)
     return result
@@ -215,7 +215,7 @@ def _of_coefficients(analysis: RingAnalysis, of_pairs: FloatArray, white: float)
     basis = harmonic_basis()
     result = np.zeros(analysis.sums.term_squares.shape[1:])
     for degree in range(analysis.degree + 1):
-        count = basis.up_to(degree)
+        count = basis.term_count(degree)
         to_terms = analysis.looked_at.to_terms[:, :count, :count]
         passed = ((to_terms @ of_pairs[:, :count, :count]) * to_terms).sum(axis=2)
         of_white = np.square(to_terms).sum(axis=2)

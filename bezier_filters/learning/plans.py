@@ -308,7 +308,7 @@ def _plan_for_noise(ring: RingModel, degree: int, noise: float, weight_radius: f
 def _term_prior(ring: RingModel, degree: int, noise: float, quartic: float) -> FloatArray:
     """Noise / variance of the terms up to a degree; 0 for the free ones."""
     basis = harmonic_basis()
-    m = basis.up_to(degree)
+    m = basis.term_count(degree)
     said = np.ones(m)
     said[: len(ring.analysis.energies)] = ring.analysis.energies[:m]
     # Correlated noise looks more like terms of low degree than like what fits leave over.
