@@ -6,7 +6,7 @@ And what the package learns of it.
 import numpy as np
 from scipy.sparse import coo_matrix
 
-from bezier_filters.kernels.kernel_input import fitted_mesh
+from bezier_filters.kernels.kernel_input import prepare_kernel_mesh
 from bezier_filters.learning.learn import MOST_TURNED, NEAR_RINGS, SAMPLES
 from bezier_filters.learning.neighbourhood_samples import draw_from_mesh, sample_neighbourhoods
 from bezier_filters.learning.noise_spectrum import learn_noise
@@ -62,7 +62,7 @@ def in_all_directions(vertices, faces, level, seed=0):
 
 def learned(vertices, faces):
     """The correlated noise that narrow rings tell of, as in the package; None if it is white."""
-    mesh, adjacency = fitted_mesh(triangle_mesh(vertices, faces), creases=True)
+    mesh, adjacency = prepare_kernel_mesh(triangle_mesh(vertices, faces), creases=True)
     ids = draw_from_mesh(mesh, SAMPLES[2])
     sample = sample_neighbourhoods(mesh, adjacency, ids, rings=NEAR_RINGS, most_turned=MOST_TURNED)
     rings = {k: SAMPLES[k] for k in range(1, NEAR_RINGS + 1)}

@@ -22,7 +22,7 @@ from bezier_filters.estimation.fallbacks import (
 from bezier_filters.estimation.outlier_removal import without_outliers
 from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, arrays_of
 from bezier_filters.kernels.graph_geometry import bound_errors
-from bezier_filters.kernels.kernel_input import KernelMesh, with_steady_normals
+from bezier_filters.kernels.kernel_input import KernelMesh, use_smoothed_normals
 from bezier_filters.learning.learn import CANDIDATE_RINGS, MOST_TURNED, View, learn_from_samples, learn_surface
 from bezier_filters.learning.model_tree import (
     DEEPEST,
@@ -93,7 +93,7 @@ class SurfaceFit:
 
     choice: FitChoice  # for all of it
     attempts: tuple[FitAttempt, ...]  # tried in order at every vertex
-    steady: bool = False  # whether frames come from averaged normals, see `with_steady_normals`
+    steady: bool = False  # whether frames come from averaged normals, see `use_smoothed_normals`
     robust: bool = False  # whether points far off a fit lose their weight
     cleaned: bool = False  # whether outliers are moved onto the surface around them before
     parts: Tree[PartFit] | None = None  # what comes after that, by the features that the first fit shows
@@ -334,8 +334,8 @@ def fit_in_balls(
     leaf = None if fit else _learn_balls(mesh, adjacency, radius, choices, robust)
     if leaf is not None:
         edges = find_edges(leaf.surface.noise)
-        if edges is not None and (edges & ~mesh.stops).any():
-            mesh = mesh._replace(stops=mesh.stops | edges)
+        if edges is not None and (edges & ~mesh.barriers).any():
+            mesh = mesh._replace(barriers=mesh.barriers | edges)
             leaf = _learn_balls(mesh, adjacency, radius, choices, robust)
     if leaf is None:
         fit = fit or patch_of_degrees(degrees)
@@ -344,7 +344,7 @@ def fit_in_balls(
     else:
         attempts = planned_chain(leaf.plans, leaf.chosen, radius)
         choice = _with_noise(FitChoice(0, leaf.chosen.degree, None, None, radius=radius), leaf.surface.noise)
-        mesh = with_steady_normals(mesh) if leaf.surface.noise.heavy else mesh
+        mesh = use_smoothed_normals(mesh) if leaf.surface.noise.heavy else mesh
     fit_with_fallbacks(mesh, ids, list(attempts), geometry, robust=robust, progress=progress)
     return choice
 

@@ -8,11 +8,11 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, ByteArray, IntArray
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
-from bezier_filters.kernels.crossing_edges import MEAN, OTHER, OWN, find_planes
+from bezier_filters.kernels.crossing_edges import MEAN_PLANE, NEIGHBOUR_PLANE, OWN_PLANE, find_planes
 from bezier_filters.kernels.fit_kernel import fit_task
 from bezier_filters.kernels.kernel_input import (
     FITTED,
-    FOLDED,
+    FOLDED_OVER,
     ILL_POSED,
     OUTCOMES,
     KernelFit,
@@ -76,7 +76,7 @@ def fallback_chain(
     singular on 1-rings of six neighbours or fewer. If there is a radius, its ball is tried before
     the rings.
     """
-    ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED})
+    ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED_OVER})
     yield FitAttempt(FitStatus.OK, frozenset({FITTED}), rings, fit, radius=radius)
     for more in range(1, MORE_RINGS + 1):
         yield FitAttempt(FitStatus.WIDER_RING, ill_posed, rings + more, fit)
@@ -90,7 +90,7 @@ def fallback_chain(
 
 def last_resorts(rings: int) -> Iterator[FitAttempt]:
     """Quadratic fits for what nothing else fits."""
-    ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED})
+    ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED_OVER})
     yield FitAttempt(FitStatus.ONE_RING, folded, 1, QUADRATIC)
     yield FitAttempt(FitStatus.LOWER_DEGREE, ill_posed, max(rings, 2), QUADRATIC)
     yield FitAttempt(FitStatus.LOWER_DEGREE, ill_posed, rings + MORE_RINGS, QUADRATIC)
@@ -106,7 +106,7 @@ def planned_chain(plans: Sequence[FitPlan], chosen: FitPlan, radius: float | Non
     so these fits take the mean plane and mind only folds of the surface. If there is a radius, the
     chosen plan is that of its ball; wider rings than a ball have few points, which must all count.
     """
-    ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED})
+    ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED_OVER})
 
     def planned(status: FitStatus, after: frozenset[int], rings: int, plan: FitPlan, fewest: int = 0) -> FitAttempt:
         return FitAttempt(
@@ -201,7 +201,7 @@ def _run(
     if attempt.by_crossings and attempt.most_turned < 0.0:
         return _run_without_crossings(attempt, mesh, ids, geometry, robust, progress)
     if attempt.over_creases:
-        mesh = mesh._replace(stops=hubs(mesh.ring_ptr))
+        mesh = mesh._replace(barriers=hubs(mesh.ring_ptr))
     outcomes = np.empty(len(ids), dtype=np.int8)
     fit = kernel_fit(attempt, robust=robust)
     results = VertexResults(*(getattr(geometry, name) for name in VertexResults._fields))
@@ -222,7 +222,7 @@ def _run_without_crossings(
     progress: Progress | None,
 ) -> ByteArray:
     """The same over planes that edges do not cross in; angles decide where there are too many points to tell."""
-    plane = OTHER if attempt.other_plane else MEAN if attempt.mean_plane else OWN
+    plane = NEIGHBOUR_PLANE if attempt.other_plane else MEAN_PLANE if attempt.mean_plane else OWN_PLANE
     fewest = kernel_fit(attempt).fewest_points
     found, outcomes = find_planes(mesh, ids, attempt.rings, fewest, plane)
     flat, untold = outcomes == FITTED, outcomes == ILL_POSED

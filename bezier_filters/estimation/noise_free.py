@@ -7,7 +7,7 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.estimation.adaptive_fit import Learn, learn_without_outliers, learner
 from bezier_filters.estimation.outlier_removal import without_outliers
-from bezier_filters.kernels.kernel_input import fitted_mesh
+from bezier_filters.kernels.kernel_input import prepare_kernel_mesh
 from bezier_filters.learning.learn import why_unlearned
 from bezier_filters.learning.noise_model import NoiseModel, known_noise
 from bezier_filters.learning.plans import Choices
@@ -43,13 +43,13 @@ def learn_noise(
 
     Outliers are no part of it, unless it is not to be `robust`: there are none then.
     """
-    arrays, fitted = fitted_mesh(mesh, adjacency=adjacency, creases=True)
+    arrays, fitted = prepare_kernel_mesh(mesh, adjacency=adjacency, creases=True)
     return learned_noise(learner(arrays, fitted), sigma, robust, MOST_NOISE * mean_edge(mesh, adjacency))
 
 
 def why_noise_is_unknown(mesh: TriangleMesh, adjacency: Adjacency) -> str:
     """Why `learn_noise` gives none."""
-    return why_unlearned(*fitted_mesh(mesh, adjacency=adjacency, creases=True))
+    return why_unlearned(*prepare_kernel_mesh(mesh, adjacency=adjacency, creases=True))
 
 
 def learned_noise(learn: Learn, sigma: float | None, robust: bool | None, most: float = np.inf) -> NoiseModel | None:
@@ -153,7 +153,7 @@ def are_to_be_taken_off(noise: NoiseModel | None, rounds: int) -> bool:
 
 def cleaned(mesh: TriangleMesh, adjacency: Adjacency) -> TriangleMesh:
     """The mesh with its outliers moved onto the surface around them."""
-    arrays, _ = fitted_mesh(mesh, adjacency=adjacency, creases=False)
+    arrays, _ = prepare_kernel_mesh(mesh, adjacency=adjacency, creases=False)
     return TriangleMesh(without_outliers(arrays, adjacency).vertices, mesh.faces)
 
 

@@ -26,7 +26,7 @@ from bezier_filters.meshes.half_edges import MeshEdges, mesh_edges
 from bezier_filters.meshes.mesh import TriangleMesh, takes_arrays, triangle_mesh
 from bezier_filters.meshes.sharp_edges import certainties, sharp_edges
 from bezier_filters.meshes.unit_size import LENGTH, normalizes_size
-from bezier_filters.runtime.parallel import Progress, on_threads
+from bezier_filters.runtime.parallel import Progress, runs_on_threads
 from bezier_filters.status import FitStatus
 
 CreaseKind = Literal["ridge", "ravine"]
@@ -172,7 +172,7 @@ def edge_mesh(lines: Sequence[CreaseLine]) -> tuple[FloatArray, IntArray, IntArr
 
 @takes_arrays
 @normalizes_size()
-@on_threads
+@runs_on_threads
 def find_creases(
     vertices: ArrayLike,
     faces: ArrayLike,

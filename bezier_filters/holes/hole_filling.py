@@ -35,7 +35,7 @@ from bezier_filters.meshes.mesh import checked_selection, takes_arrays, triangle
 from bezier_filters.meshes.self_intersections import faces_in_boxes
 from bezier_filters.meshes.unit_size import LENGTH, normalizes_size
 from bezier_filters.patches.fitting import PatchFit
-from bezier_filters.runtime.parallel import Progress, on_threads, report, run_kernel
+from bezier_filters.runtime.parallel import Progress, report, run_kernel, runs_on_threads
 
 if TYPE_CHECKING:
     from bezier_filters import Page
@@ -102,7 +102,7 @@ class HoleFillingResult:
 
 @takes_arrays
 @normalizes_size("max_perimeter", "max_diameter", "noise")
-@on_threads
+@runs_on_threads
 def fill_holes(
     vertices: ArrayLike,
     faces: ArrayLike,

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from bezier_filters.arrays import IntArray
-from bezier_filters.kernels.kernel_input import KernelMesh, with_edges_without_tips, with_steady_normals
+from bezier_filters.kernels.kernel_input import KernelMesh, recompute_barriers, use_smoothed_normals
 from bezier_filters.learning.model_tree import Leaf, best_leaf, leaf_of
 from bezier_filters.learning.neighbourhood_samples import (
     NEAR,
@@ -63,9 +63,9 @@ def viewed_sample(mesh: KernelMesh, adjacency: Adjacency, ids: IntArray, rings: 
     """The neighbourhoods of vertices `ids`, looked at in some way."""
     most_turned = MOST_TURNED
     if view == "steady":
-        mesh = with_steady_normals(mesh)
+        mesh = use_smoothed_normals(mesh)
     if view == "tolerant":
-        mesh, most_turned = with_edges_without_tips(mesh, adjacency), MAY_TURN
+        mesh, most_turned = recompute_barriers(mesh, adjacency), MAY_TURN
     return sample_neighbourhoods(mesh, adjacency, ids, rings=rings, most_turned=most_turned)
 
 

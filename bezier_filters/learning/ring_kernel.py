@@ -6,10 +6,10 @@ Gram matrices of the terms and the heights over the points are summed up, and fa
 from typing import NamedTuple
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.kernels.lane_algebra import GROUP, add_moments, factorise, substitute_back
+from bezier_filters.kernels.lane_algebra import UNROLL_FACTOR, add_moments, factorise_lanes, substitute_back
 from bezier_filters.patches.harmonics import HIGHEST_DEGREE
-from bezier_filters.runtime.jit import inner_jit, jit, variable
-from bezier_filters.runtime.lanes import LANES, aligned, load, multiply_add, spread, store, where_greater
+from bezier_filters.runtime.jit import inner_jit, jit, opaque
+from bezier_filters.runtime.lanes import LANES, broadcast, lane_array, load, multiply_add, store, where_greater
 
 # a term whose column keeps less than this of its length, once what earlier terms explain is gone, is not seen
 UNSEEN = 3e-5
@@ -47,15 +47,15 @@ def ring_workspace(most: int) -> RingWorkspace:
     """Scratch arrays for neighbourhoods of up to `most` points."""
     terms = (HIGHEST_DEGREE + 1) * (HIGHEST_DEGREE + 2) // 2
     return RingWorkspace(
-        aligned(4 * most),
-        aligned((terms + 1 + GROUP) * POINTS),
-        aligned((terms + 1 + GROUP) * (terms + 2 + GROUP) // 2),
-        aligned(terms),
-        aligned(terms),
-        aligned(terms),
-        aligned(1),
-        aligned(1),
-        aligned(3 * terms),
+        lane_array(4 * most),
+        lane_array((terms + 1 + UNROLL_FACTOR) * POINTS),
+        lane_array((terms + 1 + UNROLL_FACTOR) * (terms + 2 + UNROLL_FACTOR) // 2),
+        lane_array(terms),
+        lane_array(terms),
+        lane_array(terms),
+        lane_array(1),
+        lane_array(1),
+        lane_array(3 * terms),
     )
 
 
@@ -81,21 +81,21 @@ def analyse_in_lanes(
     terms, m = degrees.shape[0], sums.parts.shape[1]
     highest, stride = degrees[m - 1], points.shape[1]
     for first in range(start, stop, LANES):
-        count = variable(0)
+        count = opaque(0)
         for lane in range(LANES):
             row = first + lane
             n = sizes[row] if row < stop else 0
             count = max(count, n)
             _gather(points, row, n, scale, stride, lane, work.points)
         for k in range(row_starts[terms + 1]):
-            store(work.gram, k, spread(0.0))
+            store(work.gram, k, broadcast(0.0))
         for begin in range(0, count, POINTS):
             here = min(POINTS, count - begin)
             _write_terms(work, stride, begin, here, degrees[terms - 1])
-            add_moments(work.terms, work.terms, variable(POINTS), here, row_starts, work.gram)
+            add_moments(work.terms, work.terms, opaque(POINTS), here, row_starts, work.gram)
         for s in range(m, terms):  # what the factorisation leaves to be explained of the terms beyond
             store(work.coefficients, s, load(work.gram, row_starts[s] + s))
-        factorise(work.gram, terms + 1, m, UNSEEN * UNSEEN, work.sound)
+        factorise_lanes(work.gram, terms + 1, m, UNSEEN * UNSEEN, work.sound)
         substitute_back(work.gram, m, terms, work.coefficients)
         _square_what_is_left(work, stride, count, m, highest)
         for lane in range(min(LANES, stop - first)):
@@ -126,7 +126,7 @@ def _write_terms(work: RingWorkspace, stride: int, begin: int, count: int, highe
         q = begin + p
         x, y = load(work.points, q), load(work.points, stride + q)
         square = multiply_add(x, x, y * y)
-        cosine, sine = load(work.points, 3 * stride + q), spread(0.0)
+        cosine, sine = load(work.points, 3 * stride + q), broadcast(0.0)
         store(terms, p, cosine)
         for j in range(1, highest + 1):
             here, before = j * (j + 1) // 2, (j - 2) * (j - 1) // 2
@@ -141,7 +141,7 @@ def _write_terms(work: RingWorkspace, stride: int, begin: int, count: int, highe
 @inner_jit()
 def _square_what_is_left(work: RingWorkspace, stride: int, count: int, m: int, highest: int) -> None:
     """Sum up the squared residuals of the fit of the highest degree, from the points: no digits cancel."""
-    total = spread(0.0)
+    total = broadcast(0.0)
     height = m * POINTS
     for begin in range(0, count, POINTS):
         here = min(POINTS, count - begin)
@@ -202,7 +202,7 @@ def _write_coefficients(
 ) -> None:
     """Sum up the coefficients of the fits of each degree: the inverse factor, column by column, times the parts."""
     terms, m, all_groups = len(degrees), sums.parts.shape[1], sums.term_squares.shape[2]
-    zero, one = spread(0.0), spread(1.0)
+    zero, one = broadcast(0.0), broadcast(1.0)
     gram, column = work.gram, work.column
     for t in range(m):
         store(work.coefficients, t, zero)

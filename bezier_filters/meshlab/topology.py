@@ -27,7 +27,7 @@ from bezier_filters.meshlab.meshset import (
     read_current_mesh,
     reason_of,
 )
-from bezier_filters.runtime.parallel import one_thread_of_openmp
+from bezier_filters.runtime.parallel import single_threaded_openmp
 
 # by our names, the measures of `get_topological_measures`
 _MEASURES = {
@@ -139,7 +139,7 @@ def repair(ms: MeshSet) -> Report:
     given = triangle_mesh(mesh.vertex_matrix(), mesh.face_matrix())
     border = border_edges(given, vertex_adjacency(given).on_boundary)
     try:
-        with one_thread_of_openmp():
+        with single_threaded_openmp():
             if doubled_edges(given, border).any():
                 lengths = np.linalg.norm(given.vertices[border.end] - given.vertices[border.start], axis=1)
                 ms.meshing_merge_close_vertices(threshold=PureValue(COINCIDENT * float(lengths[lengths > 0.0].min())))
