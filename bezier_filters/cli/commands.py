@@ -29,7 +29,13 @@ from bezier_filters.cli.app import (
 )
 from bezier_filters.cli.reading import file_remarks
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.runtime.file_names import printable, printable_name, printable_path, replace_pipe_paths, user_path
+from bezier_filters.runtime.file_names import (
+    escape_unprintable,
+    printable_name,
+    printable_path,
+    replace_pipe_paths,
+    user_path,
+)
 from bezier_filters.runtime.process_end import child_environment
 from bezier_filters.runtime.supervision import EXIT_INCOMPLETE
 
@@ -295,4 +301,4 @@ def _in_one_line(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror and error.filename:
         return f"{printable_path(error.filename)}: {error.strerror}"
     text = in_the_shell(" ".join(replace_pipe_paths(str(error)).split())) or type(error).__name__
-    return printable(text)
+    return escape_unprintable(text)

@@ -47,7 +47,7 @@ class PrincipalField:
         """Probability that the mean drop of curvature on both sides of a line (k, 3) exceeds that of spurious lines.
 
         The drop is the value on the line minus the mean of both sides; it has 3/2 of the variance of one value. Errors
-        along the line are taken as independent at distances of two reaches.
+        along the line are assumed independent at distances of two reaches.
         """
         lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
         middle = 0.5 * (points[1:] + points[:-1])

@@ -86,7 +86,7 @@ def crease_attempts(
     if len(ends) == 1:
         ends += _fading_end(region, ends[0])
         ends.sort(key=lambda end: end.position)
-    possible = groupings(ends, region.vertices[rim[[end.position for end in ends]]])
+    possible = crease_partitions(ends, region.vertices[rim[[end.position for end in ends]]])
     if not possible and fill_sub_hole is None:
         yield from _one_sided_attempt(region, graph, along_rim, noisy=noisy)
     for groups in possible:
@@ -271,7 +271,7 @@ def _normalize(vector: FloatArray) -> FloatArray:
     return np.asarray(vector / max(float(np.linalg.norm(vector)), 1e-300), dtype=np.float64)
 
 
-def groupings(ends: Sequence[CreaseEnd], points: FloatArray) -> list[list[tuple[int, ...]]]:
+def crease_partitions(ends: Sequence[CreaseEnd], points: FloatArray) -> list[list[tuple[int, ...]]]:
     """Partitions of the crease ends, the best first: pairs joined by a curve, larger groups that meet in a corner.
 
     Partitions do not cross. They leave as few ends unmatched as possible, and then have the least bending energy. Ends

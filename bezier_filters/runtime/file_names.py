@@ -22,12 +22,12 @@ def printable_path(path: str | os.PathLike[str]) -> str:
     >>> printable_path("scans/new\nline\udce9.ply")
     'scans/new\\nline\\udce9.ply'
     """
-    return printable(user_path(path))
+    return escape_unprintable(user_path(path))
 
 
 def printable_name(path: str | os.PathLike[str]) -> str:
     """Last component of a path with escapes for unprintable characters."""
-    return printable(_pipes.get(str(path), Path(path).name))
+    return escape_unprintable(_pipes.get(str(path), Path(path).name))
 
 
 def replace_pipe_paths(text: str) -> str:
@@ -37,7 +37,7 @@ def replace_pipe_paths(text: str) -> str:
     return text
 
 
-def printable(text: str) -> str:
+def escape_unprintable(text: str) -> str:
     """Escape control characters and undecodable bytes of a text, so that no terminal interprets them."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
 

@@ -14,7 +14,7 @@ from bezier_filters.holes.crease_ends import (
 from bezier_filters.holes.crease_fill import (
     FAR_CORNER,
     bending_energy,
-    groupings,
+    crease_partitions,
     hermite_curve,
     nearest_corner,
     resample_polyline,
@@ -280,33 +280,33 @@ def test_ends_are_joined_where_curves_bend_least_and_do_not_cross():
     """Four ends around a square, two parallel creases: the short way is across, by straight lines."""
     points = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
     tangents = [[1, 0, 0], [-1, 0, 0], [-1, 0, 0], [1, 0, 0]]
-    assert groupings(ends_at(points, tangents, [True] * 4), points) == [[(0, 1), (2, 3)]]
+    assert crease_partitions(ends_at(points, tangents, [True] * 4), points) == [[(0, 1), (2, 3)]]
     turned = [[0, 1, 0], [0, 1, 0], [0, -1, 0], [0, -1, 0]]
-    assert groupings(ends_at(points, turned, [True] * 4), points) == [[(0, 3), (1, 2)]]
-    assert groupings(ends_at(points[:2], tangents[:2], [True, False]), points[:2]) == []
-    assert groupings(ends_at(points[:1], tangents[:1], [True]), points[:1]) == []
-    assert groupings([], np.empty((0, 3))) == []
+    assert crease_partitions(ends_at(points, turned, [True] * 4), points) == [[(0, 3), (1, 2)]]
+    assert crease_partitions(ends_at(points[:2], tangents[:2], [True, False]), points[:2]) == []
+    assert crease_partitions(ends_at(points[:1], tangents[:1], [True]), points[:1]) == []
+    assert crease_partitions([], np.empty((0, 3))) == []
 
 
 def test_a_ridge_and_a_valley_are_joined_at_a_tip_if_nothing_else_is_left():
     points = np.array([[-1.0, 0.3, 0], [-1, -0.3, 0]])
-    assert groupings(ends_at(points, -points, [True, False]), points) == [[(0, 1)]]
-    assert groupings(ends_at(points, points, [True, False]), points) == []  # they lead out of the hole
+    assert crease_partitions(ends_at(points, -points, [True, False]), points) == [[(0, 1)]]
+    assert crease_partitions(ends_at(points, points, [True, False]), points) == []  # they lead out of the hole
 
 
 def test_three_ends_meet_in_a_corner_or_two_are_joined():
     points = np.array([[-1.0, 0, 0], [1, 0, 0], [0, 1, 0]])
-    assert groupings(ends_at(points, -points, [True, True, True]), points) == [[(0, 1, 2)], [(0, 1)]]
+    assert crease_partitions(ends_at(points, -points, [True, True, True]), points) == [[(0, 1, 2)], [(0, 1)]]
 
 
 def test_more_ends_meet_where_their_lines_do():
     angles = 2.0 * np.pi * np.arange(6) / 6
     points = np.stack([np.cos(angles), np.sin(angles), np.zeros(6)], axis=1)
     up = -points + [0.0, 0.0, 1.0]
-    assert groupings(ends_at(points, up, [True] * 6), points)[0] == [(0, 1, 2, 3, 4, 5)]
+    assert crease_partitions(ends_at(points, up, [True] * 6), points)[0] == [(0, 1, 2, 3, 4, 5)]
     mixed = [True, False] * 3
-    assert groupings(ends_at(points, -points, mixed), points)[0] == [(0, 1, 2, 3, 4, 5)]
-    assert groupings(ends_at(points[:4], points[:4], [True] * 4), points[:4]) == []  # they lead out of the hole
+    assert crease_partitions(ends_at(points, -points, mixed), points)[0] == [(0, 1, 2, 3, 4, 5)]
+    assert crease_partitions(ends_at(points[:4], points[:4], [True] * 4), points[:4]) == []  # they lead out of the hole
 
 
 def test_a_corner_and_a_pair_share_a_hole():
@@ -315,7 +315,7 @@ def test_a_corner_and_a_pair_share_a_hole():
     corner = np.array([-3.0, 0.0, 0.0])
     tangents = np.where([[1], [1], [0], [0], [1]], corner - points, np.array([0.0, 1.0, 0.0]))
     tangents[3] *= -1.0
-    assert groupings(ends_at(points, tangents, [True] * 5), points)[0] == [(0, 1, 4), (2, 3)]
+    assert crease_partitions(ends_at(points, tangents, [True] * 5), points)[0] == [(0, 1, 4), (2, 3)]
 
 
 def pointed_roof(spokes, heights):
