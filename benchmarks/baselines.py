@@ -19,7 +19,7 @@ from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.half_edges import face_neighbours
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.patches.smoothness import Smoothness
-from bezier_filters.runtime.parallel import Progress, RangeTask, on_threads, run_in_chunks
+from bezier_filters.runtime.parallel import Progress, RangeTask, run_in_chunks, runs_on_threads
 
 ShapeEquations = Literal["edges", "twists"]
 _SMOOTHNESS: dict[ShapeEquations, Smoothness] = {"edges": "paper", "twists": "twists"}
@@ -106,7 +106,7 @@ def razdan_bae(
     )
 
 
-@on_threads
+@runs_on_threads
 def ouyang_feng_normals(vertices: ArrayLike, faces: ArrayLike, *, threads: int | None = None) -> FloatArray:
     """Vertex normals from tangents of curves through opposite neighbours, after OuYang and Feng.
 

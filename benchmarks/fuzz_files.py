@@ -98,7 +98,7 @@ def command_line(arguments: list[str], said: Path) -> int:
     import resource
 
     from bezier_filters.cli.commands import serve_command_line
-    from bezier_filters.runtime.supervision import end_of
+    from bezier_filters.runtime.supervision import child_exit
 
     reading, writing = os.pipe()
     child = os.fork()  # of a process that has loaded everything: faster than another interpreter
@@ -106,7 +106,7 @@ def command_line(arguments: list[str], said: Path) -> int:
         os.close(writing)
         with open(reading, "rb") as notes:
             sent = notes.read()
-        status, reason = end_of(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), sent)
+        status, reason = child_exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), sent)
         if reason:
             with said.open("a", encoding="utf-8") as file:
                 file.write(f"bezier-filters: {reason}\n")

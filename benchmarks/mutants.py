@@ -70,8 +70,9 @@ OPERATORS = (
     *("ReplaceBreakWithContinue", "ReplaceContinueWithBreak", "NumberReplacer", "ZeroIterationForLoop"),
 )
 SPEED = re.compile(
-    r"^(ROOM|FEWEST = 128|CHUNK|GROUP|SAMPLES|PROBE_COUNT|PLACES|FIRST = 8|POINTS|DISTANCES_AT_ONCE"
-    r"|LARGEST_EXACT|FEW =|MOST_DENSE|FEW_FACES|PER_CELL|MOST_BITS|NO_VERTEX)|threads|chunk"
+    r"^(CAPACITY_RATIO|MIN_KERNEL_CAPACITY|POWER_CHUNK|CHUNK|UNROLL_FACTOR|SAMPLES|PROBE_COUNT|PLACES|FIRST = 8|POINTS"
+    r"|MAX_PAIRWISE_POINTS|MAX_EXACT_LOOP|FEW =|MAX_DENSE_VERTICES|FEW_FACES|MIN_FACE_LIMIT|PER_CELL|MOST_BITS"
+    r"|NO_VERTEX)|threads|chunk"
 )
 """Lines that say how fast or at what effort something is computed, not what."""
 

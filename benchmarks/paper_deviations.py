@@ -10,8 +10,8 @@ import baselines
 import bezier_filters as bf
 from bezier_filters import surfaces
 from bezier_filters.holes.hole_detection import find_holes
-from bezier_filters.holes.influence_region import RINGS, influence_regions
-from bezier_filters.holes.planar_fill import INFLUENCE, PLENTY, paper_fill
+from bezier_filters.holes.influence_region import INFLUENCE_RINGS, influence_regions
+from bezier_filters.holes.planar_fill import MIN_PATCH_POINTS, PAPER_RINGS, paper_fill
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
 from cut_holes import Case, compact, cut
@@ -119,16 +119,18 @@ def influence_areas(mesh: tuple[np.ndarray, np.ndarray]) -> str:
             opened = triangle_mesh(*compact(vertices, faces[~lost]))
             adjacency = vertex_adjacency(opened)
             loops = [hole.loops for hole in find_holes(opened, adjacency)]
-            ((narrow,), (wide,)) = (influence_regions(opened, adjacency, loops, rings) for rings in (INFLUENCE, RINGS))
+            ((narrow,), (wide,)) = (
+                influence_regions(opened, adjacency, loops, rings) for rings in (PAPER_RINGS, INFLUENCE_RINGS)
+            )
             total[kind] += 1
-            if len(narrow.ids) < PLENTY:
+            if len(narrow.ids) < MIN_PATCH_POINTS:
                 few[kind] += 1
                 fills = [paper_fill(region, 0.8) for region in (narrow, wide)]
                 if not any(isinstance(fill, str) for fill in fills):
                     moves.append(np.linalg.norm(fills[0].points - fills[1].points, axis=1).max() / edge)
     words = ", ".join(f"{few[kind]} of {total[kind]} holes of {kind}" for kind in total)
     moved = f"these alone move fills by {max(moves):.2g} edges at most"
-    return f"{words} have fewer than {PLENTY} points in two rings; {moved}"
+    return f"{words} have fewer than {MIN_PATCH_POINTS} points in two rings; {moved}"
 
 
 def fill_methods(mesh: tuple[np.ndarray, np.ndarray]) -> str:

@@ -33,7 +33,7 @@ import reduction
 from baselines import adaptive_gaussian_smoothing
 from bezier_filters import surfaces
 from bezier_filters.display import color_range, round_limits
-from bezier_filters.holes.influence_region import farthest_points
+from bezier_filters.holes.influence_region import farthest_point_sample
 from bezier_filters.holes.loops import vector_area
 from bezier_filters.patches.bernstein import design_matrix
 from bezier_filters.patches.smoothness import smoothness_matrix
@@ -211,7 +211,7 @@ def figure_4(where: Where) -> Found:
     """A model and its normals, as lines and as colours."""
     vertices, faces, g = paper_geometry()
     size = np.linalg.norm(np.ptp(vertices, axis=0))
-    spread = farthest_points(vertices, np.zeros(len(vertices), dtype=bool), 900)
+    spread = farthest_point_sample(vertices, np.zeros(len(vertices), dtype=bool), 900)
     lines = [(np.stack([vertices[k], vertices[k] + 0.03 * size * g.normals[k]]), BLUE) for k in spread]
     grey = np.tile(OLD, (len(vertices), 1))
     panels = [

@@ -16,7 +16,7 @@ import pymeshlab
 import pyvista
 
 import bezier_filters as bf
-from bezier_filters.holes.crease_ends import crease_ends, creases_around
+from bezier_filters.holes.crease_ends import crease_ends, sharp_edge_graph
 from bezier_filters.holes.hole_detection import find_holes
 from bezier_filters.holes.influence_region import influence_regions
 from bezier_filters.holes.loops import diameter
@@ -57,7 +57,7 @@ def _ends_of(case: Case) -> int:
     if len(holes) != 1:
         return -1
     (region,) = influence_regions(mesh, adjacency, [holes[0].loops])
-    return len(crease_ends(region, creases_around(region))[0]) if region.has_simple_rim else -1
+    return len(crease_ends(region, sharp_edge_graph(region))[0]) if region.has_simple_rim else -1
 
 
 def rms(case: Case, vertices: np.ndarray, fill: np.ndarray) -> float:

@@ -7,7 +7,7 @@ from subprocess import CompletedProcess
 from unittest.mock import patch
 
 from bezier_filters.cli.commands import _run
-from bezier_filters.runtime.supervision import FAILED
+from bezier_filters.runtime.supervision import EXIT_FAILED
 from bezier_filters.runtime.worker_processes import Outcome
 
 
@@ -25,7 +25,7 @@ def run(*arguments):
         except SystemExit as end:
             code = end.code
     if reason:
-        code = FAILED
+        code = EXIT_FAILED
         err.write(f"bezier-filters: {reason}\n")
     return CompletedProcess(arguments, code, out.getvalue(), err.getvalue())
 

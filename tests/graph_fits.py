@@ -13,7 +13,7 @@ from bezier_filters.kernels import fit_workspace as places
 from bezier_filters.kernels import graph_geometry as kernel
 from bezier_filters.kernels.kernel_input import FITTED, kernel_mesh
 from bezier_filters.meshes.frames import TangentPlanes
-from bezier_filters.runtime.lanes import LANES, aligned
+from bezier_filters.runtime.lanes import LANES, lane_array
 
 
 def fit_over_plane_z(x, y, z, fit, rings, ids=None, noise=(0.0, 0.0)):
@@ -31,20 +31,20 @@ def fit_over_plane_z(x, y, z, fit, rings, ids=None, noise=(0.0, 0.0)):
 
 def geometry_of_graph(jet):
     """What the kernel makes of the derivatives jet[r, q], r times by x and q times by y, at one point of a graph."""
-    jets, frame, outputs = (np.zeros((count, LANES)) for count in (16, 9, places.OUTPUTS))
+    jets, frame, outputs = (np.zeros((count, LANES)) for count in (16, 9, places.OUTPUT_COUNT))
     jets[:] = np.reshape(jet, (16, 1))
     frame[[0, 4, 8]] = 1.0
-    flat = [aligned(len(table)) for table in (jets, frame, outputs)]
+    flat = [lane_array(len(table)) for table in (jets, frame, outputs)]
     for target, table in zip(flat, (jets, frame, outputs), strict=True):
         target[:] = table.ravel()
     from_python(kernel.graph_geometry)(*flat[:2], True, flat[2])
     found = flat[2][::LANES]
     return SimpleNamespace(
-        normal=found[places.NORMAL : places.NORMAL + 3],
-        k_min=found[places.K_MIN],
-        k_max=found[places.K_MAX],
-        direction_min=found[places.ALONG_MIN : places.ALONG_MIN + 3],
-        direction_max=found[places.ALONG_MAX : places.ALONG_MAX + 3],
-        extremality_min=found[places.EXTREMALITY_MIN],
-        extremality_max=found[places.EXTREMALITY_MAX],
+        normal=found[places.OUT_NORMAL : places.OUT_NORMAL + 3],
+        k_min=found[places.OUT_K_MIN],
+        k_max=found[places.OUT_K_MAX],
+        direction_min=found[places.OUT_DIRECTION_MIN : places.OUT_DIRECTION_MIN + 3],
+        direction_max=found[places.OUT_DIRECTION_MAX : places.OUT_DIRECTION_MAX + 3],
+        extremality_min=found[places.OUT_EXTREMALITY_MIN],
+        extremality_max=found[places.OUT_EXTREMALITY_MAX],
     )

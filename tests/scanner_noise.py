@@ -6,7 +6,7 @@ And what the package learns of it.
 import numpy as np
 from scipy.sparse import coo_matrix
 
-from bezier_filters.kernels.kernel_input import fitted_mesh
+from bezier_filters.kernels.kernel_input import prepare_kernel_mesh
 from bezier_filters.learning.learn import FIRST_STAGE_MAX_RINGS, MAX_FLIPPED_FRACTION, SAMPLES_PER_RING
 from bezier_filters.learning.neighbourhood_samples import draw_from_mesh, sample_neighbourhoods
 from bezier_filters.learning.noise_spectrum import learn_noise_covariance
@@ -62,7 +62,7 @@ def in_all_directions(vertices, faces, level, seed=0):
 
 def learned(vertices, faces):
     """The correlated noise that narrow rings tell of, as in the package; None if it is white."""
-    mesh, adjacency = fitted_mesh(triangle_mesh(vertices, faces), creases=True)
+    mesh, adjacency = prepare_kernel_mesh(triangle_mesh(vertices, faces), creases=True)
     ids = draw_from_mesh(mesh, SAMPLES_PER_RING[2])
     sample = sample_neighbourhoods(
         mesh, adjacency, ids, rings=FIRST_STAGE_MAX_RINGS, max_flipped_fraction=MAX_FLIPPED_FRACTION

@@ -16,7 +16,7 @@ FEWEST = 6  # coefficients that smoothness leaves open
 MIN_PIVOT = 1e-6
 CERTAIN = 1e-6
 """Relative distance to a threshold below which rounding may decide."""
-SMALLEST_WIDTH = 1e-60
+MIN_NEIGHBOURHOOD_WIDTH = 1e-60
 """Of a neighbourhood, a length: whatever is smaller is not fitted."""
 FLAT = 1e-14
 """Width of a neighbourhood, as a part of its size, below which it is rounding that says where its points are."""
@@ -96,7 +96,7 @@ def fitted(vertices, vertex, rings, z_axis, bound):
     y_axis = np.cross(z_axis, x_axis)
     x, y, z = edges @ x_axis, edges @ y_axis, edges @ z_axis
     width = np.linalg.svd(np.column_stack([x, y]), compute_uv=False)[1] / np.sqrt(len(x))
-    if width < FLAT * np.linalg.norm(edges, axis=1).max() or np.ptp(y) < 2.0 * SMALLEST_WIDTH:
+    if width < FLAT * np.linalg.norm(edges, axis=1).max() or np.ptp(y) < 2.0 * MIN_NEIGHBOURHOOD_WIDTH:
         return Opinion(False)
     radius = np.hypot(x, y).max()
     rows = np.array([(x / radius) ** a * (y / radius) ** b for a, b in EXPONENTS]).T

@@ -26,7 +26,7 @@ from bezier_filters import (
 )
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.estimation.outlier_removal import move_outliers
-from bezier_filters.kernels.kernel_input import fitted_mesh
+from bezier_filters.kernels.kernel_input import prepare_kernel_mesh
 from bezier_filters.meshes.mesh import LARGEST, SMALLEST
 from bezier_filters.meshlab.meshset import BezierFilterError
 from bezier_filters.meshlab.scripts import FILTERS
@@ -86,7 +86,7 @@ def meshes_fitted(mesh, geometry, mode):
     """
     if geometry.fit.noise_sigma is None:
         return [mesh]
-    arrays, adjacency = fitted_mesh(mesh, creases=True)
+    arrays, adjacency = prepare_kernel_mesh(mesh, creases=True)
     cleaned = replace(mesh, vertices=move_outliers(arrays, adjacency).vertices)
     return [cleaned] if mode == "robust" else [mesh, cleaned]
 

@@ -15,8 +15,8 @@ from bezier_filters.cli import console
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.parameters import LENGTH, PARAMETERS, Parameter
 from bezier_filters.runtime.atomic import temporary_folder
-from bezier_filters.runtime.file_names import name_pipe, shown_path
-from bezier_filters.runtime.supervision import NEEDS_A_LOOK
+from bezier_filters.runtime.file_names import name_pipe, printable_path
+from bezier_filters.runtime.supervision import EXIT_INCOMPLETE
 
 if TYPE_CHECKING:
     from bezier_filters.arrays import Report
@@ -119,9 +119,9 @@ def check_target(target: Path, *sources: Path, overwrite: bool) -> None:
     if overwrite or not target.exists():
         return
     if any(source.exists() and target.samefile(source) for source in sources):
-        raise InvalidParameterError(f"{shown_path(target)} is the input; give --overwrite to replace it")
+        raise InvalidParameterError(f"{printable_path(target)} is the input; give --overwrite to replace it")
     if not target.stat().st_mode & 0o222:
-        raise InvalidParameterError(f"{shown_path(target)} is write-protected; give --overwrite to replace it")
+        raise InvalidParameterError(f"{printable_path(target)} is write-protected; give --overwrite to replace it")
 
 
 Source = Annotated[
@@ -201,7 +201,7 @@ def end_with_remarks(target: str, report: "Report") -> None:
     if warnings := report.get("warnings"):
         text = console.in_words_of_the_shell("; ".join(warnings))
         console.err().print(f"look at {target}: {text}", markup=False)
-        raise typer.Exit(NEEDS_A_LOOK)
+        raise typer.Exit(EXIT_INCOMPLETE)
 
 
 def _option_of(name: str) -> str:

@@ -20,8 +20,8 @@ from bezier_filters.cli.app import Json, Quiet, app
 from bezier_filters.cli.reading import file_remarks
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.parameters import PARAMETERS
-from bezier_filters.runtime.checksums import checksum_of
-from bezier_filters.runtime.supervision import NEEDS_A_LOOK
+from bezier_filters.runtime.checksums import file_checksum
+from bezier_filters.runtime.supervision import EXIT_INCOMPLETE
 
 if TYPE_CHECKING:
     from bezier_filters.arrays import Report
@@ -101,7 +101,7 @@ def batch(
                 source = items[index].input
                 # Of a file that has changed since, it is not known what was read.
                 if not outcome.error and _stamp(source) == stamps[index] is not None:
-                    record = [os.path.relpath(items[index].output, out), checksum_of(source), command, *arguments]
+                    record = [os.path.relpath(items[index].output, out), file_checksum(source), command, *arguments]
                     with (out / RECORDS).open("a", encoding="utf-8") as records:
                         print(json_module.dumps(record), file=records)
                 items[index] = replace(
@@ -126,7 +126,7 @@ def batch(
     if summary["failed"]:
         raise typer.Exit(1)
     if any((item.report or {}).get("warnings") for item in items):
-        raise typer.Exit(NEEDS_A_LOOK)
+        raise typer.Exit(EXIT_INCOMPLETE)
 
 
 def _absolute(item: Item) -> tuple[str, str]:
@@ -221,7 +221,7 @@ def plan(sources: Mapping[Path, str], out: Path, suffix: str, done: Sequence[str
             )
         checksum, *how = recorded.get(os.path.relpath(target, out), [""])
         there = bool(done) and how == list(done) and target.is_file() and source.is_file()
-        same = there and checksum_of(source) == checksum
+        same = there and file_checksum(source) == checksum
         items[real] = Item(str(source), str(target), "skipped" if same else "waiting")
     return list(items.values())
 

@@ -29,9 +29,15 @@ from bezier_filters.cli.app import (
 )
 from bezier_filters.cli.reading import file_remarks
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.runtime.file_names import given_path, printable, shown_name, shown_path, with_pipes_named
-from bezier_filters.runtime.process_end import variables_of_child
-from bezier_filters.runtime.supervision import NEEDS_A_LOOK
+from bezier_filters.runtime.file_names import (
+    escape_unprintable,
+    printable_name,
+    printable_path,
+    replace_pipe_paths,
+    user_path,
+)
+from bezier_filters.runtime.process_end import child_environment
+from bezier_filters.runtime.supervision import EXIT_INCOMPLETE
 
 if TYPE_CHECKING:
     from bezier_filters.arrays import Report
@@ -66,7 +72,7 @@ def watch(
     target = target or source
     check_target(target, source, overwrite=overwrite)
     if not source.exists():
-        raise InvalidParameterError(f"INPUT: there is no file {shown_path(source)}")
+        raise InvalidParameterError(f"INPUT: there is no file {printable_path(source)}")
     work = [
         sys.executable,
         "-m",
@@ -82,12 +88,16 @@ def watch(
     while True:
         seen = _next_stamp(source, seen)
         # In a process of its own, so that a file that is only half there ends nothing.
-        status = subprocess.run(work, env=variables_of_child(), check=False).returncode
+        status = subprocess.run(work, env=child_environment(), check=False).returncode
         if target.exists() and source.exists() and target.samefile(source):
             seen = _stamp(source)  # this save was ours
-        told = f"done: reload {shown_path(target)} in MeshLab" if status in (0, NEEDS_A_LOOK) else "could not be run"
+        told = (
+            f"done: reload {printable_path(target)} in MeshLab"
+            if status in (0, EXIT_INCOMPLETE)
+            else "could not be run"
+        )
         console.out().print(
-            f"{time.strftime('%X')}  {command} {told}; waiting for {shown_path(source)} to be saved", markup=False
+            f"{time.strftime('%X')}  {command} {told}; waiting for {printable_path(source)} to be saved", markup=False
         )
 
 
@@ -117,9 +127,9 @@ def info(source: Source, skip: Skip = False, json: Json = False) -> None:
     with console.stages(quiet=json) as stage:
         _, summary = _inspected(source, stage, skip=skip)
     if json:
-        console.print_json({"file": given_path(source), **summary})
+        console.print_json({"file": user_path(source), **summary})
     else:
-        console.print_mesh_summary(summary, shown_path(source))
+        console.print_mesh_summary(summary, printable_path(source))
 
 
 @app.command(epilog="Example: bezier-filters report scan.ply")
@@ -152,15 +162,17 @@ def report(
     check_target(page, source, overwrite=overwrite)
     with console.stages(quiet=quiet or json) as stage:
         mesh, summary = _inspected(source, stage, skip=skip)
-        made = report_page(shown_name(source), mesh, console.summary_rows(summary), summary["findings"], stage=stage)
+        made = report_page(
+            printable_name(source), mesh, console.summary_rows(summary), summary["findings"], stage=stage
+        )
         made.save(page)
     if json:
         shown = {"notes": made.notes, "fields": made.fields, "meshes": made.meshes}
-        console.print_json({"input": given_path(source), "output": given_path(page), **shown})
+        console.print_json({"input": user_path(source), "output": user_path(page), **shown})
     elif not quiet:
         for note in made.notes:
             console.out().print(note)
-        console.out().print(f"wrote [bold]{console.escape(shown_path(page))}[/]; open it in a browser")
+        console.out().print(f"wrote [bold]{console.escape(printable_path(page))}[/]; open it in a browser")
 
 
 def _inspected(source: Path, stage: console.Stage, *, skip: bool) -> tuple["CurrentMesh", "Report"]:
@@ -171,9 +183,9 @@ def _inspected(source: Path, stage: console.Stage, *, skip: bool) -> tuple["Curr
     from bezier_filters.meshlab.meshset import read_current_mesh
     from bezier_filters.meshlab.topology import topology_of
 
-    stage(f"reading {shown_name(source)}")
+    stage(f"reading {printable_name(source)}")
     ms = load_mesh(source, skip=skip)
-    stage(f"inspecting {shown_name(source)}")
+    stage(f"inspecting {printable_name(source)}")
     loaded = read_current_mesh(ms)
     mesh = triangle_mesh(loaded.vertices, loaded.faces)
     topology = topology_of(mesh.vertices, mesh.faces).counts
@@ -237,16 +249,16 @@ def demo(
         for label, path, told in run_demo(out, source, stage, skip=skip):
             if not (quiet or json):
                 if not files:
-                    console.print_status(told, shown_path(source or "bunny"))
+                    console.print_status(told, printable_path(source or "bunny"))
                 console.print_statistics(told, label)
-                console.print_written(told, shown_path(path))
+                console.print_written(told, printable_path(path))
             warnings += told["warnings"]
-            files.append({"output": given_path(path), **told})
+            files.append({"output": user_path(path), **told})
     if json:
-        console.print_json({"files": files, "picture": given_path(picture)})
+        console.print_json({"files": files, "picture": user_path(picture)})
     elif not quiet:
-        console.out().print(f"wrote [bold]{console.escape(shown_path(picture))}[/]; open the PLY files in MeshLab")
-    end_with_remarks(shown_path(out), {"warnings": list(dict.fromkeys(warnings))})
+        console.out().print(f"wrote [bold]{console.escape(printable_path(picture))}[/]; open the PLY files in MeshLab")
+    end_with_remarks(printable_path(out), {"warnings": list(dict.fromkeys(warnings))})
 
 
 def serve_command_line() -> None:
@@ -268,10 +280,10 @@ def _run() -> str:
             try:
                 app()
             except SystemExit as end:
-                if end.code in (None, 0, NEEDS_A_LOOK):
+                if end.code in (None, 0, EXIT_INCOMPLETE):
                     remarks.show()
                     if remarks.losses:
-                        raise SystemExit(NEEDS_A_LOOK) from None
+                        raise SystemExit(EXIT_INCOMPLETE) from None
                 raise
     except (ValueError, OSError, ImportError, CancelledError) as error:
         return _in_one_line(error)
@@ -287,6 +299,6 @@ def _run() -> str:
 
 def _in_one_line(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror and error.filename:
-        return f"{shown_path(error.filename)}: {error.strerror}"
-    text = in_the_shell(" ".join(with_pipes_named(str(error)).split())) or type(error).__name__
-    return printable(text)
+        return f"{printable_path(error.filename)}: {error.strerror}"
+    text = in_the_shell(" ".join(replace_pipe_paths(str(error)).split())) or type(error).__name__
+    return escape_unprintable(text)

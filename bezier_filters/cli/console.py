@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from bezier_filters.display import noise_in_words, noise_level
 from bezier_filters.fields import CURVATURE, qualities
-from bezier_filters.runtime.file_names import shown_path
+from bezier_filters.runtime.file_names import printable_path
 from bezier_filters.status import FitStatus
 
 if TYPE_CHECKING:
@@ -241,9 +241,9 @@ def print_written(report: Report, target: str) -> None:
 
 def print_batch(summary: Report) -> None:
     """Say what became of the files of a batch."""
-    width = max(len(shown_path(file["input"])) for file in summary["files"])
+    width = max(len(printable_path(file["input"])) for file in summary["files"])
     for file in summary["files"]:
-        name = shown_path(file["input"])
+        name = printable_path(file["input"])
         seconds = "" if file["result"] == "skipped" else f"{file['seconds']:.2f} s"
         report = file["report"] or {}
         remark = file["error"] or "; look at: ".join(filter(None, [_remark(report), *report.get("read", [])]))

@@ -29,7 +29,7 @@ from bezier_filters.cli.app import (
 )
 from bezier_filters.fields import qualities
 from bezier_filters.parameters import COLORS, PARAMETERS, Parameter
-from bezier_filters.runtime.file_names import given_path, shown_name, shown_path
+from bezier_filters.runtime.file_names import printable_name, printable_path, user_path
 
 if TYPE_CHECKING:
     from bezier_filters.arrays import Report
@@ -75,27 +75,27 @@ def filter_command(
                 check_target(save_script, source, target, overwrite=overwrite)
             suffix = format_of(target)
             with console.stages(quiet=quiet or json) as stage:
-                stage(f"reading {shown_name(source)}")
+                stage(f"reading {printable_name(source)}")
                 ms = bf.load_mesh(source, skip=skip)
-                report = getattr(bf, filter_name)(ms, progress=stage(f"{verb} {shown_name(source)}"), **given)
-                stage(f"writing {shown_name(target)}")
+                report = getattr(bf, filter_name)(ms, progress=stage(f"{verb} {printable_name(source)}"), **given)
+                stage(f"writing {printable_name(target)}")
                 remarks = bf.save_mesh(ms, target)
             if save_script is not None:
                 _add_step(save_script, filter_name, given)
             if json:
-                console.print_json({"input": given_path(source), "output": given_path(target), **report})
+                console.print_json({"input": user_path(source), "output": user_path(target), **report})
             elif not quiet:
-                show(report, shown_path(source))
+                show(report, printable_path(source))
                 if report.get("statistics"):
                     console.print_statistics(report, qualities(name)[report["quality"]].label)
-                console.print_written(report, shown_path(target))
+                console.print_written(report, printable_path(target))
             for remark in remarks:
-                console.err().print(f"note: {shown_name(target)} is {remark}", markup=False)
+                console.err().print(f"note: {printable_name(target)} is {remark}", markup=False)
             if report.get("quality") and suffix != WITH_FIELDS:
                 console.err().print(
                     f"note: {target.suffix} files hold no quality and no bz_* columns; write a PLY file to keep them"
                 )
-            end_with_remarks(shown_path(target), report)
+            end_with_remarks(printable_path(target), report)
 
         return described
 
@@ -217,31 +217,31 @@ def creases(
         check_target(picture, source, overwrite=overwrite)
     angle, strength = given.pop("angle"), given.pop("minstrength")
     with console.stages(quiet=quiet or json) as stage:
-        stage(f"reading {shown_name(source)}")
+        stage(f"reading {printable_name(source)}")
         mesh = read_current_mesh(bf.load_mesh(source, skip=skip))
         begin = time.perf_counter()
         found = creases_of(
-            mesh, FitArguments(**given, progress=stage(f"fitting {shown_name(source)}")), angle, strength
+            mesh, FitArguments(**given, progress=stage(f"fitting {printable_name(source)}")), angle, strength
         )
         seconds = time.perf_counter() - begin
-        stage(f"writing {shown_name(target)}")
+        stage(f"writing {printable_name(target)}")
         save_lines(target, *lines_as_mesh(found))
         if picture is not None:
             from bezier_filters.pictures.field_panels import crease_panel
 
-            stage(f"drawing {shown_name(picture)}")
-            panel = crease_panel(mesh.vertices, mesh.faces, found, title=shown_name(source))
+            stage(f"drawing {printable_name(picture)}")
+            panel = crease_panel(mesh.vertices, mesh.faces, found, title=printable_name(source))
             bf.render_panels(picture, [panel], views=view or ["front", "back"])
     report = report_of(found, mesh) | {"seconds": {"fit": seconds}}
     if json:
-        shown = None if picture is None else given_path(picture)
-        console.print_json({"input": given_path(source), "output": given_path(target), "picture": shown, **report})
+        shown = None if picture is None else user_path(picture)
+        console.print_json({"input": user_path(source), "output": user_path(target), "picture": shown, **report})
     elif not quiet:
-        console.print_creases(report, shown_path(source))
-        console.print_written(report, shown_path(target))
+        console.print_creases(report, printable_path(source))
+        console.print_written(report, printable_path(target))
         if picture is not None:
-            console.out().print(f"wrote [bold]{console.escape(shown_path(picture))}[/]")
-    end_with_remarks(shown_path(target), report)
+            console.out().print(f"wrote [bold]{console.escape(printable_path(picture))}[/]")
+    end_with_remarks(printable_path(target), report)
 
 
 @app.command(epilog="Example: bezier-filters run repair.mlx scan.ply clean.ply")
@@ -268,21 +268,21 @@ def run(
     format_of(target)
     check_target(target, source, script, overwrite=overwrite)
     with console.stages(quiet=quiet or json) as stage:
-        stage(f"reading {shown_name(source)}")
+        stage(f"reading {printable_name(source)}")
         ms = bf.load_mesh(source, skip=skip)
-        done = bf.run_filter_script(ms, steps, progress=stage(shown_name(script)))
-        stage(f"writing {shown_name(target)}")
+        done = bf.run_filter_script(ms, steps, progress=stage(printable_name(script)))
+        stage(f"writing {printable_name(target)}")
         remarks = bf.save_mesh(ms, target)
     for remark in remarks:
-        console.err().print(f"note: {shown_name(target)} is {remark}", markup=False)
+        console.err().print(f"note: {printable_name(target)} is {remark}", markup=False)
     if json:
-        summary = {"script": given_path(script), "input": given_path(source), "output": given_path(target)}
+        summary = {"script": user_path(script), "input": user_path(source), "output": user_path(target)}
         console.print_json(summary | {"steps": [asdict(report) for report in done]})
     elif not quiet:
         width = max(map(len, names), default=0)
         for report in done:
             console.out().print(f"{report.filter:<{width}}  {report.by:<14}  {report.seconds:7.2f} s", markup=False)
-        console.print_written({"seconds": dict(enumerate(report.seconds for report in done))}, shown_path(target))
+        console.print_written({"seconds": dict(enumerate(report.seconds for report in done))}, printable_path(target))
     found = [report.report for report in done]
     said = {key: [text for report in found for text in report.get(key, [])] for key in ("remarks", "warnings")}
-    end_with_remarks(shown_path(target), said)
+    end_with_remarks(printable_path(target), said)

@@ -22,7 +22,7 @@ from bezier_filters.cli.app import (
     to_pipe,
 )
 from bezier_filters.display import ColorScale
-from bezier_filters.runtime.file_names import given_path, shown_name, shown_path
+from bezier_filters.runtime.file_names import printable_name, printable_path, user_path
 
 if TYPE_CHECKING:
     from bezier_filters.pictures.field_panels import MeshFile
@@ -74,7 +74,7 @@ Up = Annotated[str, typer.Option(help="Axis that points up: auto, x, y, z, -x, -
 def _read(source: Path, stage: console.Stage, *, skip: bool) -> "MeshFile":
     from bezier_filters.pictures.field_panels import read_mesh_file
 
-    stage(f"reading {shown_name(source)}")
+    stage(f"reading {printable_name(source)}")
     return read_mesh_file(source, skip=skip)
 
 
@@ -119,7 +119,7 @@ def render(
     check_target(picture, *sources, overwrite=overwrite)
     with console.stages(quiet=quiet or json) as stage:
         files = [_read(source, stage, skip=skip) for source in sources]
-        stage(f"drawing {shown_name(picture)}")
+        stage(f"drawing {printable_name(picture)}")
         fields, views = field or [default_field(files)], view or ["front", "back"]
         panels, shown, colors = [], [], (colormap, percentile, limits, scale)
         for name in fields:
@@ -130,13 +130,13 @@ def render(
             legend = next((panel for panel in row if panel.values is not None), row[0])
             shown.append({"field": name, "label": legend.label, "unit": legend.unit, "limits": legend.limits})
         columns = len(files) if len(files) > 1 else None
-        title = shown_name(sources[0]) if len(files) == 1 else None
+        title = printable_name(sources[0]) if len(files) == 1 else None
         render_panels(picture, panels, views=views, columns=columns, size=(size, size), title=title, up=up, dpi=dpi)
     if json:
-        inputs = [given_path(source) for source in sources]
-        console.print_json({"inputs": inputs, "output": given_path(picture), "views": views, "panels": shown})
+        inputs = [user_path(source) for source in sources]
+        console.print_json({"inputs": inputs, "output": user_path(picture), "views": views, "panels": shown})
     elif not quiet:
-        console.out().print(f"wrote [bold]{console.escape(shown_path(picture))}[/]")
+        console.out().print(f"wrote [bold]{console.escape(printable_path(picture))}[/]")
 
 
 @app.command(epilog=examples("view curved.ply --field quality --field bz_shape_index"))
@@ -153,7 +153,7 @@ def view(
     """Show meshes with their fields in a window, to turn with the mouse; q closes it. Needs a display."""
     from bezier_filters.pictures.field_panels import default_field, field_panels
     from bezier_filters.pictures.scene import check_display, show_panels
-    from bezier_filters.runtime.supervision import let_interrupts_end_the_process
+    from bezier_filters.runtime.supervision import restore_default_interrupts
 
     check_display()
     with console.stages(quiet=False) as stage:
@@ -161,7 +161,7 @@ def view(
     panels, colors = [], (colormap, percentile, limits, scale)
     for name in field or [default_field(files)]:
         panels += field_panels(files, name, *colors)
-    let_interrupts_end_the_process()
+    restore_default_interrupts()
     show_panels(panels, columns=len(files) if len(files) > 1 else None, up=up)
 
 
@@ -198,8 +198,8 @@ def qmap(
     save_quality_map(target, low, high, name)
     if json:
         report = {"field": field, "label": shown.label, "unit": shown.unit, "limits": [low, high], "colormap": name}
-        console.print_json({"input": given_path(source), "output": given_path(target), **report})
+        console.print_json({"input": user_path(source), "output": user_path(target), **report})
     elif not quiet:
         console.out().print(
-            f"wrote [bold]{console.escape(shown_path(target))}[/]: {name}, {low:g} to {high:g} \\[{shown.unit}]"
+            f"wrote [bold]{console.escape(printable_path(target))}[/]: {name}, {low:g} to {high:g} \\[{shown.unit}]"
         )

@@ -23,7 +23,7 @@ from bezier_filters.cli.app import (
 )
 from bezier_filters.errors import CancelledError
 from bezier_filters.parameters import FIT, QUALITY_IN_TILES, SMOOTHING, Parameter, parameters
-from bezier_filters.runtime.file_names import shown_path
+from bezier_filters.runtime.file_names import printable_path
 
 if TYPE_CHECKING:
     from bezier_filters.arrays import Report
@@ -107,7 +107,7 @@ def curvature(
     files = source if faces is None else (source, faces)
     with _resumable(quiet=quiet or json) as progress:
         report = estimate_file(files, target, columns=column, options=fit, progress=progress, **given)
-    _print(report, target, lambda: console.print_status(report, shown_path(source)), quiet=quiet, json=json)
+    _print(report, target, lambda: console.print_status(report, printable_path(source)), quiet=quiet, json=json)
 
 
 @scale_app.command(epilog="Example: bezier-filters scale smooth statue.ply smooth.ply --scheduler tcp://HOST:8786")
@@ -169,5 +169,5 @@ def _print(report: "Report", target: Path, first: Callable[[], None], *, quiet: 
     elif not quiet:
         first()
         console.print_tiles(report)
-        console.print_written(report, shown_path(target))
-    end_with_remarks(shown_path(target), report)
+        console.print_written(report, printable_path(target))
+    end_with_remarks(printable_path(target), report)

@@ -22,7 +22,7 @@ from bezier_filters.estimation.fallbacks import (
 from bezier_filters.estimation.outlier_removal import move_outliers
 from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, arrays_of
 from bezier_filters.kernels.graph_geometry import bound_errors
-from bezier_filters.kernels.kernel_input import KernelMesh, with_steady_normals
+from bezier_filters.kernels.kernel_input import KernelMesh, use_smoothed_normals
 from bezier_filters.learning.fit_spec import COST_EXPONENT, FitConstraints, predict_under_model
 from bezier_filters.learning.learn import (
     CANDIDATE_RINGS,
@@ -99,7 +99,7 @@ class SurfaceFit:
 
     choice: FitChoice  # for the whole surface
     attempts: tuple[FitAttempt, ...]  # tried in order at every vertex
-    steady: bool = False  # whether the frames follow smoothed normals, see `with_steady_normals`
+    steady: bool = False  # whether the frames follow smoothed normals, see `use_smoothed_normals`
     robust: bool = False  # whether points with large residuals lose their weight
     cleaned: bool = False  # whether outliers are moved onto the surface around them first
     regions: Tree[RegionFit] | None = None  # fits of the regions, by the features of the first fit
@@ -347,8 +347,8 @@ def fit_in_balls(
     leaf = None if fit else _learn_balls(mesh, adjacency, radius, constraints, robust)
     if leaf is not None:
         edges = find_edges(leaf.surface.noise)
-        if edges is not None and (edges & ~mesh.stops).any():
-            mesh = mesh._replace(stops=mesh.stops | edges)
+        if edges is not None and (edges & ~mesh.barriers).any():
+            mesh = mesh._replace(barriers=mesh.barriers | edges)
             leaf = _learn_balls(mesh, adjacency, radius, constraints, robust)
     if leaf is None:
         fit = fit or patch_of_degrees(degrees)
@@ -357,7 +357,7 @@ def fit_in_balls(
     else:
         attempts = spec_chain(leaf.specs, leaf.chosen, radius)
         choice = _add_noise(FitChoice(0, leaf.chosen.degree, None, None, radius=radius), leaf.surface.noise)
-        mesh = with_steady_normals(mesh) if leaf.surface.noise.heavy else mesh
+        mesh = use_smoothed_normals(mesh) if leaf.surface.noise.heavy else mesh
     fit_with_fallbacks(mesh, ids, list(attempts), geometry, robust=robust, progress=progress)
     return choice
 

@@ -40,12 +40,12 @@ from bezier_filters.estimation.outlier_removal import move_outliers, rebase_disp
 from bezier_filters.estimation.point_cloud import point_cloud
 from bezier_filters.estimation.vertex_geometry import FitChoice, VertexGeometry, arrays_of, empty_geometry
 from bezier_filters.kernels.kernel_input import (
-    SMALLEST_WIDTH,
+    MIN_NEIGHBOURHOOD_WIDTH,
     KernelMesh,
-    fitted_mesh,
     kernel_mesh,
-    with_steady_normals,
-    with_vertices,
+    prepare_kernel_mesh,
+    replace_vertices,
+    use_smoothed_normals,
 )
 from bezier_filters.learning.learn import explain_unusable_mesh, sample_by_mode
 from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample, draw_from_mesh
@@ -56,7 +56,7 @@ from bezier_filters.meshes.spatial_order import as_it_is, in_spatial_order, is_i
 from bezier_filters.meshes.unit_size import normalizes_size
 from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.patches.smoothness import Smoothness
-from bezier_filters.runtime.parallel import Progress, on_threads
+from bezier_filters.runtime.parallel import Progress, runs_on_threads
 from bezier_filters.status import FitStatus
 
 # Fractions of the probes with large residuals, see `MIN_MISFIT_RATIO`, and with failed fits, above which the mesh is
@@ -69,7 +69,7 @@ OUTLIER_MISFIT_RATIO, OUTLIER_MISFIT_FRACTION, OUTLIER_FAILURE_FRACTION = 2.0, 0
 
 @takes_arrays
 @normalizes_size("radius", "noise", "detail")
-@on_threads
+@runs_on_threads
 def estimate_vertex_geometry(
     vertices: ArrayLike,
     faces: ArrayLike | None,
@@ -279,7 +279,7 @@ def _estimate(
         ordered = in_spatial_order(given) if adjacency is None else as_it_is(given)
         mesh, order = ordered.mesh, ordered.order
         if mesh.face_count:
-            arrays, adjacency = fitted_mesh(mesh, ordered, adjacency, creases=request.fixed is None)
+            arrays, adjacency = prepare_kernel_mesh(mesh, ordered, adjacency, creases=request.fixed is None)
         else:
             adjacency, planes = point_cloud(mesh, None if request.outside is None else request.outside[order])
             arrays = kernel_mesh(mesh, adjacency, planes, None, ordered)
@@ -314,9 +314,9 @@ def _estimate(
             )
             known, learned = look_up_fit(key), None
             if known is not None:
-                fit, surface, fitted = known.fit, known.surface, arrays._replace(stops=known.stops[order])
+                fit, surface, fitted = known.fit, known.surface, arrays._replace(barriers=known.stops[order])
                 if known.cleaned is not None:
-                    fitted = with_vertices(fitted, adjacency, known.cleaned[order])
+                    fitted = replace_vertices(fitted, adjacency, known.cleaned[order])
             else:
                 fit, learned, fitted = _choose(
                     arrays, adjacency, lambda learn: choose_fit(learn, *options), hidden_edges
@@ -334,7 +334,7 @@ def _estimate(
                 rebase_displacements(arrays.vertices, fitted, ids, geometry)
             if learned is not None:
                 cleaned = ordered.back(fitted.vertices) if fit.cleaned else None
-                cache_fit(key, CachedFit(fit, ordered.back(fitted.stops), surface, cleaned))
+                cache_fit(key, CachedFit(fit, ordered.back(fitted.barriers), surface, cleaned))
         else:
             mask = select(request.noise)
             choice = fit_in_balls(
@@ -379,8 +379,8 @@ def _choose(
     # under heavy noise no residual is large
     if fit.choice.noise_heavy or _misses_edges(fitted, fit, surface.sigma):
         edges = find_edges(surface.noise)
-        if edges is not None and (edges & ~fitted.stops).any():
-            return choose_with_edges(arrays._replace(stops=arrays.stops | edges), edges)
+        if edges is not None and (edges & ~fitted.barriers).any():
+            return choose_with_edges(arrays._replace(barriers=arrays.barriers | edges), edges)
     return fit, learned, fitted
 
 
@@ -422,7 +422,7 @@ def _fit(
     to be ignored.
     """
     if fit.steady:
-        arrays = with_steady_normals(arrays)
+        arrays = use_smoothed_normals(arrays)
     drawn = draw_from_mesh(arrays, PROBE_COUNT) if learned is not None else ids[:0]
     first = ids
     if learned is not None and len(ids) < len(arrays.vertices):
@@ -453,8 +453,8 @@ def _check_normals(normals: ArrayLike | None, mesh: TriangleMesh) -> FloatArray 
 def _directions(given: ArrayLike, mesh: TriangleMesh, name: str) -> FloatArray:
     """Unit vectors (n, 3), or zeros, from one for all vertices or one each."""
     vectors = _vectors(given, mesh, name, one_for_all=True)
-    vectors = vectors / np.maximum(np.abs(vectors).max(axis=-1, keepdims=True), SMALLEST_WIDTH)
-    vectors /= np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), SMALLEST_WIDTH)
+    vectors = vectors / np.maximum(np.abs(vectors).max(axis=-1, keepdims=True), MIN_NEIGHBOURHOOD_WIDTH)
+    vectors /= np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), MIN_NEIGHBOURHOOD_WIDTH)
     return np.broadcast_to(vectors, mesh.vertices.shape)
 
 

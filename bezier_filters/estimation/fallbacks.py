@@ -8,11 +8,11 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, ByteArray, IntArray
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
-from bezier_filters.kernels.crossing_edges import MEAN, OTHER, OWN, find_planes
+from bezier_filters.kernels.crossing_edges import MEAN_PLANE, NEIGHBOUR_PLANE, OWN_PLANE, find_planes
 from bezier_filters.kernels.fit_kernel import fit_task
 from bezier_filters.kernels.kernel_input import (
     FITTED,
-    FOLDED,
+    FOLDED_OVER,
     ILL_POSED,
     OUTCOMES,
     KernelFit,
@@ -76,7 +76,7 @@ def fallback_chain(
     singular on 1-rings of six neighbours or fewer. If there is a radius, its ball is tried before
     the rings.
     """
-    ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED})
+    ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED_OVER})
     yield FitAttempt(FitStatus.OK, frozenset({FITTED}), rings, fit, radius=radius)
     for more in range(1, MAX_EXTRA_RINGS + 1):
         yield FitAttempt(FitStatus.WIDER_RING, ill_posed, rings + more, fit)
@@ -90,7 +90,7 @@ def fallback_chain(
 
 def last_resorts(rings: int) -> Iterator[FitAttempt]:
     """Quadratic fits for vertices that no other attempt fits."""
-    ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED})
+    ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED_OVER})
     yield FitAttempt(FitStatus.ONE_RING, folded, 1, QUADRATIC)
     yield FitAttempt(FitStatus.LOWER_DEGREE, ill_posed, max(rings, 2), QUADRATIC)
     yield FitAttempt(FitStatus.LOWER_DEGREE, ill_posed, rings + MAX_EXTRA_RINGS, QUADRATIC)
@@ -108,7 +108,7 @@ def spec_chain(specs: Sequence[FitSpec], chosen: FitSpec, radius: float | None =
     So these fits use the mean plane and tolerate a few flipped normals. If there is a radius, the
     chosen specification belongs to its ball; the rings tried after a ball have few points, which get equal weights.
     """
-    ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED})
+    ill_posed, folded = frozenset({ILL_POSED}), frozenset({FOLDED_OVER})
 
     def spec_attempt(
         status: FitStatus, after: frozenset[int], rings: int, spec: FitSpec, fewest: int = 0
@@ -209,7 +209,7 @@ def _run(
     if attempt.by_crossings and attempt.max_flipped_fraction < 0.0:
         return _run_without_crossings(attempt, mesh, ids, geometry, robust, progress)
     if attempt.over_creases:
-        mesh = mesh._replace(stops=hubs(mesh.ring_ptr))
+        mesh = mesh._replace(barriers=hubs(mesh.ring_ptr))
     outcomes = np.empty(len(ids), dtype=np.int8)
     fit = kernel_fit(attempt, robust=robust)
     results = VertexResults(*(getattr(geometry, name) for name in VertexResults._fields))
@@ -230,7 +230,7 @@ def _run_without_crossings(
     progress: Progress | None,
 ) -> ByteArray:
     """Run the kernel over planes in which no edges cross; angles decide if there are too many points for that test."""
-    plane = OTHER if attempt.other_plane else MEAN if attempt.mean_plane else OWN
+    plane = NEIGHBOUR_PLANE if attempt.other_plane else MEAN_PLANE if attempt.mean_plane else OWN_PLANE
     fewest = kernel_fit(attempt).fewest_points
     found, outcomes = find_planes(mesh, ids, attempt.rings, fewest, plane)
     flat, undecided = outcomes == FITTED, outcomes == ILL_POSED

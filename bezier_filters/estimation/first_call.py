@@ -18,7 +18,7 @@ from bezier_filters.estimation.fallbacks import QUADRATIC, FitAttempt, fit_with_
 from bezier_filters.estimation.vertex_geometry import empty_geometry
 from bezier_filters.kernels.fit_kernel import fit_in_lanes
 from bezier_filters.kernels.graph_geometry import bound_errors
-from bezier_filters.kernels.kernel_input import FITTED, fitted_mesh, kernel_mesh
+from bezier_filters.kernels.kernel_input import FITTED, kernel_mesh, prepare_kernel_mesh
 from bezier_filters.learning.fit_spec import FitConstraints
 from bezier_filters.learning.learn import learn_surface
 from bezier_filters.meshes.adjacency import Adjacency, Rows
@@ -89,7 +89,7 @@ def compile_the_rest() -> None:
     """Compile the kernels that prepare a mesh and learn from it, on a small sphere."""
     ball = sphere(resolution=8)
     ordered = in_spatial_order(triangle_mesh(ball.vertices, ball.faces))
-    arrays, adjacency = fitted_mesh(ordered.mesh, ordered, creases=True)
+    arrays, adjacency = prepare_kernel_mesh(ordered.mesh, ordered, creases=True)
     learn_surface(arrays, adjacency, FitConstraints())
     # regions of a surface may need it later
     bound_errors(arrays, np.zeros(0, np.int32), np.zeros(0), np.zeros(0), 0, 0)

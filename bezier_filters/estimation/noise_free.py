@@ -7,7 +7,7 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.estimation.adaptive_fit import LearnSurface, learn_without_outliers, surface_learner
 from bezier_filters.estimation.outlier_removal import move_outliers
-from bezier_filters.kernels.kernel_input import fitted_mesh
+from bezier_filters.kernels.kernel_input import prepare_kernel_mesh
 from bezier_filters.learning.fit_spec import FitConstraints
 from bezier_filters.learning.learn import explain_unusable_mesh
 from bezier_filters.learning.noise_model import NoiseModel, rescale_noise
@@ -44,7 +44,7 @@ def learn_mesh_noise(
 
     The result is None if the mesh is too coarse. Outliers do not count as noise, unless `robust` is False.
     """
-    arrays, fitted = fitted_mesh(mesh, adjacency=adjacency, creases=True)
+    arrays, fitted = prepare_kernel_mesh(mesh, adjacency=adjacency, creases=True)
     return estimate_noise(
         surface_learner(arrays, fitted), sigma, robust, MAX_NOISE_PER_EDGE * mean_edge(mesh, adjacency)
     )
@@ -52,7 +52,7 @@ def learn_mesh_noise(
 
 def explain_unknown_noise(mesh: TriangleMesh, adjacency: Adjacency) -> str:
     """Say why `learn_mesh_noise` finds no noise model."""
-    return explain_unusable_mesh(*fitted_mesh(mesh, adjacency=adjacency, creases=True))
+    return explain_unusable_mesh(*prepare_kernel_mesh(mesh, adjacency=adjacency, creases=True))
 
 
 def estimate_noise(
@@ -163,7 +163,7 @@ def needs_outlier_removal(noise: NoiseModel | None, rounds: int) -> bool:
 
 def move_mesh_outliers(mesh: TriangleMesh, adjacency: Adjacency) -> TriangleMesh:
     """Move the outliers of a mesh onto the surface around them."""
-    arrays, _ = fitted_mesh(mesh, adjacency=adjacency, creases=False)
+    arrays, _ = prepare_kernel_mesh(mesh, adjacency=adjacency, creases=False)
     return TriangleMesh(move_outliers(arrays, adjacency).vertices, mesh.faces)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.estimation.fallbacks import MAX_EXTRA_RINGS, FitAttempt, fallback_chain, fit_with_fallbacks
 from bezier_filters.estimation.vertex_geometry import VertexGeometry, empty_geometry
-from bezier_filters.kernels.kernel_input import KernelMesh, with_edges_without_tips, with_vertices
+from bezier_filters.kernels.kernel_input import KernelMesh, recompute_barriers, replace_vertices
 from bezier_filters.learning.learn import MAX_FLIPPED_BY_OUTLIERS
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
@@ -37,11 +37,11 @@ def move_outliers(mesh: KernelMesh, adjacency: Adjacency, edges: BoolArray | Non
     sharp edges of the mesh without single spikes, and at `edges` (n,), if others are known.
     """
     n = len(mesh.vertices)
-    mesh = with_edges_without_tips(mesh, adjacency)
+    mesh = recompute_barriers(mesh, adjacency)
     if len(mesh.faces):
         mesh = mesh._replace(vertices=unfolded(TriangleMesh(mesh.vertices, mesh.faces), adjacency).vertices)
     if edges is not None:
-        mesh = mesh._replace(stops=mesh.stops | edges)
+        mesh = mesh._replace(barriers=mesh.barriers | edges)
     every = np.arange(n, dtype=np.int32)
     own = mesh._replace(origin=every)
     geometry = empty_geometry(n)
@@ -51,8 +51,8 @@ def move_outliers(mesh: KernelMesh, adjacency: Adjacency, edges: BoolArray | Non
     is_far = distances > OUTLIER_SIGMAS / NORMAL_GEOMETRIC_MEAN * _geometric_means(
         mesh, distances, geometry.rings_used > 0
     )
-    is_far &= ~(mesh.stops | _is_on_edge(mesh, moves))
-    return with_vertices(mesh, adjacency, np.where(is_far[:, np.newaxis], mesh.vertices + moves, mesh.vertices))
+    is_far &= ~(mesh.barriers | _is_on_edge(mesh, moves))
+    return replace_vertices(mesh, adjacency, np.where(is_far[:, np.newaxis], mesh.vertices + moves, mesh.vertices))
 
 
 def _attempts() -> list[FitAttempt]:

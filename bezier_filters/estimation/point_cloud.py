@@ -1,9 +1,8 @@
-"""Points without faces: their neighbours and tangent planes, found from the points themselves.
+"""Point clouds: vertex adjacency and tangent planes without faces.
 
-Each point gets the neighbours that it would have in a Delaunay triangulation of its surroundings,
-flattened onto its tangent plane. There are six of them on average, as on a mesh, also where the
-points lie in scan lines or are denser on one side; so all that knows meshes by their vertex
-neighbours works on point clouds.
+Tangent planes are least-squares planes of the nearest points. The neighbours of a point are its Delaunay neighbours in
+its tangent plane: six on average, as on a mesh, also if points lie in scan lines or vary in density. So every algorithm
+that needs only vertex neighbours works on point clouds.
 """
 
 import numpy as np
@@ -18,23 +17,21 @@ from bezier_filters.meshes.orientation import orient_normals
 from bezier_filters.runtime.jit import allocating_jit
 from bezier_filters.runtime.parallel import run_kernel, thread_count
 
-CANDIDATES = 20  # nearest points among which the neighbours are sought: some three layers around a point
-# a point whose nearest points leave a wider angle free is on the boundary of an open cloud
-LARGEST_GAP = np.radians(120.0)
-BEHIND = np.cos(np.radians(15.0))  # of the angle at most between the directions to two points, one behind the other
-THINNEST = 1e-12  # points whose second principal variance is a smaller share of the first lie on a line
-STRAY = 3.0  # a point this many times farther away than a point's own nearest ones is no neighbour of that point
-COCIRCULAR = 1e-6  # relative tolerance for points on one circle, all of which become neighbours
+CANDIDATE_COUNT = 20  # nearest points that may be neighbours: some three layers around a point
+MAX_ANGULAR_GAP = np.radians(120.0)  # between consecutive neighbours; a boundary point has a larger one
+MIN_OCCLUSION_COSINE = np.cos(np.radians(15.0))  # between the directions to two points, one of which hides the other
+MIN_VARIANCE_RATIO = 1e-12  # of the second to the first principal variance; below it points are collinear
+MAX_DISTANCE_RATIO = 3.0  # of the distance of a neighbour to the distance that contains its own nearest points
+COCIRCULARITY_TOLERANCE = 1e-6  # relative; all points of one empty circle become neighbours
 
 
 def point_cloud(mesh: TriangleMesh, normals: FloatArray | None = None) -> tuple[Adjacency, TangentPlanes]:
-    """Neighbours and tangent planes of the vertices of a mesh, whose faces are ignored.
+    """Adjacency and tangent planes of the vertices of a mesh, whose faces are ignored.
 
-    The planes are those of least squares through the nearest points (Hoppe et al., "Surface
-    reconstruction from unorganized points", SIGGRAPH 1992). Points at the same place count as one
-    neighbour. Points that have no plane, because they are alone or on a line, get zero normals.
-    `normals` (n, 3) of any length tell on which side of a point the outside is; where they are zero,
-    `orient_normals` decides.
+    Planes are least-squares planes of the nearest points (Hoppe et al., "Surface reconstruction from unorganized
+    points", SIGGRAPH 1992). Coincident points count as one neighbour. Isolated or collinear points have no plane and
+    get zero normals. Normals are oriented by the sign of `normals` (n, 3), of any length; where these are zero, by
+    `orient_normals`.
     """
     first, place_of = _distinct(mesh.vertices)
     points = mesh.vertices[first]
@@ -46,12 +43,12 @@ def point_cloud(mesh: TriangleMesh, normals: FloatArray | None = None) -> tuple[
         inward = np.einsum("ij,ij->i", planes, normals) < 0.0
         planes[inward] *= -1.0
     no_faces = Rows(np.zeros(mesh.vertex_count + 1, np.int32), np.empty(0, np.int32))
-    adjacency = Adjacency(no_faces, _at_all_points(neighbours, first, place_of), on_boundary[place_of])
+    adjacency = Adjacency(no_faces, _expand_to_points(neighbours, first, place_of), on_boundary[place_of])
     return adjacency, TangentPlanes(planes, np.full(mesh.vertex_count, 2.0, np.float32))
 
 
 def _distinct(points: FloatArray) -> tuple[IntArray, IntArray]:
-    """Index of one point for each place, in an order that only depends on the places, and the place of each point."""
+    """Merge coincident points: the row of one point per location, in lexicographic order, and the location of each."""
     order = np.lexsort(points.T)
     new = np.ones(len(points), dtype=np.bool_)
     new[1:] = (points[order[1:]] != points[order[:-1]]).any(axis=1)
@@ -60,8 +57,8 @@ def _distinct(points: FloatArray) -> tuple[IntArray, IntArray]:
     return order[new].astype(np.int32), place_of
 
 
-def _at_all_points(neighbours: Rows, first: IntArray, place_of: IntArray) -> Rows:
-    """Rows of the places as rows of the points."""
+def _expand_to_points(neighbours: Rows, first: IntArray, place_of: IntArray) -> Rows:
+    """Convert rows of neighbours per location to rows per point."""
     lengths = neighbours.lengths[place_of]
     indptr = np.append(0, np.cumsum(lengths)).astype(np.int32)
     places = neighbours.of(place_of)
@@ -71,8 +68,8 @@ def _at_all_points(neighbours: Rows, first: IntArray, place_of: IntArray) -> Row
 
 
 def _nearest(points: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Nearest other points, shape (n, min(CANDIDATES, n - 1)), nearest first, and the distance (n,) of the last."""
-    count = min(CANDIDATES, len(points) - 1)
+    """Nearest other points, (n, min(CANDIDATE_COUNT, n - 1)), nearest first, and the distance of the last, (n,)."""
+    count = min(CANDIDATE_COUNT, len(points) - 1)
     if count < 1:
         return np.empty((len(points), 0), dtype=np.int32), np.zeros(len(points))
     distances, nearest = cKDTree(points).query(points, k=np.arange(2, count + 2), workers=thread_count())
@@ -80,7 +77,7 @@ def _nearest(points: FloatArray) -> tuple[IntArray, FloatArray]:
 
 
 def _least_squares_normals(points: FloatArray, nearest: IntArray) -> FloatArray:
-    """Unit normals, of any sign, of the planes through each point's surroundings; zero without a plane."""
+    """Unit normals, of any sign, of the least-squares planes; zero without a plane."""
     count = nearest.shape[1] + 1
     total, squares = np.zeros((len(points), 3)), np.zeros((len(points), 3, 3))
     for column in nearest.T:
@@ -89,7 +86,7 @@ def _least_squares_normals(points: FloatArray, nearest: IntArray) -> FloatArray:
         squares += away[:, :, np.newaxis] * away[:, np.newaxis, :]
     squares -= total[:, :, np.newaxis] * total[:, np.newaxis, :] / count
     variances, axes = np.linalg.eigh(squares)
-    on_a_line = variances[:, 1] <= THINNEST * variances[:, 2]
+    on_a_line = variances[:, 1] <= MIN_VARIANCE_RATIO * variances[:, 2]
     return np.where(on_a_line[:, np.newaxis], 0.0, axes[:, :, 0])
 
 
@@ -119,10 +116,10 @@ def _choose_neighbours(
     start: int,
     stop: int,
 ) -> None:
-    """Mark the Delaunay neighbours among the nearest points, and the points with a wide gap around them.
+    """Mark the Delaunay neighbours among the nearest points, and the boundary points, which have a wide gap.
 
-    Inversion in the unit circle turns the circles through a point into lines, and the Delaunay
-    neighbours of the point into the corners of a convex hull.
+    Inversion in the unit circle maps circles through a point to lines, and the Delaunay neighbours of the point to the
+    corners of a convex hull.
     """
     inverted = np.empty((nearest.shape[1] + 1, 2))
     candidate = np.empty(nearest.shape[1] + 1, np.int32)
@@ -132,7 +129,7 @@ def _choose_neighbours(
         if nx == 0.0 and ny == 0.0 and nz == 0.0:
             continue
         x, y = _tangents(nx, ny, nz)
-        inverted[0] = 0.0  # the points far away, where the surface ends
+        inverted[0] = 0.0  # the image of infinity, a corner of the hull at a boundary
         candidate[0] = -1
         count = 1
         for q in range(nearest.shape[1]):
@@ -140,18 +137,18 @@ def _choose_neighbours(
             a = edge[0] * x[0] + edge[1] * x[1] + edge[2] * x[2]
             b = edge[0] * y[0] + edge[1] * y[1] + edge[2] * y[2]
             flat = np.sqrt(a * a + b * b)
-            # Flattened at its full length, so that a point above this one does not seem near.
+            # The projection keeps the length of the edge, so that a point above this one does not seem near.
             length = np.sqrt(edge[0] * edge[0] + edge[1] * edge[1] + edge[2] * edge[2])
-            if flat == 0.0 or length > STRAY * reach[nearest[i, q]]:
+            if flat == 0.0 or length > MAX_DISTANCE_RATIO * reach[nearest[i, q]]:
                 continue
             inverted[count, 0], inverted[count, 1] = a / (flat * length), b / (flat * length)
             angles[count - 1] = np.arctan2(b, a)
             candidate[count] = q
             count += 1
         _mark_hull(inverted, candidate, count, chosen[i])
-        on_boundary[i] = _largest_gap(angles[: count - 1]) > LARGEST_GAP
+        on_boundary[i] = _largest_gap(angles[: count - 1]) > MAX_ANGULAR_GAP
         if on_boundary[i]:
-            _leave_out_what_is_behind(inverted, candidate, count, chosen[i])
+            _remove_occluded_neighbours(inverted, candidate, count, chosen[i])
 
 
 @allocating_jit()
@@ -184,13 +181,15 @@ def _mark_hull(points: FloatArray, candidate: IntArray, count: int, marks: BoolA
         for k in range(count):
             dx, dy = points[k, 0] - points[corner, 0], points[k, 1] - points[corner, 1]
             square = dx * dx + dy * dy
-            # on a straight line that was come along, what is behind has all others on its other side
+            # on a straight side of the hull, points behind the last corner are no candidates
             turn, is_behind = cx * dy - cy * dx, cx * dx + cy * dy < 0.0
-            is_behind = is_behind and abs(turn) <= COCIRCULAR * np.sqrt(square * (cx * cx + cy * cy))
+            is_behind = is_behind and abs(turn) <= COCIRCULARITY_TOLERANCE * np.sqrt(square * (cx * cx + cy * cy))
             if k == corner or square == 0.0 or is_behind:
                 continue
             side = (fx * dy - fy * dx) / np.sqrt(reach * square) if following >= 0 else -1.0
-            if side < -COCIRCULAR or (side <= COCIRCULAR and square < reach and fx * dx + fy * dy > 0.0):
+            if side < -COCIRCULARITY_TOLERANCE or (
+                side <= COCIRCULARITY_TOLERANCE and square < reach and fx * dx + fy * dy > 0.0
+            ):
                 following, fx, fy, reach = k, dx, dy, square
         corner, cx, cy = following, fx, fy
         if corner == start or corner < 0:
@@ -198,23 +197,24 @@ def _mark_hull(points: FloatArray, candidate: IntArray, count: int, marks: BoolA
 
 
 @allocating_jit()
-def _leave_out_what_is_behind(points: FloatArray, candidate: IntArray, count: int, marks: BoolArray) -> None:
-    """Take marks off candidates that lie behind nearer ones, seen from a point on a boundary.
+def _remove_occluded_neighbours(points: FloatArray, candidate: IntArray, count: int, marks: BoolArray) -> None:
+    """Unmark candidates that nearer ones occlude, seen from a boundary point.
 
-    There the triangles are slivers along the boundary, and all points of a straight one would be neighbours.
+    The Delaunay triangles there are slivers along the boundary, and all points of a straight boundary would be
+    neighbours.
     """
     for k in range(1, count):
         square = points[k, 0] ** 2 + points[k, 1] ** 2
         for m in range(1, count):
             other = points[m, 0] ** 2 + points[m, 1] ** 2  # larger for nearer ones
             along = points[k, 0] * points[m, 0] + points[k, 1] * points[m, 1]
-            if marks[candidate[m]] and other > square and along > BEHIND * np.sqrt(square * other):
+            if marks[candidate[m]] and other > square and along > MIN_OCCLUSION_COSINE * np.sqrt(square * other):
                 marks[candidate[k]] = False
 
 
 @allocating_jit()
 def _largest_gap(angles: FloatArray) -> float:
-    """Largest difference between neighbouring angles around the circle, radians."""
+    """Largest gap between consecutive angles on the circle, in radians."""
     if angles.shape[0] == 0:
         return 2.0 * np.pi
     angles.sort()

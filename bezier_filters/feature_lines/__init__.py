@@ -1,1 +1,1 @@
-"""Sharp edges, ridges and ravines."""
+"""Crease lines: sharp edges, ridges and ravines."""

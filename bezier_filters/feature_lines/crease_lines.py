@@ -1,4 +1,9 @@
-"""Creases of a mesh as lines: sharp edges, and the ridges and ravines of the surface between them."""
+"""Crease lines of a mesh: chains of sharp edges, and crest lines (ridges and ravines) of the smooth surface.
+
+Sharp edges are detected on the denoised surface if noise hides them. Crest lines follow the zeros of the extremality,
+the derivative of a principal curvature along its own direction; see `crest_lines`. Both are joined to polylines with a
+strength, the integral of curvature along the line, and a certainty with respect to noise.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -20,46 +25,46 @@ from bezier_filters.estimation.noise_free import (
     noise_free_surface,
 )
 from bezier_filters.estimation.vertex_geometry import VertexGeometry
-from bezier_filters.feature_lines.crest_lines import crest_segments, curvatures_along_lines, on_edges
+from bezier_filters.feature_lines.crest_lines import crest_segments, interpolate_on_edges, ridge_and_ravine_fields
 from bezier_filters.fields import CREASES, column_names
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.half_edges import MeshEdges, mesh_edges
 from bezier_filters.meshes.mesh import TriangleMesh, takes_arrays, triangle_mesh
 from bezier_filters.meshes.sharp_edges import certainties, sharp_edges
 from bezier_filters.meshes.unit_size import LENGTH, normalizes_size
-from bezier_filters.runtime.parallel import Progress, on_threads
+from bezier_filters.runtime.parallel import Progress, runs_on_threads
 from bezier_filters.status import FitStatus
 
 CreaseKind = Literal["ridge", "ravine"]
 # red, green and blue of the lines wherever they are drawn
 COLORS = {"ridge": (0.8, 0.1, 0.1), "ravine": (0.1, 0.2, 0.8)}
-THIRD = 3  # least degree of a patch whose curvature has derivatives that vanish somewhere
-KIND_CODES = {"ridge": 1.0, "ravine": -1.0}  # in the columns of vertices, times the factor where a line is sharp
-SHARP_FACTOR = 2.0
-FEWEST_EDGES = 3  # of a sharp line that ends neither at the border nor at another one: noise makes shorter ones
+MIN_CREST_DEGREE = 3  # of a patch with third derivatives, which the extremality needs
+LINE_CODES = {"ridge": 1.0, "ravine": -1.0}  # in the vertex columns; sharp lines have them times the next factor
+SHARP_CODE_FACTOR = 2.0
+MIN_SHARP_LINE_EDGES = 3  # of a sharp line with a free end: noise makes shorter ones
 
 
 @dataclass(frozen=True, repr=False)
 class CreaseLine:
-    """One line along which a surface bends most.
+    """A ridge or a ravine, sharp or smooth, as a polyline.
 
     Attributes
     ----------
     kind : {"ridge", "ravine"}
-        Whether the surface bends away from its outside or towards it.
+        Whether the surface is convex or concave across the line, seen from outside.
     is_sharp : bool
-        Whether it consists of sharp edges of the mesh, not of points on a smooth surface.
+        Whether it consists of sharp edges of the mesh, rather than points of a smooth surface.
     points : (k, 3) float64
-        In order; a closed line ends with the point that it begins with.
+        Points in order; a closed line repeats its first point at the end.
     edges : (k, 2) int32
-        Vertices of the edge of the mesh that each point lies on, twice the same where it is a vertex.
+        Vertices of the mesh edge that contains each point; a point at a vertex repeats it.
     shares : (k,) float64
-        Where on that edge: 0 at the first vertex, 1 at the second.
+        Position of each point on its edge: 0 at the first vertex, 1 at the second.
     strength : float
-        Its length in radii of the curvature across it, less where that hardly changes across the line; see
+        Length in radii of the curvature across the line, less where that curvature is nearly constant across it; see
         `find_creases`.
     certainties : (k - 1,) float64
-        For each piece between two points, the probability that noise did not make it.
+        For each segment between two points, the probability that it is not an effect of noise.
     """
 
     kind: CreaseKind
@@ -72,22 +77,22 @@ class CreaseLine:
 
     @property
     def is_closed(self) -> bool:
-        """Whether it ends where it begins."""
+        """Whether the first and the last point coincide."""
         return bool((self.edges[0] == self.edges[-1]).all())
 
     @property
     def nearest_vertices(self) -> IntArray:
-        """Vertex of the mesh at each point, (k,): that end of its edge which is nearer."""
+        """Nearest vertex of each point, (k,): the nearer end of its edge."""
         first_is_nearer = self.shares <= 0.5
         return np.asarray(np.where(first_is_nearer, self.edges[:, 0], self.edges[:, 1]), dtype=np.int32)
 
     @property
     def length(self) -> float:
-        """Its length."""
+        """Length of the polyline."""
         return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
 
     def __repr__(self) -> str:
-        """One line: the kind, and how long and strong it is."""
+        """Kind, length and strength, on one line."""
         kind = f"{'sharp ' * self.is_sharp}{self.kind}"
         return (
             f"CreaseLine({kind} of {len(self.points)} points, length {self.length:.4g}, strength {self.strength:.3g})"
@@ -96,19 +101,19 @@ class CreaseLine:
 
 @dataclass(frozen=True, repr=False)
 class Creases:
-    """What `find_creases` found.
+    """Crease lines of a mesh, the result of `find_creases`.
 
     Attributes
     ----------
     lines : tuple of CreaseLine
-        The strongest first.
+        In descending order of strength.
     sharp_edges : (e, 2) int32
-        Vertices of all edges of the sharp lines, the smaller first.
+        Vertices of all edges of the sharp lines, the smaller index first.
     certainties : (e,) float64
-        Of each of these, the probability that its angle is sharp without the noise. Edges that only continue a line may
-        have less than a half.
+        Probability that the dihedral angle of each sharp edge, without noise, exceeds the limit. Edges that only
+        continue a line may have less than 0.5.
     geometry : VertexGeometry
-        From which the smooth lines follow.
+        Curvatures and extremalities that the smooth lines are computed from.
     """
 
     lines: tuple[CreaseLine, ...]
@@ -117,22 +122,22 @@ class Creases:
     geometry: VertexGeometry
 
     def of_kind(self, kind: CreaseKind) -> tuple[CreaseLine, ...]:
-        """The ridges alone, or the ravines."""
+        """Lines of one kind."""
         return tuple(line for line in self.lines if line.kind == kind)
 
     @property
     def tells_crest_lines(self) -> bool:
-        """Whether the fit has third derivatives, without which no smooth lines can be told."""
+        """Whether the fit has third derivatives, without which there are no smooth lines."""
         fit = self.geometry.fit
-        return max([fit.degree, *(part.degree for part in fit.parts)]) >= THIRD
+        return max([fit.degree, *(region.degree for region in fit.parts)]) >= MIN_CREST_DEGREE
 
     def __repr__(self) -> str:
-        """One line: how many lines there are."""
-        untold = "" if self.tells_crest_lines else "; smooth ones are not told by a fit of degree 2"
-        return f"Creases({len(self.of_kind('ridge'))} ridges, {len(self.of_kind('ravine'))} ravines{untold})"
+        """Numbers of ridges and ravines, on one line."""
+        note = "" if self.tells_crest_lines else "; smooth ones are not told by a fit of degree 2"
+        return f"Creases({len(self.of_kind('ridge'))} ridges, {len(self.of_kind('ravine'))} ravines{note})"
 
     def _repr_html_(self) -> str:
-        """Table of the kinds of lines for notebooks."""
+        """Table of the lines by kind, for notebooks."""
         rows = []
         for kind in get_args(CreaseKind):
             for is_sharp in (True, False):
@@ -145,19 +150,19 @@ class Creases:
 
 
 def crease_columns(creases: Creases) -> dict[str, FloatArray]:
-    """Code and strength of the strongest line at each vertex, by the names of their columns."""
+    """Code and strength of the strongest line at each vertex, by column name."""
     codes, strengths = np.zeros((2, len(creases.geometry.status)))
     for line in reversed(creases.lines):
         ids = line.nearest_vertices
-        codes[ids] = KIND_CODES[line.kind] * (SHARP_FACTOR if line.is_sharp else 1.0)
+        codes[ids] = LINE_CODES[line.kind] * (SHARP_CODE_FACTOR if line.is_sharp else 1.0)
         strengths[ids] = line.strength
     return dict(zip(column_names(CREASES), (codes, strengths), strict=True))
 
 
 def edge_mesh(lines: Sequence[CreaseLine]) -> tuple[FloatArray, IntArray, IntArray]:
-    """Points (k, 3) of all lines, the edges (e, 2) between them, and the line of each point (k,).
+    """Points (k, 3) of all lines, edges (e, 2) between them, and the line number of each point (k,).
 
-    Closed lines have their first point twice.
+    Closed lines repeat their first point.
 
     >>> from bezier_filters.surfaces import block_with_sharp_edges
     >>> points, edges, line_of_point = edge_mesh(find_creases(*block_with_sharp_edges(resolution=8)).lines)
@@ -173,7 +178,7 @@ def edge_mesh(lines: Sequence[CreaseLine]) -> tuple[FloatArray, IntArray, IntArr
 
 @takes_arrays
 @normalizes_size()
-@on_threads
+@runs_on_threads
 def find_creases(
     vertices: ArrayLike,
     faces: ArrayLike,
@@ -184,23 +189,23 @@ def find_creases(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Creases:
-    """Find the sharp edges of a mesh, and its crest lines: ridges and ravines.
+    """Find the sharp edges of a mesh and its crest lines: ridges and ravines.
 
-    A ridge of a smooth surface runs where the largest curvature has a maximum along its own direction, and is larger
-    than the other curvature in size. There the extremality, its derivative along that direction, vanishes, and this
-    is what the lines are traced by, across the triangles of the mesh (Ohtake, Belyaev, Seidel, "Ridge-valley lines on
-    meshes via implicit surface fitting", SIGGRAPH 2004). A ravine is a ridge of the surface seen from inside. Edges at
-    which faces meet at a large angle are lines by themselves, and patches do not reach across them.
+    On a ridge of a smooth surface, the larger principal curvature has a maximum along its own direction and exceeds the
+    other one in absolute value. The extremality, its derivative along that direction, vanishes there; its zeros are
+    traced across the triangles of the mesh (Ohtake, Belyaev, Seidel, "Ridge-valley lines on meshes via implicit surface
+    fitting", SIGGRAPH 2004). A ravine is a ridge of the surface with reversed orientation. Edges with a large dihedral
+    angle form lines of their own, and patches do not extend across them.
 
-    The strength of a smooth line is the integral of ``k min(1, |k''| / k^3)`` along it, k the curvature across it and
-    k'' its second derivative that way: the length of the line in radii of curvature, less where the curvature falls off
-    more slowly than within a radius. It depends neither on the size of the mesh nor on its unit. Planes, spheres,
-    cylinders, cones and tori have no lines. Of sharp edges it is the same with the curvature that the mesh resolves,
-    the angle over the width that belongs to the edge (see `MeshEdges`).
+    The strength of a smooth line is the integral of ``k min(1, |k''| / k^3)`` along it, where k is the curvature across
+    the line and k'' its second derivative in that direction: the length of the line in radii of curvature, less where
+    the curvature decreases more slowly than within a radius. It is invariant under scaling. Planes, spheres, cylinders,
+    cones and tori have no lines. For sharp edges, k is the curvature that the mesh resolves: the dihedral angle over
+    the width of the edge (see `MeshEdges`).
 
-    Noise makes lines, too. Edges are sharp or not by the angles of the surface without the noise that was learned; if
-    averaged normals turn slowly everywhere, none is. The curvature beside a smooth line must fall off by more than its
-    standard errors make it. What is left has a certainty.
+    Noise makes lines, too. Sharp edges are detected on the denoised surface; if averaged normals turn slowly
+    everywhere, no edge is sharp. The curvature on both sides of a smooth line must be smaller than on it, by more than
+    the standard errors explain. Each line has a certainty.
 
     Parameters
     ----------
@@ -209,13 +214,13 @@ def find_creases(
     faces : (m, 3) array_like of int
         Triangles, counter-clockwise seen from outside.
     geometry : VertexGeometry, optional
-        Of these vertices, from `estimate_vertex_geometry` with settings of your own.
+        Estimate for these vertices, from `estimate_vertex_geometry` with other settings than the defaults.
     angle : float
-        Angle between faces in degrees, above 0 and up to 180, from which on an edge may be sharp. It must also be much
-        sharper than others around it. Lines that stop go straight on along edges of three quarters of this angle.
+        Smallest dihedral angle of a sharp edge in degrees, above 0 and up to 180. A sharp edge must also stand out
+        among the edges around it. Lines are continued straight along edges with three quarters of this angle.
     min_strength : float
-        Smooth lines that are weaker are left out; 0 keeps all. By default a line must be as long as the circle that
-        fits it is wide. Of sharp lines, those are left out that have one or two edges and hang on nothing.
+        Weaker smooth lines are dropped; 0 keeps all. By default a line must be as long as the diameter of its circle of
+        curvature. Isolated sharp lines of one or two edges are dropped, too.
     threads : int, optional
         Number of threads; by default BEZIER_FILTERS_THREADS or all usable cores. The result
         does not depend on it.
@@ -260,7 +265,7 @@ def find_creases(
             "estimate it on the same mesh"
         )
     adjacency = vertex_adjacency(mesh)
-    edges, sharp, certainty = _sharp_edges(mesh, adjacency, geometry, radians(angle))
+    edges, sharp, certainty = _find_sharp_edges(mesh, adjacency, geometry, radians(angle))
     lines = [
         *_sharp_lines(mesh, adjacency, edges, sharp, certainty),
         *_smooth_lines(mesh, adjacency, edges, sharp, geometry, min_strength),
@@ -276,10 +281,10 @@ def find_creases(
     )
 
 
-def _sharp_edges(
+def _find_sharp_edges(
     mesh: TriangleMesh, adjacency: Adjacency, geometry: VertexGeometry, angle: float
 ) -> tuple[MeshEdges, BoolArray, FloatArray]:
-    """The edges of the surface under the noise, which of them are sharp, and how certainly, each (e,)."""
+    """Edges of the denoised surface, with flags for sharp ones and their certainties, each (e,)."""
     sigma, surface = geometry.noise_sigma, mesh
     if geometry.noise_free is not None:
         surface = TriangleMesh(geometry.noise_free, mesh.faces)
@@ -289,16 +294,16 @@ def _sharp_edges(
         if noise is not None and hides_sharp_edges(mesh, adjacency, noise):
             surface, _ = noise_free_surface(mesh, adjacency, noise)
     edges = mesh_edges(surface)
-    if surface is mesh and is_noisy(mesh, adjacency, sigma):  # but turns nowhere as at a sharp edge
+    if surface is mesh and is_noisy(mesh, adjacency, sigma):  # noisy, but without hidden sharp edges
         return edges, np.zeros(len(edges.angles), dtype=np.bool_), np.zeros(len(edges.angles))
-    left = (sigma or 0.0) * (1.0 if surface is mesh else RESIDUAL_NOISE_FRACTION)
-    return edges, sharp_edges(surface, edges, adjacency, angle), certainties(edges, left, angle)
+    residual_sigma = (sigma or 0.0) * (1.0 if surface is mesh else RESIDUAL_NOISE_FRACTION)
+    return edges, sharp_edges(surface, edges, adjacency, angle), certainties(edges, residual_sigma, angle)
 
 
 def _sharp_lines(
     mesh: TriangleMesh, adjacency: Adjacency, edges: MeshEdges, sharp: BoolArray, certainty: FloatArray
 ) -> Iterator[CreaseLine]:
-    """Chains of sharp edges of either kind."""
+    """Chains of sharp edges, separately for ridges and ravines."""
     meeting = np.bincount(edges.vertices[sharp].ravel(), minlength=mesh.vertex_count)
     is_attached = (meeting > 1) | adjacency.on_boundary
     ends = np.flatnonzero(meeting > 2).astype(np.int32)
@@ -307,8 +312,8 @@ def _sharp_lines(
         pairs = edges.vertices[ids]
         lengths = np.linalg.norm(mesh.vertices[pairs[:, 1]] - mesh.vertices[pairs[:, 0]], axis=1)
         weights = edges.angles[ids] * lengths / np.maximum(edges.widths[ids], 1e-300)
-        for nodes, segments in chains(pairs, ends):
-            if len(segments) >= FEWEST_EDGES or is_attached[nodes].all():
+        for nodes, segments in join_chains(pairs, ends):
+            if len(segments) >= MIN_SHARP_LINE_EDGES or is_attached[nodes].all():
                 on = np.stack([nodes, nodes], axis=1).astype(np.int32)
                 strength = float(weights[segments].sum())
                 here = certainty[ids[segments]]
@@ -323,28 +328,28 @@ def _smooth_lines(
     geometry: VertexGeometry,
     min_strength: float,
 ) -> Iterator[CreaseLine]:
-    """Chains of crest segments of either kind, where fits are sound and no sharp edge is near."""
+    """Chains of crest segments, separately for ridges and ravines, where fits succeeded and no sharp edge is near."""
     usable = geometry.status <= int(FitStatus.LOWER_DEGREE)
     usable[edges.vertices[sharp]] = False
     faces = np.flatnonzero(usable[mesh.faces].all(axis=1) & (edges.of_faces >= 0).all(axis=1)).astype(np.int32)
-    for kind, curvatures in zip(get_args(CreaseKind), curvatures_along_lines(mesh, adjacency, geometry), strict=True):
+    for kind, curvatures in zip(get_args(CreaseKind), ridge_and_ravine_fields(mesh, adjacency, geometry), strict=True):
         pairs, shares, weights = crest_segments(mesh, edges, curvatures, faces)
-        for nodes, segments in chains(pairs):
+        for nodes, segments in join_chains(pairs):
             strength = float(weights[segments].sum())
             if strength < min_strength:
                 continue
-            points = on_edges(mesh.vertices, edges, shares, nodes)
+            points = interpolate_on_edges(mesh.vertices, edges, shares, nodes)
             certainty = curvatures.certainty(points)
             if certainty >= 0.5:
                 here = np.full(len(segments), certainty)
                 yield CreaseLine(kind, False, points, edges.vertices[nodes], shares[nodes], strength, here)
 
 
-def chains(segments: IntArray, ends: IntArray | None = None) -> list[tuple[IntArray, IntArray]]:
-    """Join segments (s, 2), given by the numbers of the nodes at their ends, to chains as long as possible.
+def join_chains(segments: IntArray, ends: IntArray | None = None) -> list[tuple[IntArray, IntArray]]:
+    """Join segments (s, 2), pairs of node numbers, into maximal chains.
 
-    Chains end at nodes with one segment, or with three or more, and at further nodes that are named as `ends`. Each is
-    its nodes in order, (k + 1,), the last one the first one again if it is closed, and the segments between them, (k,).
+    Chains end at nodes of degree other than two, and at the nodes `ends`. Each chain is a pair: its nodes in order,
+    (k + 1,), with the first one repeated at the end if it is closed, and the segments between them, (k,).
 
     >>> [nodes.tolist() for nodes, _ in chains(np.array([[4, 7], [9, 7], [1, 2], [2, 3], [3, 1]]))]
     [[4, 7, 9], [1, 2, 3, 1]]
@@ -359,7 +364,7 @@ def chains(segments: IntArray, ends: IntArray | None = None) -> list[tuple[IntAr
     is_end = [named[node] or len(here) != 2 for node, here in enumerate(at_node)]
     used, result = [False] * len(pairs), list[tuple[IntArray, IntArray]]()
     starts = [(node, segment) for node, here in enumerate(at_node) if is_end[node] for segment in here]
-    # What is left then has no ends: it is closed.
+    # The segments that remain after all open chains form closed ones.
     for node, segment in [*starts, *((pair[0], segment) for segment, pair in enumerate(pairs))]:
         path, passed = [node], []
         while not used[segment]:

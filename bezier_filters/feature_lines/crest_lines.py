@@ -1,7 +1,8 @@
-"""Crest lines: where the largest curvature has a maximum along its own direction, and whether noise makes them.
+"""Crest lines: zeros of the extremality, where a principal curvature has a maximum along its own direction.
 
-Noise that passes through fits makes lines wherever curvature is nearly constant, as on a torus. But on their sides
-the curvature falls off by no more than the standard errors of what was fitted there.
+Noise makes spurious lines wherever the curvature is nearly constant, as on a torus. On both sides of such lines the
+curvature drops by no more than its standard errors explain; a one-sided z-test of that drop gives the certainty of a
+line.
 """
 
 from dataclasses import dataclass
@@ -16,52 +17,55 @@ from bezier_filters.meshes.adjacency import Adjacency, mean_edge
 from bezier_filters.meshes.half_edges import MeshEdges
 from bezier_filters.meshes.mesh import TriangleMesh
 
-# standard errors by which curvature falls off beside the lines that noise makes, at most: those are found because it
-# does. Of 48 tori and spheres with noise of 0.01 to 0.2 edges, white or averaged, two have a line with more.
-BY_CHANCE = 2.25
-# times the radius of a neighbourhood: how far beside. Within one, what noise makes falls off, too: with 1 and 3
-# standard errors there were 14 such lines, and a tenth fewer on a scanned bunny
-BESIDE = 1.75
-# variance of a principal curvature over that of their mean: of a fit, x^2 - y^2 varies half as much about the plane as
-# x^2 + y^2 about its own mean
-PRINCIPAL = 1.5
-HEIGHT = np.sqrt(0.75)  # of an equilateral triangle over its side: a ring is so many edges wide
+# Drop of the curvature on both sides of spurious lines, in standard errors: lines are selected for such a drop. Of 48
+# tori and spheres with noise of 0.01 to 0.2 edges, white or averaged, two have a line with a larger one.
+MAX_CHANCE_DROP = 2.25
+# Distance from the line at which curvatures are compared, in radii of a neighbourhood. Within one radius the drop is
+# correlated with the noise: with 1 radius and 3 standard errors there were 14 spurious lines, and a tenth fewer lines
+# on a scanned bunny.
+COMPARISON_RADII = 1.75
+# variance of a principal curvature over that of the mean curvature: in a fit, the coefficient of x^2 - y^2 has half the
+# variance of that of x^2 + y^2
+PRINCIPAL_VARIANCE_RATIO = 1.5
+TRIANGLE_HEIGHT = np.sqrt(0.75)  # of an equilateral triangle over its side: the width of a ring in edges
 
 
 @dataclass(frozen=True)
-class CurvatureAlongLines:
-    """One principal curvature with its sign such that ridges are where it is large, at n vertices."""
+class PrincipalField:
+    """A principal curvature at n vertices, with the sign for which ridges are its maxima."""
 
-    largest: FloatArray  # (n,): that curvature
-    other: FloatArray  # (n,): the other one
-    directions: FloatArray  # (n, 3): its unit directions, whose signs are arbitrary
-    slopes: FloatArray  # (n,): its derivative along them, the extremality; 0 where it is not known
-    normals: FloatArray  # (n, 3): of the vertices
-    errors: FloatArray  # (n,): standard errors of curvatures, 1/length
-    # (n,): how far beside a line curvature is compared with that on it, a length: beyond a neighbourhood's distance
-    reach: FloatArray
+    largest: FloatArray  # (n,): this principal curvature
+    other: FloatArray  # (n,): the other principal curvature, with the same sign convention
+    directions: FloatArray  # (n, 3): unit principal directions, of arbitrary sign
+    slopes: FloatArray  # (n,): derivative along them, the extremality; 0 where it is unknown
+    normals: FloatArray  # (n, 3): vertex normals
+    errors: FloatArray  # (n,): standard errors of the mean curvature, 1/length
+    reach: FloatArray  # (n,): distance from a line at which its curvature is compared, a length
     tree: cKDTree  # of the vertices
 
     def certainty(self, points: FloatArray) -> float:
-        """Probability that curvature falls off on both sides of a line (k, 3), on average, by more than noise makes it.
+        """Probability that the mean drop of curvature on both sides of a line (k, 3) exceeds that of spurious lines.
 
-        The mean of both sides has 3/2 of the variance of one value, as the line's own has an error, too; along the line
-        errors are independent of each other every two reaches.
+        The drop is the value on the line minus the mean of both sides; it has 3/2 of the variance of one value. Errors
+        along the line are assumed independent at distances of two reaches.
         """
         lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
         middle = 0.5 * (points[1:] + points[:-1])
         at: IntArray = self.tree.query(middle)[1].astype(np.int32)
-        error = float(np.sqrt(1.5 * PRINCIPAL * np.square(self.errors[at]).mean()))
+        error = float(np.sqrt(1.5 * PRINCIPAL_VARIANCE_RATIO * np.square(self.errors[at]).mean()))
         if error == 0.0:
             return 1.0
         across, reach = self.directions[at], self.reach[at][:, np.newaxis]
-        beside = [self._along(middle + side * reach * across, across) for side in (1.0, -1.0)]
-        fall = float(np.average(self.largest[at] - 0.5 * (beside[0] + beside[1]), weights=lengths + 1e-300))
+        sides = [self._directional_curvature(middle + side * reach * across, across) for side in (1.0, -1.0)]
+        fall = float(np.average(self.largest[at] - 0.5 * (sides[0] + sides[1]), weights=lengths + 1e-300))
         independent = max(1.0, float(lengths.sum()) / (2.0 * float(reach.mean())))
-        return float(ndtr(fall / error * np.sqrt(independent) - BY_CHANCE))
+        return float(ndtr(fall / error * np.sqrt(independent) - MAX_CHANCE_DROP))
 
-    def _along(self, points: FloatArray, directions: FloatArray) -> FloatArray:
-        """Curvature in directions (k, 3) at the vertices nearest to points (k, 3), (k,): by Euler's formula."""
+    def _directional_curvature(self, points: FloatArray, directions: FloatArray) -> FloatArray:
+        """Normal curvature in directions (k, 3) at the vertices nearest to points (k, 3), (k,): Euler's formula.
+
+        k(t) = k1 cos(a)^2 + k2 sin(a)^2 with the angle a between the tangent t and the first principal direction.
+        """
         at: IntArray = self.tree.query(points)[1].astype(np.int32)
         normals = self.normals[at]
         tangents = directions - np.einsum("ij,ij->i", directions, normals)[:, np.newaxis] * normals
@@ -71,41 +75,41 @@ class CurvatureAlongLines:
         return result
 
 
-def curvatures_along_lines(
+def ridge_and_ravine_fields(
     mesh: TriangleMesh, adjacency: Adjacency, geometry: VertexGeometry
-) -> tuple[CurvatureAlongLines, CurvatureAlongLines]:
-    """Those of ridges and of ravines: from inside, the smallest curvature is the largest, with the other sign."""
+) -> tuple[PrincipalField, PrincipalField]:
+    """Fields of k_max for ridges and of -k_min for ravines, which are ridges of the reversed surface."""
     g = geometry
-    reach = BESIDE * HEIGHT * mean_edge(mesh, adjacency) * g.rings_used
-    beside = g.normals, g.mean_curvature_std, reach, cKDTree(mesh.vertices)
+    reach = COMPARISON_RADII * TRIANGLE_HEIGHT * mean_edge(mesh, adjacency) * g.rings_used
+    common = g.normals, g.mean_curvature_std, reach, cKDTree(mesh.vertices)
     return (
-        CurvatureAlongLines(g.k_max, g.k_min, g.direction_max, g.extremality_max, *beside),
-        CurvatureAlongLines(-g.k_min, -g.k_max, g.direction_min, -g.extremality_min, *beside),
+        PrincipalField(g.k_max, g.k_min, g.direction_max, g.extremality_max, *common),
+        PrincipalField(-g.k_min, -g.k_max, g.direction_min, -g.extremality_min, *common),
     )
 
 
 def crest_segments(
-    mesh: TriangleMesh, edges: MeshEdges, field: CurvatureAlongLines, faces: IntArray
+    mesh: TriangleMesh, edges: MeshEdges, field: PrincipalField, faces: IntArray
 ) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Trace ridges across triangles: straight pieces, each across one triangle.
+    """Trace ridges as straight segments, each across one triangle.
 
-    Gives the edges of the mesh between which each piece runs, (s, 2); for every edge of the mesh where on it the slope
-    vanishes, if anywhere, 0 at its first end and 1 at its second, (e,); and what each piece contributes to the strength
-    of its line, without a unit, (s,).
+    Returns the two mesh edges at the ends of each segment, (s, 2); for every mesh edge the position of the zero of the
+    slope, 0 at its first end and 1 at its second, (e,); and the dimensionless contribution of each segment to the
+    strength of its line, (s,).
 
-    The direction at one vertex is turned to agree with those at the two others, after which the slope is taken for
-    linear in the triangle (Ohtake, Belyaev, Seidel, "Ridge-valley lines on meshes via implicit surface fitting", 2004).
-    A ridge runs along its zeros where it falls in its direction, and where the curvature is larger than the other one
-    in size. Triangles around which the directions turn by half a turn, as at umbilics, have none (Hildebrandt,
-    Polthier, Wardetzky, "Smooth feature lines on surface meshes", 2005).
+    Directions at the corners of a triangle are given consistent signs, and the slope is interpolated linearly (Ohtake,
+    Belyaev, Seidel, "Ridge-valley lines on meshes via implicit surface fitting", 2004). A ridge follows zeros of the
+    slope where it decreases in its direction and where the curvature exceeds the other one in absolute value. Triangles
+    around which the directions turn by half a turn, as at umbilics, have no segment (Hildebrandt, Polthier, Wardetzky,
+    "Smooth feature lines on surface meshes", 2005).
 
-    A segment of the length l, curvature k and second derivative k'' weighs ``k l min(1, |k''| / k^3)``: its length in
-    radii of curvature, as far as the curvature falls off within a radius. The weight does not change with
-    scale, and vanishes in planes and on surfaces whose curvature is constant along its lines.
+    A segment of length l, curvature k and second derivative k'' has the weight ``k l min(1, |k''| / k^3)``: its length
+    in radii of curvature, reduced if the curvature decreases little within a radius. The weight is invariant under
+    scaling, and zero in planes and on surfaces whose curvature is constant along its lines.
 
-    Only the given faces are looked at, none of which names a vertex twice.
+    Only the given faces are used; they must not repeat a vertex.
     """
-    # Zeros by edge, so that both triangles at an edge see the same: signs with which the slopes at both ends agree.
+    # Zeros are computed by edge, so that both triangles at an edge agree.
     tail, head = edges.vertices.T
     agree = np.where(np.einsum("ij,ij->i", field.directions[tail], field.directions[head]) < 0.0, -1.0, 1.0)
     sign = np.where(field.slopes < 0.0, -1.0, 1.0)
@@ -119,24 +123,26 @@ def crest_segments(
     corners, own = corners[through], own[through]
     pairs = np.sort(own[crossed[own]].reshape(-1, 2), axis=1).astype(np.int32)
     second_derivatives = _derivatives_along_directions(mesh, corners, field)
-    largest, other = (on_edges(values, edges, shares, pairs).mean(axis=1) for values in (field.largest, field.other))
+    largest, other = (
+        interpolate_on_edges(values, edges, shares, pairs).mean(axis=1) for values in (field.largest, field.other)
+    )
     is_ridge = (second_derivatives < 0.0) & (largest > np.abs(other))
-    points = on_edges(mesh.vertices, edges, shares, pairs[is_ridge])
+    points = interpolate_on_edges(mesh.vertices, edges, shares, pairs[is_ridge])
     lengths = np.linalg.norm(points[:, 1] - points[:, 0], axis=1)
     k = largest[is_ridge]
     weights = lengths * np.minimum(k, -second_derivatives[is_ridge] / k**2)
     return pairs[is_ridge], shares, weights
 
 
-def on_edges(values: FloatArray, edges: MeshEdges, shares: FloatArray, ids: IntArray) -> FloatArray:
-    """Values at vertices, (n,) or (n, k), at the given shares (e,) of some edges."""
+def interpolate_on_edges(values: FloatArray, edges: MeshEdges, shares: FloatArray, ids: IntArray) -> FloatArray:
+    """Linear interpolation of vertex values, (n,) or (n, k), on edges `ids`, at the positions `shares` (e,)."""
     share = shares[ids] if values.ndim == 1 else shares[ids][..., np.newaxis]
     result: FloatArray = (1.0 - share) * values[edges.vertices[ids, 0]] + share * values[edges.vertices[ids, 1]]
     return result
 
 
-def _derivatives_along_directions(mesh: TriangleMesh, corners: IntArray, field: CurvatureAlongLines) -> FloatArray:
-    """Derivative of the slope, linear in each triangle (f, 3), along its mean direction, (f,)."""
+def _derivatives_along_directions(mesh: TriangleMesh, corners: IntArray, field: PrincipalField) -> FloatArray:
+    """Derivative of the linear slope in each triangle (f, 3) along its mean direction, (f,)."""
     directions, slopes = field.directions[corners], field.slopes[corners]
     signs = np.where(np.einsum("fj,fkj->fk", directions[:, 0], directions) < 0.0, -1.0, 1.0)
     mean = np.einsum("fk,fkj->fj", signs, directions)

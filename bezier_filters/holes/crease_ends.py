@@ -1,4 +1,10 @@
-"""Creases that end at the rim of a hole, and the parts that they cut the hole and its surroundings into."""
+"""Creases that end at the rim of a hole, and the sub-holes that continued creases cut it into.
+
+An edge is sharp if its dihedral angle is large and stands out among its neighbours (`meshes.sharp_edges`). Sharp edges
+form a graph. A crease is a chain of this graph that runs into the rim; its tangent there is that of a parabola fitted
+to the chain by arc length. Crease ends divide the rim into sectors. A flood fill that stops at sharp edges assigns the
+faces around the hole to these sectors.
+"""
 
 from dataclasses import dataclass
 from math import cos, radians
@@ -14,34 +20,38 @@ from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.sharp_edges import sharp_edges
 from bezier_filters.runtime.jit import short_jit
 
-# angle up to which no edge is sharp, less than for lines: edges that are rounded a little are continued, too
-ROUNDED = radians(35.0)
-FADING = radians(20.0)  # the same where one crease enters a hole that must go on somewhere
-# edges of a crease that are followed from the rim: one alone is no crease, unless it is clear and ends at another
-SHORTEST, LONGEST = 2, 6
-CLEAR = radians(60.0)
-ALONG = cos(radians(10.0))  # least cosine of the angle between a crease and an edge of the rim that goes on as it does
-FOLDED = 1e-3  # sine of the angle between two faces up to which their planes do not meet in a line
-STRAIGHT = 0.5  # least cosine of the angle between two edges of a crease that follow each other
+# smallest dihedral angle of a sharp edge: smaller than for crease lines, so that slightly rounded edges are continued
+MIN_CREASE_ANGLE = radians(35.0)
+MIN_FADING_ANGLE = radians(20.0)  # the same for the counterpart of the only crease that enters a hole
+# edges of a crease that are followed from the rim; a single edge counts only if it is sharper than the next constant
+# and ends at another crease
+MIN_CREASE_EDGES, MAX_CREASE_EDGES = 2, 6
+MIN_SINGLE_EDGE_ANGLE = radians(60.0)
+MIN_RIM_COSINE = cos(radians(10.0))  # between a crease and a rim edge that continues it
+MIN_PLANE_SINE = 1e-3  # of the angle between two faces whose planes intersect in a well-defined line
+MIN_CHAIN_COSINE = 0.5  # between consecutive edges of a crease
 
 
 @dataclass(frozen=True)
 class CreaseEnd:
-    """Where a crease meets the rim."""
+    """Point where a crease meets the rim."""
 
-    position: int  # place of the vertex in the rim loop
+    position: int  # index of the vertex in the rim loop
     tangent: FloatArray  # (3,): unit vector along the crease into the hole
-    is_convex: bool  # whether the crease is a ridge, not a valley, seen from outside
+    is_convex: bool  # True for a ridge, False for a valley, seen from outside
 
 
 def may_have_creases(region: InfluenceRegion) -> bool:
-    """Whether the faces differ enough for a crease, which is quickly told: no two if all are near their mean normal."""
-    return bool(_least_cosine(region.shape, region.faces) < cos(0.5 * ROUNDED))
+    """Quick necessary condition: two face normals can differ by the crease angle only if one deviates by half of it.
+
+    The deviation is that from the mean normal.
+    """
+    return bool(_min_normal_cosine(region.crease_vertices, region.faces) < cos(0.5 * MIN_CREASE_ANGLE))
 
 
 @short_jit()
-def _least_cosine(points: FloatArray, faces: IntArray) -> float:
-    """Least cosine of the angles between normals of faces and their mean; 1 if there are none."""
+def _min_normal_cosine(points: FloatArray, faces: IntArray) -> float:
+    """Smallest cosine of the angles between the face normals and their mean; 1 without faces."""
     u, v, w, least = 0.0, 0.0, 0.0, 1.0
     for f in range(faces.shape[0]):
         x, y, z = unit_face_normal(points, faces, f)
@@ -55,42 +65,42 @@ def _least_cosine(points: FloatArray, faces: IntArray) -> float:
 
 
 @dataclass(frozen=True)
-class Creases:
-    """Sharp edges around a hole."""
+class SharpEdgeGraph:
+    """Graph of the sharp edges around a hole."""
 
-    leaving: dict[int, list[int]]  # the vertices at their other ends, by those where they begin
-    angles: dict[tuple[int, int], float]  # how far they bend, both ways, in radians: negative in valleys
-    twins: IntArray  # (3 m,): the half-edge opposite to each, or -1
+    neighbours: dict[int, list[int]]  # adjacency lists: vertices joined to each vertex by a sharp edge
+    angles: dict[tuple[int, int], float]  # signed dihedral angles, in both directions, in radians; valleys are negative
+    twins: IntArray  # (3 m,): opposite half-edge of each half-edge, or -1
 
 
-def creases_around(region: InfluenceRegion, angle: float = ROUNDED) -> Creases:
-    """Find the sharp edges of the surface around a hole, those that bend by more than an angle in radians."""
-    mesh = TriangleMesh(region.shape, region.faces)
+def sharp_edge_graph(region: InfluenceRegion, angle: float = MIN_CREASE_ANGLE) -> SharpEdgeGraph:
+    """Collect the edges around a hole whose dihedral angle exceeds an angle in radians and stands out."""
+    mesh = TriangleMesh(region.crease_vertices, region.faces)
     edges = mesh_edges(mesh)
     is_sharp = sharp_edges(mesh, edges, vertex_adjacency(mesh), angle)
     signed = np.where(edges.is_convex, edges.angles, -edges.angles)
-    of_half_edges = edges.of_faces.ravel()  # no face of a region names a vertex twice, so all have an edge
-    creases = Creases({}, {}, half_edge_twins(region.faces, len(region.ids)))
+    edge_of_half_edge = edges.of_faces.ravel()  # no face of a region repeats a vertex, so each half-edge has an edge
+    graph = SharpEdgeGraph({}, {}, half_edge_twins(region.faces, len(region.ids)))
     start, end = ends_of_half_edges(region.faces)
-    for half_edge in np.flatnonzero(is_sharp[of_half_edges]).tolist():
+    for half_edge in np.flatnonzero(is_sharp[edge_of_half_edge]).tolist():
         a, b = int(start[half_edge]), int(end[half_edge])
-        creases.leaving.setdefault(a, []).append(b)
-        creases.angles[a, b] = float(signed[of_half_edges[half_edge]])
-    return creases
+        graph.neighbours.setdefault(a, []).append(b)
+        graph.angles[a, b] = float(signed[edge_of_half_edge[half_edge]])
+    return graph
 
 
-def crease_ends(region: InfluenceRegion, creases: Creases) -> tuple[list[CreaseEnd], frozenset[int]]:
-    """Ends of creases at the rim, in its order, and the edges of the rim that creases run along.
+def crease_ends(region: InfluenceRegion, graph: SharpEdgeGraph) -> tuple[list[CreaseEnd], frozenset[int]]:
+    """Crease ends in the order of the rim, and the rim edges that lie on creases.
 
-    These are given by the places of their first vertices. A crease that touches the rim, or runs along it from one
-    vertex to another, does not go through the hole.
+    Rim edges are given by the index of their first vertex in the loop. A crease that only touches the rim, or that runs
+    along it from one vertex to another, does not enter the hole and gives no end.
     """
-    after = region.normals_beyond(region.loops[0])
+    after = region.rim_face_normals(region.loops[0])
     before = np.roll(after, 1, axis=0)
     found = [
         end
         for position in range(len(after))
-        if (end := _end_at(region, creases, position, before[position], after[position]))
+        if (end := _end_at(region, graph, position, before[position], after[position]))
     ]
     along_rim = [edges for _, edges in found]
     ends = {end.position: end for end, edges in found if along_rim.count(edges) < 2 or not edges}
@@ -98,33 +108,34 @@ def crease_ends(region: InfluenceRegion, creases: Creases) -> tuple[list[CreaseE
 
 
 def _end_at(
-    region: InfluenceRegion, creases: Creases, position: int, before: FloatArray, after: FloatArray
+    region: InfluenceRegion, graph: SharpEdgeGraph, position: int, before: FloatArray, after: FloatArray
 ) -> tuple[CreaseEnd, frozenset[int]] | None:
-    """The end of the crease that reaches the rim at a place, and edges of the rim along which it runs on; maybe none.
+    """End of the crease that reaches a rim vertex, and the rim edges that continue it; None without a crease.
 
-    `before` and `after` are the normals of the faces at the edges of the rim that meet there.
+    `before` and `after` are the normals of the faces at the two rim edges of the vertex.
     """
     vertex = int(region.loops[0][position])
-    others = creases.leaving.get(vertex, [])
-    if len(others) > 1 and before @ after > cos(ROUNDED):
+    others = graph.neighbours.get(vertex, [])
+    if len(others) > 1 and before @ after > cos(MIN_CREASE_ANGLE):
         return None
-    chains = [_chain(region.shape, creases.leaving, [vertex, other]) for other in others]
-    chain = max(chains, key=len, default=[])  # of equally long ones the one that leaves by the first half-edge
-    # round a corner, or to one where creases meet
-    goes_on = len(chain) > 1 and len(creases.leaving.get(chain[1], [])) > 1
-    if not (len(chain) > SHORTEST or (goes_on and abs(creases.angles[chain[0], chain[1]]) > CLEAR)):
+    chains = [_follow_crease(region.crease_vertices, graph.neighbours, [vertex, other]) for other in others]
+    chain = max(chains, key=len, default=[])  # ties: the first half-edge
+    # A single edge is continued if other sharp edges meet it at its end: around a corner, or at a junction.
+    has_successor = len(chain) > 1 and len(graph.neighbours.get(chain[1], [])) > 1
+    is_clear = has_successor and abs(graph.angles[chain[0], chain[1]]) > MIN_SINGLE_EDGE_ANGLE
+    if not (len(chain) > MIN_CREASE_EDGES or is_clear):
         return None
-    followed = [(_followed(region, position, chain), chain) for chain in chains]
+    followed = [(_follow_rim(region, position, chain), chain) for chain in chains]
     (place, tangent, edges), chain = max(followed, key=lambda end: (len(end[0][2]), len(end[1])))
-    # Faces without an area, or folded onto each other, do not tell where their planes meet.
-    if len(others) > 1 and not edges and np.linalg.norm(np.cross(before, after)) > FOLDED:
+    # Planes of degenerate faces, or of faces that are folded onto each other, have no well-defined intersection.
+    if len(others) > 1 and not edges and np.linalg.norm(np.cross(before, after)) > MIN_PLANE_SINE:
         return _end_at_corner(region, position, before, after), edges
-    return CreaseEnd(place, tangent, creases.angles[chain[0], chain[1]] > 0.0), edges
+    return CreaseEnd(place, tangent, graph.angles[chain[0], chain[1]] > 0.0), edges
 
 
 def _end_at_corner(region: InfluenceRegion, position: int, before: FloatArray, after: FloatArray) -> CreaseEnd:
-    """The crease that leaves a corner at the rim, between the planes of the faces before and after it."""
-    rim = region.shape[region.loops[0]]
+    """Crease end at a rim corner: its tangent is the intersection of the planes of the faces before and after it."""
+    rim = region.crease_vertices[region.loops[0]]
     ahead, behind = rim[(position + 1) % len(rim)] - rim[position], rim[position - 1] - rim[position]
     normal = before + after
     axes = np.array([ahead, np.cross(normal, ahead) / max(float(np.linalg.norm(normal)), 1e-300)])
@@ -134,35 +145,41 @@ def _end_at_corner(region: InfluenceRegion, position: int, before: FloatArray, a
     return CreaseEnd(position, (across if is_convex else -across) / np.linalg.norm(across), is_convex)
 
 
-def _followed(region: InfluenceRegion, position: int, chain: list[int]) -> tuple[int, FloatArray, frozenset[int]]:
-    """Place and tangent of a crease's end, followed along the rim where edges of the rim go on as it does; these."""
+def _follow_rim(region: InfluenceRegion, position: int, chain: list[int]) -> tuple[int, FloatArray, frozenset[int]]:
+    """Move a crease end along the rim while a rim edge continues the crease.
+
+    Returns the index in the loop, the tangent, and the rim edges that were passed.
+    """
     rim = region.loops[0]
     edges: set[int] = set()
     while True:
-        tangent = _tangent(region.shape[chain])
+        tangent = _end_tangent(region.crease_vertices[chain])
         steps = {step: int(rim[(position + step) % len(rim)]) for step in (1, -1)}
-        cosines = {step: _cosine(tangent, region.shape[v] - region.shape[chain[0]]) for step, v in steps.items()}
+        cosines = {
+            step: _cosine_between(tangent, region.crease_vertices[v] - region.crease_vertices[chain[0]])
+            for step, v in steps.items()
+        }
         step = max(cosines, key=lambda step: cosines[step])
-        if cosines[step] < ALONG or steps[step] in chain:
+        if cosines[step] < MIN_RIM_COSINE or steps[step] in chain:
             return position, tangent, frozenset(edges)
         edges.add((position if step == 1 else position - 1) % len(rim))
         position = (position + step) % len(rim)
         chain = [steps[step], *chain]
 
 
-def _cosine(a: FloatArray, b: FloatArray) -> float:
+def _cosine_between(a: FloatArray, b: FloatArray) -> float:
     return float(a @ b / max(float(np.linalg.norm(a) * np.linalg.norm(b)), 1e-300))
 
 
-def _chain(points: FloatArray, leaving: dict[int, list[int]], chain: list[int]) -> list[int]:
-    """Follow a crease as long as it goes straight on."""
-    while len(chain) <= LONGEST:
+def _follow_crease(points: FloatArray, neighbours: dict[int, list[int]], chain: list[int]) -> list[int]:
+    """Extend a chain of sharp edges, each time by the straightest continuation, while there is one."""
+    while len(chain) <= MAX_CREASE_EDGES:
         before, tip = chain[-2:]
         ahead = points[tip] - points[before]
-        best, straightest = -1, STRAIGHT
-        for other in leaving.get(tip, []):
+        best, straightest = -1, MIN_CHAIN_COSINE
+        for other in neighbours.get(tip, []):
             step = points[other] - points[tip]
-            cosine = _cosine(ahead, step)
+            cosine = _cosine_between(ahead, step)
             if other not in chain and cosine > straightest:
                 best, straightest = other, cosine
         if best < 0:
@@ -171,19 +188,21 @@ def _chain(points: FloatArray, leaving: dict[int, list[int]], chain: list[int]) 
     return chain
 
 
-def _tangent(points: FloatArray) -> FloatArray:
-    """Unit tangent, backwards, at the first of some points of a curve: that of a parabola through it."""
+def _end_tangent(points: FloatArray) -> FloatArray:
+    """Unit tangent at the first point of a curve, pointing backwards: that of a least-squares parabola through it."""
     lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])[1:]
     terms = np.stack([lengths, lengths**2], axis=1)[:, : 1 + (len(lengths) > 2)]
     slope = np.linalg.lstsq(terms, points[1:] - points[0], rcond=None)[0][0]
     return np.asarray(-slope / max(float(np.linalg.norm(slope)), 1e-300), dtype=np.float64)
 
 
-def sectors(region: InfluenceRegion, creases: Creases, ends: list[CreaseEnd], along_rim: frozenset[int]) -> IntArray:
-    """Number of the crease end, before it along the rim, whose side each face is on, (m,); -1 if none reaches it.
+def face_sectors(
+    region: InfluenceRegion, graph: SharpEdgeGraph, ends: list[CreaseEnd], along_rim: frozenset[int]
+) -> IntArray:
+    """Rim sector of each face, (m,): the number of the crease end at which the sector begins; -1 for unreached faces.
 
-    Faces are reached from the rim without crossing a sharp edge, but not from edges of the rim that are creases: their
-    faces are on the other side.
+    A flood fill from the rim that does not cross sharp edges. It does not start from rim edges that are creases,
+    because their faces are on the other side.
     """
     positions = [end.position for end in ends]
     faces = region.faces
@@ -197,16 +216,16 @@ def sectors(region: InfluenceRegion, creases: Creases, ends: list[CreaseEnd], al
     }
     result = np.full(len(faces), -1, dtype=np.int32)
     reached = []
-    for half_edge in np.flatnonzero(creases.twins < 0).tolist():
+    for half_edge in np.flatnonzero(graph.twins < 0).tolist():
         sector = sector_of_edge.get((int(start[half_edge]), int(end[half_edge])), -1)
         if sector >= 0 and result[half_edge // 3] < 0:
             result[half_edge // 3] = sector
             reached.append(half_edge // 3)
-    for face in reached:  # which grows meanwhile
+    for face in reached:  # the list grows during the loop
         for half_edge in range(3 * face, 3 * face + 3):
-            other = int(creases.twins[half_edge]) // 3
-            is_sharp = (int(start[half_edge]), int(end[half_edge])) in creases.angles
-            if creases.twins[half_edge] >= 0 and not is_sharp and result[other] < 0:
+            other = int(graph.twins[half_edge]) // 3
+            is_sharp = (int(start[half_edge]), int(end[half_edge])) in graph.angles
+            if graph.twins[half_edge] >= 0 and not is_sharp and result[other] < 0:
                 result[other] = result[face]
                 reached.append(other)
     return result
@@ -214,66 +233,66 @@ def sectors(region: InfluenceRegion, creases: Creases, ends: list[CreaseEnd], al
 
 @dataclass(frozen=True)
 class CutHole:
-    """A hole whose crease ends are joined in groups."""
+    """A hole cut into sub-holes by creases that join groups of crease ends."""
 
     region: InfluenceRegion  # of the whole hole, which has one loop
     ends: list[CreaseEnd]  # in the order of the rim; sector k of the rim begins at end k
-    groups: list[tuple[int, ...]]  # ends that belong together
-    sectors: list[IntArray]  # those that each part of the hole borders on, in the order of its border
-    part_of_sector: IntArray  # (k,)
-    part_of_face: IntArray  # (m,): the part whose side each face around the hole is on, -1 for none
+    groups: list[tuple[int, ...]]  # numbers of the ends that one curve or corner joins
+    sectors: list[IntArray]  # rim sectors of each sub-hole, in the order of its border
+    sub_hole_of_sector: IntArray  # (k,)
+    sub_hole_of_face: IntArray  # (m,): sub-hole that each face around the hole adjoins, -1 for none
 
 
 def cut_hole(
     region: InfluenceRegion,
-    creases: Creases,
+    graph: SharpEdgeGraph,
     ends: list[CreaseEnd],
     along_rim: frozenset[int],
     groups: list[tuple[int, ...]],
 ) -> CutHole:
-    """Find the parts of a hole, and the faces on their sides.
+    """Find the sub-holes of a hole, and the faces that adjoin each.
 
-    Where a sector reaches the next end, the border of its part goes back, along the creases of that end's group, to the
-    end of the group before, where another sector begins.
+    A sub-hole is a cycle of sectors. Where a sector reaches the next crease end, the border of the sub-hole follows the
+    creases of that end's group back to the previous end of the group, at which another sector begins.
     """
     following = np.zeros(len(ends), dtype=np.int32)
     for group in groups:
         following[[end - 1 for end in group]] = np.roll(group, 1)
-    parts = cycles(following, np.arange(len(ends), dtype=np.int32))
-    part_of_sector = np.zeros(len(ends), dtype=np.int32)
-    for part, own in enumerate(parts):
-        part_of_sector[own] = part
-    part_of_face = np.append(part_of_sector, np.int32(-1))[sectors(region, creases, ends, along_rim)]
-    return CutHole(region, ends, groups, parts, part_of_sector, part_of_face)
+    sub_holes = cycles(following, np.arange(len(ends), dtype=np.int32))
+    sub_hole_of_sector = np.zeros(len(ends), dtype=np.int32)
+    for number, own in enumerate(sub_holes):
+        sub_hole_of_sector[own] = number
+    sub_hole_of_face = np.append(sub_hole_of_sector, np.int32(-1))[face_sectors(region, graph, ends, along_rim)]
+    return CutHole(region, ends, groups, sub_holes, sub_hole_of_sector, sub_hole_of_face)
 
 
-def border(cut: CutHole, paths: list[IntArray], part: int) -> IntArray:
-    """Border of a part: sectors of the rim, and paths back from the end of each to the beginning of the next."""
+def sub_hole_border(cut: CutHole, paths: list[IntArray], number: int) -> IntArray:
+    """Border loop of a sub-hole: rim sectors, and the crease paths from the end of each to the start of the next."""
     rim, positions = cut.region.loops[0], [end.position for end in cut.ends]
     path_from = {int(path[0]): path for path in paths}
     path_to = {int(path[-1]): path for path in paths}
-    own = cut.sectors[part]
+    own = cut.sectors[number]
     pieces: list[IntArray] = []
     for sector, following in zip(own.tolist(), np.roll(own, -1).tolist(), strict=True):
         start, stop = positions[sector], positions[(sector + 1) % len(positions)]
         pieces.append(rim[np.arange(start, stop if stop > start else stop + len(rim)) % len(rim)])
         here, there = int(rim[stop]), int(rim[positions[following]])
         path = path_from[here] if here in path_from else path_to[here][::-1]
-        if path[-1] != there:  # by way of a corner
+        if path[-1] != there:  # through a corner
             path = np.concatenate([path, path_from[there][::-1][1:]])
         pieces.append(path[:-1])
     return np.concatenate(pieces).astype(np.int32)
 
 
-def sub_hole(
-    cut: CutHole, part: int, points: FloatArray, sizes: FloatArray, loop: IntArray, taken: IntArray
+def sub_hole_region(
+    cut: CutHole, number: int, points: FloatArray, sizes: FloatArray, loop: IntArray, existing: IntArray
 ) -> InfluenceRegion:
-    """InfluenceRegion of a part: the faces on its side. Its `ids` are rows of `points`, then places in the region.
+    """Influence region of a sub-hole: the faces that adjoin it. Its `ids` are rows of `points`, then region indices.
 
-    Pairs (p, 2) of rows that are taken are joined already.
+    `existing` (p, 2) are pairs of rows of `points` that an edge joins already.
     """
-    region, mine = cut.region, cut.part_of_face == part
-    # Rows of `points` and places in the region are the same on the rim only: other places get names beyond all rows.
+    region, mine = cut.region, cut.sub_hole_of_face == number
+    # Rows of `points` and region indices agree on the rim only. The other region indices are shifted beyond all rows.
     beyond = len(points) - region.rim_count
     faces = region.faces[mine]
     names = np.where(faces < region.rim_count, faces, faces + beyond)
@@ -283,8 +302,8 @@ def sub_hole(
     others = np.where(ids < len(points), ids, ids - beyond)[len(loop) :]
     ids = np.concatenate([loop, others]).astype(np.int32)
     rings = np.concatenate([np.zeros(len(loop)), np.maximum(region.rings[others], 1)]).astype(np.int32)
-    joined = place[taken]
+    joined = place[existing]
     joined = joined[(joined >= 0).all(axis=1)]
     vertices = np.concatenate([points[loop], region.vertices[others]])
     rim = np.arange(len(loop), dtype=np.int32)
-    return InfluenceRegion(ids, rings, vertices, place[names], (rim,), joined, wanted_sizes=sizes[loop])
+    return InfluenceRegion(ids, rings, vertices, place[names], (rim,), joined, target_sizes=sizes[loop])

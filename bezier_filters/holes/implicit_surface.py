@@ -1,10 +1,12 @@
-"""The surface that continues points and normals: the zero set of a polyharmonic spline in space.
+"""Implicit surface through points with normals: the zero set of a polyharmonic spline in space.
 
-f(x) = sum_j c_j |x - x_j|^p + q(x), with a quadratic q, is 0 at points of the surface and +-e at a distance e
-along their normals; planes, spheres, cylinders and all other quadrics are reproduced. It is the best linear prediction
-of an intrinsic random field of points with independent errors. The power p, 3 or 5, and the ratio of the errors
-to the variation of the field have the largest restricted likelihood (REML), so that noise is
-fitted and not followed.
+    f(x) = sum_j c_j |x - x_j|^p + q(x),   p = 3 or 5,   q a quadratic polynomial
+
+is 0 at the points and +-e at distance e along their normals. All quadrics are reproduced. f is the best linear unbiased
+prediction (kriging) of an intrinsic random field with the generalised covariance +-|x - x'|^p from observations with
+independent errors. The power p and the noise ratio (error variance over field variance) maximise the restricted
+likelihood (REML), so that noisy points are smoothed, not interpolated. Points are projected to the zero set by Newton's
+method along the gradient.
 """
 
 from collections.abc import Callable
@@ -15,37 +17,37 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from bezier_filters.arrays import BoolArray, FloatArray
-from bezier_filters.holes.dense_rows import FAST
+from bezier_filters.holes.dense_rows import FASTMATH
 from bezier_filters.holes.restricted_likelihood import (
-    TERMS,
-    reflections_of,
-    restricted_likelihood,
-    subtract_contrasts,
-    turn,
+    QUADRATIC_TERMS,
+    apply_on_both_sides,
+    householder_reflectors,
+    reml_criterion,
+    solve_trend,
 )
 from bezier_filters.runtime.jit import inner_jit, jit, short_jit
 
-POWERS = (3, 5)
-PILOT = 3  # one of so many points is enough to tell the power if that makes each value there more likely by e^(1/2)
-CLEAN = 1e-13  # errors over variation where there is no noise: as little as the arithmetic can take
-NOISE_RATIOS = tuple(10.0**power for power in range(-8, 1))  # the same for noisy points, of which one is chosen
-SMALLEST_SLOPE = 0.3  # of f, which changes by one per unit of length at the points: with less slope there is no surface
-# most steps to the surface, and the length of one, in scaled coordinates, after which it is reached
-STEPS, SHORT_STEP = 8, 1e-4
-# variance of the errors of the single values, in which the normals have a part, over that of the points
-SIDE_ERRORS = 1.0
+KERNEL_POWERS = (3, 5)
+# Every third point decides on the power, if it raises the likelihood of each value there by a factor of e^(1/2).
+PILOT_STRIDE = 3
+INTERPOLATION_RATIO = 1e-13  # noise ratio without noise: the smallest for which the matrix is numerically definite
+NOISE_RATIOS = tuple(10.0**power for power in range(-8, 1))  # candidates for noisy points
+MIN_SLOPE = 0.3  # |grad f| at which a projection may end; it is 1 at the points
+MAX_PROJECTION_STEPS = 8  # of Newton's method
+PROJECTION_TOLERANCE = 1e-4  # length of the last step, in scaled coordinates
+OFFSET_ERROR_RATIO = 1.0  # variance of the independent error of each value over that shared by the values of a point
 
 
 class ImplicitSurface(NamedTuple):
-    """A function whose zeros are the surface, positive outside, in units of length."""
+    """The function f in units of length, positive outside; its zero set is the surface."""
 
-    origin: FloatArray  # (3,): of the coordinates (x - origin) / scale in which it is computed,
-    scale: float  # and their unit, a length
-    centers: FloatArray  # (3, n): x_j, scaled, coordinate by coordinate
+    origin: FloatArray  # (3,): origin of the scaled coordinates (x - origin) / scale
+    scale: float  # their unit, a length
+    centers: FloatArray  # (3, n): x_j in scaled coordinates, one row per coordinate
     weights: FloatArray  # (n,): c_j, with the sign of the kernel: - for p = 5
     quadratic: FloatArray  # (10,): coefficients of 1, x, y, z, xx, xy, xz, yy, yz, zz
     power: int  # p
-    noise_ratio: float  # errors over variation, `CLEAN` where the points are interpolated
+    noise_ratio: float  # error variance over field variance; `INTERPOLATION_RATIO` if the points are interpolated
 
     def values_and_gradients(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Values, lengths (n,), and gradients (n, 3) at points (n, 3)."""
@@ -54,10 +56,10 @@ class ImplicitSurface(NamedTuple):
         return self.scale * values, gradients
 
     def project(self, points: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Move points along the gradient to the surface: where they end, (n, 3), and which of them are on it, (n,)."""
-        moved, found = points.copy(), np.zeros(len(points), dtype=np.bool_)
-        _project(self, moved, found)
-        return moved, found
+        """Project points along the gradient to the surface: their feet, (n, 3), and whether each converged, (n,)."""
+        feet, found = points.copy(), np.zeros(len(points), dtype=np.bool_)
+        _project(self, feet, found)
+        return feet, found
 
 
 def fit_implicit_surface(
@@ -68,70 +70,81 @@ def fit_implicit_surface(
     noisy: bool,
     others: FloatArray | None = None,
 ) -> ImplicitSurface | None:
-    """Fit a surface to points (n, 3) and unit normals (n, 3); None if they are too few or do not determine it.
+    """Fit a surface to points (n, 3) and unit normals (n, 3); None if they do not determine one.
 
-    The function is told its values at the offset, a length of about an edge, from the surface. Points that are not
-    noisy are interpolated. `others` (k, 3) are further points, with unknown normals.
+    Each point gives three constraints: 0 there, and +-offset at this distance, a length of about an edge, along its
+    normal. Points that are not noisy are interpolated. `others` (k, 3) are further points, with unknown normals.
     """
     further = np.empty((0, 3)) if others is None else others
-    powers: tuple[int, ...] = POWERS
+    powers: tuple[int, ...] = KERNEL_POWERS
     if not noisy:
-        pilot = _fits(points[::PILOT], normals[::PILOT], further[:0], offset, POWERS, noisy=False)
-        if len(pilot) == len(POWERS) and abs(pilot[0][0] - pilot[1][0]) > 3 * len(points[::PILOT]):
+        pilot = _fit_powers(
+            points[::PILOT_STRIDE], normals[::PILOT_STRIDE], further[:0], offset, KERNEL_POWERS, noisy=False
+        )
+        if len(pilot) == len(KERNEL_POWERS) and abs(pilot[0][0] - pilot[1][0]) > 3 * len(points[::PILOT_STRIDE]):
             powers = (min(pilot, key=itemgetter(0))[1].power,)
-    fits = _fits(points, normals, further, offset, powers, noisy=noisy)
+    fits = _fit_powers(points, normals, further, offset, powers, noisy=noisy)
     return min(fits, key=itemgetter(0))[1] if fits else None
 
 
-def _fits(
+def _fit_powers(
     points: FloatArray, normals: FloatArray, others: FloatArray, offset: float, powers: tuple[int, ...], *, noisy: bool
 ) -> list[tuple[float, ImplicitSurface]]:
-    """Surfaces with each of some powers, as far as possible, and -2 log of their likelihoods."""
+    """Surfaces for each power, without the powers that have none, and the REML criterion of each."""
     if 3 * len(points) < 20:
         return []
     count = 3 * len(points) + len(others)
-    origin, centers, values, quadratics = np.empty(3), np.empty((3, count)), np.empty(count), np.empty((TERMS, count))
-    scale = _place_values(points, normals, others, offset, origin, centers, values, quadratics)
+    origin, centers, values, quadratics = (
+        np.empty(3),
+        np.empty((3, count)),
+        np.empty(count),
+        np.empty((QUADRATIC_TERMS, count)),
+    )
+    scale = _write_constraints(points, normals, others, offset, origin, centers, values, quadratics)
     if not scale > 0.0:
         return []
-    reflections = reflections_of(quadratics)
-    if np.abs(reflections.triangle.diagonal()).min() < 1e-12:
+    reflectors = householder_reflectors(quadratics)
+    if np.abs(reflectors.triangle.diagonal()).min() < 1e-12:
         return []
-    turned = np.empty((count, count))  # of which the lower triangle is written
-    factor = np.empty((count - TERMS, count - TERMS))
+    transformed = np.empty((count, count))  # only the lower triangle is written
+    factor = np.empty((count - QUADRATIC_TERMS, count - QUADRATIC_TERMS))
     errors = _error_covariance(len(points), len(others)) if noisy else np.empty((0, 0))
     if noisy:
-        turn(errors, reflections)
-    target = reflections.applied(values)
-    ratios, start, result = NOISE_RATIOS if noisy else (CLEAN,), len(NOISE_RATIOS) // 2 if noisy else 0, []
+        apply_on_both_sides(errors, reflectors)
+    target = reflectors.apply(values)
+    ratios, start, result = (
+        NOISE_RATIOS if noisy else (INTERPOLATION_RATIO,),
+        len(NOISE_RATIOS) // 2 if noisy else 0,
+        [],
+    )
     for power in powers:
-        _write_kernel(centers, power, turned)
-        size = turn(turned, reflections)
+        _write_kernel(centers, power, transformed)
+        size = apply_on_both_sides(transformed, reflectors)
 
-        def solved(place: int, size: float = size) -> tuple[float, FloatArray]:
-            return restricted_likelihood(turned, target[TERMS:], errors, ratios[place] * size, factor)
+        def criterion(place: int, size: float = size) -> tuple[float, FloatArray]:
+            return reml_criterion(transformed, target[QUADRATIC_TERMS:], errors, ratios[place] * size, factor)
 
-        start, (measure, contrasts) = _least(solved, len(ratios), start)
+        start, (measure, contrasts) = _local_minimum(criterion, len(ratios), start)
         if not np.isfinite(measure):
             continue
-        quadratic, ratio = target[:TERMS].copy(), ratios[start]
-        subtract_contrasts(turned, errors, ratio * size, contrasts, reflections.triangle, quadratic)
-        weights = reflections.undone(np.concatenate([np.zeros(TERMS), contrasts]))
+        quadratic, ratio = target[:QUADRATIC_TERMS].copy(), ratios[start]
+        solve_trend(transformed, errors, ratio * size, contrasts, reflectors.triangle, quadratic)
+        weights = reflectors.apply_transpose(np.concatenate([np.zeros(QUADRATIC_TERMS), contrasts]))
         result.append((measure, ImplicitSurface(origin, scale, centers, weights, quadratic, power, ratio)))
     return result
 
 
-def _least(
-    solved: Callable[[int], tuple[float, FloatArray]], count: int, start: int
+def _local_minimum(
+    criterion: Callable[[int], tuple[float, FloatArray]], count: int, start: int
 ) -> tuple[int, tuple[float, FloatArray]]:
-    """Of so many places the one with the least first value, to which they fall and after which they rise; and both.
+    """Index of a local minimum of the criterion among `count` candidates, and its result: a descent from `start`.
 
-    It is looked for from a start, upwards first, as too small errors leave no solution.
+    It goes upwards first, as the matrix may be singular for small noise ratios.
     """
-    place, best = start, solved(start)
+    place, best = start, criterion(start)
     for step in (1, -1):
         while 0 <= place + step < count:
-            other = solved(place + step)
+            other = criterion(place + step)
             if other[0] > best[0] or (other[0] == best[0] and np.isfinite(best[0])):
                 break
             place, best = place + step, other
@@ -141,13 +154,13 @@ def _least(
 
 
 def _error_covariance(count: int, others: int) -> FloatArray:
-    """Covariance of the errors of the values at some points and beside them: what moves a point moves both."""
+    """Error covariance of the constraints: an error shared by the three values of each point, plus independent ones."""
     common = block_diag(np.tile(np.eye(count), (3, 3)), np.eye(others))
-    return np.asarray(common + SIDE_ERRORS * np.eye(3 * count + others), dtype=np.float64)
+    return np.asarray(common + OFFSET_ERROR_RATIO * np.eye(3 * count + others), dtype=np.float64)
 
 
-@short_jit(fastmath=FAST)
-def _place_values(
+@short_jit(fastmath=FASTMATH)
+def _write_constraints(
     points: FloatArray,
     normals: FloatArray,
     others: FloatArray,
@@ -157,9 +170,10 @@ def _place_values(
     values: FloatArray,
     quadratics: FloatArray,
 ) -> float:
-    """Write where values are known, scaled, and these: on the points, outside, inside, on the others; return the scale.
+    """Write the scaled centres and values of the constraints: on the points, outside, inside, on the others.
 
-    `quadratics` (10, n) receives the monomials up to degree 2 there. Nothing but the origin is written for scale 0.
+    `quadratics` (10, n) receives the monomials up to degree 2 at the centres. Returns the scale; if it is 0, only the
+    origin is written.
     """
     count, square = points.shape[0], 0.0
     for axis in range(3):
@@ -189,7 +203,7 @@ def _place_values(
     return float(scale)
 
 
-@short_jit(fastmath=FAST)
+@short_jit(fastmath=FASTMATH)
 def _write_kernel(centers: FloatArray, power: int, matrix: FloatArray) -> None:
     """Write the lower triangle of |x_i - x_j|^p, with the sign that makes it conditionally positive definite."""
     xs, ys, zs = centers[0], centers[1], centers[2]
@@ -201,7 +215,7 @@ def _write_kernel(centers: FloatArray, power: int, matrix: FloatArray) -> None:
             row[j] = square * np.sqrt(square) * (-square if power == 5 else 1.0)
 
 
-@jit(fastmath=FAST)
+@jit(fastmath=FASTMATH)
 def _evaluate(surface: ImplicitSurface, points: FloatArray, values: FloatArray, gradients: FloatArray) -> None:
     """Write scaled values and gradients at scaled points."""
     for i in range(points.shape[0]):
@@ -209,32 +223,32 @@ def _evaluate(surface: ImplicitSurface, points: FloatArray, values: FloatArray, 
         values[i], gradients[i, 0], gradients[i, 1], gradients[i, 2] = _value_and_gradient(surface, x, y, z)
 
 
-@jit(fastmath=FAST)
+@jit(fastmath=FASTMATH)
 def _project(surface: ImplicitSurface, points: FloatArray, found: BoolArray) -> None:
     for i in range(points.shape[0]):
         found[i] = project_point(surface, points, i)
 
 
-@inner_jit(fastmath=FAST, inline="always")
+@inner_jit(fastmath=FASTMATH, inline="always")
 def project_point(surface: ImplicitSurface, points: FloatArray, i: int) -> bool:
-    """Move a point to the surface, and say whether it got there."""
+    """Project a point to the surface by Newton's method along the gradient; return whether it converged."""
     origin, scale, found = surface.origin, surface.scale, False
     x, y, z = (points[i, 0] - origin[0]) / scale, (points[i, 1] - origin[1]) / scale, (points[i, 2] - origin[2]) / scale
-    for _ in range(STEPS):
+    for _ in range(MAX_PROJECTION_STEPS):
         value, gx, gy, gz = _value_and_gradient(surface, x, y, z)
         slope = np.sqrt(gx * gx + gy * gy + gz * gz)
-        bounded = max(slope, SMALLEST_SLOPE)
+        bounded = max(slope, MIN_SLOPE)
         step = value / bounded
         x, y, z = x - step / bounded * gx, y - step / bounded * gy, z - step / bounded * gz
-        # Newton's steps shrink quadratically: after a short one the rest is shorter still.
-        found = abs(step) < SHORT_STEP and slope > SMALLEST_SLOPE
+        # Newton's method converges quadratically: the error after a short step is far below the step.
+        found = abs(step) < PROJECTION_TOLERANCE and slope > MIN_SLOPE
         if found:
             break
     points[i, 0], points[i, 1], points[i, 2] = origin[0] + scale * x, origin[1] + scale * y, origin[2] + scale * z
     return found
 
 
-@inner_jit(fastmath=FAST, inline="always")
+@inner_jit(fastmath=FASTMATH, inline="always")
 def _value_and_gradient(surface: ImplicitSurface, x: float, y: float, z: float) -> tuple[float, float, float, float]:
     q, centers, weights, power = surface.quadratic, surface.centers, surface.weights, surface.power
     value = q[0] + q[1] * x + q[2] * y + q[3] * z

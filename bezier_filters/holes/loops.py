@@ -1,8 +1,8 @@
-"""Closed polygons in space: their measures, and their triangulations without further vertices.
+"""Closed polygons in space: vector area, diameter, angles, and triangulation without new vertices.
 
-Small loops take the triangulation with the flattest worst edge and, among those, the least area that dynamic
-programming finds (G. Barequet, M. Sharir, 1995; P. Liepa, "Filling holes in meshes", SGP 2003). Of larger ones,
-ears are cut off first, the shortest chords before the others, until they are small.
+Small loops get the triangulation that minimises the largest dihedral angle and then the area, by dynamic programming in
+O(k^3) (G. Barequet, M. Sharir, 1995; P. Liepa, "Filling holes in meshes", SGP 2003). Larger loops are first reduced by
+ear clipping, in the order of the chord lengths.
 """
 
 import heapq
@@ -16,15 +16,15 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.meshes.triangles import unit_normal
 from bezier_filters.runtime.jit import inner_jit, jit, short_jit
 
-DISTANCES_AT_ONCE = 512  # points up to which all distances are computed
-SWEEPS = 6  # times that the farthest point from the last one is looked for, for a long distance to begin with
-LARGEST_EXACT = 160  # most vertices of a loop that is triangulated in cubic time
-WIDEST_EAR = 1.1 * pi  # angle of the hole at a vertex from which on the vertex is no ear
-STEPS = 1e6  # in which 1 - cos of an angle is counted
+MAX_PAIRWISE_POINTS = 512  # points of which all pairwise distances are computed
+DIAMETER_SWEEPS = 6  # farthest-point steps for a lower bound on the diameter
+MAX_EXACT_LOOP = 160  # vertices of a loop that is triangulated by dynamic programming
+MAX_EAR_ANGLE = 1.1 * pi  # gap angle of a vertex that may be an ear
+COSINE_STEPS = 1e6  # resolution of 1 - cos of a dihedral angle, in steps per unit
 
 
 def vector_area(loop: FloatArray) -> FloatArray:
-    """Vector area of a closed polygon (k, 3): the normal by the right-hand rule, as long as the area, shape (3,)."""
+    """Vector area of a closed polygon (k, 3), shape (3,): half the sum of p_i x p_(i+1), by the right-hand rule."""
     centred = loop - loop.mean(axis=0)
     return np.asarray(0.5 * np.cross(centred, np.roll(centred, -1, axis=0)).sum(axis=0))
 
@@ -32,17 +32,17 @@ def vector_area(loop: FloatArray) -> FloatArray:
 def diameter(points: FloatArray) -> float:
     """Largest distance between two of the points (k, 3).
 
-    Of many points only the corners of their convex hull are compared, from the outside in. Two points are no farther
-    from each other than from the middle of all points, in sum: most pairs need no look.
+    Of many points only the corners of their convex hull are compared, sorted by their distance to the centre of the
+    bounding box. The triangle inequality through this centre excludes most pairs.
     """
-    if len(points) <= DISTANCES_AT_ONCE:
+    if len(points) <= MAX_PAIRWISE_POINTS:
         return float(cdist(points, points).max(initial=0.0))
     points = points[_hull_corners(points)]
     reach = np.linalg.norm(points - 0.5 * (points.min(axis=0) + points.max(axis=0)), axis=1)
     order = reach.argsort(kind="stable")[::-1]
     points, reach = points[order], reach[order]
     ends, longest = 0, 0.0
-    for _ in range(SWEEPS):
+    for _ in range(DIAMETER_SWEEPS):
         distances = np.linalg.norm(points - points[ends], axis=1)
         ends, longest = int(distances.argmax()), max(longest, float(distances.max()))
     return float(_longest_distance(points, reach, longest)[0])
@@ -55,7 +55,7 @@ def _hull_corners(points: FloatArray) -> IntArray:
     for dimension in (3, 2):
         try:
             return np.asarray(ConvexHull(centred @ axes[:dimension].T).vertices, dtype=np.int32)
-        except QhullError:  # they lie in a space of fewer dimensions
+        except QhullError:  # the points are coplanar or collinear
             continue
     along = centred @ axes[0]
     return np.array([along.argmin(), along.argmax()], dtype=np.int32)
@@ -63,11 +63,11 @@ def _hull_corners(points: FloatArray) -> IntArray:
 
 @jit()
 def _longest_distance(points: FloatArray, reach: FloatArray, longest: float) -> tuple[float, int]:
-    """Largest distance, given one, and how many were measured; points are sorted by their reach from the middle."""
+    """Largest distance, given a lower bound, and the number of pairs measured; `reach` (k,) is descending."""
     measured = 0
     for i in range(points.shape[0]):
         for j in range(i):
-            # the sum may be as long by rounding alone
+            # the tolerance covers rounding of the sum
             if reach[i] + reach[j] <= longest * (1.0 + 1e-14):
                 break
             x, y, z = points[i, 0] - points[j, 0], points[i, 1] - points[j, 1], points[i, 2] - points[j, 2]
@@ -77,7 +77,7 @@ def _longest_distance(points: FloatArray, reach: FloatArray, longest: float) -> 
 
 
 def plane_axes(normal: FloatArray) -> FloatArray:
-    """Right-handed orthonormal frame whose third row points along a vector that is not zero, shape (3, 3).
+    """Right-handed orthonormal frame whose third row is parallel to a non-zero vector, shape (3, 3).
 
     >>> bool(np.allclose(plane_axes(np.array([0.0, 0.0, 2.0]))[2], [0, 0, 1]))
     True
@@ -89,24 +89,24 @@ def plane_axes(normal: FloatArray) -> FloatArray:
 
 
 def corner_angles(tips: FloatArray, lefts: FloatArray, rights: FloatArray) -> FloatArray:
-    """Angles at the tips (n, 3) of triangles, in radians, (n,)."""
+    """Angles of triangles at their tips (n, 3), in radians, (n,)."""
     u, v = lefts - tips, rights - tips
     angles = np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), np.einsum("ij,ij->i", u, v))
     return np.asarray(angles, dtype=np.float64)
 
 
 def angle_sums(points: FloatArray, faces: IntArray, count: int) -> FloatArray:
-    """Sum of the angles of faces (m, 3) at each of the first points, in radians, (count,)."""
+    """Sum of the face angles at each of the first `count` points, in radians, (count,)."""
     here, after, before = (faces[:, k].ravel() for k in ([0, 1, 2], [1, 2, 0], [2, 0, 1]))
     angles = corner_angles(points[here], points[after], points[before])
     return np.bincount(here, weights=angles, minlength=count)[:count].astype(np.float64)
 
 
-def enclosed(points: FloatArray, polygon: FloatArray) -> BoolArray:
+def points_in_polygon(points: FloatArray, polygon: FloatArray) -> BoolArray:
     """Whether points (n, 2) lie inside a closed polygon (k, 2), by the parity of crossings.
 
     >>> square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-    >>> enclosed(np.array([[0.5, 0.5], [1.5, 0.5]]), square).tolist()
+    >>> points_in_polygon(np.array([[0.5, 0.5], [1.5, 0.5]]), square).tolist()
     [True, False]
     """
     x, y = points[:, :1], points[:, 1:]
@@ -130,7 +130,7 @@ def is_simple(polygon: FloatArray) -> bool:
         a, b = polygon[i], following[i]
         if not (a != b).any():
             return False
-        # The edges that do not share a vertex with this one.
+        # the edges that share no vertex with this one
         stop = count if i > 0 else count - 1
         c, d = polygon[i + 2 : stop], following[i + 2 : stop]
         sides_of_others = _side(a, b, c) * _side(a, b, d)
@@ -152,11 +152,11 @@ def triangulate_loop(
 ) -> IntArray | None:
     """Triangulate a closed loop.
 
-    `points` (k, 3) run in the direction of the triangles, `rim_normals` (k, 3) are those of the faces beyond the edges
-    that begin there, zero where there is none, and `gaps` (k,) are the angles of the hole, in radians. A loop that
-    reaches islands over bridges names the ends of the bridges twice, by `ids` (k,). Pairs of ids that exist, (p, 2), or
-    that the loop itself joins, are not joined again: None if every triangulation would, otherwise triangles of ids
-    (k - 2, 3).
+    `points` (k, 3) run in the direction of the triangles. `rim_normals` (k, 3) are the normals of the adjacent faces at
+    the edges that begin there, zero where there is none, and `gaps` (k,) the angles of the hole, in radians. A loop
+    with bridges to islands repeats the end vertices of the bridges; `ids` (k,) identifies them. Triangles do not use
+    existing edges, pairs of ids (p, 2), nor edges of the loop as chords. Returns triangles of ids, (k - 2, 3), or None
+    if there is no such triangulation.
 
     >>> square = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
     >>> flat = np.tile([0.0, 0.0, 1.0], (4, 1))
@@ -167,16 +167,16 @@ def triangulate_loop(
     rest, ears = _cut_ears(points, ids, gaps, joined)
     normals = rim_normals[rest]
     if ears:
-        normals[np.roll(rest, -1) != (rest + 1) % len(points)] = 0.0  # chords of ears
+        normals[np.roll(rest, -1) != (rest + 1) % len(points)] = 0.0  # at the chords of ears
     count = len(rest)
     split, forbidden = np.full((count, count), -1, dtype=np.int32), np.zeros((count, count), dtype=np.bool_)
     inner = np.empty((count - 2, 3), dtype=np.int32)
     worst, area = np.zeros((2, count, count))
-    _forbid(ids[rest], joined, forbidden)
+    _mark_forbidden_chords(ids[rest], joined, forbidden)
     _search(points[rest], normals, forbidden, worst, area, split)
     if count > 2 and split[0, count - 1] < 0:
         return None
-    _collect(split, np.empty((count, 2), dtype=np.int32), inner)
+    _collect_triangles(split, np.empty((count, 2), dtype=np.int32), inner)
     positions = np.concatenate([np.array(ears, dtype=np.int32).reshape(-1, 3), rest[inner]])
     return np.asarray(ids[positions], dtype=np.int32)
 
@@ -184,9 +184,9 @@ def triangulate_loop(
 def _cut_ears(
     points: FloatArray, ids: IntArray, gaps: FloatArray, joined: IntArray
 ) -> tuple[IntArray, list[tuple[int, int, int]]]:
-    """Positions that are left when enough ears have been cut, and the ears."""
+    """Clip ears until the loop is small; return the remaining positions and the ears."""
     count = len(points)
-    if count <= LARGEST_EXACT:
+    if count <= MAX_EXACT_LOOP:
         return np.arange(count, dtype=np.int32), []
     existing = {(a, b) for a, b in np.sort(joined, axis=1).tolist()}
     after, before = np.roll(np.arange(count), -1), np.roll(np.arange(count), 1)
@@ -197,13 +197,13 @@ def _cut_ears(
     def consider(k: int) -> None:
         version[k] += 1
         a, b = int(ids[before[k]]), int(ids[after[k]])
-        if gaps[k] < WIDEST_EAR and a != b and (min(a, b), max(a, b)) not in existing:
+        if gaps[k] < MAX_EAR_ANGLE and a != b and (min(a, b), max(a, b)) not in existing:
             chord = float(np.linalg.norm(points[before[k]] - points[after[k]]))
             heapq.heappush(queue, (chord, k, int(version[k])))
 
     for k in range(count):
         consider(k)
-    while queue and count - len(ears) > LARGEST_EXACT:
+    while queue and count - len(ears) > MAX_EXACT_LOOP:
         _, k, stamp = heapq.heappop(queue)
         if stamp != version[k] or not alive[k]:
             continue
@@ -218,8 +218,8 @@ def _cut_ears(
 
 
 @short_jit()
-def _forbid(ids: IntArray, joined: IntArray, forbidden: BoolArray) -> None:
-    """Mark which corners of a loop must not be joined by a chord, (k, k); its own edges may be."""
+def _mark_forbidden_chords(ids: IntArray, joined: IntArray, forbidden: BoolArray) -> None:
+    """Mark pairs of corners that no chord may join, (k, k); edges of the loop stay unmarked."""
     count = ids.shape[0]
     for i in range(count):
         for j in range(count):
@@ -236,8 +236,8 @@ def _forbid(ids: IntArray, joined: IntArray, forbidden: BoolArray) -> None:
 
 
 @short_jit()
-def _collect(split: IntArray, waiting: IntArray, triangles: IntArray) -> None:
-    """Write the triangles of the search: below the edge from i to k lies the one with the corner split[i, k]."""
+def _collect_triangles(split: IntArray, waiting: IntArray, triangles: IntArray) -> None:
+    """Write the triangles of the optimum: the triangle at the chord (i, k) has its third corner at split[i, k]."""
     count, depth = 0, 1
     waiting[0, 0], waiting[0, 1] = 0, split.shape[0] - 1
     while depth > 0:
@@ -261,11 +261,11 @@ def _search(
     area: FloatArray,
     split: IntArray,
 ) -> None:
-    """Find the best triangulation below every chord (i, k), the shorter chords first.
+    """Dynamic program over chords (i, k), in the order of their span: the best triangulation of the corners i .. k.
 
-    `split` receives the third corner of the triangle at the chord, -1 where there is none; `worst` the sharpest
-    edge below the chord, as 1 - cos of its angle, and `area` the area. All are (k, k), of which the upper triangle
-    is used; `worst` and `area` are zero at first.
+    `split` receives the third corner of the triangle at the chord, -1 if there is none; `worst` the largest dihedral
+    angle, as 1 - cos, and `area` the area. All are (k, k) with the upper triangle in use; `worst` and `area` are zero
+    at first.
     """
     count = points.shape[0]
     for span in range(2, count):
@@ -284,8 +284,8 @@ def _search(
                     sharpest = max(sharpest, _sharpness(points, rim_normals, split, a, b, x, y, z))
                 if span == count - 1:
                     u, v, w = rim_normals[k, 0], rim_normals[k, 1], rim_normals[k, 2]
-                    sharpest = max(sharpest, _rounded(x * u + y * v + z * w, u * u + v * v + w * w))
-                # Of equally sharp ones the least area, of equal areas the first corner: sharpness is rounded for that.
+                    sharpest = max(sharpest, _round_sharpness(x * u + y * v + z * w, u * u + v * v + w * w))
+                # Ties in sharpness, which is rounded, are broken by area, ties in area by the first corner.
                 total = area[i, m] + area[m, k] + 0.5 * twice
                 if sharpest < worst[i, k] or (sharpest == worst[i, k] and total < area[i, k]):
                     worst[i, k], area[i, k], split[i, k] = sharpest, total, m
@@ -295,17 +295,17 @@ def _search(
 def _sharpness(
     points: FloatArray, rim_normals: FloatArray, split: IntArray, a: int, b: int, x: float, y: float, z: float
 ) -> float:
-    """1 - cos of the angle between a face with a unit normal and the one beyond its edge (a, b)."""
+    """1 - cos of the dihedral angle between a face with a unit normal and its neighbour at the edge (a, b)."""
     if b == a + 1:
         u, v, w = rim_normals[a, 0], rim_normals[a, 1], rim_normals[a, 2]
-        return _rounded(x * u + y * v + z * w, u * u + v * v + w * w)
+        return _round_sharpness(x * u + y * v + z * w, u * u + v * v + w * w)
     u, v, w, _ = unit_normal(points, a, split[a, b], b)
-    return _rounded(x * u + y * v + z * w, u * u + v * v + w * w)
+    return _round_sharpness(x * u + y * v + z * w, u * u + v * v + w * w)
 
 
 @inner_jit()
-def _rounded(cosine: float, known: float) -> float:
-    """1 - cos in steps, so that rounding errors do not choose between flat triangulations; 0 at unknown faces."""
+def _round_sharpness(cosine: float, known: float) -> float:
+    """1 - cos rounded to steps, so that flat triangulations tie in spite of rounding errors; 0 without a neighbour."""
     if known == 0.0:
         return 0.0
-    return float(np.floor((1.0 - cosine) * STEPS + 0.5) / STEPS)
+    return float(np.floor((1.0 - cosine) * COSINE_STEPS + 0.5) / COSINE_STEPS)

@@ -1,8 +1,8 @@
-"""The triangulation of a hole, refined: triangles are split, edges flipped, vertices moved to where they are more even.
+"""Refinement of the triangulation of a hole: centroid splits, Delaunay edge flips and tangential relaxation.
 
-Triangles are split until their edges are as long as those of the surroundings, with edges flipped until all of them
-are locally Delaunay (P. Liepa, "Filling holes in meshes", SGP 2003). The edges at the rim stay as they are. Far from
-the rim of a large hole edges grow, so that the number of faces is n log n for a rim of n edges, and not n^2.
+Triangles are split until their edges have the target length, that of the edges around the hole, and edges are flipped
+until all are locally Delaunay (P. Liepa, "Filling holes in meshes", SGP 2003). Rim edges do not change. Far from the
+rim of a large hole the target length grows, so that a rim of n edges gets O(n log n) faces instead of O(n^2).
 """
 
 from dataclasses import dataclass, replace
@@ -16,19 +16,18 @@ from bezier_filters.meshes.half_edges import HalfEdgeLists, face_neighbours, fin
 from bezier_filters.meshes.triangles import angle_parts, area_vector, cosine_between, has_corner
 from bezier_filters.runtime.jit import inner_jit, jit, short_jit
 
-# triangles are split while their centroid is farther from their corners than the wanted edge length over this
-DENSITY = float(np.sqrt(2.0))
-# edges from the rim up to which wanted lengths are those at the rim, and over which their square doubles from there on:
-# a round hole of 200 edges is nowhere deeper
+# A triangle is split if its centroid is farther from its corners than their target lengths over this ratio.
+SPLIT_RATIO = float(np.sqrt(2.0))
+# Depth from the rim, in edges, up to which the target length is that at the rim, and depth over which its square then
+# grows by one unit: a round hole of 200 edges is nowhere deeper than the first.
 UNIFORM_DEPTH, GROWTH_DEPTH = 32.0, 4.0
-# limit on the faces of a fill: this plus the square of the number of rim vertices, some six times as many as a round
-# hole needs, and for each rim vertex of a large hole some three times as many; beyond it triangles stay too large
-FEW_FACES, FACES_PER_RIM_VERTEX = 1_000, 250
-MOST_PASSES = 60
-# rows that there is room for, in faces of a fill or in so many, if it has fewer, before its arrays are made longer
-GROWTH, FEWEST_ROWS = 9, 200
-MOST_FLIPS = 30  # passes over all edges
-FINISHED, NO_ROOM, PAUSED, LIMITED = 0, 1, 2, 3  # outcomes of passes
+# Limit on the faces of a fill: the constant plus the number of rim vertices times the smaller of that number and the
+# factor. It is some six times the number of faces that a round hole needs, some three times for a large one.
+MIN_FACE_LIMIT, MAX_FACES_PER_RIM_VERTEX = 1_000, 250
+MAX_PASSES = 60  # of splits and flips
+CAPACITY_FACTOR, MIN_CAPACITY = 9, 200  # rows of enlarged arrays: the factor times the number of faces, or a minimum
+MAX_FLIP_PASSES = 30  # over all edges
+FINISHED, OUT_OF_CAPACITY, PAUSED, LIMITED = 0, 1, 2, 3  # outcomes of passes
 
 Values = TypeVar("Values", FloatArray, IntArray)
 
@@ -38,54 +37,53 @@ class Fill:
     """The triangulation of a hole."""
 
     points: FloatArray  # (n, 3): vertices, those of the rim first
-    sizes: FloatArray  # (n,): edge length that is wanted around each of them, before it grows away from the rim
+    sizes: FloatArray  # (n,): target edge lengths, without the growth away from the rim
     faces: IntArray  # (m, 3): triangles
     rim_count: int  # number of vertices of the rim
-    is_limited: bool = False  # whether triangles stayed too large, as there would be too many faces
+    is_limited: bool = False  # whether triangles stay too large because of the limit on faces
 
 
 def refine(fill: Fill, existing: IntArray) -> Fill:
-    """Split triangles that are too large, and flip edges; pairs (p, 2) of rim vertices are not joined again."""
+    """Split large triangles and flip edges; existing edges (p, 2) between rim vertices are not repeated."""
     points, sizes, faces = fill.points, fill.sizes, fill.faces
-    neighbours, existing = face_neighbours(faces), sorted_pairs(existing)
+    neighbours, existing = face_neighbours(faces), sort_pairs(existing)
     rim = cKDTree(points[: fill.rim_count]) if _is_wide(fill) else None
-    growth = np.ones(len(points)) if rim is None else _growth(points, sizes, rim, fill.rim_count)
+    growth = np.ones(len(points)) if rim is None else _length_growth(points, sizes, rim, fill.rim_count)
     borders = np.empty(fill.rim_count, dtype=np.int32)
     counts, most = np.array([len(points), len(faces), 0]), face_limit(fill.rim_count)
     while True:
-        passes = MOST_PASSES if rim is None else int(counts[2]) + 1
+        passes = MAX_PASSES if rim is None else int(counts[2]) + 1
         done = int(counts[0])
         state = _refine(
             points, sizes, growth, faces, neighbours, existing, fill.rim_count, borders, most, passes, counts
         )
         n, m = int(counts[0]), int(counts[1])
-        if state == NO_ROOM:
-            room = GROWTH * max(m, FEWEST_ROWS)
-            points, sizes, growth = _with_room(points, room), _with_room(sizes, room), _with_room(growth, room)
-            faces, neighbours = _with_room(faces, room), _with_room(neighbours, room)
-        elif state == PAUSED and rim is not None and counts[2] < MOST_PASSES:
-            growth[done:n] = _growth(points[done:n], sizes[done:n], rim, 0)
+        if state == OUT_OF_CAPACITY:
+            rows = CAPACITY_FACTOR * max(m, MIN_CAPACITY)
+            points, sizes, growth = _enlarge(points, rows), _enlarge(sizes, rows), _enlarge(growth, rows)
+            faces, neighbours = _enlarge(faces, rows), _enlarge(neighbours, rows)
+        elif state == PAUSED and rim is not None and counts[2] < MAX_PASSES:
+            growth[done:n] = _length_growth(points[done:n], sizes[done:n], rim, 0)
         else:
             return Fill(points[:n].copy(), sizes[:n].copy(), faces[:m].copy(), fill.rim_count, state == LIMITED)
 
 
 def face_limit(rim_count: int) -> int:
-    """Number of faces from which on no more triangles of a fill are split, for a number of rim vertices."""
-    return FEW_FACES + rim_count * min(rim_count, FACES_PER_RIM_VERTEX)
+    """Number of faces of a fill beyond which triangles are not split any more, for a number of rim vertices."""
+    return MIN_FACE_LIMIT + rim_count * min(rim_count, MAX_FACES_PER_RIM_VERTEX)
 
 
 def _is_wide(fill: Fill) -> bool:
-    """Whether a hole may be so wide that the edges of its fill grow."""
+    """Whether the hole may be so wide that target lengths grow inside it."""
     rim = fill.points[: fill.rim_count]
     return float(np.linalg.norm(np.ptp(rim, axis=0))) > UNIFORM_DEPTH * float(fill.sizes[: fill.rim_count].min())
 
 
-def _growth(points: FloatArray, sizes: FloatArray, rim: cKDTree, rim_count: int) -> FloatArray:
-    """Factors of wanted lengths at points, (n,), by their distance to the rim; 1 at the first points.
+def _length_growth(points: FloatArray, sizes: FloatArray, rim: cKDTree, rim_count: int) -> FloatArray:
+    """Growth factors of the target lengths at points, (n,), by their distance to the rim; 1 at the first points.
 
-    At a depth of d edges of a large hole of n edges, faces fill n / d per edge of depth where factors grow like the
-    root of d: all in all n log n. The angles between faces on a smooth surface, by which it differs from its facets,
-    still fall with n.
+    At depth d (in edges) the factor is sqrt(1 + (d - d0) / d1). A large hole of n edges then has O(n / d) faces per
+    edge of depth, O(n log n) in all. The dihedral angles on a smooth surface still decrease with n.
     """
     depths = rim.query(points)[0] / np.maximum(sizes, 1e-300) - UNIFORM_DEPTH
     factors = np.sqrt(1.0 + np.maximum(depths, 0.0) / GROWTH_DEPTH)
@@ -93,28 +91,28 @@ def _growth(points: FloatArray, sizes: FloatArray, rim: cKDTree, rim_count: int)
     return np.asarray(factors, dtype=np.float64)
 
 
-def sorted_pairs(pairs: IntArray) -> IntArray:
-    """Pairs (p, 2), the smaller one first, in ascending order."""
+def sort_pairs(pairs: IntArray) -> IntArray:
+    """Sort the two entries of each pair (p, 2), then the pairs, in ascending order."""
     result = np.sort(pairs, axis=1)
     return result[np.lexsort((result[:, 1], result[:, 0]))]
 
 
-def _with_room(part: Values, count: int) -> Values:
-    """An array with as many further rows as are needed for so many in all."""
-    result = np.empty((count, *part.shape[1:]), dtype=part.dtype)
-    result[: len(part)] = part
+def _enlarge(array: Values, count: int) -> Values:
+    """Copy an array into one with `count` rows; the further rows hold anything."""
+    result = np.empty((count, *array.shape[1:]), dtype=array.dtype)
+    result[: len(array)] = array
     return result
 
 
 def flip_edges(fill: Fill, existing: IntArray) -> Fill:
-    """Flip edges until all are locally Delaunay, without joining pairs (p, 2) of rim vertices again."""
+    """Flip edges until all are locally Delaunay, without repeating existing edges (p, 2) between rim vertices."""
     faces = fill.faces.copy()
-    _flip_all(fill.points, faces, work_space(fill), sorted_pairs(existing), fill.rim_count)
+    _flip_all(fill.points, faces, relaxation_workspace(fill), sort_pairs(existing), fill.rim_count)
     return replace(fill, faces=faces)
 
 
-class WorkSpace(NamedTuple):
-    """What is needed to even out a fill of n points and m faces."""
+class RelaxationWorkspace(NamedTuple):
+    """Scratch arrays for the relaxation of a fill of n points and m faces."""
 
     lists: HalfEdgeLists
     neighbours: IntArray  # (m, 3)
@@ -122,32 +120,36 @@ class WorkSpace(NamedTuple):
     goals: FloatArray  # (n, 3)
     counts: FloatArray  # (n,)
     moving: BoolArray  # (n,)
-    borders: IntArray  # (r,): room for each vertex of the rim
+    borders: IntArray  # (r,): one entry for each vertex of the rim
 
 
-def work_space(fill: Fill) -> WorkSpace:
-    """Room for a fill."""
+def relaxation_workspace(fill: Fill) -> RelaxationWorkspace:
+    """Scratch arrays for a fill."""
     n, m = len(fill.points), len(fill.faces)
     before, goals = np.empty((2, n, 3))
     neighbours, lists = np.empty((m, 3), dtype=np.int32), room_for_half_edges(3 * m, n)
     borders = np.empty(fill.rim_count, dtype=np.int32)
-    return WorkSpace(lists, neighbours, before, goals, np.empty(n), np.empty(n, dtype=np.bool_), borders)
+    return RelaxationWorkspace(lists, neighbours, before, goals, np.empty(n), np.empty(n, dtype=np.bool_), borders)
 
 
 @inner_jit()
-def even_out(points: FloatArray, faces: IntArray, room: WorkSpace, existing: IntArray, rim_count: int) -> None:
-    """Flip edges as `flip_edges`, given sorted pairs, and then move every new vertex to the mean of its neighbours.
+def relax_tangentially(
+    points: FloatArray, faces: IntArray, work: RelaxationWorkspace, existing: IntArray, rim_count: int
+) -> None:
+    """Flip edges as `flip_edges`, given sorted pairs, and then move each new vertex to the mean of its neighbours.
 
-    On a fill that is projected to its surface again this moves vertices along the surface only.
+    Followed by a projection to the surface, the motion is tangential.
     """
-    _flip_all(points, faces, room, existing, rim_count)
-    _move_to_means(points, faces, room, rim_count)
+    _flip_all(points, faces, work, existing, rim_count)
+    _move_to_centroids(points, faces, work, rim_count)
 
 
 @short_jit()
-def _flip_all(points: FloatArray, faces: IntArray, room: WorkSpace, existing: IntArray, rim_count: int) -> None:
-    find_neighbours(faces, room.lists, room.neighbours)
-    _flip(points, faces, room.neighbours, existing, rim_count, room.borders)
+def _flip_all(
+    points: FloatArray, faces: IntArray, work: RelaxationWorkspace, existing: IntArray, rim_count: int
+) -> None:
+    find_neighbours(faces, work.lists, work.neighbours)
+    _flip(points, faces, work.neighbours, existing, rim_count, work.borders)
 
 
 @jit()
@@ -164,16 +166,16 @@ def _refine(
     passes: int,
     counts: IntArray,
 ) -> int:
-    """Split and flip in passes, up to a number of them; return how that ended.
+    """Split and flip in passes, up to a number of them; return the outcome.
 
-    `counts` are those of vertices, faces and passes.
+    `counts` holds the numbers of vertices, faces and passes.
     """
     while counts[2] < passes:
         n, m = counts[0], counts[1]
         if m > most:
             return LIMITED
         if faces.shape[0] < 3 * m:  # each face may become three
-            return NO_ROOM
+            return OUT_OF_CAPACITY
         added = _split(points, sizes, growth, faces, neighbours, n, m)
         counts[0], counts[1], counts[2] = n + added, m + 2 * added, counts[2] + 1
         flips = _flip(points, faces[: m + 2 * added], neighbours, existing, rim_count, borders)
@@ -186,7 +188,7 @@ def _refine(
 def _split(
     points: FloatArray, sizes: FloatArray, growth: FloatArray, faces: IntArray, neighbours: IntArray, n: int, m: int
 ) -> int:
-    """Split those of the first m faces that are too large at their centroids; return how many."""
+    """Split the large ones of the first m faces at their centroids; return the number of splits."""
     added = 0
     for f in range(m):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
@@ -198,7 +200,7 @@ def _split(
         for k in range(3):
             i = faces[f, k]
             dx, dy, dz = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
-            distance = DENSITY * np.sqrt(dx * dx + dy * dy + dz * dz)
+            distance = SPLIT_RATIO * np.sqrt(dx * dx + dy * dy + dz * dz)
             large = large and distance > factor * size and distance > growth[i] * sizes[i]
         if not large:
             continue
@@ -219,7 +221,7 @@ def _split(
 
 @inner_jit()
 def _relink(faces: IntArray, neighbours: IntArray, f: int, start: int, new: int) -> None:
-    """Tell face f, if there is one, which face lies beyond its edge that begins at a vertex."""
+    """Set the neighbour of face f, if there is one, at its edge that begins at a vertex."""
     if f >= 0:
         k = 0 if faces[f, 0] == start else 1 if faces[f, 1] == start else 2
         neighbours[f, k] = new
@@ -229,9 +231,9 @@ def _relink(faces: IntArray, neighbours: IntArray, f: int, start: int, new: int)
 def _flip(
     points: FloatArray, faces: IntArray, neighbours: IntArray, existing: IntArray, rim_count: int, borders: IntArray
 ) -> int:
-    """Flip edges that are not locally Delaunay, in passes over all faces; return how many.
+    """Flip edges that are not locally Delaunay, in passes over all faces; return the number of flips.
 
-    `borders` (r,) receives how many edges of the border begin at each vertex of the rim.
+    `borders` (r,) receives the number of border edges that begin at each rim vertex.
     """
     flips = 0
     for i in range(rim_count):
@@ -240,7 +242,7 @@ def _flip(
         for k in range(3):
             if neighbours[f, k] < 0 and faces[f, k] < rim_count:
                 borders[faces[f, k]] += 1
-    for _ in range(MOST_FLIPS):
+    for _ in range(MAX_FLIP_PASSES):
         before = flips
         for f in range(faces.shape[0]):
             for k in range(3):
@@ -277,12 +279,12 @@ def _flip(
 
 @inner_jit()
 def _is_better_flipped(points: FloatArray, a: int, b: int, c: int, d: int) -> bool:
-    """Whether the angles at c and d, opposite the edge (a, b), exceed pi, and (c, d) makes no sharper edge."""
+    """Whether the angles at c and d, opposite the edge (a, b), sum to more than pi and (c, d) is not a sharper edge."""
     at_c, across_c = angle_parts(points, c, a, b)
     at_d, across_d = angle_parts(points, d, b, a)
     if across_c * at_d + at_c * across_d >= -1e-10 * (abs(across_c * at_d) + abs(at_c * across_d)):
         return False
-    # A triangle without area is as good as folded. Ties stay as they are, lest rounding flips edges to and fro.
+    # A degenerate triangle counts as folded. Ties are not flipped, so that rounding does not cause endless flips.
     now = cosine_between(points, a, b, c, b, a, d, -1.0)
     then = cosine_between(points, d, c, a, c, d, b, -1.0)
     return then >= min(now, 0.5) - 1e-9
@@ -290,7 +292,7 @@ def _is_better_flipped(points: FloatArray, a: int, b: int, c: int, d: int) -> bo
 
 @inner_jit()
 def _is_listed(pairs: IntArray, a: int, b: int) -> bool:
-    """Whether (a, b) or (b, a) is among sorted pairs."""
+    """Whether (a, b) or (b, a) is among sorted pairs: a binary search."""
     low, high = min(a, b), max(a, b)
     first, last = 0, pairs.shape[0]
     while first < last:
@@ -309,8 +311,8 @@ def _are_joined(
 ) -> bool:
     """Whether an edge joins c, a corner of face f, and d, a corner of face g.
 
-    Around a vertex inside the fill its faces form one closed fan, around one on the rim an open one, or several where a
-    rim meets itself and several edges of the border begin there. Where no turn around a vertex ends, the answer is yes.
+    The faces around an interior vertex form one closed fan; around a rim vertex an open one, or several if the rim
+    touches itself there and several border edges begin there. If no traversal of a fan terminates, the result is True.
     """
     start, tip, other = f, c, d
     if c < rim_count and (d >= rim_count or borders[c] > 1):
@@ -320,7 +322,7 @@ def _are_joined(
         for face in range(faces.shape[0]):
             joined = joined or (has_corner(faces, face, c) and has_corner(faces, face, d))
         return joined
-    for turn in range(2):  # the other way around, too, from where an open fan does not go on
+    for turn in range(2):  # an open fan is traversed in both directions
         face = start
         for _ in range(faces.shape[0]):
             if has_corner(faces, face, other):
@@ -337,9 +339,12 @@ def _are_joined(
 
 
 @short_jit()
-def _move_to_means(points: FloatArray, faces: IntArray, room: WorkSpace, rim_count: int) -> None:
-    """Move new points; those of turned triangles, and of triangles that turn because they stay, keep their places."""
-    before, goals, counts, moving = room.before, room.goals, room.counts, room.moving
+def _move_to_centroids(points: FloatArray, faces: IntArray, work: RelaxationWorkspace, rim_count: int) -> None:
+    """Move new points to the mean of their neighbours, except where a triangle would turn by more than 90 degrees.
+
+    Corners of such triangles do not move, and neither do those of triangles that turn in consequence.
+    """
+    before, goals, counts, moving = work.before, work.goals, work.counts, work.moving
     for i in range(points.shape[0]):
         counts[i], moving[i] = 0.0, i >= rim_count
         for axis in range(3):
@@ -354,15 +359,15 @@ def _move_to_means(points: FloatArray, faces: IntArray, room: WorkSpace, rim_cou
         if moving[i]:
             for axis in range(3):
                 points[i, axis] = goals[i, axis] / max(counts[i], 1.0)
-    turned = True
-    while turned:
-        turned = False
-        # All triangles are judged before vertices go back, so that their order does not matter.
+    any_turned = True
+    while any_turned:
+        any_turned = False
+        # All triangles are tested before any vertex is reset, so that the order of the faces does not matter.
         for f in range(faces.shape[0]):
             a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
             if (moving[a] or moving[b] or moving[c]) and _are_opposite(before, points, a, b, c):
                 moving[a] = moving[b] = moving[c] = False
-                turned = True
+                any_turned = True
         for i in range(before.shape[0]):
             if not moving[i]:
                 for axis in range(3):
@@ -371,7 +376,7 @@ def _move_to_means(points: FloatArray, faces: IntArray, room: WorkSpace, rim_cou
 
 @inner_jit()
 def _are_opposite(before: FloatArray, after: FloatArray, a: int, b: int, c: int) -> bool:
-    """Whether a triangle is turned by more than a right angle."""
+    """Whether the normal of a triangle turns by more than a right angle."""
     ux, uy, uz = area_vector(before, a, b, c)
     vx, vy, vz = area_vector(after, a, b, c)
     return ux * vx + uy * vy + uz * vz < 0.0

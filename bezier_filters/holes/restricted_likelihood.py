@@ -1,6 +1,12 @@
 """Restricted likelihood (REML) of values with a quadratic trend, and the weights of their best linear prediction.
 
-Reflections turn the trend into its first axes; what is left, the contrasts, tell how likely a covariance is.
+Let A be the n x 10 matrix of the trend, with the QR factorisation Q A = [R; 0]. The last n - 10 entries of Q z are the
+contrasts c: linear combinations of the values without any trend. With C their covariance, up to a scale that is
+profiled out,
+
+    -2 log L = log det C + m log(c^T C^-1 c) + const,   m = n - 10.
+
+Q = I - V T V^T are blocked Householder reflectors.
 """
 
 from dataclasses import dataclass
@@ -8,46 +14,43 @@ from dataclasses import dataclass
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
-from bezier_filters.holes.dense_rows import FAST, add_row, dot
+from bezier_filters.holes.dense_rows import FASTMATH, add_row, dot
 from bezier_filters.runtime.cholesky import factorise
 from bezier_filters.runtime.jit import inner_jit, jit, short_jit
 
-TERMS = 10  # of a quadratic
+QUADRATIC_TERMS = 10  # coefficients of a quadratic polynomial in three variables
 
 
 @dataclass(frozen=True)
-class Reflections:
-    """Q = I - V T V^T, reflections that turn k columns (n, k) into a triangle.
-
-    In the directions that the first k axes do not take, polynomials vanish: the contrasts of REML.
-    """
+class Reflectors:
+    """Blocked Householder reflectors Q = I - V T V^T, with Q A = [R; 0] for k columns A (n, k)."""
 
     vectors: FloatArray  # (k, n): V^T
     weights: FloatArray  # (k, k): T
-    triangle: FloatArray  # (k, k): the first k rows that result
+    triangle: FloatArray  # (k, k): R
 
-    def applied(self, column: FloatArray) -> FloatArray:
+    def apply(self, column: FloatArray) -> FloatArray:
         """Q a of a column (n,)."""
         return column - (self.weights @ (self.vectors @ column)) @ self.vectors
 
-    def undone(self, column: FloatArray) -> FloatArray:
+    def apply_transpose(self, column: FloatArray) -> FloatArray:
         """Q^T a of a column (n,)."""
         return column - ((self.vectors @ column) @ self.weights) @ self.vectors
 
 
-def reflections_of(columns: FloatArray) -> Reflections:
-    """The reflections of some columns, given as rows (k, n), in which the vectors take their place."""
+def householder_reflectors(columns: FloatArray) -> Reflectors:
+    """Reflectors of columns, given as rows (k, n), which the Householder vectors overwrite."""
     weights, triangle = np.zeros((2, len(columns), len(columns)))
     _reflect(columns, weights, triangle)
-    return Reflections(columns, weights, triangle)
+    return Reflectors(columns, weights, triangle)
 
 
-@short_jit(fastmath=FAST)
+@short_jit(fastmath=FASTMATH)
 def _reflect(vectors: FloatArray, weights: FloatArray, triangle: FloatArray) -> None:
-    """Replace columns, given as rows (k, n), by the vectors of Householder's reflections, one after the other.
+    """Replace columns, given as rows (k, n), by their Householder vectors, one after the other.
 
-    T is built up as in LAPACK's dlarft (Schreiber, Van Loan 1989), transposed, as the reflections are applied in
-    their order.
+    T is accumulated as in LAPACK's dlarft (Schreiber, Van Loan 1989), transposed, as the reflectors are applied in
+    forward order.
     """
     count, n = vectors.shape
     for c in range(count):
@@ -74,26 +77,31 @@ def _reflect(vectors: FloatArray, weights: FloatArray, triangle: FloatArray) -> 
                 weights[c, e] -= scale * along * weights[d, e]
 
 
-def turn(matrix: FloatArray, reflections: Reflections) -> float:
-    """Replace the lower triangle of a symmetric matrix K (n, n) by that of Q K Q^T; return the norm of the contrasts.
+def apply_on_both_sides(matrix: FloatArray, reflectors: Reflectors) -> float:
+    """Replace the lower triangle of a symmetric matrix K (n, n) by that of Q K Q^T.
+
+    Returns the Frobenius norm of its block of contrasts.
 
     Q K Q^T is K - V B^T - B V^T for B = A - V (T V^T A) / 2, where A = K V T^T.
     """
-    vectors = reflections.vectors
+    vectors = reflectors.vectors
     weighted, products = np.zeros((2, *vectors.shape))
-    return float(np.sqrt(_turn(matrix, vectors, reflections.weights, weighted, products, np.empty(len(vectors)))))
+    return float(
+        np.sqrt(_apply_on_both_sides(matrix, vectors, reflectors.weights, weighted, products, np.empty(len(vectors))))
+    )
 
 
-def restricted_likelihood(
-    turned: FloatArray, target: FloatArray, errors: FloatArray, variance: float, factor: FloatArray
+def reml_criterion(
+    transformed: FloatArray, target: FloatArray, errors: FloatArray, variance: float, factor: FloatArray
 ) -> tuple[float, FloatArray]:
-    """-2 log of the restricted likelihood, up to a constant, and the weights.
+    """-2 log of the restricted likelihood, up to a constant, and the weights C^-1 c of the contrasts.
 
-    Errors, independent ones if no covariance is given, are added with their variance, and with up to a thousand times
-    as much if the matrix is not positive definite otherwise; infinite if it still is not. `factor` is overwritten.
+    C is the transformed kernel plus the error covariance (the identity if none is given) times its variance. If C is
+    not positive definite, the variance is multiplied by ten, up to three times; the criterion is infinite if that does
+    not help. `factor` is overwritten.
     """
     for _ in range(4):
-        _add_errors(turned, errors, variance, factor)
+        _add_errors(transformed, errors, variance, factor)
         if factorise(factor):
             weights = target.copy()
             log_determinant, energy = _solve_factored(factor, weights)
@@ -102,23 +110,23 @@ def restricted_likelihood(
     return np.inf, target
 
 
-@short_jit(fastmath=FAST)
-def _add_errors(turned: FloatArray, errors: FloatArray, variance: float, total: FloatArray) -> None:
-    """Write the lower triangle of the covariance of the contrasts; errors without a covariance are independent."""
+@short_jit(fastmath=FASTMATH)
+def _add_errors(transformed: FloatArray, errors: FloatArray, variance: float, total: FloatArray) -> None:
+    """Write the lower triangle of the covariance of the contrasts; without an error covariance it is the identity."""
     for i in range(total.shape[0]):
-        row, given = total[i], turned[TERMS + i]
+        row, kernel = total[i], transformed[QUADRATIC_TERMS + i]
         for j in range(i + 1):
-            row[j] = given[TERMS + j]
+            row[j] = kernel[QUADRATIC_TERMS + j]
         if errors.shape[0] > 0:
-            added = errors[TERMS + i]
+            added = errors[QUADRATIC_TERMS + i]
             for j in range(i + 1):
-                row[j] += variance * added[TERMS + j]
+                row[j] += variance * added[QUADRATIC_TERMS + j]
         else:
             row[i] += variance
 
 
-@jit(fastmath=FAST)
-def _turn(
+@jit(fastmath=FASTMATH)
+def _apply_on_both_sides(
     matrix: FloatArray,
     vectors: FloatArray,
     weights: FloatArray,
@@ -126,7 +134,10 @@ def _turn(
     products: FloatArray,
     along: FloatArray,
 ) -> float:
-    """Turn a matrix; return the sum of squares of its contrasts. Room (k, n), (k, n) and (k,), the first two zero."""
+    """Apply reflectors on both sides; return the sum of squares of the contrasts.
+
+    Scratch arrays: `weighted` (k, n) and `products` (k, n), both zero, and `along` (k,).
+    """
     for c in range(vectors.shape[0]):
         for d in range(c + 1):
             add_row(weighted[c], weights[c, d], vectors[d])
@@ -139,9 +150,9 @@ def _turn(
     return _subtract_products(vectors, products, matrix)
 
 
-@inner_jit(fastmath=FAST, inline="always")
+@inner_jit(fastmath=FASTMATH, inline="always")
 def _multiply(matrix: FloatArray, columns: FloatArray, products: FloatArray) -> None:
-    """Add a symmetric matrix, of which the lower triangle is read, times columns (k, n) to `products` (k, n)."""
+    """Add the product of a symmetric matrix, given by its lower triangle, and columns (k, n) to `products` (k, n)."""
     for i in range(matrix.shape[0]):
         row = matrix[i]
         for c in range(columns.shape[0]):
@@ -152,23 +163,23 @@ def _multiply(matrix: FloatArray, columns: FloatArray, products: FloatArray) -> 
             product[i] += total + row[i] * x
 
 
-@inner_jit(fastmath=FAST, inline="always")
+@inner_jit(fastmath=FASTMATH, inline="always")
 def _subtract_products(v: FloatArray, b: FloatArray, matrix: FloatArray) -> float:
-    """Subtract V^T B + B^T V of (10, n) from the lower triangle; return the sum of squares of all from row 10 on."""
+    """Subtract V^T B + B^T V of (10, n) from the lower triangle; return the sum of squares of the contrasts' block."""
     squares = 0.0
     for i in range(matrix.shape[0]):
         row = matrix[i]
         for j in range(i + 1):
-            for c in range(TERMS):
+            for c in range(QUADRATIC_TERMS):
                 row[j] -= v[c, i] * b[c, j] + b[c, i] * v[c, j]
-        for j in range(TERMS, i + 1):
+        for j in range(QUADRATIC_TERMS, i + 1):
             squares += (1.0 if i == j else 2.0) * row[j] * row[j]
     return squares
 
 
-@short_jit(fastmath=FAST)
+@short_jit(fastmath=FASTMATH)
 def _solve_factored(factor: FloatArray, right: FloatArray) -> tuple[float, float]:
-    """Solve L L^T x = b in place, lower triangular; return log det L L^T and b^T x, which is positive."""
+    """Solve L L^T x = b in place for a lower triangle L; return log det L L^T and b^T x, which is positive."""
     log_determinant, energy = 0.0, 0.0
     for i in range(right.shape[0]):
         row = factor[i]
@@ -185,22 +196,25 @@ def _solve_factored(factor: FloatArray, right: FloatArray) -> tuple[float, float
     return log_determinant, max(energy, np.finfo(np.float64).tiny)
 
 
-@short_jit(fastmath=FAST)
-def subtract_contrasts(
-    turned: FloatArray,
+@short_jit(fastmath=FASTMATH)
+def solve_trend(
+    transformed: FloatArray,
     errors: FloatArray,
     variance: float,
     contrasts: FloatArray,
     triangle: FloatArray,
     quadratic: FloatArray,
 ) -> None:
-    """Replace turned values (10,) by the coefficients of the quadratic: what the contrasts leave, by the triangle."""
+    """Replace the first 10 transformed values by the coefficients of the quadratic.
+
+    Back substitution with R after the contribution of the contrasts is subtracted.
+    """
     for i in range(contrasts.shape[0]):
-        for k in range(TERMS):
-            quadratic[k] -= contrasts[i] * turned[TERMS + i, k]
+        for k in range(QUADRATIC_TERMS):
+            quadratic[k] -= contrasts[i] * transformed[QUADRATIC_TERMS + i, k]
             if errors.shape[0] > 0:
-                quadratic[k] -= contrasts[i] * variance * errors[TERMS + i, k]
-    for k in range(TERMS - 1, -1, -1):
-        for j in range(k + 1, TERMS):
+                quadratic[k] -= contrasts[i] * variance * errors[QUADRATIC_TERMS + i, k]
+    for k in range(QUADRATIC_TERMS - 1, -1, -1):
+        for j in range(k + 1, QUADRATIC_TERMS):
             quadratic[k] -= triangle[k, j] * quadratic[j]
         quadratic[k] /= triangle[k, k]

@@ -1,1 +1,1 @@
-"""The hot loops that fit every vertex."""
+"""Compiled kernels that fit a patch at every vertex and evaluate its differential geometry."""

@@ -1,40 +1,51 @@
-"""The hot loop: fits eight vertices at a time.
+"""The fit kernel: penalised weighted least squares for eight vertices at a time.
 
-What meanders through the mesh is done for one vertex after the other: collecting the neighbourhood
-and testing for folds. What is arithmetic is done for eight at once, see `lanes`. A neighbourhood with
-fewer points than the others of its block is filled up with points that weigh nothing.
+Collecting neighbourhoods and testing for folds go vertex by vertex. The arithmetic runs on eight vertices in parallel,
+see `lanes`; smaller neighbourhoods of a block are padded with points of weight zero. For each vertex it solves the
+normal equations
+
+    (A^T W A + P) c = A^T W z
+
+for the coefficients c of monomials in scaled coordinates. P is the smoothness penalty plus the prior precision. Robust
+fits repeat this with Tukey's biweights (iteratively reweighted least squares).
 """
 
 import numpy as np
 
 from bezier_filters.arrays import ByteArray, FloatArray, IntArray
 from bezier_filters.kernels.fit_frames import complete_axes, write_edge, write_plane
-from bezier_filters.kernels.fit_workspace import CHUNK, FitWorkspace, RobustWorkspace, fit_workspace, robust_workspace
+from bezier_filters.kernels.fit_workspace import (
+    POWER_CHUNK,
+    FitWorkspace,
+    RobustWorkspace,
+    fit_workspace,
+    robust_workspace,
+)
 from bezier_filters.kernels.graph_geometry import write_block
 from bezier_filters.kernels.kernel_input import FITTED, KernelFit, KernelMesh, VertexResults
 from bezier_filters.kernels.lane_algebra import (
-    GROUP,
+    UNROLL_FACTOR,
     add_moments,
     add_squared_residuals,
     differentiate,
-    factorise,
+    factorise_lanes,
     raise_powers,
     sort_lanes,
     substitute_back,
     substitute_forward,
 )
 from bezier_filters.meshes.neighbourhoods import collect_ball, collect_ring
-from bezier_filters.runtime.jit import inner_jit, jit, variable
-from bezier_filters.runtime.lanes import LANES, Lanes, load, multiply_add, spread, square_root, store, where_greater
+from bezier_filters.runtime.jit import inner_jit, jit, opaque
+from bezier_filters.runtime.lanes import LANES, Lanes, broadcast, load, multiply_add, square_root, store, where_greater
 from bezier_filters.runtime.parallel import RangeTask
 
-ROOM = 2  # times the points of a regular neighbourhood, of 1 + 3 k (k + 1), that there is room for at first,
-FEWEST = 128  # and how much room there is at least
-BIWEIGHT = 4.685  # standard deviations beyond which a residual has no weight: 95 % efficient for normal residuals
-SETTLED = 0.95  # reweighting goes on while the median residual falls below this share of the one before
-NORMAL_MEDIAN = 1.4826  # standard deviation of normal residuals over their median size
-QUARTIC_ROUNDS = 2  # of second derivatives and the fourth degree that follows from them
-EXACT = 1e-12  # median residual, in half widths of the neighbourhood, that is rounding: the points are interpolated
+CAPACITY_RATIO = 2  # initial capacity over the number of points of a regular neighbourhood of k rings, 1 + 3 k (k + 1)
+MIN_KERNEL_CAPACITY = 128  # points
+BIWEIGHT_CUTOFF = 4.685  # residual of weight zero, in standard deviations: 95 % efficiency for normal residuals
+MAX_MEDIAN_RATIO = 0.95  # of consecutive median residuals, while reweighting continues
+MAD_TO_SIGMA = 1.4826  # standard deviation of normal residuals over their median absolute value
+QUARTIC_ROUNDS = 2  # fixed-point iterations between second derivatives and the expected fourth-degree coefficients
+ROUNDING_RESIDUAL = 1e-12  # median residual of an interpolating fit, in half widths of the neighbourhood
 
 
 def fit_task(
@@ -47,21 +58,21 @@ def fit_task(
 ) -> RangeTask:
     """Task for one thread: fit the vertices ids[start:stop]; write their geometry and outcomes[start:stop].
 
-    Condition numbers are written where there is an array for them.
+    Condition numbers are written if an array is given for them.
     """
-    capacity = max(FEWEST, ROOM * 3 * fit.rings * (fit.rings + 1))
+    capacity = max(MIN_KERNEL_CAPACITY, CAPACITY_RATIO * 3 * fit.rings * (fit.rings + 1))
 
     def scratch() -> tuple[FitWorkspace, RobustWorkspace | None]:
         return fit_workspace(fit, len(mesh.vertices), capacity), robust_workspace(capacity) if fit.rounds else None
 
     work, robust = scratch()
 
-    @np.errstate(all="ignore")  # of lanes without a vertex; compiled code says nothing anyway
+    @np.errstate(all="ignore")  # lanes without a vertex divide by zero; compiled code does not warn
     def run(start: int, stop: int) -> None:
         nonlocal capacity, work, robust
         while start < stop:
             start, needed = fit_in_lanes(mesh, fit, ids, start, stop, work, results, outcomes, conditions, robust)
-            if start < stop:  # there a block needs more room, and is collected once more
+            if start < stop:  # this block needs a larger capacity and is collected again
                 capacity = 2 * needed
                 work, robust = scratch()
 
@@ -81,16 +92,15 @@ def fit_in_lanes(
     conditions: FloatArray | None,
     robust: RobustWorkspace | None,
 ) -> tuple[int, int]:
-    """Fit the vertices ids[start:stop] as far as there is room; return how far, and the room that is needed next.
+    """Fit the vertices ids[start:stop] until the capacity is exceeded; return the next start and the capacity needed.
 
-    What is not asked for, condition numbers and reweighting by residuals, is not compiled either: the compiler
-    leaves out what an argument of None does not reach.
+    Condition numbers and reweighting are optional. With an argument of None, their code is not compiled.
     """
     capacity = work.points.shape[0] // (4 * LANES)
     for first in range(start, stop, LANES):
         block = ids[first : min(first + LANES, stop)]
-        of_block = outcomes[first : min(first + LANES, stop)]
-        most, needed = _collect(mesh, fit, block, capacity, work, of_block)
+        block_outcomes = outcomes[first : min(first + LANES, stop)]
+        most, needed = _collect(mesh, fit, block, capacity, work, block_outcomes)
         if needed > capacity:
             return first, needed
         if most == 0:
@@ -107,9 +117,9 @@ def fit_in_lanes(
                 _expect_quartic(fit, work)
                 _differentiate(fit, work)
         _weigh_by_distance(fit, capacity, most, work)
-        store(work.total, 0, spread(0.0))
+        store(work.total, 0, broadcast(0.0))
         add_squared_residuals(work.coefficients, fit.starts, work.points, capacity, most, work.total, None)
-        write_block(mesh, fit, block, work, of_block, results, conditions)
+        write_block(mesh, fit, block, work, block_outcomes, results, conditions)
     return stop, 0
 
 
@@ -122,23 +132,23 @@ def _collect(
     work: FitWorkspace,
     outcomes: ByteArray,
 ) -> tuple[int, int]:
-    """Collect the neighbourhoods of a block and choose their planes; return their most points and the capacity needed.
+    """Collect the neighbourhoods and frames of a block; return the largest number of points and the capacity needed.
 
-    Every lane gets edges from its vertex, and its frame; one without a vertex, or whose vertex has no frame, no points.
+    Points are relative to the vertex of their lane. A lane without a vertex or without a frame has no points.
     """
     most, row, rings, visited, members = 0, LANES * capacity, work.rings, work.visited, work.members
-    store(work.counts, 0, spread(0.0))
+    store(work.counts, 0, broadcast(0.0))
     for lane in range(block.shape[0]):
         i = block[lane]
         if fit.radius > 0.0:
             count, inner, neighbours, rings[lane] = collect_ball(
-                mesh.vertices, mesh.ring_ptr, mesh.ring_indices, mesh.stops, i, fit.radius, visited, members
+                mesh.vertices, mesh.ring_ptr, mesh.ring_indices, mesh.barriers, i, fit.radius, visited, members
             )
         else:
-            count, inner = collect_ring(mesh.ring_ptr, mesh.ring_indices, mesh.stops, i, fit.rings, visited, members)
+            count, inner = collect_ring(mesh.ring_ptr, mesh.ring_indices, mesh.barriers, i, fit.rings, visited, members)
             neighbours, rings[lane] = mesh.ring_ptr[i + 1] - mesh.ring_ptr[i], fit.rings
-        if count + GROUP > capacity:
-            return most, count + GROUP
+        if count + UNROLL_FACTOR > capacity:
+            return most, count + UNROLL_FACTOR
         outcome = write_plane(mesh, fit, members, count, inner, neighbours, work.one_frame)
         if outcome == FITTED:
             outcome = write_edge(mesh, fit.any_axis, members, count, neighbours, work.one_frame)
@@ -160,15 +170,15 @@ def _collect(
 
 @inner_jit()
 def _project(square: bool, stride: int, count: int, work: FitWorkspace) -> None:
-    """Turn edges into parameters and heights; the parameters of a rectangle without area are not finite.
+    """Transform relative points to parameters and heights; parameters of a degenerate rectangle are not finite.
 
-    What is no point, up to a full group of points, weighs nothing and lies on the vertex itself.
+    Padding, up to a full group of points, has weight zero and coincides with the vertex.
     """
     points, frame, box = work.points, work.frame, work.box
-    zero, one = spread(0.0), spread(1.0)
+    zero, one = broadcast(0.0), broadcast(1.0)
     low_x, high_x, low_y, high_y, radius, reach = zero, zero, zero, zero, zero, zero
-    for p in range(count + GROUP):
-        presence = where_greater(load(work.counts, 0), spread(np.float64(p)), one, zero)
+    for p in range(count + UNROLL_FACTOR):
+        presence = where_greater(load(work.counts, 0), broadcast(np.float64(p)), one, zero)
         store(points, 3 * stride + p, presence)
         dx = where_greater(presence, zero, load(points, p), zero)
         dy = where_greater(presence, zero, load(points, stride + p), zero)
@@ -189,7 +199,7 @@ def _project(square: bool, stride: int, count: int, work: FitWorkspace) -> None:
         high_x = square_root(radius)
         low_x = zero - high_x
         low_y, high_y = low_x, high_x
-    half, two = spread(0.5), spread(2.0)
+    half, two = broadcast(0.5), broadcast(2.0)
     middle_x, scale_x = half * (low_x + high_x), two / (high_x - low_x)
     middle_y, scale_y = half * (low_y + high_y), two / (high_y - low_y)
     store(box, 0, middle_x)
@@ -197,38 +207,38 @@ def _project(square: bool, stride: int, count: int, work: FitWorkspace) -> None:
     store(box, 2, middle_y)
     store(box, 3, scale_y)
     store(box, 4, reach)
-    for p in range(count + GROUP):
+    for p in range(count + UNROLL_FACTOR):
         store(points, p, (load(points, p) - middle_x) * scale_x)
         store(points, stride + p, (load(points, stride + p) - middle_y) * scale_y)
 
 
 @inner_jit()
 def _solve(fit: KernelFit, stride: int, count: int, work: FitWorkspace, weights: FloatArray | None) -> None:
-    """Set up the normal equations, with the moments of the heights as the last row, and solve them.
+    """Assemble the normal equations, with the moments of the heights as the last row, and solve them by Cholesky.
 
-    `weights` are lanes for the points beyond their weights by distance.
+    `weights` are lanes of robust weights, multiplied with the distance weights.
     """
     _sum_moments(fit, stride, count, work, weights)
     for k in range(fit.moment_place.shape[0]):
-        store(work.matrix, k, load(work.moments, fit.moment_place[k]) + spread(fit.penalty[k]))
-    degree, scale = 0, spread(1.0)
+        store(work.matrix, k, load(work.moments, fit.moment_place[k]) + broadcast(fit.penalty[k]))
+    degree, scale = 0, broadcast(1.0)
     for k in range(fit.prior.shape[0]):
-        while degree < fit.prior_degree[k]:  # from units of length to those of this neighbourhood
+        while degree < fit.prior_degree[k]:  # per length to per half width of this neighbourhood
             degree += 1
             scale = scale * load(work.box, 1) * load(work.box, 1)
         place = fit.prior_place[k]
-        store(work.matrix, place, multiply_add(spread(fit.prior[k]), scale, load(work.matrix, place)))
+        store(work.matrix, place, multiply_add(broadcast(fit.prior[k]), scale, load(work.matrix, place)))
     order = fit.exponents.shape[0]
     last = order * (order + 1) // 2
     for k in range(order):
         store(work.matrix, last + k, load(work.heights, fit.lexicographic[k]))
-    factorise(work.matrix, order + 1, order, fit.smallest_pivot, work.sound)
-    _finish(fit, order, work)
+    factorise_lanes(work.matrix, order + 1, order, fit.smallest_pivot, work.is_full_rank)
+    _back_substitute(fit, order, work)
 
 
 @inner_jit()
-def _finish(fit: KernelFit, order: int, work: FitWorkspace) -> None:
-    """The coefficients from the factor."""
+def _back_substitute(fit: KernelFit, order: int, work: FitWorkspace) -> None:
+    """Solve with the Cholesky factor and store the coefficients in lexicographic order."""
     substitute_back(work.matrix, order, order, work.solution)
     for k in range(order):
         store(work.coefficients, fit.lexicographic[k], load(work.solution, k))
@@ -236,15 +246,15 @@ def _finish(fit: KernelFit, order: int, work: FitWorkspace) -> None:
 
 @inner_jit()
 def _solve_robustly(fit: KernelFit, stride: int, count: int, work: FitWorkspace, robust: RobustWorkspace) -> None:
-    """The same by iteratively reweighted least squares, with Tukey's biweight of the residuals.
+    """Iteratively reweighted least squares with Tukey's biweight of the residuals.
 
-    There are as many rounds as the slowest of the eight fits takes. The others keep their weights meanwhile, and
-    so their solutions, to the last bit.
+    The slowest of the eight fits determines the number of rounds. The others keep their weights, and so their
+    solutions, to the last bit.
     """
-    zero, one = spread(0.0), spread(1.0)
+    zero, one = broadcast(0.0), broadcast(1.0)
     for p in range(count):
         store(robust.weights, p, one)
-    store(robust.medians, 0, spread(np.inf))
+    store(robust.medians, 0, broadcast(np.inf))
     _solve(fit, stride, count, work, robust.weights)
     for _ in range(fit.rounds):
         add_squared_residuals(work.coefficients, fit.starts, work.points, stride, count, work.total, robust.residuals)
@@ -257,50 +267,51 @@ def _solve_robustly(fit: KernelFit, stride: int, count: int, work: FitWorkspace,
             rest = where_greater(rest, zero, rest, zero)
             store(robust.weights, p, where_greater(reach, zero, rest * rest, load(robust.weights, p)))
         _solve(fit, stride, count, work, robust.weights)
-    store(work.sound, 0, where_greater(zero, load(robust.medians, 0), zero, load(work.sound, 0)))
+    store(work.is_full_rank, 0, where_greater(zero, load(robust.medians, 0), zero, load(work.is_full_rank, 0)))
 
 
 @inner_jit()
 def _find_reaches(free: int, stride: int, count: int, work: FitWorkspace, robust: RobustWorkspace) -> bool:
-    """Find how far off a point of each neighbourhood may be; return whether reweighting of any goes on.
+    """Compute the cutoff residual of each neighbourhood; return whether any reweighting continues.
 
-    It ends where the median residual has settled, or is rounding, by which weights would be random. A
-    neighbourhood of which no more points than `free` coefficients would be left is ill posed.
+    It ends when the median residual has converged or is a rounding error, which would make weights random. A
+    neighbourhood that keeps no more points than `free` coefficients is ill posed.
     """
-    zero = spread(0.0)
+    zero = broadcast(0.0)
     for p in range(count):
         residual = load(robust.residuals, p)
         size = where_greater(residual, zero, residual, zero - residual)
-        store(robust.sizes, p, where_greater(load(work.points, 3 * stride + p), zero, size, spread(np.inf)))
+        store(robust.sizes, p, where_greater(load(work.points, 3 * stride + p), zero, size, broadcast(np.inf)))
     sort_lanes(robust.sizes, count)
-    any_goes_on = False
+    any_active = False
     for lane in range(LANES):
         points, median, reach = int(work.counts[lane]), 0.0, 0.0
-        if points > 0 and work.sound[lane] > 0.0:
-            # the mean of the two in the middle, which are one if the number is odd
+        if points > 0 and work.is_full_rank[lane] > 0.0:
+            # mean of the two middle residuals, which coincide for an odd number
             median = 0.5 * (
                 robust.sizes[LANES * (points // 2) + lane] + robust.sizes[LANES * ((points - 1) // 2) + lane]
             )
-        if EXACT / work.box[LANES + lane] < median < SETTLED * robust.medians[lane]:
-            reach = BIWEIGHT * NORMAL_MEDIAN * median
+        if ROUNDING_RESIDUAL / work.box[LANES + lane] < median < MAX_MEDIAN_RATIO * robust.medians[lane]:
+            reach = BIWEIGHT_CUTOFF * MAD_TO_SIGMA * median
             if points <= free or robust.sizes[LANES * free + lane] >= reach:
                 median, reach = -1.0, 0.0
         else:
             median = min(0.0, robust.medians[lane])
         robust.medians[lane], robust.reaches[lane] = median, reach
-        any_goes_on = any_goes_on or reach > 0.0
-    return any_goes_on
+        any_active = any_active or reach > 0.0
+    return any_active
 
 
 @inner_jit()
 def _expect_quartic(fit: KernelFit, work: FitWorkspace) -> None:
-    """Solve again, the fourth degree being expected as second derivatives S let expect it.
+    """Solve again with the prior mean of the fourth-degree terms that second derivatives S predict.
 
-    That is (x' S x) (x' S^2 x) / 8 times a factor: see `quartic_mean`. As S^2 = tr(S) S - det(S), it is
-    (tr(S) q^2 - det(S) q x' x) / 8 with q = x' S x. S counts as that of the sphere through the farthest point at most.
+    The prior mean is (x' S x) (x' S^2 x) / 8 times a factor: see `quartic_mean`. As S^2 = tr(S) S - det(S), it is
+    (tr(S) q^2 - det(S) q x' x) / 8 with q = x' S x. The norm of S is bounded by the curvature of the sphere through the
+    farthest point.
     """
     order, scale = fit.exponents.shape[0], load(work.box, 1)
-    zero, one, two, half, eighth = spread(0.0), spread(1.0), spread(2.0), spread(0.5), spread(0.125)
+    zero, one, two, half, eighth = broadcast(0.0), broadcast(1.0), broadcast(2.0), broadcast(0.5), broadcast(0.125)
     a, b, c = load(work.jets, 8), load(work.jets, 5), load(work.jets, 2)
     mean, difference = half * (a + c), half * (a - c)
     bend = where_greater(mean, zero, mean, zero - mean) + square_root(difference * difference + b * b)
@@ -323,24 +334,24 @@ def _expect_quartic(fit: KernelFit, work: FitWorkspace) -> None:
     for k in range(fit.quartic.shape[0]):
         total = zero
         for n in range(len(quartic)):
-            total = multiply_add(spread(fit.quartic[k, n]), quartic[n], total)
+            total = multiply_add(broadcast(fit.quartic[k, n]), quartic[n], total)
         place = last + fit.quartic_order[k]
         store(work.matrix, place, multiply_add(total, power, load(work.matrix, place)))
     substitute_forward(work.matrix, order, order, 0)
-    _finish(fit, order, work)
+    _back_substitute(fit, order, work)
 
 
 @inner_jit()
 def _weigh_by_distance(fit: KernelFit, stride: int, count: int, work: FitWorkspace) -> None:
-    """Sum the distance weights of the points, and put their square roots in the place of their presence.
+    """Sum the distance weights of the points, and overwrite their presence by square roots of the weights.
 
-    A polynomial of high degree may leave points of little weight by any distance. The weighted mean square never
-    exceeds that of the heights, which a fit of zero would leave.
+    A polynomial of high degree may have arbitrary residuals at points of small weight. The weighted mean square never
+    exceeds that of the heights, the residuals of a fit of zero.
     """
     if fit.weight_scale == 0.0:
         store(work.weight, 0, load(work.counts, 0))
         return
-    total = spread(0.0)
+    total = broadcast(0.0)
     for p in range(count):
         weight = load(work.points, 3 * stride + p)
         weight = weight * _weight(fit, load(work.points, p), load(work.points, stride + p), load(work.box, 1))
@@ -351,8 +362,8 @@ def _weigh_by_distance(fit: KernelFit, stride: int, count: int, work: FitWorkspa
 
 @inner_jit()
 def _differentiate(fit: KernelFit, work: FitWorkspace) -> None:
-    """Find the derivatives by lengths at the vertex."""
-    zero, one = spread(0.0), spread(1.0)
+    """Partial derivatives up to third order at the vertex, with respect to lengths."""
+    zero, one = broadcast(0.0), broadcast(1.0)
     for axis in range(2):
         store(work.origin, axis, (zero - load(work.box, 2 * axis)) * load(work.box, 2 * axis + 1))
     differentiate(work.coefficients, fit.starts, work.origin, work.jets)
@@ -367,14 +378,14 @@ def _differentiate(fit: KernelFit, work: FitWorkspace) -> None:
 
 @inner_jit()
 def _sum_moments(fit: KernelFit, stride: int, count: int, work: FitWorkspace, weights: FloatArray | None) -> None:
-    """Sum the products of powers over the points, without and with the height, chunk by chunk."""
-    zero, one = spread(0.0), spread(1.0)
+    """Sum the moments s^a t^b and s^a t^b z over the points, in chunks."""
+    zero, one = broadcast(0.0), broadcast(1.0)
     for k in range(fit.moment_starts[-1]):
         store(work.moments, k, zero)
     for k in range(fit.starts[-1]):
         store(work.heights, k, zero)
-    # Chunks of equal size whose powers fit into the nearest cache, so that no last chunk is nearly empty.
-    chunks = (count + CHUNK - 1) // CHUNK
+    # Chunks of equal size, whose powers fit into the L1 cache; the last one is not nearly empty.
+    chunks = (count + POWER_CHUNK - 1) // POWER_CHUNK
     size = (count + chunks - 1) // chunks
     s, t, z, presence = 0, stride, 2 * stride, 3 * stride
     for begin in range(0, count, size):
@@ -388,23 +399,24 @@ def _sum_moments(fit: KernelFit, stride: int, count: int, work: FitWorkspace, we
             if weights is not None:
                 weight = weight * load(weights, q)
             store(work.left, p, weight)
-            store(work.left, CHUNK + p, a)
+            store(work.left, POWER_CHUNK + p, a)
             store(work.right, p, one)
-            store(work.right, CHUNK + p, b)
-        raise_powers(work.left, CHUNK, here, fit.highest_power)
-        raise_powers(work.right, CHUNK, here, fit.highest_power)
+            store(work.right, POWER_CHUNK + p, b)
+        raise_powers(work.left, POWER_CHUNK, here, fit.highest_power)
+        raise_powers(work.right, POWER_CHUNK, here, fit.highest_power)
         for k in range(fit.highest_power // 2 + 1):
             for p in range(here):
-                store(work.lifted, k * CHUNK + p, load(work.right, k * CHUNK + p) * load(work.points, z + begin + p))
-        add_moments(work.left, work.right, variable(CHUNK), here, fit.moment_starts, work.moments)
-        add_moments(work.left, work.lifted, variable(CHUNK), here, fit.starts, work.heights)
+                power = load(work.right, k * POWER_CHUNK + p)
+                store(work.lifted, k * POWER_CHUNK + p, power * load(work.points, z + begin + p))
+        add_moments(work.left, work.right, opaque(POWER_CHUNK), here, fit.moment_starts, work.moments)
+        add_moments(work.left, work.lifted, opaque(POWER_CHUNK), here, fit.starts, work.heights)
 
 
 @inner_jit()
 def _weight(fit: KernelFit, a: Lanes, b: Lanes, scale: Lanes) -> Lanes:
-    """Lanes of the distance weights of points with parameters a, b on squares of `scale` per length."""
-    ratio = spread(fit.weight_scale) * (a * a + b * b) / (scale * scale)
+    """Lanes of the distance weights of points with parameters a, b; `scale` is half widths per length."""
+    ratio = broadcast(fit.weight_scale) * (a * a + b * b) / (scale * scale)
     power = ratio
     for _ in range(fit.weight_power - 1):
         power = power * ratio
-    return spread(1.0) / (spread(1.0) + power)
+    return broadcast(1.0) / (broadcast(1.0) + power)

@@ -1,4 +1,4 @@
-"""What the kernels read and write: the arrays of a mesh, how to fit, and the results."""
+"""Inputs and outputs of the kernels: arrays of a mesh, parameters of a fit, results."""
 
 from typing import NamedTuple
 
@@ -15,19 +15,19 @@ from bezier_filters.meshes.tips import without_tips
 # Outcomes of one fit.
 FITTED = 0
 NO_FRAME = 1  # the vertex has no face, or its face normals cancel out
-ILL_POSED = 2  # too few points, or points that do not determine the polynomial, or hold its curvature
-FOLDED = 3  # the neighbourhood folds over when projected onto the plane
-OUTCOMES = (FITTED, NO_FRAME, ILL_POSED, FOLDED)
+ILL_POSED = 2  # the points do not determine the polynomial, or do not resolve its curvature
+FOLDED_OVER = 3  # the neighbourhood folds over when projected onto the plane
+OUTCOMES = (FITTED, NO_FRAME, ILL_POSED, FOLDED_OVER)
 
-# edges of a vertex beyond which no neighbourhood but its own goes on from it: those of all of its neighbours would have
-# all of them, n^2 points around the tip of a fan of n faces
-MOST_EDGES = 1_000
-# of a neighbourhood, a length: below, the squares of third derivatives, times noise, are too large for a float64
-SMALLEST_WIDTH = 1e-60
+# Valence of a vertex that neighbourhoods may extend across. Around the tip of a fan of n faces, each of the n
+# neighbourhoods would otherwise have n points.
+MAX_VALENCE = 1_000
+# width of a neighbourhood, a length; for a smaller one, squares of third derivatives times noise overflow float64
+MIN_NEIGHBOURHOOD_WIDTH = 1e-60
 
 
 class KernelMesh(NamedTuple):
-    """The arrays of a mesh that the kernels read, in an order of their own."""
+    """Arrays of a mesh for the kernels, in an order that improves memory locality."""
 
     vertices: FloatArray
     faces: IntArray
@@ -37,19 +37,19 @@ class KernelMesh(NamedTuple):
     ring_indices: IntArray
     normals: FloatArray
     safe_cosine: SingleArray
-    stops: BoolArray  # where neighbourhoods end: see `collect_ring`
+    barriers: BoolArray  # vertices that neighbourhoods do not extend across: see `collect_ring`
     origin: IntArray  # row of each vertex in the results
-    x_axes: FloatArray  # (n, 3): directions of the x axes of local frames; (0, 3) where these follow from the points
+    x_axes: FloatArray  # (n, 3): given directions of the x axes of local frames; (0, 3) if the points determine them
 
 
 def kernel_mesh(
     mesh: TriangleMesh,
     adjacency: Adjacency,
     planes: TangentPlanes,
-    stops: BoolArray | None = None,
+    barriers: BoolArray | None = None,
     ordered: SpatialOrder | None = None,
 ) -> KernelMesh:
-    """Collect the arrays for the kernels; without `ordered`, vertices are in the order of the results."""
+    """Collect the arrays for the kernels; without `ordered`, vertices have the order of the results."""
     return KernelMesh(
         mesh.vertices,
         mesh.faces,
@@ -59,44 +59,44 @@ def kernel_mesh(
         adjacency.vertices.indices,
         planes.normals,
         planes.safe_cosine,
-        hubs(adjacency.vertices.indptr) if stops is None else stops | hubs(adjacency.vertices.indptr),
+        hubs(adjacency.vertices.indptr) if barriers is None else barriers | hubs(adjacency.vertices.indptr),
         np.arange(mesh.vertex_count, dtype=np.int32) if ordered is None else ordered.order,
         np.empty((0, 3)),
     )
 
 
 def hubs(ring_ptr: IntArray) -> BoolArray:
-    """Vertices (n,) with so many edges that neighbourhoods end there."""
-    return np.asarray(np.diff(ring_ptr) > MOST_EDGES)
+    """Vertices whose valence exceeds `MAX_VALENCE`, (n,): barriers of neighbourhoods."""
+    return np.asarray(np.diff(ring_ptr) > MAX_VALENCE)
 
 
-def fitted_mesh(
+def prepare_kernel_mesh(
     mesh: TriangleMesh, ordered: SpatialOrder | None = None, adjacency: Adjacency | None = None, *, creases: bool
 ) -> tuple[KernelMesh, Adjacency]:
-    """Neighbours, unless they are known, planes and creases of a mesh, ready for the kernels."""
+    """Compute adjacency (unless given), tangent planes and sharp edges of a mesh, and collect them for the kernels."""
     adjacency = adjacency or vertex_adjacency(mesh)
     planes = tangent_planes(mesh, adjacency)
-    stops = sharp_edge_vertices(mesh, adjacency, planes) if creases else None
-    return kernel_mesh(mesh, adjacency, planes, stops, ordered), adjacency
+    barriers = sharp_edge_vertices(mesh, adjacency, planes) if creases else None
+    return kernel_mesh(mesh, adjacency, planes, barriers, ordered), adjacency
 
 
-def with_steady_normals(mesh: KernelMesh) -> KernelMesh:
-    """A mesh whose frames come from averages of normals, for noise that leaves single ones without a meaning."""
-    normals = steady_normals(mesh.normals, mesh.ring_ptr, mesh.ring_indices, mesh.stops)
+def use_smoothed_normals(mesh: KernelMesh) -> KernelMesh:
+    """Replace the normals by averages over neighbours, for noise that makes single normals useless."""
+    normals = steady_normals(mesh.normals, mesh.ring_ptr, mesh.ring_indices, mesh.barriers)
     return mesh._replace(normals=normals, safe_cosine=np.full(len(normals), UNBOUNDED, dtype=np.float32))
 
 
-def with_edges_without_tips(mesh: KernelMesh, adjacency: Adjacency) -> KernelMesh:
-    """A mesh whose neighbourhoods end at the sharp edges that are there without lone tips."""
+def recompute_barriers(mesh: KernelMesh, adjacency: Adjacency) -> KernelMesh:
+    """Replace the barriers by the sharp edges of the mesh without isolated spikes."""
     if not len(mesh.faces):
         return mesh
     flat = without_tips(TriangleMesh(mesh.vertices, mesh.faces), adjacency)
-    stops = sharp_edge_vertices(flat, adjacency, tangent_planes(flat, adjacency))
-    return mesh._replace(stops=stops | hubs(mesh.ring_ptr))
+    barriers = sharp_edge_vertices(flat, adjacency, tangent_planes(flat, adjacency))
+    return mesh._replace(barriers=barriers | hubs(mesh.ring_ptr))
 
 
-def with_vertices(mesh: KernelMesh, adjacency: Adjacency, vertices: FloatArray) -> KernelMesh:
-    """A mesh whose vertices are elsewhere, with the planes that it has there; a cloud of points keeps its planes."""
+def replace_vertices(mesh: KernelMesh, adjacency: Adjacency, vertices: FloatArray) -> KernelMesh:
+    """Replace the vertices and recompute the tangent planes; a point cloud keeps its planes."""
     if not len(mesh.faces):
         return mesh._replace(vertices=vertices)
     planes = tangent_planes(TriangleMesh(vertices, mesh.faces), adjacency)
@@ -104,35 +104,35 @@ def with_vertices(mesh: KernelMesh, adjacency: Adjacency, vertices: FloatArray) 
 
 
 class KernelFit(NamedTuple):
-    """How to fit: `fallbacks.FitAttempt` in arrays.
+    """Parameters of a fit: `fallbacks.FitAttempt` as arrays.
 
-    Coefficients are in the order of elimination. If there are standard errors, those of x, y, x^2,
-    x y and y^2 come last: their covariance then follows from the last corner of the Cholesky factor.
+    Coefficients are in the order of elimination. For standard errors, those of x, y, x^2, x y and y^2 come last: the
+    last corner of the Cholesky factor then determines their covariance.
     """
 
     rings: int
-    radius: float  # of a ball that takes the place of the rings; 0 for none
+    radius: float  # of a ball that replaces the rings; 0 for none
     fewest_points: int
-    free: int  # coefficients that only the points can determine
+    free: int  # number of unpenalised coefficients, which only the points determine
     square: bool
-    any_axis: bool  # whether the result is the same for any direction of the x axis
+    any_axis: bool  # whether the result is invariant under rotation of the x axis
     mean_plane: bool
     other_plane: bool
-    most_turned: float  # share of vertices that may turn away; if negative, no face may fold
+    most_turned: float  # largest fraction of vertices with flipped normals; if negative, no face may fold over
     highest_power: int
     exponents: IntArray
-    starts: IntArray  # of the coefficients of s^a t^b for each a, in lexicographic order,
-    lexicographic: IntArray  # and where each coefficient is in that order
-    moment_starts: IntArray  # of their products, likewise,
-    moment_place: IntArray  # and where each entry of the lower triangle of A^T A is among them
+    starts: IntArray  # index of s^a t^0 for each a in lexicographic order
+    lexicographic: IntArray  # lexicographic index of each coefficient
+    moment_starts: IntArray  # the same as `starts` for products of two monomials
+    moment_place: IntArray  # index of the moment of each entry of the lower triangle of A^T A
     penalty: FloatArray
-    prior: FloatArray  # non-zero entries of the prior, per length,
-    prior_place: IntArray  # where they belong in the packed matrix,
-    prior_degree: IntArray  # and their degree, ascending
-    # (5, 5): prior, per length, of the coefficients of degree 4, x^4 to y^4, times what these are expected to be in
-    # multiples of what round surfaces have; (0, 5) where they are expected to be 0,
+    prior: FloatArray  # non-zero entries of the prior precision, per length
+    prior_place: IntArray  # their indices in the packed matrix
+    prior_degree: IntArray  # their degrees, ascending
+    # (5, 5): prior precision, per length, of the coefficients x^4 to y^4 times their prior mean in multiples of that of
+    # round surfaces; (0, 5) if the prior mean is 0
     quartic: FloatArray
-    quartic_order: IntArray  # and where they are in the order of elimination
+    quartic_order: IntArray  # indices of these coefficients in the order of elimination
     smallest_pivot: float
     normal_noise: float  # standard deviation of the heights; 0 for no standard errors
     curvature_noise: float
@@ -142,7 +142,7 @@ class KernelFit(NamedTuple):
 
 
 class VertexResults(NamedTuple):
-    """Arrays of a `VertexGeometry` that the kernels write, by their names there."""
+    """Arrays of a `VertexGeometry` that the kernels write, under the same names."""
 
     normals: FloatArray
     k_min: FloatArray

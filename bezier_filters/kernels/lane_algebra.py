@@ -1,21 +1,21 @@
 """Dense algebra for eight neighbourhoods at a time: powers, moments, normal equations, derivatives.
 
 Arrays are flat arrays of lanes (see `lanes`); a table with rows of `stride` lanes has entry (k, p)
-at k stride + p. Four sums go side by side wherever possible: one alone waits for its own last result.
+at k stride + p. Loops are unrolled into four independent sums, so that additions do not wait for each other.
 """
 
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.runtime.jit import inner_jit
-from bezier_filters.runtime.lanes import Lanes, load, multiply_add, spread, square_root, store, where_greater
+from bezier_filters.runtime.lanes import Lanes, broadcast, load, multiply_add, square_root, store, where_greater
 
-GROUP = 4  # sums side by side. Tables have this many rows, or points, more than are asked for.
+UNROLL_FACTOR = 4  # number of independent sums; tables are padded by this many rows or points
 
 
 @inner_jit()
 def raise_powers(table: FloatArray, stride: int, count: int, highest: int) -> None:
-    """Rows k = 1 .. highest of a table become row 0 times powers of what was row 1."""
+    """Fill rows k = 1 .. highest of a table with row 0 times the k-th power of row 1."""
     for p in range(count):
         base = load(table, stride + p)
         power = load(table, p)
@@ -30,15 +30,15 @@ def add_moments(
 ) -> None:
     """Add the products of row a of one table and row b of another, summed over points, for many (a, b).
 
-    Row a of the left table goes with rows b = 0 .. starts[a + 1] - starts[a] - 1 of the right one, and their sum over
-    the first `count` of `stride` lanes is added to entry starts[a] + b. The right table has `GROUP` - 1 more rows than
-    are asked for, of any content, and `sums` as many more entries.
+    Row a of the left table is paired with rows b = 0 .. starts[a + 1] - starts[a] - 1 of the right one. Their product,
+    summed over the first `count` of `stride` lanes, is added to entry starts[a] + b. The right table is padded by
+    `UNROLL_FACTOR` - 1 rows of any content, and `sums` by as many entries.
     """
     rows = starts.shape[0] - 1
-    # Blocks of two rows and four columns, of which eight sums stay in registers over all points.
+    # Blocks of two rows and four columns: their eight sums stay in registers over all points.
     for a in range(0, rows, 2):
         row, stop, stop_of_next = a * stride, starts[a + 1], starts[min(a + 2, rows)]
-        for b in range(0, max(stop - starts[a], stop_of_next - stop), GROUP):
+        for b in range(0, max(stop - starts[a], stop_of_next - stop), UNROLL_FACTOR):
             k, next_k, other = starts[a] + b, stop + b, b * stride
             s0, s1, s2, s3 = load(sums, k), load(sums, k + 1), load(sums, k + 2), load(sums, k + 3)
             if next_k < stop_of_next:
@@ -81,20 +81,22 @@ def _store_group(sums: FloatArray, k: int, stop: int, s0: Lanes, s1: Lanes, s2: 
 
 
 @inner_jit()
-def factorise(matrix: FloatArray, rows: int, columns: int, smallest_pivot: float, sound: FloatArray) -> None:
+def factorise_lanes(
+    matrix: FloatArray, rows: int, columns: int, smallest_pivot: float, is_full_rank: FloatArray
+) -> None:
     """Cholesky factors of eight symmetric positive semidefinite matrices, or of their first columns.
 
-    `matrix` is the lower triangle, row by row; rows may go on beyond the matrix, like right-hand sides, and there are
-    `GROUP` more, of any content. Its first `columns` become those of the factor, with reciprocal diagonal. A
-    column whose pivot is below a fraction `smallest_pivot` of its diagonal entry depends on those before; it becomes 0.
-    The one entry of `sound` becomes 1 for matrices without such columns, else 0.
+    `matrix` is the packed lower triangle, row by row; it may have further rows, such as right-hand sides, and is padded
+    by `UNROLL_FACTOR` rows of any content. Its first `columns` are replaced by those of the factor, with reciprocal
+    diagonal. A column whose pivot is below the fraction `smallest_pivot` of its diagonal entry is linearly dependent
+    and set to 0. The one entry of `is_full_rank` becomes 1 for matrices without such columns, else 0.
     """
-    zero, one = spread(0.0), spread(1.0)
+    zero, one = broadcast(0.0), broadcast(1.0)
     full_rank = one
     # Two columns at a time: every entry of the rows below, once loaded, serves both sums.
     if columns % 2 == 1:  # the first alone, then pairs
         before = load(matrix, 0)
-        scale = where_greater(before, spread(smallest_pivot) * before, one / square_root(before), zero)
+        scale = where_greater(before, broadcast(smallest_pivot) * before, one / square_root(before), zero)
         full_rank = where_greater(scale, zero, one, zero)
         store(matrix, 0, scale)
         for i in range(1, rows):
@@ -103,11 +105,11 @@ def factorise(matrix: FloatArray, rows: int, columns: int, smallest_pivot: float
         row_j = j * (j + 1) // 2
         row_l = row_j + j + 1
         least_j, least_l = (
-            spread(smallest_pivot) * load(matrix, row_j + j),
-            spread(smallest_pivot) * load(matrix, row_l + j + 1),
+            broadcast(smallest_pivot) * load(matrix, row_j + j),
+            broadcast(smallest_pivot) * load(matrix, row_l + j + 1),
         )
         scale_j, across, scale_l = one, zero, one
-        for i in range(j, rows, GROUP):
+        for i in range(j, rows, UNROLL_FACTOR):
             r0 = i * (i + 1) // 2
             r1, r2, r3 = r0 + i + 1, r0 + 2 * i + 3, r0 + 3 * i + 6
             s0, s1, s2, s3 = zero, zero, zero, zero
@@ -138,14 +140,14 @@ def factorise(matrix: FloatArray, rows: int, columns: int, smallest_pivot: float
                 _eliminate(matrix, r2 + j, s2, t2, scale_j, across, scale_l)
             if i + 3 < rows:
                 _eliminate(matrix, r3 + j, s3, t3, scale_j, across, scale_l)
-    store(sound, 0, full_rank)
+    store(is_full_rank, 0, full_rank)
 
 
 @inner_jit()
 def _eliminate(
     matrix: FloatArray, place: int, s: Lanes, t: Lanes, scale_j: Lanes, across: Lanes, scale_l: Lanes
 ) -> None:
-    """Entries at `place` and after it become those of the factor, whose products with columns before are s and t."""
+    """Replace two entries from `place` on by those of the factor; s and t are products with earlier columns."""
     x = (load(matrix, place) - s) * scale_j
     store(matrix, place, x)
     store(matrix, place + 1, (load(matrix, place + 1) - t - x * across) * scale_l)
@@ -153,7 +155,7 @@ def _eliminate(
 
 @inner_jit()
 def substitute_back(factors: FloatArray, order: int, last: int, solution: FloatArray) -> None:
-    """Solve L^T x = b for factors from `factorise`, b being their row number `last`; 0 where a column of L is."""
+    """Solve L^T x = b for factors from `factorise_lanes`, with b in row `last`; x is 0 where a column of L is 0."""
     for i in range(order):
         store(solution, i, load(factors, last * (last + 1) // 2 + i))
     for i in range(order - 1, -1, -1):
@@ -166,9 +168,9 @@ def substitute_back(factors: FloatArray, order: int, last: int, solution: FloatA
 
 @inner_jit()
 def substitute_forward(factors: FloatArray, order: int, last: int, first: int) -> None:
-    """Solve L y = b for factors from `factorise`, b being their row number `last`, which y replaces.
+    """Solve L y = b for factors from `factorise_lanes`, with b in row `last`, which y replaces.
 
-    The entries of b before the `first` are 0, and not looked at.
+    Entries of b before `first` are 0 and are not read.
     """
     b = last * (last + 1) // 2
     for i in range(first, order):
@@ -191,12 +193,12 @@ def add_squared_residuals(
     """Add the squared differences between a polynomial and heights to the one entry of `total`, by Horner's scheme.
 
     The coefficient of s^a t^b is entry starts[a] + b. `points` is a table with rows s, t, height and a factor of the
-    difference, 0 for what is no point at all; up to `GROUP` - 1 more than `count` of `stride` lanes are looked at.
-    If there are `residuals`, as many receive the differences, and zeros for what is no point.
+    difference, 0 for padding; up to `UNROLL_FACTOR` - 1 more than `count` of `stride` lanes are read. `residuals`, if
+    given, receives the differences, and zeros for padding.
     """
-    zero = spread(0.0)
+    zero = broadcast(0.0)
     total0, total1, total2, total3 = load(total, 0), zero, zero, zero
-    for p in range(0, count, GROUP):
+    for p in range(0, count, UNROLL_FACTOR):
         s0, s1, s2, s3 = load(points, p), load(points, p + 1), load(points, p + 2), load(points, p + 3)
         q = stride + p
         t0, t1, t2, t3 = load(points, q), load(points, q + 1), load(points, q + 2), load(points, q + 3)
@@ -238,7 +240,7 @@ def differentiate(coefficients: FloatArray, starts: IntArray, where: FloatArray,
     derivatives (Knuth, "The art of computer programming", vol. 2, 4.6.4): d_q is that of order q by t, over q!, and
     s_rq that of order r of it by s, over r!.
     """
-    zero, s, t = spread(0.0), load(where, 0), load(where, 1)
+    zero, s, t = broadcast(0.0), load(where, 0), load(where, 1)
     s00, s01, s02, s03, s10, s11, s12, s20, s21, s30 = zero, zero, zero, zero, zero, zero, zero, zero, zero, zero
     for a in range(starts.shape[0] - 2, -1, -1):
         d0, d1, d2, d3 = zero, zero, zero, zero
@@ -249,7 +251,7 @@ def differentiate(coefficients: FloatArray, starts: IntArray, where: FloatArray,
         s21, s11, s12 = multiply_add(s21, s, s11), multiply_add(s11, s, s01), multiply_add(s12, s, s02)
         s00, s01 = multiply_add(s00, s, d0), multiply_add(s01, s, d1)
         s02, s03 = multiply_add(s02, s, d2), multiply_add(s03, s, d3)
-    two, six = spread(2.0), spread(6.0)
+    two, six = broadcast(2.0), broadcast(6.0)
     store(jets, 0, s00)
     store(jets, 1, s01)
     store(jets, 2, two * s02)
@@ -264,10 +266,10 @@ def differentiate(coefficients: FloatArray, starts: IntArray, where: FloatArray,
 
 @inner_jit()
 def sort_lanes(values: FloatArray, count: int) -> None:
-    """Put the first `count` entries of lanes in ascending order, each of the eight sequences on its own.
+    """Sort the first `count` entries of each of the eight sequences in ascending order.
 
-    The exchanges do not depend on the values (Batcher's merge exchange: Knuth, "The art of computer programming",
-    vol. 3, 5.2.2, algorithm M).
+    A sorting network, whose exchanges do not depend on the values: Batcher's merge exchange (Knuth, "The art of
+    computer programming", vol. 3, 5.2.2, algorithm M).
     """
     largest = 1
     while 2 * largest < count:
@@ -289,7 +291,7 @@ def sort_lanes(values: FloatArray, count: int) -> None:
 
 @inner_jit()
 def condition_numbers(factors: FloatArray, order: int, column: FloatArray, result: FloatArray) -> None:
-    """How well eight systems determine their solutions: one entry, from the factors of `factorise`.
+    """Condition numbers of eight systems, one entry, from the factors of `factorise_lanes`.
 
     The normal equations of a fit have the matrix G = L L^T. With the columns of the stacked system scaled to unit
     length, as if D = diag(G) were the identity, its condition number in the Frobenius norm is
@@ -299,24 +301,24 @@ def condition_numbers(factors: FloatArray, order: int, column: FloatArray, resul
     which is at least the one in the spectral norm and at most m times it (Demmel, "Applied Numerical Linear
     Algebra", 1997, section 3.5: scaling the columns is optimal up to a factor of sqrt(m)). The relative error of
     the coefficients is a small multiple of kappa^2 times the unit roundoff. kappa is m, the order, or more.
-    `column` is work space of as many entries.
+    `column` is scratch of `order` entries.
     """
-    total = spread(0.0)
+    total = broadcast(0.0)
     for j in range(order):
         row = j * (j + 1) // 2
         reciprocal = load(factors, row + j)
-        diagonal = spread(1.0) / (reciprocal * reciprocal)
+        diagonal = broadcast(1.0) / (reciprocal * reciprocal)
         for k in range(j):
             diagonal = multiply_add(load(factors, row + k), load(factors, row + k), diagonal)
         store(column, j, reciprocal)
         length = reciprocal * reciprocal
         for i in range(j + 1, order):
             below = i * (i + 1) // 2
-            entry = spread(0.0)
+            entry = broadcast(0.0)
             for k in range(j, i):
                 entry = entry - load(factors, below + k) * load(column, k)
             entry = entry * load(factors, below + i)
             store(column, i, entry)
             length = multiply_add(entry, entry, length)
         total = multiply_add(length, diagonal, total)
-    store(result, 0, square_root(spread(np.float64(order)) * total))
+    store(result, 0, square_root(broadcast(np.float64(order)) * total))

@@ -326,7 +326,7 @@ def _optimal_spec(ring: RingModel, degree: int, noise: float, weight_radius: flo
 def _term_prior(ring: RingModel, degree: int, noise: float, quartic: float) -> FloatArray:
     """Noise variance over the variance of each term up to a degree, (m,); 0 for the free terms."""
     basis = harmonic_basis()
-    m = basis.up_to(degree)
+    m = basis.term_count(degree)
     said = np.ones(m)
     said[: len(ring.analysis.energies)] = ring.analysis.energies[:m]
     # Correlated noise resembles terms of low degree more than residuals.

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from bezier_filters.arrays import IntArray
-from bezier_filters.kernels.kernel_input import KernelMesh, with_edges_without_tips, with_steady_normals
+from bezier_filters.kernels.kernel_input import KernelMesh, recompute_barriers, use_smoothed_normals
 from bezier_filters.learning.fit_spec import FitConstraints
 from bezier_filters.learning.model_tree import Leaf, best_leaf, fit_leaf
 from bezier_filters.learning.neighbourhood_samples import (
@@ -72,9 +72,9 @@ def sample_by_mode(
     """Neighbourhoods of the vertices `ids` in one of the modes."""
     max_flipped_fraction = MAX_FLIPPED_FRACTION
     if mode == "steady":
-        mesh = with_steady_normals(mesh)
+        mesh = use_smoothed_normals(mesh)
     if mode == "tolerant":
-        mesh, max_flipped_fraction = with_edges_without_tips(mesh, adjacency), MAX_FLIPPED_BY_OUTLIERS
+        mesh, max_flipped_fraction = recompute_barriers(mesh, adjacency), MAX_FLIPPED_BY_OUTLIERS
     return sample_neighbourhoods(mesh, adjacency, ids, rings=rings, max_flipped_fraction=max_flipped_fraction)
 
 

@@ -197,7 +197,7 @@ def _candidates(root: Leaf, analyses: Sequence[RingAnalysis], features: Features
 
 def _log_likelihood(analysis: RingAnalysis, rows: BoolArray) -> float:
     """Maximum log likelihood of Gaussian terms of degree 3 and more and of Gaussian residuals, with own variances."""
-    free = harmonic_basis().up_to(FREE_DEGREE)
+    free = harmonic_basis().term_count(FREE_DEGREE)
     groups = harmonic_basis().groups[free : analysis.sums.scores.shape[1]]
     groups = groups - harmonic_basis().groups[free]
     sums = np.bincount(groups, weights=np.square(analysis.sums.scores[rows, free:]).sum(axis=0))

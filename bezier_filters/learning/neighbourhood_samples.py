@@ -14,7 +14,7 @@ from bezier_filters.kernels.kernel_input import KernelMesh
 from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.frames import farthest_direction, mean_normal, turned_share
 from bezier_filters.meshes.neighbourhoods import forget, next_ring
-from bezier_filters.runtime.jit import inner_jit, jit, variable
+from bezier_filters.runtime.jit import inner_jit, jit, opaque
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks
 
 SAMPLE_CHUNK = 32  # neighbourhoods per chunk
@@ -133,14 +133,14 @@ def _project_sample(
         i = sample.centers[row]
         members[0] = i
         visited[i] = True
-        inner, count, plane_count = variable(0), variable(1), variable(0)
+        inner, count, plane_count = opaque(0), opaque(1), opaque(0)
         open_ring = False
         for k in range(1, rings + 1):
             before, inner = inner, count
-            count = next_ring(mesh.ring_ptr, mesh.ring_indices, mesh.stops, before, inner, visited, members)
+            count = next_ring(mesh.ring_ptr, mesh.ring_indices, mesh.barriers, before, inner, visited, members)
             sizes[row, k] = count
             for a in range(before, inner):
-                open_ring = open_ring or on_boundary[members[a]] or mesh.stops[members[a]]
+                open_ring = open_ring or on_boundary[members[a]] or mesh.barriers[members[a]]
             sample.is_interior[row, k] = not open_ring
             if open_ring or count > points.shape[1]:
                 continue

@@ -208,7 +208,7 @@ def ring_noise(noise: NoiseModel, analysis: RingAnalysis) -> RingNoise:
 
 def _residual_variances(highest: int, points: float, variance: float, scores: FloatArray) -> FloatArray:
     """Trace of the covariance less the variances of the scores up to each degree, per degree of freedom, (J + 1,)."""
-    counts = np.array([harmonic_basis().up_to(degree) for degree in range(highest + 1)])
+    counts = np.array([harmonic_basis().term_count(degree) for degree in range(highest + 1)])
     explained = np.array([scores[:count].sum() for count in counts])
     result: FloatArray = np.maximum(points * variance - explained, 0.0) / np.maximum(points - counts, 1.0)
     return result
@@ -222,7 +222,7 @@ def _coefficient_variances(analysis: RingAnalysis, of_pairs: FloatArray, white: 
     basis = harmonic_basis()
     result = np.zeros(analysis.sums.term_squares.shape[1:])
     for degree in range(analysis.degree + 1):
-        count = basis.up_to(degree)
+        count = basis.term_count(degree)
         to_terms = analysis.noise_sample.to_terms[:, :count, :count]
         passed = ((to_terms @ of_pairs[:, :count, :count]) * to_terms).sum(axis=2)
         of_white = np.square(to_terms).sum(axis=2)

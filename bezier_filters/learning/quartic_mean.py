@@ -72,7 +72,7 @@ def learn_quartic_mean(noise: RingNoise) -> QuarticMean:
     analysis, basis = noise.analysis, harmonic_basis()
     if analysis.degree < QUARTIC or analysis.rings < MIN_QUARTIC_MEAN_RINGS:
         return zero_quartic_mean()
-    free, below, up_to = (basis.up_to(degree) for degree in (FREE_DEGREE - 1, QUARTIC - 1, QUARTIC))
+    free, below, up_to = (basis.term_count(degree) for degree in (FREE_DEGREE - 1, QUARTIC - 1, QUARTIC))
     factors, scores = analysis.factors[analysis.rows, free:up_to, free:up_to], analysis.sums.scores
     inner = below - free
     lower, corner = factors[:, :inner, :inner].copy(), factors[:, inner:, inner:]

@@ -246,7 +246,7 @@ def _prepare(sample: NeighbourhoodSample, rings: int, most: int, vertex_count: i
         return None
     basis = harmonic_basis()
     degree = _highest_degree(float(np.percentile(sample.sizes[rows, rings], 20)))
-    m = basis.up_to(degree)
+    m = basis.term_count(degree)
     rows = rows[sample.sizes[rows, rings] > m]
     if len(rows) < MIN_SAMPLES:
         return None

@@ -7,10 +7,10 @@ Cholesky's method; eight neighbourhoods are processed together.
 from typing import NamedTuple
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.kernels.lane_algebra import GROUP, add_moments, factorise, substitute_back
+from bezier_filters.kernels.lane_algebra import UNROLL_FACTOR, add_moments, factorise_lanes, substitute_back
 from bezier_filters.patches.harmonics import HIGHEST_DEGREE
-from bezier_filters.runtime.jit import inner_jit, jit, variable
-from bezier_filters.runtime.lanes import LANES, aligned, load, multiply_add, spread, store, where_greater
+from bezier_filters.runtime.jit import inner_jit, jit, opaque
+from bezier_filters.runtime.lanes import LANES, broadcast, lane_array, load, multiply_add, store, where_greater
 
 # relative length of a column orthogonal to the columns before it, below which the points do not determine the term
 RANK_TOLERANCE = 3e-5
@@ -48,15 +48,15 @@ def ring_workspace(most: int) -> RingWorkspace:
     """Scratch arrays for neighbourhoods of up to `most` points."""
     terms = (HIGHEST_DEGREE + 1) * (HIGHEST_DEGREE + 2) // 2
     return RingWorkspace(
-        aligned(4 * most),
-        aligned((terms + 1 + GROUP) * POINTS_PER_BLOCK),
-        aligned((terms + 1 + GROUP) * (terms + 2 + GROUP) // 2),
-        aligned(terms),
-        aligned(terms),
-        aligned(terms),
-        aligned(1),
-        aligned(1),
-        aligned(3 * terms),
+        lane_array(4 * most),
+        lane_array((terms + 1 + UNROLL_FACTOR) * POINTS_PER_BLOCK),
+        lane_array((terms + 1 + UNROLL_FACTOR) * (terms + 2 + UNROLL_FACTOR) // 2),
+        lane_array(terms),
+        lane_array(terms),
+        lane_array(terms),
+        lane_array(1),
+        lane_array(1),
+        lane_array(3 * terms),
     )
 
 
@@ -82,21 +82,21 @@ def analyse_in_lanes(
     terms, m = degrees.shape[0], sums.scores.shape[1]
     highest, stride = degrees[m - 1], points.shape[1]
     for first in range(start, stop, LANES):
-        count = variable(0)
+        count = opaque(0)
         for lane in range(LANES):
             row = first + lane
             n = sizes[row] if row < stop else 0
             count = max(count, n)
             _gather(points, row, n, scale, stride, lane, work.points)
         for k in range(row_starts[terms + 1]):
-            store(work.gram, k, spread(0.0))
+            store(work.gram, k, broadcast(0.0))
         for begin in range(0, count, POINTS_PER_BLOCK):
             here = min(POINTS_PER_BLOCK, count - begin)
             _write_terms(work, stride, begin, here, degrees[terms - 1])
-            add_moments(work.terms, work.terms, variable(POINTS_PER_BLOCK), here, row_starts, work.gram)
+            add_moments(work.terms, work.terms, opaque(POINTS_PER_BLOCK), here, row_starts, work.gram)
         for s in range(m, terms):  # squared lengths of the terms beyond J, before the factorisation overwrites them
             store(work.coefficients, s, load(work.gram, row_starts[s] + s))
-        factorise(work.gram, terms + 1, m, RANK_TOLERANCE * RANK_TOLERANCE, work.full_rank)
+        factorise_lanes(work.gram, terms + 1, m, RANK_TOLERANCE * RANK_TOLERANCE, work.full_rank)
         substitute_back(work.gram, m, terms, work.coefficients)
         _sum_squared_residuals(work, stride, count, m, highest)
         for lane in range(min(LANES, stop - first)):
@@ -127,7 +127,7 @@ def _write_terms(work: RingWorkspace, stride: int, begin: int, count: int, highe
         q = begin + p
         x, y = load(work.points, q), load(work.points, stride + q)
         square = multiply_add(x, x, y * y)
-        cosine, sine = load(work.points, 3 * stride + q), spread(0.0)
+        cosine, sine = load(work.points, 3 * stride + q), broadcast(0.0)
         store(terms, p, cosine)
         for j in range(1, highest + 1):
             here, before = j * (j + 1) // 2, (j - 2) * (j - 1) // 2
@@ -146,7 +146,7 @@ def _write_terms(work: RingWorkspace, stride: int, begin: int, count: int, highe
 @inner_jit()
 def _sum_squared_residuals(work: RingWorkspace, stride: int, count: int, m: int, highest: int) -> None:
     """Sum up the squared residuals of the fit of the highest degree, from the points: no digits cancel."""
-    total = spread(0.0)
+    total = broadcast(0.0)
     height = m * POINTS_PER_BLOCK
     for begin in range(0, count, POINTS_PER_BLOCK):
         here = min(POINTS_PER_BLOCK, count - begin)
@@ -207,7 +207,7 @@ def _write_coefficients(
 ) -> None:
     """Sum up the coefficients of the fits of each degree: the inverse factor, column by column, times the scores."""
     terms, m, all_groups = len(degrees), sums.scores.shape[1], sums.term_squares.shape[2]
-    zero, one = spread(0.0), spread(1.0)
+    zero, one = broadcast(0.0), broadcast(1.0)
     gram, column = work.gram, work.column
     for t in range(m):
         store(work.coefficients, t, zero)

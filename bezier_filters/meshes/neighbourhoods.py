@@ -8,7 +8,7 @@ from bezier_filters.arguments import checks_arguments
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError, is_integer
 from bezier_filters.meshes.adjacency import Adjacency, Rows
-from bezier_filters.runtime.jit import inner_jit, jit, variable
+from bezier_filters.runtime.jit import inner_jit, jit, opaque
 
 MOST_RINGS = 1000  # of a neighbourhood that can be asked for: room is made for all the vertices that so many can have
 
@@ -88,7 +88,7 @@ def _spread(indptr: IntArray, indices: IntArray, visited: BoolArray, members: In
     """Write ring after ring behind the members before the first end, and where each ends."""
     for a in range(ends[0]):
         visited[members[a]] = True
-    start = variable(0)
+    start = opaque(0)
     for ring in range(1, ends.shape[0]):
         count = ends[ring - 1]
         for a in range(start, ends[ring - 1]):
@@ -118,7 +118,7 @@ def collect_ring(
     """
     members[0] = center
     visited[center] = True
-    inner, count = variable(0), variable(1)
+    inner, count = opaque(0), opaque(1)
     if rings > 0:  # of the first ring, all are new
         inner = count
         for q in range(indptr[center], indptr[center + 1]):
@@ -186,7 +186,7 @@ def collect_ball(
     """
     members[0] = center
     visited[center] = True
-    start, inner, count, neighbours, rings = variable(0), variable(0), variable(1), 0, 0
+    start, inner, count, neighbours, rings = opaque(0), opaque(0), opaque(1), 0, 0
     x, y, z = vertices[center, 0], vertices[center, 1], vertices[center, 2]
     while inner < count:
         start, inner = inner, count

@@ -22,7 +22,7 @@ import numpy as np
 
 from bezier_filters.arrays import FloatArray
 from bezier_filters.meshlab.meshset import BezierFilterError, Mesh, MeshSet, PyMeshLabException, current_mesh
-from bezier_filters.runtime.parallel import one_thread_of_openmp
+from bezier_filters.runtime.parallel import single_threaded_openmp
 
 CARRIERS = ("sigma", "plof")  # attributes that the outlier filter deletes
 LEFTOVER = "outlierScore"  # attribute that the outlier filter leaves behind
@@ -198,7 +198,7 @@ def _carried(ms: MeshSet, *values: FloatArray) -> Iterator[Sequence[str]]:
 
 
 def _drop_carriers(ms: MeshSet) -> None:
-    with one_thread_of_openmp():
+    with single_threaded_openmp():
         ms.compute_selection_point_cloud_outliers(propthreshold=1.0, knearest=1)
     left = read_columns(ms, CARRIERS)
     if left:

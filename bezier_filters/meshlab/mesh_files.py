@@ -32,8 +32,8 @@ from bezier_filters.meshlab.meshset import (
     reason_of,
 )
 from bezier_filters.runtime.atomic import atomic_write, temporary_folder
-from bezier_filters.runtime.file_names import is_utf8, shown_path
-from bezier_filters.runtime.supervision import doing, memory_limited, time_limited
+from bezier_filters.runtime.file_names import is_utf8, printable_path
+from bezier_filters.runtime.supervision import limit_memory, limit_time, note_activity
 
 # seconds of processor time after which a reader is taken to run in circles, and bytes for each second more
 LEAST_PATIENCE, SLOWEST_READER = 60.0, 50_000.0
@@ -58,7 +58,7 @@ def format_of(path: str | os.PathLike[str]) -> str:
     suffix = Path(os.path.realpath(path)).suffix.lower()
     if suffix not in _ROUNDING:
         raise BezierFilterError(
-            f"cannot write {shown_path(path)}: unknown format {suffix or 'without a suffix'}; "
+            f"cannot write {printable_path(path)}: unknown format {suffix or 'without a suffix'}; "
             f"use one of {' '.join(SAVE_SUFFIXES)}"
         )
     return suffix
@@ -126,11 +126,11 @@ def load_rows(path: Path, *, skip: bool) -> tuple[MeshSet, BoolArray | None]:
     try:
         promised = check_mesh_file(path)
         size = path.stat().st_size
-        patience = time_limited(LEAST_PATIENCE + size / SLOWEST_READER)
+        patience = limit_time(LEAST_PATIENCE + size / SLOWEST_READER)
         with (
             _openable(path) as opened,
-            doing(f"reading {shown_path(path)}"),
-            memory_limited(size),
+            note_activity(f"reading {printable_path(path)}"),
+            limit_memory(size),
             patience,
             _process_as_it_was(),
         ):
@@ -140,30 +140,34 @@ def load_rows(path: Path, *, skip: bool) -> tuple[MeshSet, BoolArray | None]:
             _merge_layers(meshset, path.name)
         mesh = meshset.current_mesh() if len(list(meshset)) else None
         if mesh is None or mesh.vertex_number() == 0:
-            raise BezierFilterError(f"cannot read {shown_path(path)}: there are no vertices in it")
+            raise BezierFilterError(f"cannot read {printable_path(path)}: there are no vertices in it")
         lost = find_lost_rows(path, promised, mesh.vertex_number(), mesh.face_number(), skip=skip)
     except FieldFileError as error:
-        raise BezierFilterError(f"cannot read {shown_path(path)}: it {str(error).removeprefix(f'{path} ')}") from error
+        raise BezierFilterError(
+            f"cannot read {printable_path(path)}: it {str(error).removeprefix(f'{path} ')}"
+        ) from error
     except OSError as error:
-        raise BezierFilterError(f"cannot read {shown_path(path)}: {error.strerror}") from error
+        raise BezierFilterError(f"cannot read {printable_path(path)}: {error.strerror}") from error
     except MemoryError as error:
         raise BezierFilterError(
-            f"cannot read {shown_path(path)}: it asks for more memory than such a file can need"
+            f"cannot read {printable_path(path)}: it asks for more memory than such a file can need"
         ) from error
     except ValueError as error:  # how pymeshlab reports a count beyond the largest one
-        raise BezierFilterError(f"cannot read {shown_path(path)}: it announces more than any file can hold") from error
+        raise BezierFilterError(
+            f"cannot read {printable_path(path)}: it announces more than any file can hold"
+        ) from error
     except BezierFilterError:
         raise
     except (PyMeshLabException, RuntimeError, IndexError) as error:
-        raise BezierFilterError(f"cannot read {shown_path(path)}: {reason_of(error)}") from error
+        raise BezierFilterError(f"cannot read {printable_path(path)}: {reason_of(error)}") from error
     if not np.isfinite(mesh.vertex_matrix()).all():
-        raise BezierFilterError(f"cannot read {shown_path(path)}: it has vertices without finite coordinates")
+        raise BezierFilterError(f"cannot read {printable_path(path)}: it has vertices without finite coordinates")
     faces = mesh.face_matrix()
     if len(faces) and not 0 <= faces.min() <= faces.max() < mesh.vertex_number():
-        raise BezierFilterError(f"cannot read {shown_path(path)}: it has faces on vertices that are not in it")
+        raise BezierFilterError(f"cannot read {printable_path(path)}: it has faces on vertices that are not in it")
     for category, remarks in ((MeshFileWarning, lost.warnings), (MeshFileNote, lost.notes)):
         for remark in remarks:
-            warnings.warn(f"{shown_path(path)}: {remark.removeprefix(f'{path} ')}", category, stacklevel=3)
+            warnings.warn(f"{printable_path(path)}: {remark.removeprefix(f'{path} ')}", category, stacklevel=3)
     return meshset, lost.kept
 
 
@@ -182,9 +186,9 @@ def columns_of(path: Path, kept: BoolArray | None, vertex_count: int) -> dict[st
 def _check_regular(path: Path) -> None:
     if not path.is_file():
         kind = "it is a directory" if path.is_dir() else "it is no regular file" if path.exists() else "no such file"
-        raise BezierFilterError(f"cannot read {shown_path(path)}: {kind}")
+        raise BezierFilterError(f"cannot read {printable_path(path)}: {kind}")
     if path.stat().st_size == 0:
-        raise BezierFilterError(f"cannot read {shown_path(path)}: the file is empty")
+        raise BezierFilterError(f"cannot read {printable_path(path)}: the file is empty")
 
 
 def _merge_layers(ms: MeshSet, label: str) -> None:
@@ -316,10 +320,10 @@ def save_mesh(
         ):
             # The name inside the folder is the final one: an OBJ file names its MTL file after itself, on one line.
             staged = linked / "".join(c if c.isprintable() else "_" for c in target.name)
-            with doing(f"writing {shown_path(path)}"), _process_as_it_was():
+            with note_activity(f"writing {printable_path(path)}"), _process_as_it_was():
                 remarks = _save(ms, staged, options)
             if not staged.is_file():
-                raise BezierFilterError(f"cannot write {shown_path(path)}: pymeshlab wrote no file")
+                raise BezierFilterError(f"cannot write {printable_path(path)}: pymeshlab wrote no file")
             os.replace(staged, temporary)
             for companion in folder.iterdir():
                 goal = target.parent / companion.name
@@ -330,15 +334,16 @@ def save_mesh(
         raise
     except OSError as error:
         hint = "see whether its folder can be written to and the disk is full"
-        reason = f"cannot write {shown_path(path)}: {error.strerror}; {hint}"
+        reason = f"cannot write {printable_path(path)}: {error.strerror}; {hint}"
         raise BezierFilterError(reason if error.strerror else str(error)) from error
     except (ValueError, IndexError) as error:  # from within the writer, such as COLLADA's without a texture
         raise BezierFilterError(
-            f"cannot write {shown_path(path)}: pymeshlab cannot write this mesh as {suffix} ({error}); write a PLY file"
+            f"cannot write {printable_path(path)}: pymeshlab cannot write this mesh as {suffix} ({error}); "
+            "write a PLY file"
         ) from error
     except (PyMeshLabException, RuntimeError) as error:
         raise BezierFilterError(
-            f"cannot write {shown_path(path)}: {reason_of(error)}; see whether the disk is full"
+            f"cannot write {printable_path(path)}: {reason_of(error)}; see whether the disk is full"
         ) from error
 
 

@@ -22,7 +22,7 @@ from bezier_filters.errors import InvalidParameterError
 from bezier_filters.files.filter_scripts import ScriptStep, read_filter_script, script_text
 from bezier_filters.meshes.half_edges import distinct_edges
 from bezier_filters.runtime.atomic import temporary_folder
-from bezier_filters.runtime.supervision import interrupts_held
+from bezier_filters.runtime.supervision import hold_interrupts
 
 # pymeshlab has no type information, so these are Any to a type checker.
 MeshSet: TypeAlias = pymeshlab.MeshSet
@@ -215,7 +215,7 @@ def preserved_filter_script(ms: MeshSet) -> Iterator[None]:
     come from Python, so the script is set again after the block. Ctrl-C waits for the end of the block, so that a
     MeshSet never stays between two states.
     """
-    with interrupts_held(), one_at_a_time():
+    with hold_interrupts(), one_at_a_time():
         steps = recorded_steps(ms)
         try:
             yield

@@ -30,7 +30,7 @@ from bezier_filters.meshlab.scripts import (
     script_step,
     snake_case,
 )
-from bezier_filters.runtime.supervision import interrupts_held
+from bezier_filters.runtime.supervision import hold_interrupts
 
 Original = Callable[..., Any]
 
@@ -132,7 +132,7 @@ def _apply_filter(original: Original, ms: MeshSet, filter_name: str, **parameter
     values["threads"] = None  # nothing depends on them
     report = OURS[filter_name](ms, **parameters)
     step = script_step(filter_name, **{key: "none" if value is None else value for key, value in values.items()})
-    with interrupts_held(), one_at_a_time():
+    with hold_interrupts(), one_at_a_time():
         set_recorded_steps(ms, [*recorded_steps(ms), _as_text(step)])
     return report
 

@@ -27,7 +27,7 @@ from bezier_filters.meshlab.meshset import (
     read_current_mesh,
     reason_of,
 )
-from bezier_filters.runtime.parallel import one_thread_of_openmp
+from bezier_filters.runtime.parallel import single_threaded_openmp
 
 # by our names, the measures of `get_topological_measures`
 _MEASURES = {
@@ -110,7 +110,7 @@ def _ask_for_topology(vertices: FloatArray, faces: IntArray) -> Topology:
     if counts["boundary_loops"] < 0:
         mesh = triangle_mesh(vertices, proper)
         holes = find_holes(mesh, vertex_adjacency(mesh))
-        loops = None if any(hole.unclear_edges for hole in holes) else sum(len(hole.loops) for hole in holes)
+        loops = None if any(hole.non_manifold_edges for hole in holes) else sum(len(hole.loops) for hole in holes)
         counts |= {"genus": None, "boundary_loops": loops, "boundary_loops_by": "bezier_filters"}
     is_coherent = not incoherent_vertices(proper, vertex_adjacency(TriangleMesh(vertices, proper))).any()
     return Topology(counts, on_border, is_coherent, not_manifold)
@@ -141,7 +141,7 @@ def repair(ms: MeshSet) -> Report:
     given = triangle_mesh(mesh.vertex_matrix(), mesh.face_matrix())
     border = border_edges(given, vertex_adjacency(given).on_boundary)
     try:
-        with one_thread_of_openmp():
+        with single_threaded_openmp():
             if doubled_edges(given, border).any():
                 lengths = np.linalg.norm(given.vertices[border.end] - given.vertices[border.start], axis=1)
                 ms.meshing_merge_close_vertices(threshold=PureValue(COINCIDENT * float(lengths[lengths > 0.0].min())))

@@ -1,1 +1,1 @@
-"""Polynomials and Bezier patches: fitting one to points, and its derivatives."""
+"""Polynomials and Bezier patches: bases, smoothness rows, least-squares fits, derivatives."""

@@ -13,7 +13,7 @@ from bezier_filters.runtime.blas_memory import check_blas_memory
 
 
 def bernstein_basis(t: FloatArray, degree: int, order: int = 0) -> FloatArray:
-    """Bernstein polynomials B_0 .. B_degree, or derivatives of some order, at any real parameters, (..., degree + 1).
+    """Bernstein polynomials B_0 .. B_degree, or their derivatives of an order, at real parameters, (..., degree + 1).
 
     >>> bernstein_basis(np.array(0.5), 2)
     array([0.25, 0.5 , 0.25])
@@ -31,14 +31,14 @@ def bernstein_basis(t: FloatArray, degree: int, order: int = 0) -> FloatArray:
 
 
 def design_matrix(u: FloatArray, v: FloatArray, degree: int, order: tuple[int, int] = (0, 0)) -> FloatArray:
-    """Tensor-product basis B_i(u) B_j(v), or its derivative of some orders, at n parameters, (n, (degree + 1)**2)."""
+    """Tensor-product basis B_i(u) B_j(v), or its partial derivative, at n parameters, (n, (degree + 1)**2)."""
     along_u = bernstein_basis(u, degree, order[0])
     along_v = bernstein_basis(v, degree, order[1])
     return (along_u[..., :, np.newaxis] * along_v[..., np.newaxis, :]).reshape(*along_u.shape[:-1], -1)
 
 
-def centred_monomials(degree: int) -> FloatArray:
-    """Matrix from Bernstein coefficients to those of the monomials of s = 2t - 1: row a gives that of s^a."""
+def monomial_matrix(degree: int) -> FloatArray:
+    """Matrix of the change of basis from Bernstein polynomials of t to monomials of s = 2t - 1; row a is for s^a."""
     s = np.polynomial.Polynomial([-1.0, 2.0])
     monomials_in_bernstein = np.empty((degree + 1, degree + 1))
     for a in range(degree + 1):
@@ -47,5 +47,5 @@ def centred_monomials(degree: int) -> FloatArray:
         monomials_in_bernstein[:, a] = [
             sum(comb(i, k) / comb(degree, k) * power[k] for k in range(i + 1)) for i in range(degree + 1)
         ]
-    check_blas_memory()  # the first call of all, while modules are imported
+    check_blas_memory()  # the first call of LAPACK, during imports
     return np.asarray(np.linalg.inv(monomials_in_bernstein), dtype=np.float64)

@@ -1,4 +1,8 @@
-"""Least-squares fit of one Bezier patch to the points of a neighbourhood."""
+"""Penalised least-squares fit of one Bezier patch to the points of a neighbourhood.
+
+The control heights b minimise |alpha (A b - z)|^2 + |(1 - alpha) S b|^2: A is the design matrix of the tensor-product
+Bernstein basis, z are the heights of the points, and S are smoothness rows.
+"""
 
 from dataclasses import dataclass
 
@@ -19,7 +23,7 @@ PENALTY_ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class PatchFit:
-    """Which patch is fitted, and how smooth it has to be.
+    """Degree, weight and smoothness rows of a patch fit.
 
     Attributes
     ----------
@@ -59,7 +63,7 @@ class PatchFit:
 
     @property
     def monomial_penalty(self) -> FloatArray:
-        """((1 - alpha) / alpha)^2 S^T S, what the smoothness adds to A^T A, for monomials on [-1, 1]^2."""
+        """Penalty ((1 - alpha) / alpha)^2 S^T S on A^T A, for monomials on [-1, 1]^2."""
         rows = self.smoothness_rows @ np.linalg.inv(monomials_from_bernstein(self.degree))
         # What is free must stay so: next to points on a line, even rounding would determine it.
         rows[np.abs(rows) < PENALTY_ROUNDING * np.abs(rows).max()] = 0.0
@@ -67,15 +71,15 @@ class PatchFit:
 
     @property
     def free_coefficients(self) -> int:
-        """Coefficients that only the points can determine: fewer points cannot be fitted."""
+        """Dimension of the null space of S: the least number of points that determine a fit."""
         rows = 0 if self.alpha == 1.0 else np.linalg.matrix_rank(self.smoothness_rows)
         return int((self.degree + 1) ** 2 - rows)
 
     @property
     def square(self) -> bool:
-        """Whether the parameters cover the square around the vertex, not the paper's bounding rectangle.
+        """Whether the parameters cover a square around the vertex, not the paper's bounding rectangle.
 
-        The result of these does not depend on the rectangle's place.
+        These smoothness rows do not depend on the position of the rectangle.
         """
         return self.smoothness in ("third_order", "flattest")
 
@@ -84,8 +88,8 @@ class PatchFit:
         return ParameterRectangle.centred(x, y) if self.square else ParameterRectangle.bounding(x, y)
 
 
-def _checked(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> FloatArray:
-    """Finite numbers of a shape, in which None stands for any number of rows."""
+def _finite_array(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> FloatArray:
+    """Check that values are finite numbers of a shape, in which None stands for any number of rows."""
     try:
         array = real_array(values)
     except (TypeError, ValueError) as error:
@@ -134,7 +138,7 @@ def fit_patch(points: FloatArray, origin: FloatArray, axes: FloatArray, fit: Pat
     array([[0.5 , 0.5 , 0.25]])
     """
     points, origin, axes = (
-        _checked(name, values, shape)
+        _finite_array(name, values, shape)
         for name, values, shape in (("points", points, (None, 3)), ("origin", origin, (3,)), ("axes", axes, (3, 3)))
     )
     fit = fit or PatchFit()

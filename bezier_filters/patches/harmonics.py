@@ -1,8 +1,7 @@
-"""The terms r^j cos(l phi), r^j sin(l phi) in which the variation of a surface is measured.
+"""Polynomial circular harmonics r^j cos(l phi), r^j sin(l phi): the random effects of the surface model.
 
-A prior that prefers no direction has one variance per degree j and angular frequency
-l = j, j - 2, ...: the round terms (l = 0) act on the mean curvature, those with l = 2 on the
-difference of the principal curvatures.
+An isotropic prior has one variance per degree j and angular frequency l = j, j - 2, ...: terms with l = 0 determine the
+mean curvature, terms with l = 2 the difference of the principal curvatures.
 """
 
 from dataclasses import dataclass
@@ -14,25 +13,25 @@ import numpy as np
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.patches.polynomials import total_degree_space
 
-HIGHEST_DEGREE = 8  # degrees of the model; those that a fit leaves out are its bias
+HIGHEST_DEGREE = 8  # of the surface model; degrees above that of a fit contribute its bias
 
 
 @dataclass(frozen=True)
 class HarmonicBasis:
-    """Terms up to `HIGHEST_DEGREE`, by ascending degree."""
+    """Harmonics up to `HIGHEST_DEGREE`, by ascending degree."""
 
     degrees: IntArray  # (M,): j of every term
-    groups: IntArray  # (M,): number of the pair (j, l), which both terms of a frequency share; ascending
+    groups: IntArray  # (M,): number of the pair (j, l), ascending; sine and cosine share it
     monomials: FloatArray  # (M, M): column k holds the coefficients of term k for the monomials of `total_degree_space`
 
-    def up_to(self, degree: int) -> int:
+    def term_count(self, degree: int) -> int:
         """Number of terms up to a degree."""
         return (degree + 1) * (degree + 2) // 2
 
 
 @cache
 def harmonic_basis() -> HarmonicBasis:
-    """The terms of the model."""
+    """All harmonics of the surface model."""
     place = {tuple(pair): k for k, pair in enumerate(total_degree_space(HIGHEST_DEGREE).exponents.tolist())}
     degrees: list[int] = []
     groups: list[int] = []
@@ -46,10 +45,10 @@ def harmonic_basis() -> HarmonicBasis:
                     pair = (2 * (half - n) + frequency - k, 2 * n + k)
                     term[place[pair]] += comb(half, n) * comb(frequency, k) * 1j**k
             group = groups[-1] + 1 if groups else 0
-            for part in (term.real, term.imag)[: 2 if frequency else 1]:
+            for component in (term.real, term.imag)[: 2 if frequency else 1]:
                 degrees.append(degree)
                 groups.append(group)
-                columns.append(part)
+                columns.append(component)
     return HarmonicBasis(
         np.array(degrees, np.int32),
         np.array(groups, np.int32),

@@ -32,7 +32,7 @@ class ParameterRectangle:
 
     @staticmethod
     def centred(x: FloatArray, y: FloatArray) -> "ParameterRectangle":
-        """Smallest square centred at the origin that holds the points in every direction of its axes."""
+        """Square about the origin that contains the points in every rotation: its inscribed circle contains them."""
         radius = float(np.sqrt(np.max(np.square(x) + np.square(y))))
         return ParameterRectangle(-radius, -radius, 2.0 * radius, 2.0 * radius)
 
@@ -56,7 +56,7 @@ class BezierPatch:
     axes : (3, 3) float64
         Rows: the unit x and y axes of the plane and its normal z, right-handed.
     rectangle : ParameterRectangle
-        Where the unit square of (u, v) lies in the plane.
+        Image of the unit square of (u, v) in the plane.
     heights : (d + 1, d + 1) float64
         Heights of the control points; the first index runs along u.
 

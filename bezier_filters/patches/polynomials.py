@@ -1,7 +1,7 @@
-"""Polynomials in two variables by their monomials, as the kernel solves for them.
+"""Bivariate polynomials in the monomial basis, which the kernels use.
 
-A Bezier patch and its monomial coefficients about the middle of the parameter rectangle are the
-same polynomial; the latter make A^T A a table of moments and derivatives a matter of reading off.
+A Bezier patch is a polynomial in coordinates s, t about the centre of its parameter rectangle. In monomials s^a t^b,
+A^T A is a table of moments, and derivatives at the centre are coefficients.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, IntArray, unique_rows
-from bezier_filters.patches.bernstein import centred_monomials
+from bezier_filters.patches.bernstein import monomial_matrix
 from bezier_filters.runtime.cached_property import cached_property
 
 
@@ -32,12 +32,12 @@ class PolynomialSpace:
         return np.asarray(self.exponents.sum(axis=1), dtype=np.int32)
 
     def places(self, pairs: Sequence[tuple[int, int]]) -> IntArray:
-        """Indices of the monomials with the given exponents, which must be there."""
+        """Indices of the monomials with the given exponents, all of which must exist."""
         return np.array([np.flatnonzero((self.exponents == pair).all(axis=1))[0] for pair in pairs], dtype=np.int32)
 
     @cached_property
     def moments(self) -> tuple[IntArray, IntArray]:
-        """Exponents (q, 2) of the products of two monomials, and where each product is among them.
+        """Exponents (q, 2) of all products of two monomials, and the index of each product among them.
 
         The second array has an entry for each entry of the lower triangle of A^T A, row by row.
         """
@@ -62,24 +62,24 @@ def total_degree_space(degree: int) -> PolynomialSpace:
 
 
 def elimination_order(space: PolynomialSpace) -> tuple[PolynomialSpace, IntArray]:
-    """The same polynomials with the monomials x, y, x^2, x y and y^2 last, and where each monomial was."""
+    """The space with the monomials x, y, x^2, x y and y^2 last, and the permutation of the monomials."""
     last = space.places([(1, 0), (0, 1), (2, 0), (1, 1), (0, 2)])
     order = np.concatenate([np.setdiff1d(np.arange(space.dimension), last)[::-1], last]).astype(np.int32)
     return PolynomialSpace(space.exponents[order]), order
 
 
 def row_starts(exponents: IntArray) -> IntArray:
-    """Where s^a t^0 is among all monomials s^a t^b in lexicographic order, for each a, and how many there are."""
+    """Index of s^a t^0 for each a among monomials s^a t^b in lexicographic order, then the number of monomials."""
     return np.concatenate([[0], np.cumsum(np.bincount(exponents[:, 0]))]).astype(np.int32)
 
 
 def lexicographic_places(exponents: IntArray) -> IntArray:
-    """Where each monomial is in lexicographic order."""
+    """Index of each monomial in lexicographic order."""
     return (row_starts(exponents)[exponents[:, 0]] + exponents[:, 1]).astype(np.int32)
 
 
 @cache
 def monomials_from_bernstein(degree: int) -> FloatArray:
     """Matrix from the control heights of a patch to the coefficients of its `tensor_space`."""
-    along_one = centred_monomials(degree)
-    return np.asarray(np.kron(along_one, along_one), dtype=np.float64)
+    univariate = monomial_matrix(degree)
+    return np.asarray(np.kron(univariate, univariate), dtype=np.float64)

@@ -1,7 +1,7 @@
-"""Smoothness equations that make the least-squares fit well posed.
+"""Smoothness rows S that regularise the least-squares fit.
 
-The fit solves [alpha A; (1 - alpha) S] b = [alpha z; 0]. The rows of S say what the patch
-should rather not do; what they leave alone (their null space) is fitted without bias.
+The fit solves [alpha A; (1 - alpha) S] b = [alpha z; 0] by least squares. S b is penalised; polynomials in the null
+space of S are fitted without bias.
 """
 
 from collections.abc import Callable
@@ -15,10 +15,11 @@ from bezier_filters.errors import InvalidParameterError
 from bezier_filters.patches.polynomials import monomials_from_bernstein
 
 Smoothness = Literal["third_order", "paper", "twists"]
-Penalty = Smoothness | Literal["flattest"]  # which is for points that leave quadratics open
-# Weight of second-order coefficients beside those of third order and more, in the flattest fit: an extent of 1/300 of a
-# neighbourhood still decides about the curvature along it. Ten times more, 1/100; ten times less is lost to rounding.
-SLIGHT = 1e-7
+Penalty = Smoothness | Literal["flattest"]  # for points that do not determine a quadratic
+# Weight of second-order coefficients relative to those of third order and more: points that extend over 1/300 of the
+# neighbourhood in some direction still determine the curvature along it. With ten times the weight it is 1/100; a tenth
+# is lost to rounding.
+FLATTEST_WEIGHT = 1e-7
 
 
 def smoothness_matrix(smoothness: Penalty, degree: int) -> FloatArray:
@@ -32,8 +33,8 @@ def smoothness_matrix(smoothness: Penalty, degree: int) -> FloatArray:
         resolution. ``"third_order"``: the patch's monomial coefficients of total degree >= 3;
         all quadratics are free, so the fit is consistent for every alpha. ``"twists"``: the mixed
         second differences of the control net (Farin's shape equations); u^2 and v^2 are free,
-        u v is not, so curvature is biased and depends on the axes. ``"flattest"``, which users are not offered: as
-        ``"third_order"``, and of all fits to the points the one with the least second-order coefficients.
+        u v is not, so curvature is biased and depends on the axes. ``"flattest"``, not public: as
+        ``"third_order"``, with the least second-order coefficients among all fits to the points.
     degree : int
         2, 3 or 4.
 
@@ -44,9 +45,9 @@ def smoothness_matrix(smoothness: Penalty, degree: int) -> FloatArray:
     """
     rows: dict[str, Callable[[int], FloatArray]] = {
         "third_order": third_order_coefficients,
-        "flattest": all_but_slopes,
+        "flattest": flattest_rows,
         "paper": boundary_second_differences,
-        "twists": mixed_second_differences,
+        "twists": control_net_twists,
     }
     if smoothness not in rows:
         raise InvalidParameterError(f"smoothness: got {smoothness!r}, expected one of {get_args(Smoothness)}")
@@ -68,7 +69,7 @@ def boundary_second_differences(degree: int) -> FloatArray:
     return rows.reshape(-1, size * size)
 
 
-def mixed_second_differences(degree: int) -> FloatArray:
+def control_net_twists(degree: int) -> FloatArray:
     """Twists b_ij - b_(i+1)j - b_i(j+1) + b_(i+1)(j+1) of the control net, shape (d^2, (d+1)^2).
 
     They vanish if every mesh of the control net is a parallelogram.
@@ -89,8 +90,8 @@ def third_order_coefficients(degree: int) -> FloatArray:
     return (weight[:, np.newaxis] * monomials_from_bernstein(degree))[a + b >= 3]
 
 
-def all_but_slopes(degree: int) -> FloatArray:
-    """The same, and slightly those with a + b = 2."""
+def flattest_rows(degree: int) -> FloatArray:
+    """Third-order rows, and rows of small weight for the monomials with a + b = 2."""
     second = [[2, 0], [1, 1], [0, 2]]
     rows = monomials_from_bernstein(degree)[[(degree + 1) * a + b for a, b in second]]
-    return np.vstack([third_order_coefficients(degree), SLIGHT * np.sqrt([[1.0], [0.5], [1.0]]) * rows])
+    return np.vstack([third_order_coefficients(degree), FLATTEST_WEIGHT * np.sqrt([[1.0], [0.5], [1.0]]) * rows])

@@ -15,7 +15,7 @@ from bezier_filters.fields import FIELDS, GRADE, PREFIX, QUALITY, Field
 from bezier_filters.meshlab.mesh_files import columns_of, load_rows
 from bezier_filters.meshlab.meshset import current_mesh
 from bezier_filters.pictures.scene import Color, Panel
-from bezier_filters.runtime.file_names import shown_name, shown_path
+from bezier_filters.runtime.file_names import printable_name, printable_path
 from bezier_filters.status import FitStatus
 
 COLOR, SHAPE = "color", "shape"
@@ -97,7 +97,7 @@ def check_field(files: Sequence[MeshFile], name: str) -> None:
     """Refuse a field that no file has; the message lists those that there are."""
     if not any(name in file.columns or name in file.names() for file in files):
         have = dict.fromkeys(other for file in files for other in file.names())
-        paths = ", ".join(shown_path(file.path) for file in files)
+        paths = ", ".join(printable_path(file.path) for file in files)
         remedy = "; commands such as curvature give it one" if name == QUALITY else ""
         raise InvalidParameterError(f"field: {paths} has no {name!r}; it has {', '.join(have)}{remedy}")
 
@@ -137,7 +137,7 @@ def field_panels(
     panels = []
     for file in files:
         field = file.field(name)
-        title = shown_name(file.path) if len(files) > 1 else field.label if field else name
+        title = printable_name(file.path) if len(files) > 1 else field.label if field else name
         if field is not None and field.column in _CODES:
             panels.append(_codes(file, file.columns[name], _CODES[field.column], title))
         elif field is not None:
@@ -233,7 +233,7 @@ def with_directions(panel: Panel, file: MeshFile) -> Panel:
     missing = [name for name in wanted if name not in file.columns]
     if missing:
         raise InvalidParameterError(
-            f"directions: {shown_path(file.path)} has no column {missing[0]}; "
+            f"directions: {printable_path(file.path)} has no column {missing[0]}; "
             "PLY files that the command curvature writes have it"
         )
     diagonal = float(np.linalg.norm(np.ptp(file.vertices, axis=0)))

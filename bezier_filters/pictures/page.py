@@ -29,7 +29,7 @@ from bezier_filters.meshlab.hole_filter import fill_warnings
 from bezier_filters.meshlab.meshset import CurrentMesh, Mesh, MeshSet, current_mesh, one_at_a_time
 from bezier_filters.pictures.scene import Panel, up_axis, view_axes
 from bezier_filters.runtime.atomic import atomic_write
-from bezier_filters.runtime.file_names import printable
+from bezier_filters.runtime.file_names import escape_unprintable
 from bezier_filters.runtime.parallel import Progress
 from bezier_filters.smoothing.smooth import SmoothingResult, smooth
 from bezier_filters.status import FitStatus
@@ -206,7 +206,7 @@ def page_of(
     most_faces: int = MOST_FACES,
 ) -> Page:
     """The page of a mesh (n, 3), (m, 3), or of points without faces, with facts and findings as text."""
-    title = printable(title)
+    title = escape_unprintable(title)
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     shown = _Shown(0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low)) or 1.0)
     points, triangles, rows = reduced(vertices, faces, most_faces)

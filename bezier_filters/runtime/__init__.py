@@ -1,1 +1,1 @@
-"""How things are run: compiled code, processes, files written whole."""
+"""Infrastructure: compiled kernels and their cache, threads, processes, atomic files."""

@@ -1,4 +1,4 @@
-"""Write a file whole or not at all."""
+"""Atomic writes: a file is replaced as a whole or not at all."""
 
 import os
 import uuid
@@ -7,11 +7,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from bezier_filters.runtime.process_end import removed_at_last
+from bezier_filters.runtime.process_end import remove_on_exit
 
-# how the names of temporary files begin; one stays behind only where a process is killed outright
-TEMPORARY = ".bezier_filters-"
-_MARGIN = 1 << 16
+# prefix of temporary files, which remain only if a process is killed
+TEMPORARY_PREFIX = ".bezier_filters-"
+_PROBE_BYTES = 1 << 16  # written after a file, to detect a full disk
 
 
 @contextmanager
@@ -19,24 +19,23 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path whose file replaces `path` when the block succeeds.
 
     The temporary path lies in the same directory, so that the replacement is a single step, and
-    has the same suffix, from which pymeshlab and others pick the format. Whatever ends the block
-    early, the temporary file is removed and an existing file at `path` stays as it was. A new
-    file gets the usual permissions (umask), a replaced one keeps its own, and a symbolic link
-    stays a link.
+    has the same suffix, from which pymeshlab and others determine the format. If the block fails,
+    the temporary file is removed and an existing file at `path` does not change. A new file gets
+    the default permissions (umask), a replaced one keeps its own, and a symbolic link stays a link.
 
-    Writers that name further files after the first one (OBJ and its MTL) are not covered. In the end the file is on the
-    disk, and will be there after a power cut, too.
+    Further files of the same writer (the MTL of an OBJ) are not covered. The file is flushed to the disk before the
+    replacement, so that it survives a power failure.
     """
     target = Path(os.path.realpath(path))
     if not target.parent.is_dir():
         raise FileNotFoundError(f"cannot write {path}: there is no directory {target.parent}")
     if target.exists() and not target.is_file():
         raise OSError(f"cannot write {path}: it exists and is not a regular file")
-    temporary = target.with_name(f"{TEMPORARY}{uuid.uuid4().hex}{target.suffix}")
-    with removed_at_last(temporary):
+    temporary = target.with_name(f"{TEMPORARY_PREFIX}{uuid.uuid4().hex}{target.suffix}")
+    with remove_on_exit(temporary):
         try:
             yield temporary
-            _check_room(temporary)
+            _check_free_space(temporary)
             if target.exists():
                 temporary.chmod(target.stat().st_mode)
             os.replace(temporary, target)
@@ -46,23 +45,23 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 @contextmanager
 def temporary_folder(folder: str | os.PathLike[str] | None = None) -> Iterator[Path]:
-    """Yield a new folder, below another one or where the system has such, that is removed after the block."""
-    with TemporaryDirectory(prefix=TEMPORARY if folder else "bezier_filters_", dir=folder) as name:
+    """Yield a new folder, in a given one or in that of the system, which is removed after the block."""
+    with TemporaryDirectory(prefix=TEMPORARY_PREFIX if folder else "bezier_filters_", dir=folder) as name:
         path = Path(name)
-        with removed_at_last(path):
+        with remove_on_exit(path):
             yield path
 
 
-def _check_room(path: Path) -> None:
-    """Raise OSError if no more could be written to a file.
+def _check_free_space(path: Path) -> None:
+    """Raise OSError if no further bytes can be written to a file.
 
-    Writers that do not look whether their last bytes arrived, as those of pymeshlab, leave a file cut short when the
-    disk is full or a quota is reached; then there is no room for more either.
+    Writers that ignore errors of their last write, like those of pymeshlab, truncate the file when the disk is full or
+    a quota is reached; then a further write fails, too.
     """
     size = path.stat().st_size
     with path.open("r+b") as file:
         file.seek(size)
-        file.write(b"\0" * _MARGIN)
+        file.write(b"\0" * _PROBE_BYTES)
         file.flush()
-        os.fsync(file.fileno())  # some file systems find out only here
+        os.fsync(file.fileno())  # some file systems report errors only here
         file.truncate(size)

@@ -1,27 +1,27 @@
-"""Memory of OpenBLAS, whose own reaction to a lack of it is no error: SciPy's loops for ever, NumPy's ends the process.
+"""Memory checks for OpenBLAS, which raises no error without memory: SciPy's loops forever, NumPy's ends the process.
 
-It takes a buffer of 34 MB of addresses for each call that is under way, and keeps that for later calls.
+It allocates a buffer of 34 MB of addresses for each concurrent call, and keeps it for later calls.
 """
 
 import ctypes
 import mmap
 from collections.abc import Iterable
 
-_ROOM = 1 << 26  # bytes that must be there for a buffer
+_BUFFER_BYTES = 1 << 26  # free address space that a buffer needs, with a margin
 
 
 def check_blas_memory() -> None:
-    """Raise MemoryError where OpenBLAS might not find room for another buffer; takes ten microseconds."""
+    """Raise MemoryError if OpenBLAS might fail to allocate another buffer; takes ten microseconds."""
     try:
-        mmap.mmap(-1, _ROOM).close()
+        mmap.mmap(-1, _BUFFER_BYTES).close()
     except OSError as error:
-        raise MemoryError(f"linear algebra needs {_ROOM >> 20} MB more") from error
+        raise MemoryError(f"linear algebra needs {_BUFFER_BYTES >> 20} MB more") from error
 
 
 def reserve_blas_memory(libraries: Iterable[str], threads: int) -> None:
-    """Let libraries, at these paths, have buffers for calls from so many threads at a time; MemoryError without room.
+    """Preallocate the buffers of libraries, at these paths, for `threads` concurrent calls; MemoryError if that fails.
 
-    Others than OpenBLAS, and versions of it that do not export their function for that, are left alone.
+    Libraries other than OpenBLAS, and versions that do not export the allocator, are skipped.
     """
     for path in libraries:
         library = ctypes.CDLL(path)

@@ -1,4 +1,4 @@
-"""Properties that are computed once, by threads that do not wait for each other."""
+"""Cached properties without a lock."""
 
 import functools
 from typing import TYPE_CHECKING, Any
@@ -8,10 +8,10 @@ if TYPE_CHECKING:
 else:
 
     class cached_property(functools.cached_property):
-        """`functools.cached_property` as it is since Python 3.12: without a lock.
+        """`functools.cached_property` as in Python 3.12 and later: without a lock.
 
-        Before that, one lock is shared by all instances of a class, and a process that is forked while another thread
-        holds it waits for ever.
+        Earlier versions share one lock among all instances of a class. A process that is forked while another thread
+        holds it deadlocks.
         """
 
         def __get__(self, instance: Any, owner: Any = None) -> Any:

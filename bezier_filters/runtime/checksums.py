@@ -1,15 +1,15 @@
-"""Checksums of files: what tells whether one has still the content that it had."""
+"""Checksums of files, to detect changes of their content."""
 
 import hashlib
 import os
 
-_BLOCK = 1 << 20  # bytes that are read at a time
+_HASH_BLOCK_BYTES = 1 << 20  # read at a time
 
 
-def checksum_of(path: str | os.PathLike[str]) -> str:
+def file_checksum(path: str | os.PathLike[str]) -> str:
     """BLAKE2 of a file, 32 hexadecimal digits; about a second for a gigabyte."""
     result = hashlib.blake2b(digest_size=16)
     with open(path, "rb", buffering=0) as stream:
-        while block := stream.read(_BLOCK):
+        while block := stream.read(_HASH_BLOCK_BYTES):
             result.update(block)
     return result.hexdigest()

@@ -1,49 +1,49 @@
-"""How messages name files: pipes as such, and what cannot be printed as escapes."""
+"""File names in messages: names of pipes instead of temporary files, and escapes for unprintable characters."""
 
 import os
 from pathlib import Path
 
-_pipes: dict[str, str] = {}  # names of pipes by the paths of the temporary files that stand for them
+_pipes: dict[str, str] = {}  # names of pipes by the paths of their temporary files
 
 
 def name_pipe(path: Path, name: str) -> None:
-    """Let messages name a temporary file as the pipe that it stands for, such as ``<stdin>``."""
+    """Register the name of a pipe, such as ``<stdin>``, for the temporary file that replaces it."""
     _pipes[str(path)] = name
 
 
-def given_path(path: str | os.PathLike[str]) -> str:
-    """A path as the user gave it."""
+def user_path(path: str | os.PathLike[str]) -> str:
+    """Path as the user gave it: the name of the pipe for a temporary file."""
     return _pipes.get(str(path), str(path))
 
 
-def shown_path(path: str | os.PathLike[str]) -> str:
-    r"""A path as it can be printed.
+def printable_path(path: str | os.PathLike[str]) -> str:
+    r"""Path with escapes for unprintable characters.
 
-    >>> shown_path("scans/new\nline\udce9.ply")
+    >>> printable_path("scans/new\nline\udce9.ply")
     'scans/new\\nline\\udce9.ply'
     """
-    return printable(given_path(path))
+    return escape_unprintable(user_path(path))
 
 
-def shown_name(path: str | os.PathLike[str]) -> str:
-    """The last part of a path as it can be printed."""
-    return printable(_pipes.get(str(path), Path(path).name))
+def printable_name(path: str | os.PathLike[str]) -> str:
+    """Last component of a path with escapes for unprintable characters."""
+    return escape_unprintable(_pipes.get(str(path), Path(path).name))
 
 
-def with_pipes_named(text: str) -> str:
-    """A message in which pipes have their names in the place of temporary files."""
+def replace_pipe_paths(text: str) -> str:
+    """Replace the paths of temporary files in a message by the names of their pipes."""
     for path, name in _pipes.items():
         text = text.replace(path, name)
     return text
 
 
-def printable(text: str) -> str:
-    """A text whose control characters, and bytes that are no text, are escapes: no terminal obeys them."""
+def escape_unprintable(text: str) -> str:
+    """Escape control characters and undecodable bytes of a text, so that no terminal interprets them."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
 
 
 def is_utf8(text: str) -> bool:
-    """Whether all bytes of a path are text; those of others are surrogates."""
+    """Whether a path is valid UTF-8; invalid bytes are surrogates."""
     try:
         text.encode("utf-8")
     except UnicodeEncodeError:

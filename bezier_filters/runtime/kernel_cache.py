@@ -1,8 +1,8 @@
-"""Keeps the machine code of compiled functions on disk, under the key of everything that it is made from.
+"""Disk cache of compiled functions, keyed by a hash of all sources that enter the machine code.
 
-numba's own cache asks whether the file of a function has changed, not whether a file that it calls has; and it mixes up
-variants of a function that two processes compile at the same time. Here every variant has a file of its own, with a
-checksum, in a folder named after the key.
+numba's own cache checks the source file of a function, but not the files of its callees, and confuses variants of a
+function that two processes compile at the same time. Here each variant has its own file with a checksum, in a folder
+named after the key.
 """
 
 import logging
@@ -25,20 +25,20 @@ from bezier_filters.runtime.kernel_folders import kernel_folders
 _logger = logging.getLogger("bezier_filters")
 
 SUFFIX = ".nbc"
-_DIGEST = sha256().digest_size  # bytes
-# settings of numba that change the machine code and that its description of the processor leaves out
+_DIGEST_BYTES = sha256().digest_size
+# settings of numba that change the machine code and are not part of its description of the processor
 _SETTINGS = ("OPT", "BOUNDSCHECK", "LOOP_VECTORIZE", "SLP_VECTORIZE", "DEBUGINFO_DEFAULT")
 
 
 class KernelCache(NullCache):
-    """The variants of one function of this package, in the place of numba's own cache."""
+    """Cache of the variants of one function, which replaces that of numba."""
 
     def __init__(self, function: Callable[..., object]) -> None:
         self._prefix = f"{function.__module__.partition('.')[2]}.{function.__qualname__}-"
 
     @property
     def cache_path(self) -> str | None:
-        """Folder that has variants of this function, else the one that they will be written to, or None."""
+        """Folder with variants of this function, else the folder for new ones, or None."""
         folders = kernel_folders()
         filled = (folder for folder in folders.readable if any(folder.glob(f"{self._prefix}*{SUFFIX}")))
         folder = next(filled, folders.writable)
@@ -62,7 +62,7 @@ class KernelCache(NullCache):
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Write a variant; where that is not possible, a warning says so once."""
+        """Write a variant; if that fails, warn once."""
         if data.lifted or data.library.has_dynamic_globals:  # holds addresses of this process
             return
         folders = kernel_folders()
@@ -71,7 +71,7 @@ class KernelCache(NullCache):
             return
         payload = dumps((sig, data._reduce()))
         try:
-            folders.writable.mkdir(exist_ok=True)  # another process may have deleted it as an old one
+            folders.writable.mkdir(exist_ok=True)  # another process may have deleted it as old
             with atomic_write(folders.writable / self._file_name(sig, data.codegen)) as path:
                 path.write_bytes(sha256(payload).digest() + payload)
         except OSError as error:
@@ -84,8 +84,8 @@ class KernelCache(NullCache):
 
 
 def _unpack(content: bytes, sig: Any) -> Any:
-    """Check the content of a file, and return what was compiled for the signature."""
-    digest, payload = content[:_DIGEST], content[_DIGEST:]
+    """Check the content of a file, and return the serialised variant for the signature."""
+    digest, payload = content[:_DIGEST_BYTES], content[_DIGEST_BYTES:]
     if sha256(payload).digest() != digest:
         raise ValueError("its checksum differs")
     signature, reduced = pickle.loads(payload)

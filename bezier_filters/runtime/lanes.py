@@ -1,10 +1,10 @@
 """Eight numbers at a time: a vector type for compiled code.
 
-Lanes hold a number, float64 or float32, for each of eight vertices. Where numba compiles the functions of this module,
-and the operators + - * / between lanes, lanes live in a vector register, or in two or four narrower ones, and
-arithmetic on them is explicit vector code, which compilers do not reliably make of loops over eight entries. The bodies
-of the functions define what they do; without the compiler they run as they stand, and lanes are arrays of eight
-numbers. Arrays of lanes are flat ones in which the eight numbers lie next to each other; see `aligned`.
+Lanes hold one number, float64 or float32, for each of eight vertices. In compiled code they live in a vector register,
+or in two or four narrower ones, and the operators + - * / and the functions of this module are explicit vector
+instructions, which compilers do not reliably generate from loops over eight entries. The Python bodies of the functions
+define their meaning; without the compiler they run as they are, and lanes are arrays of eight numbers. Arrays of lanes
+are flat, with the eight numbers of an entry adjacent; see `lane_array`.
 """
 
 import operator
@@ -23,8 +23,8 @@ from numba.extending import lower_builtin, models, register_model
 from bezier_filters.arrays import FloatArray, RealArray
 
 LANES = 8
-Place: TypeAlias = int | np.uint32  # in an array; without a sign, compiled code need not ask whether it is from the end
-Lanes: TypeAlias = RealArray  # eight numbers; see above what they are in compiled code
+Place: TypeAlias = int | np.uint32  # index; unsigned ones need no check for negative indices in compiled code
+Lanes: TypeAlias = RealArray  # eight numbers; a vector in compiled code
 
 
 def load(array: RealArray, place: Place) -> Lanes:
@@ -37,13 +37,13 @@ def store(array: RealArray, place: Place, value: Lanes) -> None:
     array[LANES * place : LANES * (place + 1)] = value
 
 
-def spread(number: float | np.float32) -> Lanes:
-    """The same number in all lanes."""
+def broadcast(number: float | np.float32) -> Lanes:
+    """Copy a number to all lanes."""
     return np.full(LANES, number)
 
 
 def multiply_add(a: Lanes, b: Lanes, c: Lanes) -> Lanes:
-    """Lanes a b + c, rounded once where the processor can."""
+    """Lanes a b + c, fused (rounded once) if the processor supports it."""
     return a * b + c
 
 
@@ -53,19 +53,19 @@ def square_root(a: Lanes) -> Lanes:
 
 
 def where_greater(a: Lanes, b: Lanes, chosen: Lanes, other: Lanes) -> Lanes:
-    """Lanes of `chosen` where a > b, and of `other` where not, or where one of them is NaN."""
+    """Lanes of `chosen` where a > b, else of `other`, also for NaN."""
     return np.where(a > b, chosen, other)
 
 
-def aligned(count: int) -> FloatArray:
-    """Array for `count` lanes, holding anything, that starts on a cache line."""
+def lane_array(count: int) -> FloatArray:
+    """Uninitialised array of `count` lanes, aligned to a cache line."""
     memory = np.empty(LANES * (count + 1))
     skip = -(memory.ctypes.data // 8) % LANES
     return memory[skip : skip + LANES * count]
 
 
 class VectorType(types.Type):
-    """Type of some numbers side by side."""
+    """Numba type of a vector of numbers."""
 
     def __init__(self, name: str, number: ir.Type, count: int) -> None:
         super().__init__(name=name)
@@ -74,18 +74,18 @@ class VectorType(types.Type):
 
 @register_model(VectorType)
 class _VectorModel(models.PrimitiveModel):
-    """In a vector register, or in several."""
+    """Data model: one or several vector registers."""
 
     def __init__(self, manager: DataModelManager, numba_type: VectorType) -> None:
         super().__init__(manager, numba_type, numba_type.vector)
 
 
-# writes what compiled code does with some arguments, and returns the result
+# emits LLVM instructions for the arguments of a call and returns its result
 Instructions = Callable[[BaseContext, ir.IRBuilder, Signature, Sequence[ir.Value]], ir.Value]
 
 
 def compile_as(function: Callable[..., object], signatures: Sequence[Signature], instructions: Instructions) -> None:
-    """Let compiled code do with a function, for each of some signatures, what the instructions say."""
+    """Register the instructions of a function in compiled code, for each of its signatures."""
 
     @infer_global(function)
     class _Cases(ConcreteTemplate):
@@ -98,7 +98,7 @@ def compile_as(function: Callable[..., object], signatures: Sequence[Signature],
 def load_vector(
     context: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: Sequence[ir.Value]
 ) -> ir.Value:
-    """Read a vector from an array of them, at a place."""
+    """Emit a vector load from an array at an index."""
     array = signature.args[0]
     address = _address(context, builder, array, signature.return_type.vector, *arguments)
     return builder.load(address, align=array.dtype.bitwidth // 8)
@@ -107,7 +107,7 @@ def load_vector(
 def store_vector(
     context: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: Sequence[ir.Value]
 ) -> ir.Value:
-    """Write a vector to an array of them, at a place."""
+    """Emit a vector store to an array at an index."""
     array, _, value = signature.args
     address = _address(context, builder, array, value.vector, *arguments[:2])
     builder.store(arguments[2], address, align=array.dtype.bitwidth // 8)
@@ -122,14 +122,14 @@ def _address(
     array: ir.Value,
     place: ir.Value,
 ) -> ir.Value:
-    """Where a vector is in an array of them."""
+    """Emit the address of a vector in an array."""
     data = context.make_array(numba_type)(context, builder, array).data
     element = builder.gep(data, [builder.mul(place, ir.Constant(place.type, vector.count))])
     return builder.bitcast(element, vector.as_pointer())
 
 
 def library_function(name: str) -> Instructions:
-    """One of LLVM's functions of vectors; a number stands for a vector of it."""
+    """Instructions that call a vector intrinsic of LLVM; scalar arguments are broadcast."""
 
     def call(
         context: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: Sequence[ir.Value]
@@ -138,13 +138,13 @@ def library_function(name: str) -> Instructions:
         kind = ir.FunctionType(vector, [vector] * len(arguments))
         full_name = f"llvm.{name}.v{vector.count}{vector.element.intrinsic_name}"
         function = cgutils.get_or_insert_function(builder.module, kind, full_name)
-        return builder.call(function, [spread_over(builder, argument, vector) for argument in arguments])
+        return builder.call(function, [broadcast_value(builder, argument, vector) for argument in arguments])
 
     return call
 
 
-def spread_over(builder: ir.IRBuilder, number: ir.Value, vector: ir.VectorType) -> ir.Value:
-    """The same number in all places of a vector; what is one already stays."""
+def broadcast_value(builder: ir.IRBuilder, number: ir.Value, vector: ir.VectorType) -> ir.Value:
+    """Broadcast a number to a vector; vectors are returned unchanged."""
     if number.type == vector:
         return number
     int32, undefined = ir.IntType(32), ir.Constant(vector, ir.Undefined)
@@ -153,25 +153,25 @@ def spread_over(builder: ir.IRBuilder, number: ir.Value, vector: ir.VectorType) 
 
 
 SINGLE_LANES = VectorType("SingleLanes", ir.FloatType(), LANES)
-_KINDS = (VectorType("Lanes", ir.DoubleType(), LANES), types.float64), (SINGLE_LANES, types.float32)
-_TWO = [lanes(lanes, lanes) for lanes, _ in _KINDS]
-compile_as(operator.add, _TWO, lambda context, builder, signature, args: builder.fadd(*args))
-compile_as(operator.sub, _TWO, lambda context, builder, signature, args: builder.fsub(*args))
-compile_as(operator.mul, _TWO, lambda context, builder, signature, args: builder.fmul(*args))
-compile_as(operator.truediv, _TWO, lambda context, builder, signature, args: builder.fdiv(*args))
-compile_as(load, [lanes(types.Array(number, 1, "C"), types.intp) for lanes, number in _KINDS], load_vector)
+_LANE_TYPES = (VectorType("Lanes", ir.DoubleType(), LANES), types.float64), (SINGLE_LANES, types.float32)
+_BINARY = [lanes(lanes, lanes) for lanes, _ in _LANE_TYPES]
+compile_as(operator.add, _BINARY, lambda context, builder, signature, args: builder.fadd(*args))
+compile_as(operator.sub, _BINARY, lambda context, builder, signature, args: builder.fsub(*args))
+compile_as(operator.mul, _BINARY, lambda context, builder, signature, args: builder.fmul(*args))
+compile_as(operator.truediv, _BINARY, lambda context, builder, signature, args: builder.fdiv(*args))
+compile_as(load, [lanes(types.Array(number, 1, "C"), types.intp) for lanes, number in _LANE_TYPES], load_vector)
 compile_as(
-    store, [types.void(types.Array(number, 1, "C"), types.intp, lanes) for lanes, number in _KINDS], store_vector
+    store, [types.void(types.Array(number, 1, "C"), types.intp, lanes) for lanes, number in _LANE_TYPES], store_vector
 )
 compile_as(
-    spread,
-    [lanes(number) for lanes, number in _KINDS],
-    lambda context, builder, signature, args: spread_over(builder, args[0], signature.return_type.vector),
+    broadcast,
+    [lanes(number) for lanes, number in _LANE_TYPES],
+    lambda context, builder, signature, args: broadcast_value(builder, args[0], signature.return_type.vector),
 )
-compile_as(multiply_add, [lanes(lanes, lanes, lanes) for lanes, _ in _KINDS], library_function("fmuladd"))
-compile_as(square_root, [lanes(lanes) for lanes, _ in _KINDS], library_function("sqrt"))
+compile_as(multiply_add, [lanes(lanes, lanes, lanes) for lanes, _ in _LANE_TYPES], library_function("fmuladd"))
+compile_as(square_root, [lanes(lanes) for lanes, _ in _LANE_TYPES], library_function("sqrt"))
 compile_as(
     where_greater,
-    [lanes(lanes, lanes, lanes, lanes) for lanes, _ in _KINDS],
+    [lanes(lanes, lanes, lanes, lanes) for lanes, _ in _LANE_TYPES],
     lambda context, builder, signature, args: builder.select(builder.fcmp_ordered(">", *args[:2]), *args[2:]),
 )

@@ -1,8 +1,7 @@
-"""Runs compiled loops over vertices on several threads, with progress and cancellation.
+"""Parallel loops of compiled kernels over vertices, with progress and cancellation.
 
-The kernels release the interpreter lock, so plain Python threads run them side by side. That
-needs none of numba's threading layers: it is safe to call from several threads at once and
-safe to fork, and each vertex is computed by the same operations whatever the thread count.
+The kernels release the interpreter lock, so that Python threads run them in parallel, without numba's threading layers.
+This is thread-safe and fork-safe, and results do not depend on the number of threads.
 """
 
 import os
@@ -17,7 +16,7 @@ from typing import Any, ParamSpec, TypeVar
 from bezier_filters.errors import CancelledError, InvalidParameterError, is_integer
 from bezier_filters.runtime.blas_memory import check_blas_memory, reserve_blas_memory
 
-# ``progress(done, total)`` is called now and then; returning False cancels
+# ``progress(done, total)`` is called at intervals; returning False cancels
 Progress = Callable[[int, int], bool | None]
 
 RangeTask = Callable[[int, int], object]  # ``task(start, stop)`` computes a range of vertices
@@ -26,22 +25,22 @@ Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 
 THREADS_VARIABLE = "BEZIER_FILTERS_THREADS"
-# vertices per chunk, at least and at most; in between so that each thread has about so many chunks
-CHUNK, LONGEST, PER_THREAD = 4096, 16384, 32
-MOST_THREADS = 256  # beside the calling one
-_threads: ContextVar[int | None] = ContextVar("threads", default=None)  # of the call under way
-_lock, _limits = Lock(), list[Any]()  # of the calls under way, the first of which limits the threads of BLAS
+# bounds on the number of vertices per chunk, and the number of chunks per thread within them
+MIN_CHUNK, MAX_CHUNK, CHUNKS_PER_THREAD = 4096, 16384, 32
+MAX_HELPER_THREADS = 256  # in addition to the calling one
+_threads: ContextVar[int | None] = ContextVar("threads", default=None)  # of the current call
+_lock, _limits = Lock(), list[Any]()  # of the current calls; the first one limits the threads of BLAS
 
 
-def on_threads(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
-    """Let the loops of a public function run on as many threads as its argument `threads` says, matrices on one."""
+def runs_on_threads(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """Decorate a public function: its loops run on `threads` threads, an argument of it, and BLAS on one."""
 
     @wraps(function)
     def run(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
         threads, progress = kwargs.get("threads"), kwargs.get("progress")  # type: Any, Any
         if not (progress is None or callable(progress)):
             raise InvalidParameterError(f"progress: got {progress!r}, expected a function of two numbers, or None")
-        with use_threads(threads), one_thread_for_matrices():
+        with use_threads(threads), single_threaded_blas():
             return function(*args, **kwargs)
 
     return run
@@ -49,7 +48,7 @@ def on_threads(function: Callable[Parameters, Result]) -> Callable[Parameters, R
 
 @contextmanager
 def use_threads(threads: int | None = None) -> Iterator[None]:
-    """Let loops inside the block run on so many threads, by default on those of a block around, or `usable_threads`."""
+    """Set the number of threads of loops inside the block; by default that of the outer block, or `usable_threads`."""
     if threads is None:
         threads = _threads.get() or usable_threads()
     elif not is_integer(threads) or threads < 1:
@@ -62,12 +61,12 @@ def use_threads(threads: int | None = None) -> Iterator[None]:
 
 
 def thread_count() -> int:
-    """Threads that loops run on: those of the innermost block of `use_threads`, and 1 without any."""
+    """Number of threads of loops: that of the innermost block of `use_threads`, else 1."""
     return _threads.get() or 1
 
 
 def usable_threads() -> int:
-    """BEZIER_FILTERS_THREADS, else all usable cores."""
+    """Default number of threads: BEZIER_FILTERS_THREADS, else the number of usable cores."""
     text = os.environ.get(THREADS_VARIABLE)
     if text is None:
         return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -83,35 +82,35 @@ def run_kernel(
     progress: Progress | None = None,
     chunk: int | None = None,
 ) -> None:
-    """Cover range(total) with calls ``kernel(*arguments, start, stop)``, for what needs no work space of its own."""
+    """Cover range(total) with calls ``kernel(*arguments, start, stop)`` of a kernel without scratch arrays."""
     run_in_chunks(lambda: partial(kernel, *arguments), total, progress=progress, chunk=chunk)
 
 
 def run_in_chunks(
     make_task: Callable[[], RangeTask], total: int, *, progress: Progress | None = None, chunk: int | None = None
 ) -> None:
-    """Cover range(total) with chunks, long enough to hide the call, short enough to share and to cancel.
+    """Cover range(total) with chunks, long enough to hide the overhead, short enough to balance and to cancel.
 
-    `make_task` is called once per thread, the calling one being the first: a task may own work space. Loops of a task
-    run on one thread, unless it is the only one. The progress is told in the calling thread after each of its chunks;
-    if that cancels, chunks under way are finished first.
+    `make_task` is called once per thread, so that each task may own scratch arrays; the calling thread comes first.
+    Loops inside a task run on one thread, unless it is the only task. Progress is reported in the calling thread after
+    each of its chunks; on cancellation, current chunks are completed first.
     """
     threads = thread_count()
-    chunk = chunk or max(CHUNK, min(total // (PER_THREAD * threads), LONGEST))
-    if 0 < total <= chunk:  # nothing to share: many loops over small meshes take no longer than all that is below
+    chunk = chunk or max(MIN_CHUNK, min(total // (CHUNKS_PER_THREAD * threads), MAX_CHUNK))
+    if 0 < total <= chunk:  # one chunk: for small meshes the code below would take as long as the loop
         make_task()(0, total)
         report(progress, total, total)
         return
-    each = max(1, -(-total // (chunk * threads)))  # chunks for every thread, lest it wait for the last one of another
+    each = max(1, -(-total // (chunk * threads)))  # chunks per thread, all of equal size
     chunk = min(chunk, max(1, -(-total // (each * threads))))
-    starts = iter(range(0, total, chunk))  # next() on an iterator of ints is atomic: the threads share it
+    starts = iter(range(0, total, chunk))  # shared by the threads: next() on a range iterator is atomic
     threads = max(1, min(threads, -(-total // chunk)))
     done = [0] * threads
 
     def work(thread: int, task: RangeTask) -> None:
         try:
             if thread >= usable_threads():
-                check_blas_memory()  # for others there is room
+                check_blas_memory()  # the first ones have reserved buffers
             for start in starts:
                 stop = min(start + chunk, total)
                 task(start, stop)
@@ -119,25 +118,25 @@ def run_in_chunks(
                 if thread == 0:
                     report(progress, sum(done), total)
         except BaseException:
-            for _ in starts:  # no thread begins another chunk
+            for _ in starts:  # exhausted, so that no thread starts another chunk
                 pass
             raise
 
     if threads == 1:
         work(0, make_task())
         return
-    work_beside = use_threads(1)(work)
+    work_alone = use_threads(1)(work)
     helpers = list[Future[None]]()
     try:
         for thread in range(1, threads):
-            helpers.append(_pool().submit(work_beside, thread, make_task()))
-        work_beside(0, make_task())
+            helpers.append(_pool().submit(work_alone, thread, make_task()))
+        work_alone(0, make_task())
     except BaseException:
         for _ in starts:  # an interrupt may come before all threads have work
             pass
         raise
     finally:
-        # those that have not begun are not needed any more: threads may all be at work for others, or for the caller
+        # Helpers that have not started are cancelled: all threads of the pool may be busy.
         begun = [helper for helper in helpers if not helper.cancel()]
         wait(begun)
     for helper in begun:
@@ -147,8 +146,8 @@ def run_in_chunks(
 
 @cache
 def _pool() -> ThreadPoolExecutor:
-    """Threads that wait for work, as many as were ever needed: to start new ones takes as long as a short loop."""
-    return ThreadPoolExecutor(MOST_THREADS, thread_name_prefix="bezier_filters")
+    """Pool of helper threads, which are kept: starting one takes as long as a short loop."""
+    return ThreadPoolExecutor(MAX_HELPER_THREADS, thread_name_prefix="bezier_filters")
 
 
 if hasattr(os, "register_at_fork"):
@@ -157,30 +156,30 @@ if hasattr(os, "register_at_fork"):
 
 
 def report(progress: Progress | None, done: int, total: int) -> None:
-    """Tell how far the work has come; raise `CancelledError` if that is answered by False."""
+    """Call the progress callback; raise `CancelledError` if it returns False."""
     if progress is not None and progress(done, total) is False:
         raise CancelledError("cancelled by the progress callback; nothing was changed")
 
 
 @contextmanager
-def one_thread_for_matrices() -> Iterator[None]:
-    """Around work with small matrices: the threads of BLAS would spend most of their time on waiting for each other.
+def single_threaded_blas() -> Iterator[None]:
+    """Limit BLAS to one thread inside the block: for small matrices synchronisation takes longer than the work.
 
-    The limit holds for the process until the last of several calls at a time has ended, in whatever threads they are.
+    The limit applies to the whole process until the last of several concurrent blocks ends.
     """
     with _lock:
-        _limits.append(None if _limits else _from_this_thread(lambda: _blas().limit(limits=1, user_api="blas")))
+        _limits.append(None if _limits else _change_blas_limit(lambda: _blas().limit(limits=1, user_api="blas")))
     try:
         yield
     finally:
         with _lock:
             limit = _limits.pop() if len(_limits) == 1 else _limits.pop(1)
             if limit is not None:
-                _from_this_thread(limit.restore_original_limits)
+                _change_blas_limit(limit.restore_original_limits)
 
 
-def _from_this_thread(change: Callable[[], Result]) -> Result:
-    """Change the limit of BLAS; since version 3.7, threadpoolctl ignores all threads but the first that did so."""
+def _change_blas_limit(change: Callable[[], Result]) -> Result:
+    """Change the limit of BLAS from any thread; threadpoolctl 3.7 accepts only the first thread that did so."""
     libraries = [library for library in _blas().lib_controllers if hasattr(library, "clear_controlling_thread")]
     for library in libraries:
         library.clear_controlling_thread(force=True)
@@ -193,8 +192,8 @@ def _from_this_thread(change: Callable[[], Result]) -> Result:
 
 @cache
 def _blas() -> Any:
-    """The libraries of NumPy and SciPy, which take some milliseconds to find."""
-    import scipy.linalg  # noqa: F401  # has one of its own
+    """Controller of the BLAS libraries of NumPy and SciPy; finding them takes some milliseconds."""
+    import scipy.linalg  # noqa: F401  # loads its own BLAS
     from threadpoolctl import ThreadpoolController
 
     found = ThreadpoolController()
@@ -204,8 +203,8 @@ def _blas() -> Any:
 
 
 @contextmanager
-def one_thread_of_openmp() -> Iterator[None]:
-    """Around calls of libraries that share loops among threads of OpenMP: a fork waits for ever for those it lacks."""
+def single_threaded_openmp() -> Iterator[None]:
+    """Limit OpenMP to one thread inside the block: a forked process would wait forever for threads it does not have."""
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1, user_api="openmp"):

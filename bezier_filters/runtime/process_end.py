@@ -1,7 +1,7 @@
-"""How a process ends: when it is asked to, in order if it can, at once if it cannot, and with its parent.
+"""Termination of a process: orderly on a signal, forced after a grace period, and together with its parent.
 
-Python handles a signal between two steps of its own, so compiled code makes it wait, for minutes or for ever. A thread
-that the system tells of each signal at once therefore ends the process if its main thread does not.
+Python handles signals between bytecodes, so that compiled code delays them, for minutes or forever. A watcher thread,
+which the system notifies of each signal at once, ends the process if its main thread does not.
 """
 
 import os
@@ -19,17 +19,17 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from socket import socket
 
-GRACE = 3.0  # seconds that a process has to end in order
-REPEAT = 0.3  # seconds: signals that follow the first one sooner belong to it, as terminals tell all processes
-PARENT = "BEZIER_FILTERS_PARENT"  # variable with the id of the process that the one that gets it shall end with
-_POLL = 0.5  # seconds between looks for the parent
+GRACE_SECONDS = 3.0  # for an orderly end
+REPEAT_SECONDS = 0.3  # signals that follow sooner are repetitions: terminals signal all processes
+PARENT_VARIABLE = "BEZIER_FILTERS_PARENT"  # id of the process with which the receiver of this variable ends
+_POLL_SECONDS = 0.5  # between checks for the parent
 
-_temporaries: dict[Path, None] = {}  # files and folders of this process that are to go away, in order
+_temporaries: dict[Path, None] = {}  # files and folders to remove, in order
 
 
 @contextmanager
-def removed_at_last(path: Path) -> Iterator[None]:
-    """Remove a file or folder with what is in it, should the process be ended before the block is."""
+def remove_on_exit(path: Path) -> Iterator[None]:
+    """Remove a file or folder and its content if the process ends before the block does."""
     _temporaries[path] = None
     try:
         yield
@@ -37,19 +37,19 @@ def removed_at_last(path: Path) -> Iterator[None]:
         _temporaries.pop(path, None)
 
 
-def end_on_signals(*numbers: int, grace: float = GRACE) -> None:
-    """Let the first of these signals raise SystemExit, or KeyboardInterrupt, and end the process if that is no use.
+def end_on_signals(*numbers: int, grace: float = GRACE_SECONDS) -> None:
+    """Let the first of these signals raise SystemExit, or KeyboardInterrupt, and end the process if it does not end.
 
-    That is so many seconds later, or when one comes again: long work of a library does not let Python raise anything.
-    Signals that are ignored, as nohup has it, stay so.
+    It is ended after the grace period or at the next signal: during long calls of a library Python cannot raise.
+    Signals that are ignored, as by nohup, stay ignored.
     """
-    from socket import socketpair  # which the process that only waits does without
+    from socket import socketpair  # not imported in processes that only wait
 
     asked = False
 
     def end(number: int, _frame: FrameType | None) -> None:
         nonlocal asked
-        if asked:  # what is being cleaned up is not disturbed
+        if asked:  # cleaning up is not interrupted
             return
         asked = True
         if number == signal.SIGINT:
@@ -57,22 +57,22 @@ def end_on_signals(*numbers: int, grace: float = GRACE) -> None:
         raise SystemExit(128 + number)
 
     handled = [number for number in numbers if signal.getsignal(number) != signal.SIG_IGN]
-    reading, writing = socketpair()  # which set_wakeup_fd takes on every system
+    reading, writing = socketpair()  # set_wakeup_fd accepts sockets on every system
     writing.setblocking(False)
     signal.set_wakeup_fd(writing.detach(), warn_on_full_buffer=False)
-    threading.Thread(target=_end_at_last, args=(reading, frozenset(handled), grace), daemon=True).start()
+    threading.Thread(target=_end_after_signal, args=(reading, frozenset(handled), grace), daemon=True).start()
     for number in handled:
         signal.signal(number, end)
 
 
-def _end_at_last(signals: "socket", numbers: frozenset[int], grace: float) -> None:
-    """Wait for one of some signals, give the process time to end in order, and end it."""
+def _end_after_signal(signals: "socket", numbers: frozenset[int], grace: float) -> None:
+    """Wait for one of the signals, then for the grace period or a second signal, and end the process."""
     first = 0
     while first not in numbers:
         first = signals.recv(1)[0]
     start = time.monotonic()
-    while (left := start + grace - time.monotonic()) > 0.0 and select.select([signals], [], [], left)[0]:
-        if signals.recv(1)[0] in numbers and time.monotonic() - start > REPEAT:
+    while (rest := start + grace - time.monotonic()) > 0.0 and select.select([signals], [], [], rest)[0]:
+        if signals.recv(1)[0] in numbers and time.monotonic() - start > REPEAT_SECONDS:
             break
     _remove_temporaries()
     os._exit(128 + first)
@@ -86,26 +86,26 @@ def _remove_temporaries() -> None:
             path.unlink() if path.is_file() else rmtree(path)
 
 
-def variables_of_child() -> dict[str, str]:
-    """Environment of a command ``bezier-filters`` that shall end with this process."""
-    return {**os.environ, PARENT: str(os.getpid())}
+def child_environment() -> dict[str, str]:
+    """Environment of a command ``bezier-filters`` that ends with this process."""
+    return {**os.environ, PARENT_VARIABLE: str(os.getpid())}
 
 
 def end_with_parent(parent: int) -> None:
-    """Send SIGTERM to this process when the one with this id, which started it, is gone, however that ended."""
-    threading.Thread(target=_end_after, args=(parent,), daemon=True).start()
+    """Send SIGTERM to this process when its parent, with this id, has ended for any reason."""
+    threading.Thread(target=_end_after_parent, args=(parent,), daemon=True).start()
 
 
-def _end_after(parent: int) -> None:
+def _end_after_parent(parent: int) -> None:
     if sys.platform == "win32":
         import _winapi
         from multiprocessing.connection import wait
 
         wait([_winapi.OpenProcess(_winapi.SYNCHRONIZE, False, parent)])
-        os.kill(os.getpid(), signal.SIGTERM)  # there, an end without any order
+        os.kill(os.getpid(), signal.SIGTERM)  # on Windows this ends the process at once
     else:
         while os.getppid() == parent:
-            time.sleep(_POLL)
+            time.sleep(_POLL_SECONDS)
         main = threading.main_thread().ident
         if main is not None:
-            signal.pthread_kill(main, signal.SIGTERM)  # only a signal to this thread ends what it waits for
+            signal.pthread_kill(main, signal.SIGTERM)  # only a signal to this thread interrupts its system calls

@@ -1,4 +1,4 @@
-"""Runs jobs in a few processes; a job that fails, or ends its process, costs nothing but itself."""
+"""Pool of worker processes in which a job that fails, or crashes its process, affects no other job."""
 
 import multiprocessing
 import os
@@ -11,19 +11,19 @@ from multiprocessing.context import SpawnProcess
 from typing import Any, TypeVar
 
 from bezier_filters.runtime.parallel import THREADS_VARIABLE
-from bezier_filters.runtime.process_end import GRACE, end_on_signals, end_with_parent
-from bezier_filters.runtime.supervision import crash_message, this_process_is_expendable
+from bezier_filters.runtime.process_end import GRACE_SECONDS, end_on_signals, end_with_parent
+from bezier_filters.runtime.supervision import crash_message, mark_expendable
 
 Job = TypeVar("Job")
 
-_SPAWN = multiprocessing.get_context("spawn")  # a forked copy of threads and compiled kernels may hang
-# seconds that workers have to end in order, and after which they are killed: all within those of this process
-_OF_WORKERS, _PATIENCE = GRACE / 2.0, GRACE * 0.75
+_SPAWN = multiprocessing.get_context("spawn")  # a fork with threads may deadlock
+# time for an orderly end of workers, and time after which they are killed: both within the grace period of this process
+_WORKER_GRACE_SECONDS, _WORKER_KILL_SECONDS = GRACE_SECONDS / 2.0, GRACE_SECONDS * 0.75
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a job: what the function returned or, in one line, why it failed."""
+    """Result of a job, or the reason of its failure in one line."""
 
     result: Any
     error: str
@@ -35,11 +35,11 @@ def run_in_processes(
 ) -> Generator[tuple[int, Outcome], None, None]:
     """Call a function for every job, each in one of a few processes.
 
-    It is found by its name in a module, and jobs and results go through pipes. BEZIER_FILTERS_THREADS comes before the
-    threads of each worker. Outcomes come as they finish, after the index of the job.
+    The function must be importable by name; jobs and results are pickled. BEZIER_FILTERS_THREADS overrides `threads`,
+    the number of threads per worker. Yields the index and the outcome of each job, in order of completion.
 
-    A worker that dies, for example because a library aborts on a damaged file, is replaced. When the iterator is
-    closed or an exception such as KeyboardInterrupt goes through it, the workers are ended.
+    A worker that dies, for example because a library aborts on a damaged file, is replaced. Closing the iterator, or an
+    exception such as KeyboardInterrupt inside it, ends the workers.
 
     >>> outcomes = dict(run_in_processes(abs, [-1, "x"], processes=1))
     >>> outcomes[0].result, outcomes[1].error
@@ -63,27 +63,27 @@ def run_in_processes(
                     idle.append(worker)
                 except (EOFError, OSError):
                     worker.process.join()
-                    result, error = None, last_words(worker.process.exitcode or 0)
+                    result, error = None, describe_exit(worker.process.exitcode or 0)
                 yield index, Outcome(result, error, time.perf_counter() - start)
     finally:
         workers = [*idle, *(worker for worker, _, _ in busy.values())]
         for worker in workers:
             worker.process.terminate()
-        end = time.monotonic() + _PATIENCE
+        end = time.monotonic() + _WORKER_KILL_SECONDS
         for worker in workers:
             worker.process.join(max(0.0, end - time.monotonic()))
-            worker.process.kill()  # hung in a library
+            worker.process.kill()  # if it hangs in a library
             worker.process.join()
 
 
 @dataclass(frozen=True)
 class _Worker:
     process: SpawnProcess
-    connection: Connection  # of its own: pools with one pipe for all are lost with an idle worker that is killed
+    connection: Connection  # one per worker: a pipe shared by all breaks when an idle worker is killed
 
 
-def last_words(status: int) -> str:
-    """How a process ended that had this exit status."""
+def describe_exit(status: int) -> str:
+    """Message for a worker that ended with an exit status."""
     if status < 0:
         return f"the process that worked on it {crash_message(status, 'reading it')}"
     return f"the process that worked on it was ended with exit status {status}"
@@ -93,22 +93,22 @@ def _start(function: Callable[[Job], object], threads: int) -> _Worker:
     ours, theirs = _SPAWN.Pipe()
     process = _SPAWN.Process(target=_serve, args=(function, theirs, threads, os.getpid()), daemon=True)
     process.start()
-    theirs.close()  # only the worker holds this end now, so that its death is noticed
+    theirs.close()  # only the worker holds this end, so that its death closes the pipe
     return _Worker(process, ours)
 
 
 def _serve(function: Callable[[Job], object], connection: Connection, threads: int, parent: int) -> None:
-    """What a worker does: answer every job with a result and an error."""
-    this_process_is_expendable()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends its workers itself,
-    end_on_signals(signal.SIGTERM, grace=_OF_WORKERS)  # in order: nothing is left half written
+    """Loop of a worker: answer each job with a result and an error."""
+    mark_expendable()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends its workers itself
+    end_on_signals(signal.SIGTERM, grace=_WORKER_GRACE_SECONDS)  # orderly, so that no file is half written
     end_with_parent(parent)
     os.environ.setdefault(THREADS_VARIABLE, str(threads))
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # libraries print there, and the parent's output may be JSON
     while True:
         try:
             job = connection.recv()
-        except EOFError:  # the parent is gone
+        except EOFError:  # the parent has ended
             return
         try:
             connection.send((function(job), ""))

@@ -15,7 +15,7 @@ from bezier_filters.estimation.outlier_removal import rebase_displacements
 from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, empty_geometry
 from bezier_filters.fields import CURVATURE, ESTIMATES, PREFIX, QUALITY, TORSION, Field, fields_of, values_of
 from bezier_filters.learning.model_tree import leaves
-from bezier_filters.runtime.parallel import one_thread_for_matrices
+from bezier_filters.runtime.parallel import single_threaded_blas
 from bezier_filters.scale.array_file import Values
 from bezier_filters.scale.halo import TilePart, tile_part
 from bezier_filters.scale.learn import FitOptions, learn_fit, mesh_to_fit, rings_needed
@@ -30,7 +30,7 @@ ALL = "all"  # every estimate
 QUALITIES = {CURVATURE: "mean", TORSION: "torsion", ALL: "mean"}  # what is the quality, if nothing is said
 
 
-@one_thread_for_matrices()
+@single_threaded_blas()
 def estimate_file(
     source: SourcePath,
     target: str | os.PathLike[str],

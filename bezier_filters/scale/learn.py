@@ -22,7 +22,7 @@ from bezier_filters.estimation.fit_options import check_detail, check_fit_noise,
 from bezier_filters.estimation.noise_free import estimate_noise
 from bezier_filters.estimation.outlier_removal import OUTLIER_REACH, move_outliers
 from bezier_filters.estimation.vertex_geometry import empty_geometry
-from bezier_filters.kernels.kernel_input import KernelMesh, fitted_mesh, with_steady_normals
+from bezier_filters.kernels.kernel_input import KernelMesh, prepare_kernel_mesh, use_smoothed_normals
 from bezier_filters.learning.fit_spec import FitConstraints
 from bezier_filters.learning.learn import SAMPLES_PER_RING, SampleMode, learn_from_samples, sample_by_mode
 from bezier_filters.learning.model_tree import Leaf, leaves
@@ -177,10 +177,10 @@ def _sample_at(
 
 def mesh_to_fit(mesh: TriangleMesh, creases: bool, without: bool, steady: bool = False) -> tuple[KernelMesh, Adjacency]:
     """What the kernels fit of a part of a mesh, maybe without its outliers, with averages of normals: see `_reach`."""
-    arrays, adjacency = fitted_mesh(mesh, creases=creases)
+    arrays, adjacency = prepare_kernel_mesh(mesh, creases=creases)
     if without:
         arrays = move_outliers(arrays, adjacency)
-    return with_steady_normals(arrays) if steady else arrays, adjacency
+    return use_smoothed_normals(arrays) if steady else arrays, adjacency
 
 
 def _have_normals(part: Part) -> BoolArray:

@@ -17,9 +17,9 @@ from typing import Any, TypeAlias, TypeVar
 
 from bezier_filters.errors import CancelledError, InvalidParameterError
 from bezier_filters.runtime.parallel import THREADS_VARIABLE, Progress, report
-from bezier_filters.runtime.process_end import end_with_parent, variables_of_child
-from bezier_filters.runtime.supervision import NEEDS_A_LOOK
-from bezier_filters.runtime.worker_processes import Outcome, last_words
+from bezier_filters.runtime.process_end import child_environment, end_with_parent
+from bezier_filters.runtime.supervision import EXIT_INCOMPLETE
+from bezier_filters.runtime.worker_processes import Outcome, describe_exit
 
 # None, "threads", "processes", "synchronous", an address such as "tcp://host:8786", or a `distributed.Client`
 Scheduler: TypeAlias = Any
@@ -175,14 +175,14 @@ def run_command_line(job: tuple[int, Sequence[str]]) -> tuple[int, Outcome]:
         capture_output=True,
         text=True,
         stdin=subprocess.DEVNULL,
-        env={THREADS_VARIABLE: "1", **variables_of_child()},
+        env={THREADS_VARIABLE: "1", **child_environment()},
         check=False,
     )
     seconds, said = time.perf_counter() - start, done.stderr.strip().splitlines()
-    if done.returncode in (0, NEEDS_A_LOOK):
+    if done.returncode in (0, EXIT_INCOMPLETE):
         return index, Outcome(json.loads(done.stdout), "", seconds)
     has_said_why = said and done.returncode > 0
-    error = said[-1].removeprefix("bezier-filters: ") if has_said_why else last_words(done.returncode)
+    error = said[-1].removeprefix("bezier-filters: ") if has_said_why else describe_exit(done.returncode)
     return index, Outcome(None, error, seconds)
 
 

@@ -24,7 +24,7 @@ from bezier_filters.meshes.adjacency import Adjacency, incoherent_vertices, vert
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.spatial_order import by_levels
 from bezier_filters.runtime.atomic import atomic_write
-from bezier_filters.runtime.parallel import one_thread_for_matrices
+from bezier_filters.runtime.parallel import single_threaded_blas
 from bezier_filters.scale.array_file import ArrayFile, Values, saved_array
 from bezier_filters.scale.components import StoredComponents, labelled_vertices, unite_components
 from bezier_filters.scale.estimate import fit_tile
@@ -69,7 +69,7 @@ LARGEST_TILE = 5 << 18  # vertices: tiles of the automatic smoothing have many r
 COUNTS = ("flipped before", "flipped after", "degenerate before", "degenerate after", "new")
 
 
-@one_thread_for_matrices()
+@single_threaded_blas()
 def smooth_file(
     source: SourcePath,
     target: str | os.PathLike[str],

@@ -19,7 +19,7 @@ from bezier_filters.files.mesh_headers import (
     PlyHeader,
     parse_header,
 )
-from bezier_filters.runtime.checksums import checksum_of
+from bezier_filters.runtime.checksums import file_checksum
 from bezier_filters.scale.array_file import ArrayFile, DType, Values, load_array
 
 # a PLY file, or a pair of NPY files with vertices (n, 3) and faces (m, 3)
@@ -169,4 +169,4 @@ def _open_npy(path: Path, kinds: str) -> ArrayFile:
 
 def _fingerprint(path: Path) -> list[str | int]:
     status = path.stat()
-    return [path.name, status.st_size, status.st_mtime_ns, checksum_of(path)]
+    return [path.name, status.st_size, status.st_mtime_ns, file_checksum(path)]

@@ -22,7 +22,7 @@ from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.spatial_order import Grid, grid_around, widen_bounds
 from bezier_filters.meshes.unit_size import MOST_BITS, size_exponent
 from bezier_filters.runtime.atomic import atomic_write
-from bezier_filters.runtime.checksums import checksum_of
+from bezier_filters.runtime.checksums import file_checksum
 from bezier_filters.runtime.jit import jit
 from bezier_filters.runtime.parallel import Progress, report
 from bezier_filters.scale.array_file import ArrayFile, load_array
@@ -132,7 +132,7 @@ def open_store(folder: Path, fingerprint: Fingerprint) -> Store:
             "remove it to start anew"
         )
     for name in FILES:
-        if not (folder / name).is_file() or checksum_of(folder / name) != checksums.get(name):
+        if not (folder / name).is_file() or file_checksum(folder / name) != checksums.get(name):
             raise FieldFileError(f"{folder / name} is damaged or missing; remove the folder")
     if _checksum(layout) != checksums.get(LAYOUT):
         raise FieldFileError(f"{folder / MANIFEST} is damaged; remove the folder")
@@ -150,7 +150,7 @@ def build_store(source: MeshSource, folder: Path, tile_vertices: int, *, progres
     store = Store(folder, layout, ArrayFile(folder / VERTICES, np.dtype((source.dtype, 3)), n).allocated())
     _sort_vertices(source, store, passes)
     _sort_faces(source, store, passes)
-    checksums = {name: checksum_of(folder / name) for name in FILES}
+    checksums = {name: file_checksum(folder / name) for name in FILES}
     checksums[LAYOUT] = _checksum(layout)
     manifest = {"format": FORMAT, "source": source.fingerprint(), "checksums": checksums, "layout": vars(layout)}
     with atomic_write(folder / MANIFEST) as temporary:  # which declares it to be complete

@@ -19,8 +19,8 @@ import numpy as np
 
 from bezier_filters.arrays import FloatArray, RealArray, SingleArray
 from bezier_filters.runtime.jit import inner_jit, jit
-from bezier_filters.runtime.parallel import LONGEST, run_kernel
-from bezier_filters.runtime.rows import Row, add_scaled, row_of, scaled, write_row, zero_row
+from bezier_filters.runtime.parallel import MAX_CHUNK, run_kernel
+from bezier_filters.runtime.rows import Row, add_scaled_row, load_row, scale_row, store_row, zero_row
 from bezier_filters.smoothing.laplacian import Laplacian
 
 SIGNALS_PER_PASS = 4  # signals that are filtered together
@@ -150,7 +150,7 @@ def _run(
     The results of the kernel are as large as the signals times the filters, so it runs in every third step only.
     """
     before, current = np.zeros((2, *signals.shape), dtype=np.float32)
-    run = partial(run_kernel, chunk=LONGEST)  # to wake a thread takes as long as 4,000 vertices
+    run = partial(run_kernel, chunk=MAX_CHUNK)  # to wake a thread takes as long as 4,000 vertices
     run(_differences, len(signals), laplacian, signals, current)
     scale = np.float32(2.0 / laplacian.bound)
     rows = np.zeros((len(series) + -len(series) % 3, series.shape[1]), dtype=np.float32)  # in threes
@@ -185,12 +185,12 @@ def _advance_row(laplacian: Laplacian, step: Step, i: int) -> Row:
     scale, factor, before, current = step
     total = zero_row()
     for q in range(np.uint32(laplacian.indptr[i]), np.uint32(laplacian.indptr[i + 1])):
-        total = add_scaled(laplacian.weights[q], row_of(current, laplacian.indices[q]), total)
+        total = add_scaled_row(laplacian.weights[q], load_row(current, laplacian.indices[q]), total)
     rate = factor * scale * laplacian.rates[i]
     own, kept = rate - factor, factor - np.float32(1.0)
-    value = add_scaled(own, row_of(current, i), scaled(-rate, total))
-    value = add_scaled(-kept, row_of(before, i), value)
-    write_row(before, i, value)
+    value = add_scaled_row(own, load_row(current, i), scale_row(-rate, total))
+    value = add_scaled_row(-kept, load_row(before, i), value)
+    store_row(before, i, value)
     return value
 
 
@@ -205,14 +205,16 @@ def _advance_and_mix(
     laplacian: Laplacian, step: Step, rows: SingleArray, shares: SingleArray, result: SingleArray, start: int, stop: int
 ) -> None:
     for i in range(np.uint32(start), np.uint32(stop)):
-        before, value = row_of(step.before, i), _advance_row(laplacian, step, i)
+        before, value = load_row(step.before, i), _advance_row(laplacian, step, i)
         first = second = third = np.float32(0.0)
         for s in range(rows.shape[1]):
             first += shares[i, s] * rows[0, s]
             second += shares[i, s] * rows[1, s]
             third += shares[i, s] * rows[2, s]
-        mixed = add_scaled(first, before, add_scaled(second, row_of(step.current, i), scaled(third, value)))
-        write_row(result, i, add_scaled(np.float32(1.0), mixed, row_of(result, i)))
+        mixed = add_scaled_row(
+            first, before, add_scaled_row(second, load_row(step.current, i), scale_row(third, value))
+        )
+        store_row(result, i, add_scaled_row(np.float32(1.0), mixed, load_row(result, i)))
 
 
 @jit(fastmath=FAST_MATH_FLAGS)

@@ -18,9 +18,9 @@ from bezier_filters.meshes.adjacency import Adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.triangles import has_corner, unit_normal
 from bezier_filters.runtime.jit import inner_jit, jit
-from bezier_filters.runtime.lanes import LANES, Place, load, multiply_add, spread, square_root, store, where_greater
+from bezier_filters.runtime.lanes import LANES, Place, broadcast, load, multiply_add, square_root, store, where_greater
 from bezier_filters.runtime.parallel import RangeTask, run_in_chunks, run_kernel
-from bezier_filters.runtime.rows import NUMBERS, first_twice, inner_products, vectors
+from bezier_filters.runtime.rows import ROW_LENGTH, duplicate_low, inner_products, zero_w
 from bezier_filters.smoothing.chebyshev import Step, coefficients
 from bezier_filters.smoothing.laplacian import MeshStars, mesh_stars
 
@@ -28,7 +28,7 @@ MIN_NORMAL_VARIANCE = 1e-12  # lower bound of the variance of a normal, radians^
 WEIGHT_SQUARINGS = 5
 WEIGHT_POWER = 2**WEIGHT_SQUARINGS  # weights are (1 - x / power)^power, nearly exp(-x) and fast to compute
 UPDATE_ROUNDS = 20  # more would fit the normals better, but the vertices would drift from their measured positions
-ONE, FOUR, EIGHT = np.uint32(1), np.uint32(NUMBERS), np.uint32(LANES)  # unsigned, see `lanes.Place`
+ONE, FOUR, EIGHT = np.uint32(1), np.uint32(ROW_LENGTH), np.uint32(LANES)  # unsigned, see `lanes.Place`
 AREA_LANE, VARIANCE_LANE = np.uint32(3), np.uint32(7)  # lanes of a face, see `NoisyNormals`
 UPDATE_TERMS = 10  # terms of the polynomial that is equivalent to all rounds
 
@@ -55,13 +55,13 @@ class NoisyNormals(NamedTuple):
         return self._part(1)
 
     def _part(self, number: int) -> SingleArray:
-        return self.rows.reshape(len(self.faces), -1, NUMBERS)[:, number, :3]
+        return self.rows.reshape(len(self.faces), -1, ROW_LENGTH)[:, number, :3]
 
 
 def noisy_normals(mesh: TriangleMesh, adjacency: Adjacency, probe: TriangleMesh, noise: SingleArray) -> NoisyNormals:
     """Normals of two meshes, and first-order changes of the first ones by samples of vertex noise (n, k, 3)."""
     m, at_vertex = mesh.face_count, adjacency.faces
-    rows = np.zeros((m * (2 + noise.shape[1]), NUMBERS), dtype=np.float32)
+    rows = np.zeros((m * (2 + noise.shape[1]), ROW_LENGTH), dtype=np.float32)
     state = NoisyNormals(mesh.faces, rows, at_vertex.indptr, at_vertex.indices)
     run_kernel(_write_normals, m, mesh.vertices, probe.vertices, noise, state)
     return state
@@ -194,30 +194,30 @@ def _filter(
     Work space for the faces around one and the lanes of their weights.
     """
     pairs = np.uint32(len(rows) // (LANES * len(state.faces)))  # of rows for each face
-    one, zero = spread(np.float32(1.0)), spread(np.float32(0.0))
+    one, zero = broadcast(np.float32(1.0)), broadcast(np.float32(0.0))
     for f in range(np.uint32(start), np.uint32(stop)):
         own, count = pairs * f, _faces_around(state, f, around)
         here, area, variance = load(rows, own), rows[EIGHT * own + AREA_LANE], rows[EIGHT * own + VARIANCE_LANE]
-        normals = spread(area) * here
+        normals = broadcast(area) * here
         for q in range(np.uint32(count)):
             g = pairs * np.uint32(around[q])
             there, scale = load(rows, g), np.float32(-0.5 / WEIGHT_POWER) / (variance + rows[EIGHT * g + VARIANCE_LANE])
             # Agreement of the two normals with those of the other face.
-            weight = one + spread(scale) * inner_products(here - there, here - there)
+            weight = one + broadcast(scale) * inner_products(here - there, here - there)
             weight = where_greater(weight, zero, weight, zero)
             for _ in range(WEIGHT_SQUARINGS):
                 weight = weight * weight
-            weight = weight * spread(rows[EIGHT * g + AREA_LANE])
+            weight = weight * broadcast(rows[EIGHT * g + AREA_LANE])
             normals = multiply_add(weight, there, normals)
-            store(weights, q, first_twice(weight))
+            store(weights, q, duplicate_low(weight))
         lengths = square_root(inner_products(normals, normals))
-        normals = vectors(where_greater(lengths, zero, normals / lengths, normals))
+        normals = zero_w(where_greater(lengths, zero, normals / lengths, normals))
         store(means, own, normals)
         means[EIGHT * own + AREA_LANE] = area
-        normal, inverse = first_twice(normals), first_twice(where_greater(lengths, zero, one / lengths, zero))
+        normal, inverse = duplicate_low(normals), duplicate_low(where_greater(lengths, zero, one / lengths, zero))
         total = np.float32(0.0)
         for k in range(ONE, pairs):
-            samples = spread(area) * load(rows, own + k)
+            samples = broadcast(area) * load(rows, own + k)
             for q in range(np.uint32(count)):
                 samples = multiply_add(load(weights, q), load(rows, pairs * np.uint32(around[q]) + k), samples)
             samples = inverse * samples

@@ -18,7 +18,7 @@ from bezier_filters.meshes.half_edges import unclear_vertices
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
 from bezier_filters.meshes.spatial_order import read_in_turn
 from bezier_filters.meshes.unit_size import LENGTH, VOLUME, normalizes_size
-from bezier_filters.runtime.parallel import Progress, on_threads
+from bezier_filters.runtime.parallel import Progress, runs_on_threads
 from bezier_filters.smoothing.denoise import SmoothingOptions
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.volume import (
@@ -140,7 +140,7 @@ class SmoothingResult:
 
 @takes_arrays
 @normalizes_size("noise", "detail")
-@on_threads
+@runs_on_threads
 def smooth(
     vertices: ArrayLike,
     faces: ArrayLike,

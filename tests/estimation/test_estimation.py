@@ -206,7 +206,7 @@ class TestInvariance:
         np.testing.assert_allclose(after.geodesic_torsion, before.geodesic_torsion, atol=1e-9)
 
     def test_thread_count_changes_nothing(self, options, monkeypatch):
-        monkeypatch.setattr("bezier_filters.runtime.parallel.CHUNK", 100)
+        monkeypatch.setattr("bezier_filters.runtime.parallel.MIN_CHUNK", 100)
         surface = torus(jitter=0.3, resolution=14)
         one, three = (
             estimate_vertex_geometry(surface.vertices, surface.faces, threads=threads, **options) for threads in (1, 3)

@@ -13,7 +13,7 @@ from bezier_filters import FitStatus, PatchFit, estimate_vertex_geometry
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.fallbacks import fallback_chain, fit_with_fallbacks
 from bezier_filters.estimation.vertex_geometry import empty_geometry
-from bezier_filters.kernels.kernel_input import fitted_mesh
+from bezier_filters.kernels.kernel_input import prepare_kernel_mesh
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, torus
 
@@ -114,7 +114,7 @@ def test_with_any_small_s_it_is_so_too(mesh, count, alpha, rings, seed):
     affine = np.linalg.qr(np.stack([np.ones(16), i, j], axis=1))[0]
     rows -= rows @ affine @ affine.T  # as the paper's S does: else the patch is no height field
     fit = GivenRows(3, alpha, rows=tuple(map(tuple, rows.tolist())))
-    arrays, _ = fitted_mesh(triangle_mesh(vertices, faces), creases=False)
+    arrays, _ = prepare_kernel_mesh(triangle_mesh(vertices, faces), creases=False)
     geometry = empty_geometry(len(vertices))
     chosen = np.flatnonzero(some_of(vertices, seed)).astype(np.int32)
     fit_with_fallbacks(arrays, chosen, list(fallback_chain(rings, fit, fallbacks="paper")), geometry)

@@ -206,7 +206,7 @@ def test_order_of_the_points_does_not_matter():
 
 
 def test_thread_count_changes_nothing(monkeypatch):
-    monkeypatch.setattr("bezier_filters.runtime.parallel.CHUNK", 100)
+    monkeypatch.setattr("bezier_filters.runtime.parallel.MIN_CHUNK", 100)
     points = noisy(CLOSED["torus"], 0.1)
     one, two = (estimate_vertex_geometry(points, np.empty((0, 3), int), threads=threads) for threads in (1, 2))
     np.testing.assert_array_equal(one.normals, two.normals)

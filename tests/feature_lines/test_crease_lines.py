@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from bezier_filters import InvalidMeshError, InvalidParameterError, estimate_vertex_geometry, find_creases
-from bezier_filters.feature_lines.crease_lines import chains
+from bezier_filters.feature_lines.crease_lines import join_chains
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.half_edges import mesh_edges
 from bezier_filters.meshes.mesh import triangle_mesh
@@ -189,7 +189,7 @@ class TestPointsOfLines:
 )
 def test_chains_take_every_segment_once_and_are_as_long_as_possible(segments):
     array = np.array(segments, dtype=np.int32).reshape(-1, 2)
-    found = chains(array)
+    found = join_chains(array)
     passed = [segment for _, ids in found for segment in ids.tolist()]
     assert sorted(passed) == list(range(len(segments)))
     degree = np.bincount(array.ravel(), minlength=10)

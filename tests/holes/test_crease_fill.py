@@ -3,14 +3,21 @@ import pytest
 from hole_cases import assert_filled, sheet, without_faces_near
 
 from bezier_filters import fill_holes
-from bezier_filters.holes.crease_ends import CreaseEnd, border, crease_ends, creases_around, cut_hole, sub_hole
+from bezier_filters.holes.crease_ends import (
+    CreaseEnd,
+    crease_ends,
+    cut_hole,
+    sharp_edge_graph,
+    sub_hole_border,
+    sub_hole_region,
+)
 from bezier_filters.holes.crease_fill import (
-    LEAVING,
+    FAR_CORNER,
     bending_energy,
-    evenly_spaced,
-    groupings,
+    crease_partitions,
     hermite_curve,
     nearest_corner,
+    resample_polyline,
 )
 from bezier_filters.holes.hole_detection import find_holes
 from bezier_filters.holes.influence_region import influence_regions
@@ -273,33 +280,33 @@ def test_ends_are_joined_where_curves_bend_least_and_do_not_cross():
     """Four ends around a square, two parallel creases: the short way is across, by straight lines."""
     points = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
     tangents = [[1, 0, 0], [-1, 0, 0], [-1, 0, 0], [1, 0, 0]]
-    assert groupings(ends_at(points, tangents, [True] * 4), points) == [[(0, 1), (2, 3)]]
+    assert crease_partitions(ends_at(points, tangents, [True] * 4), points) == [[(0, 1), (2, 3)]]
     turned = [[0, 1, 0], [0, 1, 0], [0, -1, 0], [0, -1, 0]]
-    assert groupings(ends_at(points, turned, [True] * 4), points) == [[(0, 3), (1, 2)]]
-    assert groupings(ends_at(points[:2], tangents[:2], [True, False]), points[:2]) == []
-    assert groupings(ends_at(points[:1], tangents[:1], [True]), points[:1]) == []
-    assert groupings([], np.empty((0, 3))) == []
+    assert crease_partitions(ends_at(points, turned, [True] * 4), points) == [[(0, 3), (1, 2)]]
+    assert crease_partitions(ends_at(points[:2], tangents[:2], [True, False]), points[:2]) == []
+    assert crease_partitions(ends_at(points[:1], tangents[:1], [True]), points[:1]) == []
+    assert crease_partitions([], np.empty((0, 3))) == []
 
 
 def test_a_ridge_and_a_valley_are_joined_at_a_tip_if_nothing_else_is_left():
     points = np.array([[-1.0, 0.3, 0], [-1, -0.3, 0]])
-    assert groupings(ends_at(points, -points, [True, False]), points) == [[(0, 1)]]
-    assert groupings(ends_at(points, points, [True, False]), points) == []  # they lead out of the hole
+    assert crease_partitions(ends_at(points, -points, [True, False]), points) == [[(0, 1)]]
+    assert crease_partitions(ends_at(points, points, [True, False]), points) == []  # they lead out of the hole
 
 
 def test_three_ends_meet_in_a_corner_or_two_are_joined():
     points = np.array([[-1.0, 0, 0], [1, 0, 0], [0, 1, 0]])
-    assert groupings(ends_at(points, -points, [True, True, True]), points) == [[(0, 1, 2)], [(0, 1)]]
+    assert crease_partitions(ends_at(points, -points, [True, True, True]), points) == [[(0, 1, 2)], [(0, 1)]]
 
 
 def test_more_ends_meet_where_their_lines_do():
     angles = 2.0 * np.pi * np.arange(6) / 6
     points = np.stack([np.cos(angles), np.sin(angles), np.zeros(6)], axis=1)
     up = -points + [0.0, 0.0, 1.0]
-    assert groupings(ends_at(points, up, [True] * 6), points)[0] == [(0, 1, 2, 3, 4, 5)]
+    assert crease_partitions(ends_at(points, up, [True] * 6), points)[0] == [(0, 1, 2, 3, 4, 5)]
     mixed = [True, False] * 3
-    assert groupings(ends_at(points, -points, mixed), points)[0] == [(0, 1, 2, 3, 4, 5)]
-    assert groupings(ends_at(points[:4], points[:4], [True] * 4), points[:4]) == []  # they lead out of the hole
+    assert crease_partitions(ends_at(points, -points, mixed), points)[0] == [(0, 1, 2, 3, 4, 5)]
+    assert crease_partitions(ends_at(points[:4], points[:4], [True] * 4), points[:4]) == []  # they lead out of the hole
 
 
 def test_a_corner_and_a_pair_share_a_hole():
@@ -308,7 +315,7 @@ def test_a_corner_and_a_pair_share_a_hole():
     corner = np.array([-3.0, 0.0, 0.0])
     tangents = np.where([[1], [1], [0], [0], [1]], corner - points, np.array([0.0, 1.0, 0.0]))
     tangents[3] *= -1.0
-    assert groupings(ends_at(points, tangents, [True] * 5), points)[0] == [(0, 1, 4), (2, 3)]
+    assert crease_partitions(ends_at(points, tangents, [True] * 5), points)[0] == [(0, 1, 4), (2, 3)]
 
 
 def pointed_roof(spokes, heights):
@@ -383,7 +390,7 @@ def test_hermite_curves_leave_along_their_tangents():
     np.testing.assert_allclose((stop - curve[-1]) / np.linalg.norm(stop - curve[-1]), down, atol=0.02)
     spaces = np.linalg.norm(np.diff(np.vstack([start, curve, stop]), axis=0), axis=1)
     assert spaces.max() < 1.05 * spaces.min()
-    assert len(evenly_spaced(np.array([start, stop]), 0.5)) == 3
+    assert len(resample_polyline(np.array([start, stop]), 0.5)) == 3
 
 
 @pytest.mark.parametrize("angle", [0.05, 0.2, 0.4])
@@ -405,7 +412,7 @@ def test_no_curves_to_a_corner_far_away():
     faces = np.vstack([np.column_stack([a, b, b + 4 * n]), np.column_stack([a, b + 4 * n, a + 4 * n])])
     result = fill_holes(np.vstack(layers), faces, outer_rims=True)
     assert all(hole.filled for hole in result.holes)
-    assert any(LEAVING in hole.reason for hole in result.holes)
+    assert any(FAR_CORNER in hole.reason for hole in result.holes)
     assert result.vertices[:, 2].max() < 2.0
 
 
@@ -415,7 +422,7 @@ def region_and_creases(vertices, faces):
     adjacency = vertex_adjacency(mesh)
     (hole,) = find_holes(mesh, adjacency)
     (region,) = influence_regions(mesh, adjacency, [hole.loops])
-    return region, creases_around(region)
+    return region, sharp_edge_graph(region)
 
 
 def ends_at_hole(vertices, faces):
@@ -473,10 +480,10 @@ def test_surroundings_of_a_part_are_those_of_the_hole():
     curve = np.linspace(region.vertices[start], region.vertices[stop], 7)[1:-1]
     path = np.array([start, *range(count, count + len(curve)), stop], dtype=np.int32)
     points, sizes = np.vstack([region.rim_vertices, curve]), np.ones(count + len(curve))
-    for part in (0, 1):
-        loop = border(cut, [path], part)
-        side = sub_hole(cut, part, points, sizes, loop, region.rim_edges)
-        around = region.vertices[region.faces[cut.part_of_face == part]]
+    for number in (0, 1):
+        loop = sub_hole_border(cut, [path], number)
+        side = sub_hole_region(cut, number, points, sizes, loop, region.rim_edges)
+        around = region.vertices[region.faces[cut.sub_hole_of_face == number]]
         np.testing.assert_array_equal(side.vertices[side.faces], around)
         np.testing.assert_array_equal(side.rim_vertices, points[loop])
         assert side.faces.min() < side.rim_count < side.faces.max()

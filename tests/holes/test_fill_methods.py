@@ -13,16 +13,16 @@ from bezier_filters.cli.console import FILLS
 from bezier_filters.holes import fill_methods
 from bezier_filters.holes.fill_methods import (
     FILL_METHODS,
-    MOST_FREED,
+    MAX_INTERSECTING_FACES,
     FaceSet,
     FillingMethod,
     HoleReport,
-    _cuts,
-    _with_fewer_cuts,
-    groups_of_boxes,
+    _flatten_intersections,
+    _intersecting_faces,
+    box_groups,
 )
 from bezier_filters.holes.hole_filling import fill_holes
-from bezier_filters.holes.smooth_fill import Attempt, first_fill
+from bezier_filters.holes.smooth_fill import Attempt, initial_fill
 from bezier_filters.surfaces import block_with_sharp_edges, sphere
 
 
@@ -33,7 +33,7 @@ def test_groups_are_what_boxes_that_meet_connect(seed, count):
     boxes = np.stack([low, low + rng.integers(0, 4, (count, 3))], axis=1).astype(float)
     low, high = boxes[:, 0], boxes[:, 1]
     meet = ((low[:, np.newaxis] <= high) & (high[:, np.newaxis] >= low)).all(axis=2)
-    groups = groups_of_boxes(boxes)
+    groups = box_groups(boxes)
     if count:
         assert len(groups) == connected_components(meet)[0]
     for group in groups:
@@ -82,8 +82,8 @@ def fill_over_a_floor(places, depth=-2.0):
 @pytest.mark.parametrize("places", [[(5, 5)], [(5, 5), (6, 6)], [(1, 1)]])
 def test_a_fill_that_cuts_others_at_a_few_faces_is_flattened_there(places):
     fill, rim_count, floor = fill_over_a_floor(places)
-    assert _cuts(fill, [floor]).any()
-    freed, cuts = _with_fewer_cuts(fill, rim_count, [floor])
+    assert _intersecting_faces(fill, [floor]).any()
+    freed, cuts = _flatten_intersections(fill, rim_count, [floor])
     assert cuts == 0
     np.testing.assert_allclose(freed.points[:, 2], 1.0)
     np.testing.assert_array_equal(freed.points[:rim_count], fill.points[:rim_count])
@@ -93,16 +93,16 @@ def test_a_fill_that_cuts_others_at_a_few_faces_is_flattened_there(places):
 
 def test_a_fill_that_cuts_others_at_many_faces_stays_as_it_is():
     fill, rim_count, floor = fill_over_a_floor([(4, 4), (8, 8), (12, 12), (4, 12)])
-    count = np.count_nonzero(_cuts(fill, [floor]))
-    assert count > MOST_FREED
-    kept, cuts = _with_fewer_cuts(fill, rim_count, [floor])
+    count = np.count_nonzero(_intersecting_faces(fill, [floor]))
+    assert count > MAX_INTERSECTING_FACES
+    kept, cuts = _flatten_intersections(fill, rim_count, [floor])
     assert kept is fill
     assert cuts == count
 
 
 def test_a_rim_that_cuts_others_cannot_be_flattened():
     fill, rim_count, floor = fill_over_a_floor([(0, 5)])
-    kept, cuts = _with_fewer_cuts(fill, rim_count, [floor])
+    kept, cuts = _flatten_intersections(fill, rim_count, [floor])
     assert kept is fill
     assert cuts > 0
 
@@ -133,7 +133,7 @@ def test_every_kind_of_fill_is_described():
 
 
 def test_a_further_method_is_a_function_and_a_line_in_the_table(monkeypatch):
-    monkeypatch.setitem(FILL_METHODS, "soap", lambda task: iter([Attempt("soap", first_fill(task.region, 1))]))
+    monkeypatch.setitem(FILL_METHODS, "soap", lambda task: iter([Attempt("soap", initial_fill(task.region, 1))]))
     vertices, faces = sheet(10, 10)
     faces = without_squares(vertices, faces, lambda x, y: (abs(x - 5) < 2) & (abs(y - 5) < 3))
     result = fill_holes(vertices, faces, "soap")

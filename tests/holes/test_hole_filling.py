@@ -9,7 +9,7 @@ from bezier_filters import CancelledError, InvalidParameterError, fill_holes
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
 from bezier_filters.holes.hole_detection import find_holes
 from bezier_filters.holes.influence_region import influence_regions
-from bezier_filters.holes.smooth_fill import surface_around
+from bezier_filters.holes.smooth_fill import fit_surrounding_surface
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.surfaces import cylinder, punched_patch, sphere, torus, waves
@@ -52,7 +52,7 @@ def surface_around_hole(vertices, faces, noisy):
     (hole,) = (hole for hole in find_holes(mesh, adjacency) if not hole.is_outer_rim)
     (region,) = influence_regions(mesh, adjacency, [hole.loops])
     normals = estimate_vertex_geometry(vertices, faces).normals[region.ids]
-    return surface_around(region, normals, noisy=noisy)
+    return fit_surrounding_surface(region, normals, noisy=noisy)
 
 
 @pytest.mark.parametrize("noisy", [False, True])

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from bezier_filters.holes import implicit_surface
-from bezier_filters.holes.implicit_surface import CLEAN, fit_implicit_surface
+from bezier_filters.holes.implicit_surface import INTERPOLATION_RATIO, fit_implicit_surface
 from bezier_filters.surfaces import ellipsoid, sphere, torus
 
 
@@ -22,7 +22,7 @@ def test_points_are_interpolated_and_gradients_point_outward():
     values, gradients = fit.values_and_gradients(shape.vertices)
     assert np.abs(values).max() < 1e-8
     assert (np.einsum("ij,ij->i", gradients, shape.normals) > 0.9).all()
-    assert fit.noise_ratio == CLEAN
+    assert fit.noise_ratio == INTERPOLATION_RATIO
 
 
 def test_gradients_are_the_derivatives_of_the_values():
@@ -79,7 +79,7 @@ def test_a_third_of_the_points_tells_the_power_that_all_of_them_tell(monkeypatch
     points = (shape.vertices + roughness * rng.normal(size=shape.vertices.shape))[rng.permutation(len(shape.vertices))]
     normals = points / np.linalg.norm(points, axis=1, keepdims=True)
     by_pilot = fit_implicit_surface(points, normals, 0.1, noisy=False)
-    monkeypatch.setattr(implicit_surface, "PILOT", len(points))  # too few points to tell anything
+    monkeypatch.setattr(implicit_surface, "PILOT_STRIDE", len(points))  # too few points to tell anything
     by_all = fit_implicit_surface(points, normals, 0.1, noisy=False)
     assert by_pilot.power == by_all.power
     np.testing.assert_array_equal(by_pilot.weights, by_all.weights)

@@ -4,7 +4,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from surface_cases import area_vectors, border_edges, directed_edges
 
-from bezier_filters.holes.loops import LARGEST_EXACT, WIDEST_EAR, _cut_ears, enclosed, is_simple, triangulate_loop
+from bezier_filters.holes.loops import (
+    MAX_EAR_ANGLE,
+    MAX_EXACT_LOOP,
+    _cut_ears,
+    is_simple,
+    points_in_polygon,
+    triangulate_loop,
+)
 from bezier_filters.holes.refinement import Fill, refine
 
 
@@ -31,7 +38,7 @@ def assert_disk(faces, count):
     assert {tuple(edge) for edge in border.tolist()} == {(k, (k + 1) % count) for k in range(count)}
 
 
-@pytest.mark.parametrize("count", [3, 4, 7, LARGEST_EXACT, LARGEST_EXACT + 1, 3 * LARGEST_EXACT])
+@pytest.mark.parametrize("count", [3, 4, 7, MAX_EXACT_LOOP, MAX_EXACT_LOOP + 1, 3 * MAX_EXACT_LOOP])
 def test_convex_polygons_keep_their_area(count):
     points = ring(count)
     faces = triangulated(points)
@@ -65,8 +72,8 @@ def test_points_inside_are_those_that_the_polygon_turns_around(count, seed):
     points = polygon.mean(axis=0) + rng.uniform(-1.2, 1.2, (50, 2))
     to = (polygon - points[:, np.newaxis]) @ np.array([1.0, 1.0j])  # (points, corners)
     turns = np.angle(np.roll(to, -1, axis=1) / to).sum(axis=1) / (2 * np.pi)
-    np.testing.assert_array_equal(enclosed(points, polygon), np.abs(turns) > 0.5)
-    np.testing.assert_array_equal(enclosed(points, polygon[::-1]), np.abs(turns) > 0.5)
+    np.testing.assert_array_equal(points_in_polygon(points, polygon), np.abs(turns) > 0.5)
+    np.testing.assert_array_equal(points_in_polygon(points, polygon[::-1]), np.abs(turns) > 0.5)
 
 
 @given(st.integers(4, 9), st.integers(0, 10**6))
@@ -83,7 +90,7 @@ def test_simple_polygons_are_those_without_edges_that_cross(count, seed):
     assert is_simple(polygon) == (not crossed)
 
 
-@given(st.integers(LARGEST_EXACT - 2, LARGEST_EXACT + 15), st.integers(0, 10**6))
+@given(st.integers(MAX_EXACT_LOOP - 2, MAX_EXACT_LOOP + 15), st.integers(0, 10**6))
 def test_ears_are_cut_where_the_chord_is_shortest_until_few_vertices_are_left(count, seed):
     """Of a convex polygon; a gap of the hole is its angle there, and at some vertices more than that."""
     rng = np.random.default_rng(seed)
@@ -96,14 +103,14 @@ def test_ears_are_cut_where_the_chord_is_shortest_until_few_vertices_are_left(co
     for a, k, b in ears:
         angles, chords = angles_and_chords(points[left])
         ends = zip(np.roll(left, 1).tolist(), np.roll(left, -1).tolist(), strict=True)
-        allowed = (angles + more[left] < WIDEST_EAR) & [tuple(sorted(pair)) not in existing for pair in ends]
+        allowed = (angles + more[left] < MAX_EAR_ANGLE) & [tuple(sorted(pair)) not in existing for pair in ends]
         place = left.index(k)
         assert (a, b) == (left[place - 1], left[(place + 1) % len(left)])
         assert allowed[place]
         assert chords[place] <= chords[allowed].min() * (1 + 1e-12)
         left.remove(k)
     assert rest.tolist() == left
-    assert len(left) == min(count, LARGEST_EXACT)
+    assert len(left) == min(count, MAX_EXACT_LOOP)
 
 
 def angles_and_chords(polygon):

@@ -17,11 +17,11 @@ def test_dense_and_sparse_matrices_give_the_same_fill(monkeypatch, full):
     faces = np.argsort(order)[ball.faces].astype(np.int32)
     first = len(points) - len(free)
     shift = np.random.default_rng(0).standard_normal((first, 3))
-    assert len(points) <= module.MOST_DENSE
+    assert len(points) <= module.MAX_DENSE_VERTICES
     dense = [polyharmonic_continuation(points, faces, points[:first], k) for k in (1, 2, 3)]
     dense_shift = polyharmonic_continuation(points, faces, shift)
-    monkeypatch.setattr(module, "MOST_DENSE", 0)
-    monkeypatch.setattr(module, "FULL", full)
+    monkeypatch.setattr(module, "MAX_DENSE_VERTICES", 0)
+    monkeypatch.setattr(module, "MAX_SPARSE_DENSITY", full)
     sparse = [polyharmonic_continuation(points, faces, points[:first], k) for k in (1, 2, 3)]
     np.testing.assert_allclose(dense, sparse, atol=1e-9)
     np.testing.assert_allclose(dense_shift, polyharmonic_continuation(points, faces, shift), atol=1e-9)

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bezier_filters.holes.refinement import Fill, _move_to_means, work_space
+from bezier_filters.holes.refinement import Fill, _move_to_centroids, relaxation_workspace
 
 
 def fan(count, tips):
@@ -17,7 +17,7 @@ def fan(count, tips):
 
 def relaxed_points(fill):
     points = fill.points.copy()
-    _move_to_means(points, fill.faces, work_space(fill), fill.rim_count)
+    _move_to_centroids(points, fill.faces, relaxation_workspace(fill), fill.rim_count)
     return points
 
 

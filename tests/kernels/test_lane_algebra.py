@@ -5,18 +5,18 @@ import pytest
 from compiled import from_python
 
 from bezier_filters.kernels.lane_algebra import (
-    GROUP,
+    UNROLL_FACTOR,
     add_moments,
     add_squared_residuals,
     condition_numbers,
     differentiate,
-    factorise,
+    factorise_lanes,
     raise_powers,
     sort_lanes,
     substitute_back,
 )
 from bezier_filters.patches.polynomials import lexicographic_places, row_starts, tensor_space, total_degree_space
-from bezier_filters.runtime.lanes import LANES, aligned
+from bezier_filters.runtime.lanes import LANES, lane_array
 
 RANDOM = np.random.default_rng(0)
 SPACES = [total_degree_space(2), tensor_space(3), total_degree_space(6)]
@@ -25,7 +25,7 @@ COUNTS = [1, 6, 19, 32]
 
 def lanes_of(array):
     """A flat array of lanes; the eight systems come last in `array`."""
-    flat = aligned(array.size // LANES)
+    flat = lane_array(array.size // LANES)
     flat[:] = array.reshape(-1)
     return flat
 
@@ -36,7 +36,7 @@ def table(rows, stride):
 
 def test_arrays_start_on_a_cache_line():
     for count in range(1, 9):
-        array = aligned(count)
+        array = lane_array(count)
         assert array.shape == (LANES * count,)
         assert array.ctypes.data % 64 == 0
 
@@ -57,8 +57,8 @@ def test_powers():
 )
 def test_moments_are_added(lengths, count):
     starts = np.append(0, np.cumsum(lengths)).astype(np.int32)
-    left, right = table(len(lengths), 32), table(max(lengths) + GROUP, 32)
-    before = RANDOM.standard_normal((starts[-1] + GROUP, LANES))
+    left, right = table(len(lengths), 32), table(max(lengths) + UNROLL_FACTOR, 32)
+    before = RANDOM.standard_normal((starts[-1] + UNROLL_FACTOR, LANES))
     sums = lanes_of(before)
     from_python(add_moments)(lanes_of(left), lanes_of(right), 32, count, starts, sums)
     result = sums.reshape(before.shape)
@@ -69,9 +69,9 @@ def test_moments_are_added(lengths, count):
     np.testing.assert_array_equal(result[starts[-1] :], before[starts[-1] :])
 
 
-def solve(matrix, order, smallest_pivot, solution, sound):
+def solve(matrix, order, smallest_pivot, solution, is_full_rank):
     """Eight systems, whose right-hand sides are a last row of the matrix, which becomes the factor."""
-    from_python(factorise)(matrix, order + 1, order, smallest_pivot, sound)
+    from_python(factorise_lanes)(matrix, order + 1, order, smallest_pivot, is_full_rank)
     from_python(substitute_back)(matrix, order, order, solution)
 
 
@@ -80,12 +80,12 @@ def test_solutions_and_factors(order):
     factors = RANDOM.standard_normal((LANES, order + 3, order))
     matrices = factors.transpose(0, 2, 1) @ factors
     sides = RANDOM.standard_normal((LANES, order))
-    padded = np.zeros((LANES, order + 1 + GROUP, order + 1 + GROUP))
+    padded = np.zeros((LANES, order + 1 + UNROLL_FACTOR, order + 1 + UNROLL_FACTOR))
     padded[:, :order, :order], padded[:, order, :order] = matrices, sides
-    lower = np.tril_indices(order + 1 + GROUP)
-    flat, solution, sound = lanes_of(padded[:, lower[0], lower[1]].T), aligned(order), aligned(1)
-    solve(flat, order, 1e-13, solution, sound)
-    assert sound.tolist() == [1.0] * LANES
+    lower = np.tril_indices(order + 1 + UNROLL_FACTOR)
+    flat, solution, is_full_rank = lanes_of(padded[:, lower[0], lower[1]].T), lane_array(order), lane_array(1)
+    solve(flat, order, 1e-13, solution, is_full_rank)
+    assert is_full_rank.tolist() == [1.0] * LANES
     for lane in range(LANES):
         expected = np.linalg.solve(matrices[lane], sides[lane])
         np.testing.assert_allclose(solution[lane::LANES], expected, rtol=1e-7, atol=1e-9)
@@ -102,8 +102,8 @@ def test_condition_numbers_of_columns_of_unit_length(order):
     factors = np.tril(RANDOM.standard_normal((LANES, order, order))) + 2.0 * np.eye(order)
     stored, lower = factors.copy(), np.tril_indices(order)
     stored[:, np.arange(order), np.arange(order)] = 1.0 / np.diagonal(factors, axis1=1, axis2=2)
-    result = aligned(1)
-    from_python(condition_numbers)(lanes_of(stored[:, lower[0], lower[1]].T), order, aligned(order), result)
+    result = lane_array(1)
+    from_python(condition_numbers)(lanes_of(stored[:, lower[0], lower[1]].T), order, lane_array(order), result)
     scaled = factors / np.linalg.norm(factors, axis=2, keepdims=True)
     expected = np.linalg.norm(scaled, axis=(1, 2)) * np.linalg.norm(np.linalg.inv(scaled), axis=(1, 2))
     np.testing.assert_allclose(result, expected, rtol=1e-8)
@@ -113,13 +113,13 @@ def test_a_rank_deficient_system_does_not_disturb_the_others():
     matrices = np.tile(np.eye(3), (LANES, 1, 1))
     matrices[2] = 1.0
     matrices[5] = np.nan
-    padded = np.zeros((LANES, 4 + GROUP, 4 + GROUP))
+    padded = np.zeros((LANES, 4 + UNROLL_FACTOR, 4 + UNROLL_FACTOR))
     padded[:, :3, :3], padded[:, 3, :3] = matrices, [1.0, 2.0, 3.0]
-    lower = np.tril_indices(4 + GROUP)
-    solution, sound = aligned(3), aligned(1)
-    solve(lanes_of(padded[:, lower[0], lower[1]].T), 3, 1e-6, solution, sound)
-    assert sound.tolist() == [1.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0, 1.0]
-    for lane in np.flatnonzero(sound):
+    lower = np.tril_indices(4 + UNROLL_FACTOR)
+    solution, is_full_rank = lane_array(3), lane_array(1)
+    solve(lanes_of(padded[:, lower[0], lower[1]].T), 3, 1e-6, solution, is_full_rank)
+    assert is_full_rank.tolist() == [1.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0, 1.0]
+    for lane in np.flatnonzero(is_full_rank):
         assert solution[lane::LANES].tolist() == [1.0, 2.0, 3.0]
 
 
@@ -129,9 +129,9 @@ def test_residuals_of_points_that_are_there(space, count):
     stride = 40
     points = table(4, stride)
     points[3] = RANDOM.integers(0, 2, (stride, LANES))
-    points[:, count : count + GROUP] = 0.0
+    points[:, count : count + UNROLL_FACTOR] = 0.0
     coefficients = RANDOM.standard_normal((space.dimension, LANES))
-    total, residuals = lanes_of(np.full((1, LANES), 0.5)), aligned(count + GROUP)
+    total, residuals = lanes_of(np.full((1, LANES), 0.5)), lane_array(count + UNROLL_FACTOR)
     from_python(add_squared_residuals)(
         lanes_of(coefficients), row_starts(space.exponents), lanes_of(points), stride, count, total, residuals
     )
@@ -147,7 +147,7 @@ def test_residuals_of_points_that_are_there(space, count):
 def test_derivatives(space):
     coefficients = RANDOM.standard_normal((space.dimension, LANES))
     s, t = RANDOM.standard_normal((2, LANES))
-    jets = aligned(16)
+    jets = lane_array(16)
     places = lexicographic_places(space.exponents)
     in_order = np.empty_like(coefficients)
     in_order[places] = coefficients

@@ -9,7 +9,7 @@ from scanner_noise import in_all_directions
 
 from bezier_filters import estimate_vertex_geometry
 from bezier_filters.estimation.adaptive_fit import _region_fit
-from bezier_filters.kernels.kernel_input import fitted_mesh
+from bezier_filters.kernels.kernel_input import prepare_kernel_mesh
 from bezier_filters.learning.fit_spec import FitConstraints
 from bezier_filters.learning.learn import CANDIDATE_RINGS, learn_surface
 from bezier_filters.meshes.mesh import triangle_mesh
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long witho
 
 
 def noise_of(vertices, faces):
-    arrays, adjacency = fitted_mesh(triangle_mesh(vertices, faces), creases=True)
+    arrays, adjacency = prepare_kernel_mesh(triangle_mesh(vertices, faces), creases=True)
     return learn_surface(arrays, adjacency, FitConstraints())[1].surface.noise
 
 
@@ -64,7 +64,7 @@ def curvature_error(surface, geometry):
 def test_every_ring_is_analysed_once_and_the_wanted_one_in_any_case(rings):
     surface = SURFACES["ellipsoid"]
     noisy = in_all_directions(surface.vertices, surface.faces, 0.1)
-    arrays, adjacency = fitted_mesh(triangle_mesh(noisy, surface.faces), creases=True)
+    arrays, adjacency = prepare_kernel_mesh(triangle_mesh(noisy, surface.faces), creases=True)
     found = [analysis.rings for analysis in learn_surface(arrays, adjacency, FitConstraints(rings=rings))[0]]
     assert found == sorted(set(found))
     assert set(range(1, 6)) < set(found) <= {*CANDIDATE_RINGS, rings}
@@ -88,7 +88,7 @@ def test_curvature_survives_heavy_noise(surface, options):
 def test_parts_of_a_surface_that_is_exact_elsewhere_have_fits_of_their_own(exact):
     """Standard errors of 0, as a flat whole has, are no unit for those of a part."""
     surface = bumpy_star(resolution=12, jitter=0.2)
-    arrays, adjacency = fitted_mesh(triangle_mesh(surface.vertices, surface.faces), creases=True)
+    arrays, adjacency = prepare_kernel_mesh(triangle_mesh(surface.vertices, surface.faces), creases=True)
     leaf = learn_surface(arrays, adjacency, FitConstraints())[1]
     assert not _region_fit(leaf, leaf).attempts
     part = _region_fit(replace(leaf, chosen=replace(leaf.chosen, **{exact: 0.0})), leaf)

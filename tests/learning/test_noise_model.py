@@ -84,7 +84,7 @@ def test_variances_of_fits_are_those_of_explicit_linear_estimators(noise, steep,
     sizes = np.append(np.full(len(points) - 1, size), SIZE).astype(np.int32)
     sample = as_sample(points)._replace(sizes=np.repeat(sizes[:, np.newaxis], 4, axis=1))
     analysis = analyse_ring(sample, 3, len(points))
-    m = BASIS.up_to(analysis.degree)
+    m = BASIS.term_count(analysis.degree)
     found = ring_noise(noise, analysis)
     parts, residuals, ratios = [], [], []
     for points in analysis.points[analysis.rows[:NOISE_SAMPLE_SIZE], :size] / analysis.radius:
@@ -94,7 +94,7 @@ def test_variances_of_fits_are_those_of_explicit_linear_estimators(noise, steep,
         parts.append(np.diag(orthonormal.T @ sigma @ orthonormal))
         left, over = [], np.zeros((analysis.degree + 1, m))
         for degree in range(analysis.degree + 1):
-            count = BASIS.up_to(degree)
+            count = BASIS.term_count(degree)
             estimator = np.linalg.pinv(design[:, :count])
             over[degree, :count] = np.diag(estimator @ sigma @ estimator.T) / np.square(estimator).sum(axis=1)
             remover = np.eye(size) - design[:, :count] @ estimator
@@ -105,8 +105,10 @@ def test_variances_of_fits_are_those_of_explicit_linear_estimators(noise, steep,
     np.testing.assert_allclose(found.residuals, np.mean(residuals, axis=0), rtol=1e-5)
     ratios = np.mean(ratios, axis=0)
     for degree in range(analysis.degree + 1):
-        for group in range(BASIS.groups[BASIS.up_to(degree) - 1] + 1):
-            expected = ratios[degree, : BASIS.up_to(degree)][BASIS.groups[: BASIS.up_to(degree)] == group].mean()
+        for group in range(BASIS.groups[BASIS.term_count(degree) - 1] + 1):
+            expected = ratios[degree, : BASIS.term_count(degree)][
+                BASIS.groups[: BASIS.term_count(degree)] == group
+            ].mean()
             assert found.coefficients[degree, group] == pytest.approx(expected, rel=1e-5)
     assert found.model.variance == noise.variance
     propagate_covariance = found.propagate_covariance(
@@ -143,7 +145,7 @@ def test_noise_that_was_drawn_is_found_by_the_analysis_as_was_foreseen(noise):
     )
     assert analysis.mean_squares / found.residuals == pytest.approx(1.0, abs=0.05)
     for degree in range(analysis.degree + 1):
-        groups = BASIS.groups[BASIS.up_to(degree) - 1] + 1
+        groups = BASIS.groups[BASIS.term_count(degree) - 1] + 1
         squares = sums.term_squares[:, degree, :groups].sum(axis=0) / sums.term_counts[:, degree, :groups].sum(axis=0)
         assert squares / found.coefficients[degree, :groups] == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / count))
     spread = found.coefficients[analysis.degree].max() / found.coefficients[analysis.degree][:groups].min()

@@ -133,7 +133,7 @@ def test_narrow_rings_and_those_that_hold_no_fourth_degree_have_no_mean(rings, s
 def test_the_kernel_solves_about_the_mean_that_its_own_second_derivatives_let_expect(radius):
     """The equations of the terms, solved with NumPy as often as the kernel does."""
     points, seconds = quartic_neighbourhoods(1.0, 1e-4, count=24)
-    m, factor = BASIS.up_to(QUARTIC), 0.8
+    m, factor = BASIS.term_count(QUARTIC), 0.8
     prior = np.where(BASIS.degrees[:m] <= 2, 0.0, np.where(BASIS.degrees[:m] == 3, 1.0, 20.0))
     spec = FitSpec(1, QUARTIC, float(points.shape[1]), radius, prior, np.inf, 0.0, 0.0, quartic=factor)
     drawn = replace(draw(24, points.shape[1], np.zeros(len(BASIS.degrees)), 0.0), points=radius * points)

@@ -47,7 +47,7 @@ def test_factors_and_parts_are_those_of_a_qr_factorisation(size, degree):
     analysis = analysed(points)
     assert analysis.degree == degree
     assert analysis.radius == pytest.approx(0.3)
-    m = BASIS.up_to(degree)
+    m = BASIS.term_count(degree)
     for row in range(MIN_SAMPLES):
         design = terms_at(points[row, :, :2] / analysis.radius)
         q, _ = np.linalg.qr(design[:, :m])
@@ -84,7 +84,7 @@ def test_terms_that_the_points_do_not_see_count_for_nothing():
     lines = np.array([[1.0, 0.0], [0.6, 0.8]])[np.arange(60) % 2]
     points[..., :2] = along[..., np.newaxis] * lines
     analysis = analysed(points)
-    m = BASIS.up_to(analysis.degree)
+    m = BASIS.term_count(analysis.degree)
     for row in range(MIN_SAMPLES):
         diagonal = np.diag(analysis.factors[row][:, :m])
         seen = np.zeros(len(BASIS.degrees), dtype=bool)
@@ -100,7 +100,7 @@ def test_the_typical_square_is_an_unbiased_estimate_of_the_variance_of_the_noise
     count, sigma = 400, 3.0
     flat = variances_by_degree(0.0, 1.0)
     squares = [analysed(draw(count, size, flat, sigma, seed=seed).points).median_square for seed in range(10)]
-    freedom = size - BASIS.up_to({9: 2, 25: 4, 60: 8}[size])
+    freedom = size - BASIS.term_count({9: 2, 25: 4, 60: 8}[size])
     # The median has pi / 2 times the variance of the mean.
     error = sigma**2 * np.sqrt(np.pi / 2 * 2.0 / (freedom * count * len(squares)))
     assert abs(np.mean(squares) - sigma**2) < 3.0 * error
@@ -120,7 +120,7 @@ def test_designs_and_energies_are_those_of_the_points():
     analysis = analysed(points)
     values = terms_at(points[..., :2] / 5.0)
     np.testing.assert_allclose(analysis.first_designs[:7], values[:7], atol=1e-12)
-    m = BASIS.up_to(analysis.degree)
+    m = BASIS.term_count(analysis.degree)
     diagonals = [np.abs(np.diag(np.linalg.qr(design[:, :m], mode="r"))) for design in values]
     np.testing.assert_allclose(
         analysis.energies, np.mean(np.square(diagonals[:COMPARISON_SAMPLE_SIZE]), axis=0), rtol=1e-9

@@ -6,7 +6,7 @@ from hypothesis import given
 
 from bezier_filters import triangle_mesh, vertex_adjacency
 from bezier_filters.meshes.adjacency import closed_components, incoherent_vertices
-from bezier_filters.runtime.parallel import CHUNK, use_threads
+from bezier_filters.runtime.parallel import MIN_CHUNK, use_threads
 from bezier_filters.surfaces import punched_patch, sphere, torus
 
 
@@ -61,7 +61,7 @@ def test_high_valence_neighbours_are_sorted_and_distinct():
 def test_adjacency_is_the_same_on_any_number_of_threads():
     surface = punched_patch(resolution=100)
     mesh = triangle_mesh(surface.vertices, surface.faces[np.random.default_rng(0).permutation(len(surface.faces))])
-    assert mesh.vertex_count > 2 * CHUNK
+    assert mesh.vertex_count > 2 * MIN_CHUNK
     one = vertex_adjacency(mesh)
     with use_threads(3):
         three = vertex_adjacency(mesh)

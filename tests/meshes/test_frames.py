@@ -6,7 +6,7 @@ from scanner_noise import in_all_directions
 
 from bezier_filters import triangle_mesh, vertex_adjacency
 from bezier_filters.kernels.fit_frames import folds
-from bezier_filters.kernels.kernel_input import fitted_mesh, kernel_mesh, with_steady_normals
+from bezier_filters.kernels.kernel_input import kernel_mesh, prepare_kernel_mesh, use_smoothed_normals
 from bezier_filters.meshes.frames import (
     STEADY_ROUNDS,
     STEEPEST,
@@ -133,10 +133,10 @@ def test_steady_normals_are_means_over_neighbours_taken_again_and_again():
 
 def test_steady_normals_are_nearer_to_the_truth_under_noise_that_turns_single_ones():
     surface = sphere(resolution=16, jitter=0.2)
-    mesh, _ = fitted_mesh(
+    mesh, _ = prepare_kernel_mesh(
         triangle_mesh(in_all_directions(surface.vertices, surface.faces, 0.5), surface.faces), creases=True
     )
-    steady = with_steady_normals(mesh)
+    steady = use_smoothed_normals(mesh)
     before, after = (np.einsum("ij,ij->i", one.normals, surface.normals) for one in (mesh, steady))
     assert before.min() < 0.0
     assert after.min() > 0.8
@@ -146,19 +146,19 @@ def test_steady_normals_are_nearer_to_the_truth_under_noise_that_turns_single_on
 def test_steady_normals_do_not_cross_stops():
     """What happens on one side of the edges of a block leaves the other sides as they are."""
     vertices, faces = block_with_sharp_edges(resolution=10)
-    mesh, adjacency = fitted_mesh(triangle_mesh(vertices, faces), creases=True)
-    on_top = (vertices[:, 2] > vertices[:, 2].max() - 1e-9) & ~mesh.stops
-    inside = ~on_top & ~mesh.stops
-    assert mesh.stops.any()
+    mesh, adjacency = prepare_kernel_mesh(triangle_mesh(vertices, faces), creases=True)
+    on_top = (vertices[:, 2] > vertices[:, 2].max() - 1e-9) & ~mesh.barriers
+    inside = ~on_top & ~mesh.barriers
+    assert mesh.barriers.any()
     assert on_top.sum() > 20
-    found = with_steady_normals(mesh).normals
+    found = use_smoothed_normals(mesh).normals
     np.testing.assert_allclose(found[on_top], np.tile([0.0, 0.0, 1.0], (on_top.sum(), 1)), atol=1e-12)
     tilted = mesh.normals.copy()
     tilted[on_top] = [0.6, 0.0, 0.8]
-    others = with_steady_normals(mesh._replace(normals=tilted)).normals
+    others = use_smoothed_normals(mesh._replace(normals=tilted)).normals
     np.testing.assert_array_equal(others[inside], found[inside])
-    np.testing.assert_array_equal(others[mesh.stops], found[mesh.stops])
-    np.testing.assert_allclose(others[mesh.stops], mesh.normals[mesh.stops], atol=1e-12)
+    np.testing.assert_array_equal(others[mesh.barriers], found[mesh.barriers])
+    np.testing.assert_allclose(others[mesh.barriers], mesh.normals[mesh.barriers], atol=1e-12)
     every = steady_normals(
         tilted, adjacency.vertices.indptr, adjacency.vertices.indices, np.zeros(len(vertices), dtype=np.bool_)
     )

@@ -54,7 +54,7 @@ def compare(vertices, faces):
     assert topology.not_manifold.sum() == len(np.unique(edges[count > 2])) + topology.counts["non_manifold_vertices"]
     holes = find_holes(mesh, adjacency)
     # more than two faces, or faces with another side up, at a border
-    loops = None if any(hole.unclear_edges for hole in holes) else sum(len(hole.loops) for hole in holes)
+    loops = None if any(hole.non_manifold_edges for hole in holes) else sum(len(hole.loops) for hole in holes)
     if topology.counts["boundary_loops_by"] == "pymeshlab":
         assert loops in (None, topology.counts["boundary_loops"])
         assert topology.counts["non_manifold_faces"] == topology.counts["non_manifold_vertices"] == 0

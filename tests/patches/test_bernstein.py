@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bezier_filters.patches.bernstein import bernstein_basis, centred_monomials, design_matrix
+from bezier_filters.patches.bernstein import bernstein_basis, design_matrix, monomial_matrix
 
 parameters = st.floats(-0.5, 1.5)
 degrees = st.integers(0, 8)
@@ -39,7 +39,7 @@ def test_derivative_above_the_degree_is_zero():
 @given(parameters, st.integers(0, 5))
 def test_monomial_coefficients_give_the_same_polynomial(t, degree):
     bernstein = np.random.default_rng(degree).standard_normal(degree + 1)
-    monomial = centred_monomials(degree) @ bernstein
+    monomial = monomial_matrix(degree) @ bernstein
     value = np.polynomial.polynomial.polyval(2.0 * t - 1.0, monomial)
     assert value == pytest.approx(bernstein_basis(np.array(t), degree) @ bernstein)
 

@@ -25,4 +25,4 @@ def test_both_terms_of_a_frequency_are_a_group():
     terms = [(j, number) for number, (j, frequency) in enumerate(PAIRS) for _ in range(2 if frequency else 1)]
     assert list(zip(BASIS.degrees.tolist(), BASIS.groups.tolist(), strict=True)) == terms
     for degree in range(HIGHEST_DEGREE + 1):
-        assert BASIS.up_to(degree) == sum(j <= degree for j, _ in terms)
+        assert BASIS.term_count(degree) == sum(j <= degree for j, _ in terms)

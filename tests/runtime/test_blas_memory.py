@@ -13,7 +13,7 @@ import resource
 import numpy as np
 from pathlib import Path
 from bezier_filters.runtime.cholesky import factorise
-from bezier_filters.runtime.parallel import one_thread_for_matrices, run_in_chunks, use_threads
+from bezier_filters.runtime.parallel import single_threaded_blas, run_in_chunks, use_threads
 factorise(np.eye(1))  # loads what it calls, of which a matrix of one number asks for no memory
 matrix = np.eye(600)
 LINES
@@ -24,7 +24,7 @@ resource.setrlimit(resource.RLIMIT_AS, ((there << 10) + (20 << 20),) * 2)
 """
 CALLS = {
     "LAPACK of SciPy": "factorise(matrix)",
-    "a call": "with one_thread_for_matrices(): matrix @ matrix",
+    "a call": "with single_threaded_blas(): matrix @ matrix",
 }
 
 

@@ -13,12 +13,12 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no for
 LIMITS = """
 import threading
 import numpy, scipy.linalg
-from bezier_filters.runtime.parallel import one_thread_for_matrices
+from bezier_filters.runtime.parallel import single_threaded_blas
 from threadpoolctl import threadpool_info
 def counts():
     return [library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"]
 def within():
-    with one_thread_for_matrices():
+    with single_threaded_blas():
         seen.append(counts())
 seen = []
 within()
@@ -28,13 +28,13 @@ thread.join()
 # the first of two calls, which set the limit, ends before the other one
 entered, leave = threading.Event(), threading.Event()
 def first():
-    with one_thread_for_matrices():
+    with single_threaded_blas():
         entered.set()
         leave.wait()
 thread = threading.Thread(target=first)
 thread.start()
 entered.wait()
-with one_thread_for_matrices():
+with single_threaded_blas():
     leave.set()
     thread.join()
     seen.append(counts())
@@ -56,7 +56,7 @@ def limit():
     with parallel._lock:
         time.sleep(0.3)
 def limit_again():
-    with parallel.one_thread_for_matrices():
+    with parallel.single_threaded_blas():
         pass
 def compile_function():
     @short_jit()

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from bezier_filters.runtime.kernel_folders import KEPT
-from bezier_filters.runtime.kernel_key import PACKAGE, compiled_sources, sources_key
+from bezier_filters.runtime.kernel_folders import MAX_KEPT_FOLDERS
+from bezier_filters.runtime.kernel_key import PACKAGE, kernel_sources, sources_key
 
 CALLER = """
 from bezier_filters.runtime.called import value
@@ -165,14 +165,14 @@ class TestWhereFoldersCannotBeWritten:
 def test_folders_of_old_keys_are_deleted(installed):
     chosen = installed / "chosen"
     chosen.mkdir()
-    for k in range(2 * KEPT):
+    for k in range(2 * MAX_KEPT_FOLDERS):
         (chosen / f"bezier_filters-{k:016x}").mkdir()
         os.utime(chosen / f"bezier_filters-{k:016x}", (1e9 + k, 1e9 + k))
     (chosen / "bezier_filters-of-the-user").mkdir()
     run(installed, NUMBA_CACHE_DIR=str(chosen))
     kept = {path.name for path in chosen.iterdir()}
-    assert len(kept) == KEPT + 1
-    assert kept > {"bezier_filters-of-the-user", f"bezier_filters-{2 * KEPT - 1:016x}"}
+    assert len(kept) == MAX_KEPT_FOLDERS + 1
+    assert kept > {"bezier_filters-of-the-user", f"bezier_filters-{2 * MAX_KEPT_FOLDERS - 1:016x}"}
     assert len(entries(chosen)) == 1
 
 
@@ -202,7 +202,7 @@ def imported_by(source, sources):
 
 def test_the_key_is_of_all_modules_with_compiled_functions_and_of_what_they_import():
     sources = {path.relative_to(PACKAGE).as_posix(): path.read_bytes() for path in PACKAGE.rglob("*.py")}
-    keyed = compiled_sources(PACKAGE)
+    keyed = kernel_sources(PACKAGE)
     decorated = {
         name
         for name, source in sources.items()

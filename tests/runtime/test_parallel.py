@@ -8,9 +8,9 @@ import threadpoolctl
 
 from bezier_filters import CancelledError, InvalidParameterError, estimate_vertex_geometry
 from bezier_filters.runtime.parallel import (
-    MOST_THREADS,
-    one_thread_for_matrices,
+    MAX_HELPER_THREADS,
     run_in_chunks,
+    single_threaded_blas,
     thread_count,
     use_threads,
 )
@@ -44,7 +44,7 @@ def test_tasks_may_run_loops_of_their_own():
         with use_threads(3):
             run_in_chunks(lambda: inner, 20, chunk=1)
 
-    with use_threads(2 * MOST_THREADS):
+    with use_threads(2 * MAX_HELPER_THREADS):
         run_in_chunks(lambda: outer, 600, chunk=1)
     assert (sums == 1).all()
 
@@ -113,7 +113,7 @@ def blas_threads():
 
 def test_blas_works_on_one_thread_until_the_last_of_several_calls_has_ended():
     with threadpoolctl.threadpool_limits(2, user_api="blas"):
-        first, second = one_thread_for_matrices(), one_thread_for_matrices()
+        first, second = single_threaded_blas(), single_threaded_blas()
         first.__enter__()
         second.__enter__()
         first.__exit__(None, None, None)
@@ -124,7 +124,7 @@ def test_blas_works_on_one_thread_until_the_last_of_several_calls_has_ended():
 
 def test_blas_has_its_threads_back_after_an_error():
     with threadpoolctl.threadpool_limits(2, user_api="blas"):
-        with pytest.raises(ZeroDivisionError), one_thread_for_matrices():
+        with pytest.raises(ZeroDivisionError), single_threaded_blas():
             raise ZeroDivisionError
         assert blas_threads() == {2}
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from bezier_filters.runtime.process_end import GRACE, REPEAT
+from bezier_filters.runtime.process_end import GRACE_SECONDS, REPEAT_SECONDS
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals")
 
@@ -69,7 +69,7 @@ def test_one_signal_ends_compiled_code_after_three_seconds(work, number, tmp_pat
     begin = time.monotonic()
     process.send_signal(number)
     assert process.communicate(timeout=30)[0].strip() == f"({128 + number}, '')"
-    assert GRACE - 0.5 < time.monotonic() - begin < GRACE + 5.0
+    assert GRACE_SECONDS - 0.5 < time.monotonic() - begin < GRACE_SECONDS + 5.0
     assert has_ended(child)
     if work == LONG["other threads go on"]:
         assert [path.name for path in tmp_path.iterdir()] == ["pid"]  # and what it was writing is removed
@@ -80,10 +80,10 @@ def test_a_second_signal_ends_compiled_code_at_once(work, tmp_path):
     process, child = start(SUPERVISED.replace("{work}", work), tmp_path)
     begin = time.monotonic()
     process.send_signal(signal.SIGINT)
-    time.sleep(2.0 * REPEAT)
+    time.sleep(2.0 * REPEAT_SECONDS)
     process.send_signal(signal.SIGINT)
     assert process.communicate(timeout=30)[0].strip() == "(130, '')"
-    assert time.monotonic() - begin < GRACE - 0.5
+    assert time.monotonic() - begin < GRACE_SECONDS - 0.5
     assert has_ended(child)
 
 
@@ -119,9 +119,9 @@ def test_a_command_of_ours_ends_with_the_process_that_started_it(tmp_path):
     """`watch`, and Dask's workers, start whole commands."""
     command = f"""
 import subprocess, sys
-from bezier_filters.runtime.process_end import variables_of_child
+from bezier_filters.runtime.process_end import child_environment
 subprocess.run([sys.executable, "-c", {SUPERVISED.replace("{work}", LONG["other threads go on"])!r}],
-    env=variables_of_child())
+    env=child_environment())
 """
     process, child = start(command, tmp_path)
     process.kill()
@@ -177,5 +177,5 @@ def test_workers_in_compiled_code_do_not_hold_up_an_interrupt(tmp_path):
     begin = time.monotonic()
     process.send_signal(signal.SIGINT)
     process.wait(timeout=30)
-    assert time.monotonic() - begin < GRACE
+    assert time.monotonic() - begin < GRACE_SECONDS
     assert {path.name for path in tmp_path.iterdir()} <= {"pid", "script.py", "__pycache__"}

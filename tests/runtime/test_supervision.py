@@ -12,13 +12,13 @@ import pytest
 
 from bezier_filters.cli.batch import RECORDS
 from bezier_filters.runtime.supervision import (
-    ALLOWANCE,
+    MIN_READ_BYTES,
+    child_exit,
     crash_message,
-    doing,
-    end_of,
-    interrupts_held,
-    memory_limited,
-    time_limited,
+    hold_interrupts,
+    limit_memory,
+    limit_time,
+    note_activity,
 )
 
 SAMPLES = Path(__file__).parents[2] / "sample_meshes"
@@ -33,7 +33,7 @@ def in_python(code, **options):
 
 WORK = """
 import os, signal, sys
-from bezier_filters.runtime.supervision import doing, time_limited, serve
+from bezier_filters.runtime.supervision import note_activity, limit_time, serve
 def work():
     {work}
     return ""
@@ -60,19 +60,19 @@ def supervised(work, *arguments):
         ("os.kill(os.getpid(), signal.SIGTERM)", "(143, '')"),
         ("os.kill(os.getppid(), signal.SIGINT); signal.pause()", "(130, '')"),
         (
-            "with doing('reading a.obj'): signal.raise_signal(signal.SIGSEGV)",
+            "with note_activity('reading a.obj'): signal.raise_signal(signal.SIGSEGV)",
             f"(2, {crash_message(-signal.SIGSEGV, 'reading a.obj')!r})",
         ),
         ("os.kill(os.getpid(), signal.SIGKILL)", f"(2, {crash_message(-signal.SIGKILL)!r})"),
         (
-            "with doing('reading a.3ds'), time_limited(0.05):\n        while True: pass",
+            "with note_activity('reading a.3ds'), limit_time(0.05):\n        while True: pass",
             f"(2, {crash_message(-signal.SIGPROF, 'reading a.3ds')!r})",
         ),
         (
-            "with doing('reading a.obj'), time_limited(0.05): os.read(os.pipe()[0], 1)",
+            "with note_activity('reading a.obj'), limit_time(0.05): os.read(os.pipe()[0], 1)",
             f"(2, {crash_message(-signal.SIGALRM, 'reading a.obj')!r})",
         ),
-        ("with time_limited(0.05): pass\n    sum(range(10**7))", "(0, '')"),
+        ("with limit_time(0.05): pass\n    sum(range(10**7))", "(0, '')"),
         ("os.abort()", f"(2, {crash_message(-signal.SIGABRT)!r})"),
     ],
 )
@@ -168,7 +168,7 @@ def test_notes_of_any_number_and_what_children_of_the_child_hold_do_not_matter()
     work = """
     import subprocess
     for number in range(20000):
-        with doing(f"reading {number}.ply"):
+        with note_activity(f"reading {number}.ply"):
             pass
     subprocess.Popen([sys.executable, "-c", "import time; time.sleep(30)"], stdout=subprocess.DEVNULL,
                      stderr=subprocess.DEVNULL)
@@ -199,7 +199,7 @@ def test_messages_name_what_was_done():
     ],
 )
 def test_ends_on_every_system(status, notes, end):
-    assert end_of(status, notes) == end
+    assert child_exit(status, notes) == end
 
 
 def test_the_process_that_waits_loads_nothing_else():
@@ -208,7 +208,7 @@ def test_the_process_that_waits_loads_nothing_else():
 
 
 def test_what_nobody_waits_for_is_not_limited():
-    with doing("reading"), time_limited(1e-9):  # nobody would say how this process ended
+    with note_activity("reading"), limit_time(1e-9):  # nobody would say how this process ended
         sum(range(10**5))
 
 
@@ -254,10 +254,10 @@ class TestInterruptsHeld:
     def test_an_interrupt_waits_for_the_end_of_the_block(self):
         done = []
 
-        @interrupts_held()
+        @hold_interrupts()
         def step():
             signal.raise_signal(signal.SIGINT)
-            with interrupts_held():
+            with hold_interrupts():
                 signal.raise_signal(signal.SIGINT)
                 done.append("inner")
             done.append("outer")
@@ -268,7 +268,7 @@ class TestInterruptsHeld:
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
     def test_an_error_goes_through(self):
-        with pytest.raises(ValueError, match="mine"), interrupts_held():
+        with pytest.raises(ValueError, match="mine"), hold_interrupts():
             raise ValueError("mine")
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
@@ -277,7 +277,7 @@ class TestInterruptsHeld:
         arrived = []
         before = signal.signal(signal.SIGUSR1, lambda *_: arrived.append("late"))
         try:
-            with interrupts_held():
+            with hold_interrupts():
                 signal.raise_signal(signal.SIGUSR1)
                 arrived.append("done")
         finally:
@@ -289,19 +289,19 @@ class TestInterruptsHeld:
 def test_memory_beyond_what_a_file_can_need_is_refused():
     code = f"""
 import numpy as np
-from bezier_filters.runtime.supervision import memory_limited
-with memory_limited(1000):
-    np.empty({ALLOWANCE // 16})
+from bezier_filters.runtime.supervision import limit_memory
+with limit_memory(1000):
+    np.empty({MIN_READ_BYTES // 16})
     try:
-        np.empty({ALLOWANCE // 4})
+        np.empty({MIN_READ_BYTES // 4})
     except MemoryError:
         print("refused")
-np.empty({ALLOWANCE // 4})
+np.empty({MIN_READ_BYTES // 4})
 """
     assert in_python(code).stdout == "refused\n"
 
 
 def test_without_limits_of_the_system_nothing_is_refused(monkeypatch):
     monkeypatch.setattr("bezier_filters.runtime.supervision.resource", None)
-    with memory_limited(0):
+    with limit_memory(0):
         assert np.zeros(10).sum() == 0

@@ -8,7 +8,7 @@ from test_smoothing import edge_of, face_normals, mean_angle, with_noise
 from bezier_filters import smooth
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
-from bezier_filters.runtime.parallel import CHUNK
+from bezier_filters.runtime.parallel import MIN_CHUNK
 from bezier_filters.smoothing import denoise, mesh_parts
 from bezier_filters.smoothing.mesh_parts import MAX_WHOLE_VERTICES, PART_CORE_VERTICES, PART_VERTICES, sample_parts
 from bezier_filters.smoothing.normal_filter import UPDATE_ROUNDS, move_to_normals
@@ -27,7 +27,7 @@ def star(request):
         for module in (mesh_parts, denoise):
             patch.setattr(module, "MAX_WHOLE_VERTICES", MAX_WHOLE_VERTICES // share)
         surface = bumpy_star(resolution=80 if share == 1 else 42, jitter=0.2)
-        assert len(surface.vertices) > max(MAX_WHOLE_VERTICES // share, 2 * CHUNK)
+        assert len(surface.vertices) > max(MAX_WHOLE_VERTICES // share, 2 * MIN_CHUNK)
         yield surface
 
 

@@ -10,8 +10,8 @@ from scipy.spatial.distance import pdist
 
 import bezier_filters as bf
 from bezier_filters.holes.loops import _hull_corners, _longest_distance, diameter
-from bezier_filters.holes.refinement import FACES_PER_RIM_VERTEX, FEW_FACES, Fill, face_limit, refine
-from bezier_filters.holes.smooth_fill import _smoothest, first_fill
+from bezier_filters.holes.refinement import MAX_FACES_PER_RIM_VERTEX, MIN_FACE_LIMIT, Fill, face_limit, refine
+from bezier_filters.holes.smooth_fill import _fairest_fill, initial_fill
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 from growth import fan, islands, ring, soup, strip, touching_holes, wavy_ring
@@ -78,7 +78,7 @@ def test_a_fill_of_too_many_faces_says_that_it_was_limited():
     assert limited.is_limited
     assert face_limit(40) < len(limited.faces) <= 3 * face_limit(40)
     assert not refine(Fill(rim, np.full(40, 0.1), faces, 40), none).is_limited
-    assert face_limit(10_000) == FEW_FACES + FACES_PER_RIM_VERTEX * 10_000
+    assert face_limit(10_000) == MIN_FACE_LIMIT + MAX_FACES_PER_RIM_VERTEX * 10_000
 
 
 def test_the_report_says_that_a_fill_was_limited():
@@ -134,10 +134,10 @@ def test_a_large_fill_is_faired_at_a_resolution_that_memory_allows(monkeypatch):
     mesh = triangle_mesh(vertices, faces)
     rim = np.arange(300, dtype=np.int32)
     region = influence_regions(mesh, vertex_adjacency(mesh), [(rim,)])[0]
-    fill = first_fill(region)
-    fine = _smoothest(fill, region, 3)
-    monkeypatch.setattr(smooth_fill, "MOST_FAIRED", len(fill.points) // 3)
-    coarse = _smoothest(fill, region, 3)
+    fill = initial_fill(region)
+    fine = _fairest_fill(fill, region, 3)
+    monkeypatch.setattr(smooth_fill, "MAX_FAIRED_VERTICES", len(fill.points) // 3)
+    coarse = _fairest_fill(fill, region, 3)
     np.testing.assert_array_equal(coarse.points[:300], fine.points[:300])
     from scipy.spatial import cKDTree
 
