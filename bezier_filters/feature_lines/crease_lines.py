@@ -351,7 +351,7 @@ def join_chains(segments: IntArray, ends: IntArray | None = None) -> list[tuple[
     Chains end at nodes of degree other than two, and at the nodes `ends`. Each chain is a pair: its nodes in order,
     (k + 1,), with the first one repeated at the end if it is closed, and the segments between them, (k,).
 
-    >>> [nodes.tolist() for nodes, _ in chains(np.array([[4, 7], [9, 7], [1, 2], [2, 3], [3, 1]]))]
+    >>> [nodes.tolist() for nodes, _ in join_chains(np.array([[4, 7], [9, 7], [1, 2], [2, 3], [3, 1]]))]
     [[4, 7, 9], [1, 2, 3, 1]]
     """
     nodes, local = np.unique(segments, return_inverse=True)
