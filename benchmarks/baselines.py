@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
-from bezier_filters.estimation.vertex_geometry import VertexGeometry
+from bezier_filters.fitting.vertex_geometry import VertexGeometry
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.half_edges import face_neighbours

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.estimation.adaptive_fit import (
+from bezier_filters.estimation.hidden_edges import hides_sharp_edges, noise_free_surface
+from bezier_filters.fitting.adaptive_fit import (
     MIN_MISFIT_RATIO,
     PROBE_COUNT,
     FindEdges,
@@ -25,20 +26,19 @@ from bezier_filters.estimation.adaptive_fit import (
     fit_regions,
     surface_learner,
 )
-from bezier_filters.estimation.fallbacks import (
+from bezier_filters.fitting.fallbacks import (
     Fallbacks,
     FoldTest,
     fallback_chain,
     fit_with_fallbacks,
     overall_progress,
 )
-from bezier_filters.estimation.first_call import first_call
-from bezier_filters.estimation.fit_options import Automatic, check_detail, check_fit_noise, check_radius, fit_options
-from bezier_filters.estimation.model_cache import MAX_CACHED_VERTICES, CachedFit, cache_fit, cache_key, look_up_fit
-from bezier_filters.estimation.noise_free import hides_sharp_edges, noise_free_surface
-from bezier_filters.estimation.outlier_removal import move_outliers, rebase_displacements
-from bezier_filters.estimation.point_cloud import point_cloud
-from bezier_filters.estimation.vertex_geometry import FitChoice, VertexGeometry, arrays_of, empty_geometry
+from bezier_filters.fitting.first_call import first_call
+from bezier_filters.fitting.fit_options import Automatic, check_detail, check_fit_noise, check_radius, fit_options
+from bezier_filters.fitting.model_cache import MAX_CACHED_VERTICES, CachedFit, cache_fit, cache_key, look_up_fit
+from bezier_filters.fitting.outlier_removal import move_outliers, rebase_displacements
+from bezier_filters.fitting.point_cloud import point_cloud
+from bezier_filters.fitting.vertex_geometry import FitChoice, VertexGeometry, arrays_of, empty_geometry
 from bezier_filters.kernels.kernel_input import (
     MIN_NEIGHBOURHOOD_WIDTH,
     KernelMesh,
@@ -47,17 +47,17 @@ from bezier_filters.kernels.kernel_input import (
     replace_vertices,
     use_smoothed_normals,
 )
-from bezier_filters.learning.learn import explain_unusable_mesh, sample_by_mode
-from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample, draw_from_mesh
-from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, checked_selection, takes_arrays, triangle_mesh
 from bezier_filters.meshes.spatial_order import as_it_is, in_spatial_order, is_in_turn
 from bezier_filters.meshes.unit_size import normalizes_size
-from bezier_filters.patches.fitting import PatchFit
+from bezier_filters.patches.patch_fit import PatchFit
 from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.runtime.parallel import Progress, runs_on_threads
 from bezier_filters.status import FitStatus
+from bezier_filters.surface_model.learn import explain_unusable_mesh, sample_by_mode
+from bezier_filters.surface_model.neighbourhood_samples import NeighbourhoodSample, draw_from_mesh
+from bezier_filters.surface_model.noise_model import NoiseModel
 
 # Fractions of the probes with large residuals, see `MIN_MISFIT_RATIO`, and with failed fits, above which the mesh is
 # searched for sharp edges under the noise. Noisy blocks, joints, cubes and pyramids exceed one of them; noisy spheres,

@@ -10,8 +10,8 @@ function                for                 larger than   of the edges around, s
 `sharp_edge_vertices`   fits                45 degrees    half of them 10 times
 ======================  ==================  ============  =====================================================
 
-Lines that stop go straight on along less sharp edges. Noise makes angles, too: `estimation.noise_free` has the surface
-without it, whose edges these rules are for; there, fits end at the edges of lines, too.
+Lines that stop go straight on along less sharp edges. Noise makes angles, too: `estimation.hidden_edges` applies the
+rules to the denoised surface; there, fits end at the edges of lines, too.
 """
 
 from math import cos, radians
