@@ -22,9 +22,6 @@ from bezier_filters.surface_model.ring_analysis import FREE_DEGREE
 
 CANDIDATE_DEGREES = (2, 3, 4, 5, 6)
 THIRD_ORDER = 3
-# factors of weaker priors. A prior counts the terms beyond the degree as noise; on regular meshes their effect cancels
-# by symmetry, and a weaker prior is better
-WEAKER_PRIORS = (0.03, 0.001)
 # times the information of the points on a term: suppresses the term and keeps the normal equations well conditioned
 MAX_PRIOR = 1e5
 MIN_WEIGHT_RADIUS = 0.3  # lower bound over the radius of the neighbourhood: a smaller one leaves too few points
@@ -204,9 +201,9 @@ def candidate_specs(
 ) -> list[FitSpec]:
     """Candidates for one ring: every degree that it determines, with and without distance weights.
 
-    The best of them is tried with weaker priors, too. A single allowed degree is used in any case: the prior determines
-    the terms that the points do not. Otherwise degrees below 3 are for rings that determine no more: third derivatives
-    cost no accuracy, because the prior shrinks them.
+    A single allowed degree is used in any case: the prior determines the terms that the points do not. Otherwise
+    degrees below 3 are for rings that determine no more: third derivatives cost no accuracy, because the prior shrinks
+    them.
     """
     if len(degrees) > 1:
         lowest = min(THIRD_ORDER, ring.analysis.degree)
@@ -216,10 +213,6 @@ def candidate_specs(
     if ring.analysis.rings <= WEIGHTED_RINGS:
         _add_until_much_worse(specs, from_the_highest, lambda degree: _distance_weight_spec(surface, ring, degree))
     _add_until_much_worse(specs, from_the_highest, lambda degree: _prior_spec(ring, degree))
-    if specs:
-        best = best_spec(specs)
-        if np.isinf(best.weight_radius):
-            specs += [_prior_spec(ring, best.degree, strength) for strength in WEAKER_PRIORS]
     return specs
 
 
@@ -282,11 +275,11 @@ def predict_under_model(spec: FitSpec, surface: SurfaceModel) -> FitSpec | None:
     return None
 
 
-def _prior_spec(ring: RingModel, degree: int, strength: float = 1.0) -> FitSpec:
-    """Specification of one degree over one ring with its optimal prior times a factor."""
+def _prior_spec(ring: RingModel, degree: int) -> FitSpec:
+    """Specification of one degree over one ring with its optimal prior."""
     # The terms beyond the degree act on the fit much like noise.
     noise = float(ring.analysis.mean_squares[min(degree, ring.analysis.degree)])
-    return _optimal_spec(ring, degree, strength * noise)
+    return _optimal_spec(ring, degree, noise)
 
 
 def _distance_weight_spec(surface: SurfaceModel, ring: RingModel, degree: int) -> FitSpec | None:
