@@ -132,9 +132,9 @@ def estimate_vertex_geometry(
         With a number for `alpha`, degree of the patch in each parameter: 2, 3 or 4, and "auto"
         is 3. Otherwise total degree of the polynomial: 2 to 6. Where nothing can be learned of a mesh, as on one of a
         few vertices, the fit has alpha 0.8 and this degree, 4 at most; ``fit.noise_reason`` says why.
-    smoothness : {"third_order", "paper", "twists"}
+    smoothness : {"third_order", "paper"}
         What S penalises: see `smoothness_matrix`. With ``"paper"``, "auto" stands for the paper's
-        settings: 2 rings, alpha 0.8, degree 3. With ``"twists"``, `alpha` must be a number.
+        settings: 2 rings, alpha 0.8, degree 3.
     fallbacks : {"sound", "paper"}
         What is tried where the surface folds over the tangent plane, with a number for `alpha`. ``"sound"``: the plane
         of the mean normal of the neighbourhood, then a quadratic fit of the 1-ring. ``"paper"``: the plane of the
@@ -149,7 +149,7 @@ def estimate_vertex_geometry(
     x_axis : (3,) or (n, 3) array_like of float, optional
         Directions of any length, one for all vertices or one each, whose projections are the x axes of the tangent
         planes. By default, and where they are zero or normal to the plane, x points to the neighbour that projects
-        farthest. What ``"paper"`` and ``"twists"`` give depends on it; fits that follow the data do not, and refuse it.
+        farthest. The result of ``"paper"`` depends on it; fits that follow the data do not, and refuse it.
     robust : bool, optional
         Whether points with large residuals lose their weight (Tukey's biweight), for scans with
         outliers: one vertex in twenty displaced by many times the noise. It takes about twice as long

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from bezier_filters.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from bezier_filters.arrays import BoolArray, ByteArray, IntArray
 from bezier_filters.fitting.vertex_geometry import VertexGeometry, empty_geometry
 from bezier_filters.kernels.crossing_edges import MEAN_PLANE, NEIGHBOUR_PLANE, OWN_PLANE, find_planes
 from bezier_filters.kernels.fit_kernel import fit_task
@@ -186,16 +186,14 @@ def fit_with_fallbacks(
     geometry.status[mesh.origin[never_fitted]] = int(FitStatus.NORMAL_ONLY)
 
 
-def patch_displacements(
-    mesh: TriangleMesh, rings: int, fit: PatchFit, *, progress: Progress | None = None
-) -> FloatArray:
-    """Vectors (n, 3) from the vertices of a mesh to the points B(u_i, v_i) of their patches."""
+def fit_patches(mesh: TriangleMesh, rings: int, fit: PatchFit, *, progress: Progress | None = None) -> VertexGeometry:
+    """Geometry of all vertices of a mesh by one patch fit with its fallbacks."""
     ordered = in_spatial_order(mesh)
     arrays, _ = prepare_kernel_mesh(ordered.mesh, ordered, creases=False)
     geometry = empty_geometry(mesh.vertex_count)
     every = np.arange(mesh.vertex_count, dtype=np.int32)
     fit_with_fallbacks(arrays, every, list(fallback_chain(rings, fit)), geometry, progress=progress)
-    return geometry.displacements
+    return geometry
 
 
 def _give_status(status: FitStatus, ids: IntArray, mask: BoolArray, origin: IntArray, geometry: VertexGeometry) -> None:

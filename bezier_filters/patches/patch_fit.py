@@ -31,7 +31,7 @@ class PatchFit:
         2 (biquadratic), 3 (bicubic, the paper) or 4.
     alpha : float
         Weight of the points in [alpha A; (1 - alpha) S], in (0, 1]; 1 fits the points alone.
-    smoothness : {"third_order", "paper", "twists"}
+    smoothness : {"third_order", "paper"}
         The rows S: see `smoothness.smoothness_matrix`.
 
     Raises

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.display import html_table, noise_in_words, noise_level
 from bezier_filters.errors import InvalidParameterError, is_integer
-from bezier_filters.fitting.fallbacks import patch_displacements
+from bezier_filters.fitting.fallbacks import fit_patches
 from bezier_filters.fitting.first_call import first_call
 from bezier_filters.fitting.fit_options import check_detail, check_noise, fit_options
 from bezier_filters.fitting.noise_level import explain_unknown_noise, learn_mesh_noise
@@ -260,7 +260,7 @@ def smooth(
                 found = denoise_mesh(current, adjacency, here, options, progress=part)
                 points, sharpness = found.points, np.maximum(sharpness, found.sharpness)
             else:
-                moves = patch_displacements(current, ring_count, fit, progress=part)
+                moves = fit_patches(current, ring_count, fit, progress=part).displacements
                 points = points + admissible_displacements(current, adjacency, moves)
             points = np.where(movable[:, np.newaxis], points, mesh.vertices)
             if np.array_equal(points, current.vertices) and (k or noise is None):
