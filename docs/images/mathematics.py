@@ -57,7 +57,7 @@ def draw_rings() -> None:
     for axes, noise in zip(both, (0.01, 0.1), strict=True):
         vertices, _ = noisy_copy(shape, noise)
         mesh, adjacency = prepare_kernel_mesh(bf.triangle_mesh(vertices, shape.faces), creases=True)
-        analyses, leaf = learn_surface(mesh, adjacency, FitConstraints())
+        _, leaf = learn_surface(mesh, adjacency, FitConstraints())
         specs = {spec.rings: spec for spec in best_specs(leaf.surface)}
         rings = np.array(sorted(specs))
         parts = []
@@ -66,7 +66,9 @@ def draw_rings() -> None:
             variances = model.quartic.variances(model.variances, spec.quartic)
             equations = fit_equations(model, spec)
             without_noise = replace(equations, noise=np.zeros_like(equations.noise))
-            each = [mean_squared_errors(*pair)[1] for pair in ((equations, 0.0 * variances), (without_noise, variances))]
+            each = [
+                mean_squared_errors(*pair)[1] for pair in ((equations, 0.0 * variances), (without_noise, variances))
+            ]
             parts.append(np.sqrt(8.0 * np.array(each)) / model.analysis.radius**2)
         variance, bias = np.array(parts).T
         true = shape_operators(shape)
@@ -202,13 +204,14 @@ def draw_spline(resolution: int = 24, hole: float = 0.4, reach: float = 0.9) -> 
     chosen = f"chosen: p = {surface.power}, ratio {surface.noise_ratio:g}"
     right.axvline(surface.noise_ratio, color="0.5", linewidth=1, label=chosen)
     right.set_yscale("symlog", linthresh=10.0)
+    right.set_ylim(bottom=-2.0)
     right.set(
-        title=f"the same hole, noise of {100 * noise:g} % of the mean edge",
+        title=f"the same hole with noise of {100 * noise:g} % of an edge",
         xlabel="noise ratio",
         ylabel="-2 log restricted likelihood, less the minimum",
     )
     right.grid(alpha=0.25)
-    right.legend(fontsize=8)
+    right.legend(fontsize=8, loc="lower right")
     figure.savefig(FOLDER / "spline_in_hole.png", dpi=100)
     pyplot.close(figure)
 

@@ -21,6 +21,7 @@ ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs" / "filters").glob("*.md"))]
 EVERY_PAGE = [
     *PAGES,
+    *sorted((ROOT / "docs" / "mathematics").glob("*.md")),
     ROOT / "CONTRIBUTING.md",
     *sorted((ROOT / "docs" / "decisions").glob("*.md")),
     *ROOT.glob("*/README.md"),
