@@ -27,7 +27,7 @@ from bezier_filters import (
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 from bezier_filters.estimation.outlier_removal import move_outliers
 from bezier_filters.kernels.kernel_input import prepare_kernel_mesh
-from bezier_filters.meshes.mesh import LARGEST, SMALLEST
+from bezier_filters.meshes.mesh import MAX_COORDINATE, MIN_COORDINATE
 from bezier_filters.meshlab.meshset import BezierFilterError
 from bezier_filters.meshlab.scripts import FILTERS
 from bezier_filters.smoothing.flipped_faces import NEW_BAD_FACE_WEIGHT
@@ -53,7 +53,7 @@ def attempt(function, *arguments, **options):
 
 def are_sound(vertices):
     largest = np.abs(vertices).max(initial=0.0)
-    return bool(np.isfinite(vertices).all() and (largest == 0.0 or SMALLEST <= largest <= LARGEST))
+    return bool(np.isfinite(vertices).all() and (largest == 0.0 or MIN_COORDINATE <= largest <= MAX_COORDINATE))
 
 
 def check_estimate(vertices, faces, mode):

@@ -23,7 +23,7 @@ from bezier_filters.kernels.kernel_input import (
 from bezier_filters.learning.fit_spec import FitSpec
 from bezier_filters.learning.learn import MAX_FLIPPED_FRACTION
 from bezier_filters.learning.quartic_mean import QUARTIC
-from bezier_filters.meshes.diagnosis import FEWEST_POINTS
+from bezier_filters.meshes.diagnosis import MIN_FIT_POINTS
 from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.patches.polynomials import elimination_order, lexicographic_places, row_starts
 from bezier_filters.runtime.parallel import Progress, run_in_chunks, run_kernel
@@ -95,7 +95,7 @@ def last_resorts(rings: int) -> Iterator[FitAttempt]:
     yield FitAttempt(FitStatus.LOWER_DEGREE, ill_posed, max(rings, 2), QUADRATIC)
     yield FitAttempt(FitStatus.LOWER_DEGREE, ill_posed, rings + MAX_EXTRA_RINGS, QUADRATIC)
     for wide in (max(rings, 2), rings + MAX_EXTRA_RINGS):
-        yield FitAttempt(FitStatus.LOWER_DEGREE, ill_posed, wide, FLATTEST_QUADRATIC, fewest_points=FEWEST_POINTS)
+        yield FitAttempt(FitStatus.LOWER_DEGREE, ill_posed, wide, FLATTEST_QUADRATIC, fewest_points=MIN_FIT_POINTS)
     yield FitAttempt(
         FitStatus.FOLDED, ill_posed | folded, max(rings, 2), QUADRATIC, mean_plane=True, max_flipped_fraction=1.0
     )

@@ -11,12 +11,12 @@ from bezier_filters.kernels.kernel_input import prepare_kernel_mesh
 from bezier_filters.learning.fit_spec import FitConstraints
 from bezier_filters.learning.learn import explain_unusable_mesh
 from bezier_filters.learning.noise_model import NoiseModel, rescale_noise
-from bezier_filters.meshes.adjacency import Adjacency, from_middles, mean_edge
+from bezier_filters.meshes.adjacency import Adjacency, mean_edge, umbrella_vectors
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.half_edges import mesh_edges
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.sharp_edges import may_have_sharp_edges, sharp_edges
-from bezier_filters.meshes.tips import unfolded
+from bezier_filters.meshes.spikes import move_folded_vertices
 from bezier_filters.runtime.parallel import Progress
 from bezier_filters.smoothing.denoise import DenoisedMesh, SmoothingOptions, remove_noise
 from bezier_filters.smoothing.flipped_faces import repair_flipped_faces
@@ -109,7 +109,7 @@ def choose_outliers_or_noise(
         normals = tangent_planes(TriangleMesh(found.points, mesh.faces), adjacency).normals
         heights, distances = (
             np.einsum("ij,ij->i", vectors[inside], normals[inside])
-            for vectors in (from_middles(adjacency.vertices, found.points), mesh.vertices - found.points)
+            for vectors in (umbrella_vectors(adjacency.vertices, found.points), mesh.vertices - found.points)
         )
         return float(np.abs(heights).sum()), float(np.linalg.norm(distances))
 
@@ -172,7 +172,7 @@ def unfold_surface(mesh: TriangleMesh, adjacency: Adjacency, points: FloatArray)
 
     Moves that would flip faces are reduced towards the mesh without outliers, not towards the outliers.
     """
-    surface = unfolded(TriangleMesh(points, mesh.faces), adjacency)
+    surface = move_folded_vertices(TriangleMesh(points, mesh.faces), adjacency)
     return repair_flipped_faces(mesh, adjacency, surface.vertices)
 
 

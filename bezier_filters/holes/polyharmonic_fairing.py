@@ -19,8 +19,8 @@ MAX_DENSE_VERTICES = 300  # vertices of a mesh whose matrices are dense
 # the power of a sparse matrix is nearly dense
 MAX_SPARSE_DENSITY = 0.1
 # Clamped weights bound the influence of slivers and are positive, so that there is always one solution.
-MIN_EDGE_WEIGHT, MAX_FAIRING_COTANGENT = 0.02, 5.0
-MIN_VERTEX_AREA = 1e-3  # in mean vertex areas
+MIN_FAIRING_WEIGHT, MAX_FAIRING_COTANGENT = 0.02, 5.0
+MIN_FAIRING_AREA = 1e-3  # in mean vertex areas
 
 
 def polyharmonic_continuation(points: FloatArray, faces: IntArray, values: FloatArray, order: int = 1) -> FloatArray:
@@ -56,7 +56,7 @@ def cotangent_matrix(points: FloatArray, faces: IntArray) -> tuple[csr_matrix, F
     starts, ends = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     places = np.concatenate([starts, ends]), np.concatenate([ends, starts])
     edges: csr_matrix = csr_matrix((np.tile(weights.ravel(), 2), places), shape=(n, n))
-    edges.data = np.maximum(edges.data, MIN_EDGE_WEIGHT)
+    edges.data = np.maximum(edges.data, MIN_FAIRING_WEIGHT)
     return (diags(np.asarray(edges.sum(axis=1)).ravel()) - edges).tocsr(), areas
 
 
@@ -101,7 +101,7 @@ def _solve_densely(
     for f in range(faces.shape[0]):
         for k in range(3):
             i, j = faces[f, k], faces[f, (k + 1) % 3]
-            stiffness[i, j] = stiffness[j, i] = min(stiffness[i, j], -MIN_EDGE_WEIGHT)
+            stiffness[i, j] = stiffness[j, i] = min(stiffness[i, j], -MIN_FAIRING_WEIGHT)
     for i in range(n):
         total = 0.0
         for j in range(n):
@@ -171,4 +171,4 @@ def _measure_mesh(points: FloatArray, faces: IntArray, areas: FloatArray, weight
     for i in range(areas.shape[0]):
         mean += areas[i] / areas.shape[0]
     for i in range(areas.shape[0]):
-        areas[i] = max(areas[i] / max(mean, 1e-300), MIN_VERTEX_AREA)
+        areas[i] = max(areas[i] / max(mean, 1e-300), MIN_FAIRING_AREA)

@@ -12,7 +12,12 @@ from bezier_filters.estimation.model_cache import cache_key
 from bezier_filters.holes.hole_detection import find_holes
 from bezier_filters.meshes.adjacency import incoherent_vertices, vertex_adjacency
 from bezier_filters.meshes.face_sides import face_sides
-from bezier_filters.meshes.half_edges import COINCIDENT, border_edges, doubled_edges, proper_faces
+from bezier_filters.meshes.half_edges import (
+    COINCIDENCE_TOLERANCE,
+    border_edges,
+    coincident_border_edges,
+    proper_faces,
+)
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
 from bezier_filters.meshlab.meshset import (
     BezierFilterError,
@@ -142,9 +147,11 @@ def repair(ms: MeshSet) -> Report:
     border = border_edges(given, vertex_adjacency(given).on_boundary)
     try:
         with single_threaded_openmp():
-            if doubled_edges(given, border).any():
+            if coincident_border_edges(given, border).any():
                 lengths = np.linalg.norm(given.vertices[border.end] - given.vertices[border.start], axis=1)
-                ms.meshing_merge_close_vertices(threshold=PureValue(COINCIDENT * float(lengths[lengths > 0.0].min())))
+                ms.meshing_merge_close_vertices(
+                    threshold=PureValue(COINCIDENCE_TOLERANCE * float(lengths[lengths > 0.0].min()))
+                )
             welded, referenced = mesh.vertex_number(), len(np.unique(mesh.face_matrix()))
             ms.meshing_remove_duplicate_faces()
             if not _is_manifold(mesh):
@@ -163,7 +170,7 @@ def repair(ms: MeshSet) -> Report:
         reason = f"repair: pymeshlab could not repair this mesh ({reason_of(error)}); go on without that"
         raise BezierFilterError(reason) from error
     return {
-        "welded_vertices": given.vertex_count - welded,
+        "weld_vertices": given.vertex_count - welded,
         "split_vertices": len(np.unique(faces)) - referenced,
         "removed_faces": given.face_count - len(faces),
         "turned_faces": _count_turned(faces, mesh),

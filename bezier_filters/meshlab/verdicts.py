@@ -35,7 +35,7 @@ def orientation_remarks(mesh: CurrentMesh, topology: Topology) -> list[str]:
     if topology.is_coherent and not (is_closed and _volume(mesh) < 0.0):
         return []
     found = orientation_findings(triangle_mesh(mesh.vertices, mesh.faces))
-    return [f"{finding}; repair=True of the filter mends what can be mended" for finding in found]
+    return [f"{finding}; repair=True of the filter repairs some of it" for finding in found]
 
 
 def _volume(mesh: CurrentMesh) -> float:

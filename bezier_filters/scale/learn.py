@@ -36,7 +36,7 @@ from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.learning.ring_analysis import RingAnalysis
 from bezier_filters.learning.sample_check import explain_unusable_sample
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
-from bezier_filters.meshes.frames import STEADY_ROUNDS, tangent_planes
+from bezier_filters.meshes.frames import NORMAL_SMOOTHING_ROUNDS, tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.patches.fitting import PatchFit
 from bezier_filters.patches.smoothness import Smoothness
@@ -54,9 +54,9 @@ from bezier_filters.smoothing.mesh_parts import (
 NORMAL_RINGS = 2  # around a vertex, within which faces decide about its normal, should its own have no area
 CREASE_RINGS = 2  # around a vertex, within which faces decide about its plane and its creases
 # rings, to look that way; learning alone looks at samples the tolerant way
-MORE_FOR: dict[SampleMode, int] = {"plain": 0, "steady": STEADY_ROUNDS, "tolerant": 1}
+MORE_FOR: dict[SampleMode, int] = {"plain": 0, "steady": NORMAL_SMOOTHING_ROUNDS, "tolerant": 1}
 
-MOST_RINGS = 100  # that tiles may be asked to have around them
+MAX_TILE_RINGS = 100  # that tiles may be asked to have around them
 # that are read around a vertex, and around those where there was nothing more to grow to; more if that is too few
 FIRST_RINGS, NEXT_RINGS = 64, 4
 NEXT = 2048  # vertices whose surroundings are read together then
@@ -79,8 +79,8 @@ class FitOptions:
         rings, fixed, degrees = fit_options(self.rings, self.alpha, self.degree, self.smoothness)
         check_fit_noise(self.noise, fixed, rings)
         check_detail(self.detail, rings)
-        if rings != "auto" and rings > MOST_RINGS:
-            raise InvalidParameterError(f"rings: got {rings}, expected {MOST_RINGS} at most for a mesh in tiles")
+        if rings != "auto" and rings > MAX_TILE_RINGS:
+            raise InvalidParameterError(f"rings: got {rings}, expected {MAX_TILE_RINGS} at most for a mesh in tiles")
         return rings, fixed, degrees
 
     @property

@@ -22,7 +22,7 @@ from bezier_filters.fields import PREFIX, QUALITY
 from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.meshes.adjacency import Adjacency, incoherent_vertices, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.meshes.spatial_order import by_levels
+from bezier_filters.meshes.spatial_order import cuthill_mckee_order
 from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.runtime.parallel import single_threaded_blas
 from bezier_filters.scale.array_file import ArrayFile, Values, saved_array
@@ -333,11 +333,11 @@ def _mesh_part(store: Store, part: TilePart, adjacency: Adjacency) -> MeshPart:
 def _denoised(store: Store, part: TilePart, plan: SmoothingPlan) -> tuple[FloatArray, FloatArray]:
     """Where the vertices of a part are without their noise, (k, 3), and how sharp edges are there, (k,)."""
     adjacency = vertex_adjacency(part.mesh)
-    ordered = by_levels(part.mesh, adjacency)  # filters read it again and again, and a tile is cell by cell
+    ordered = cuthill_mckee_order(part.mesh, adjacency)  # filters read it again and again, and a tile is cell by cell
     piece = reorder_part(_mesh_part(store, part, adjacency), ordered)
     del adjacency  # memory counts
     found = denoise(piece, plan)
-    return ordered.back(found.points), ordered.back(found.sharpness)
+    return ordered.restore_order(found.points), ordered.restore_order(found.sharpness)
 
 
 def smooth_tile(

@@ -20,7 +20,7 @@ from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import FieldFileError, InvalidMeshError
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshes.spatial_order import Grid, grid_around, widen_bounds
-from bezier_filters.meshes.unit_size import MOST_BITS, size_exponent
+from bezier_filters.meshes.unit_size import MAX_UNSCALED_EXPONENT, size_exponent
 from bezier_filters.runtime.atomic import atomic_write
 from bezier_filters.runtime.checksums import file_checksum
 from bezier_filters.runtime.jit import jit
@@ -192,9 +192,10 @@ def _grid(source: MeshSource, passes: _Passes) -> Grid:
             )
     triangle_mesh([low, high], [])  # sizes that cannot be computed with
     if size_exponent([low, high]):
+        limit = 2.0**MAX_UNSCALED_EXPONENT
         raise InvalidMeshError(
             f"{source.paths[0]}: the largest coordinate is {max(abs(low).max(), abs(high).max()):.3g}; in tiles it "
-            f"must be between {2.0**-MOST_BITS:.2g} and {2.0**MOST_BITS:.2g}: scale the mesh, or compute it in memory"
+            f"must be between {1.0 / limit:.2g} and {limit:.2g}: scale the mesh, or compute it in memory"
         )
     return grid_around(low, high, source.vertex_count)
 

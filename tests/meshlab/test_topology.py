@@ -17,7 +17,7 @@ from bezier_filters.holes.hole_filling import fill_holes
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.diagnosis import inspect_mesh
 from bezier_filters.meshes.half_edges import boundary_loops, distinct_edges, proper_faces
-from bezier_filters.meshes.mesh import LARGEST, triangle_mesh
+from bezier_filters.meshes.mesh import MAX_COORDINATE, triangle_mesh
 from bezier_filters.meshlab import topology as topology_module
 from bezier_filters.meshlab.converters import mesh_arrays
 from bezier_filters.meshlab.crease_filter import compute_selection_by_bezier_crease_per_edge
@@ -85,7 +85,7 @@ def test_on_bad_meshes(name):
 
 def test_on_damaged_meshes():
     """Faces that name a vertex twice are among them, on which pymeshlab would run forever (number 240)."""
-    meshes = [mesh for mesh in map(mutated, range(230, 300)) if (np.abs(mesh[0]) < LARGEST).all()]
+    meshes = [mesh for mesh in map(mutated, range(230, 300)) if (np.abs(mesh[0]) < MAX_COORDINATE).all()]
     assert {compare(*mesh)["boundary_loops_by"] for mesh in meshes} == {"pymeshlab", "bezier_filters"}
 
 
