@@ -15,7 +15,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from bezier_filters.arguments import in_short
+from bezier_filters.arguments import brief_repr
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError, is_integer, is_real
 from bezier_filters.holes.loops import angle_sums, diameter, plane_axes, points_in_polygon, vector_area
@@ -260,7 +260,7 @@ class HoleChoice:
         if self.selected is not None:
             check_selection(self.selected, vertex_count)
         if not isinstance(self.holes, Sequence | NoneType) and np.ndim(self.holes) != 1:
-            raise InvalidParameterError(f"holes: got {in_short(self.holes)}, expected a list of numbers, or None")
+            raise InvalidParameterError(f"holes: got {brief_repr(self.holes)}, expected a list of numbers, or None")
         for k in () if self.holes is None else self.holes:
             if not (is_integer(k) and 0 <= k < hole_count):
                 raise InvalidParameterError(

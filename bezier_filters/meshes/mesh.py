@@ -9,7 +9,7 @@ from typing import NoReturn, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bezier_filters.arguments import checks_arguments, in_short, real_array
+from bezier_filters.arguments import brief_repr, checks_arguments, real_array
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
 
@@ -125,11 +125,11 @@ def ensure_mesh(mesh: TriangleMesh | ArrayLike, faces: ArrayLike | None = None) 
     """Return a mesh unchanged, or make one of vertices and faces."""
     if isinstance(mesh, TriangleMesh):
         if faces is not None:
-            raise InvalidMeshError(f"got a TriangleMesh and {in_short(faces)}, expected the mesh alone")
+            raise InvalidMeshError(f"got a TriangleMesh and {brief_repr(faces)}, expected the mesh alone")
         return mesh
     if faces is None:
         raise InvalidMeshError(
-            f"mesh: got {in_short(mesh)}, expected a TriangleMesh (see triangle_mesh), or vertices and faces"
+            f"mesh: got {brief_repr(mesh)}, expected a TriangleMesh (see triangle_mesh), or vertices and faces"
         )
     return triangle_mesh(mesh, faces)
 

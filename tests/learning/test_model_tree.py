@@ -19,7 +19,7 @@ from bezier_filters.learning.model_tree import (
 )
 from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.learning.surface_model import SurfaceModel
-from bezier_filters.meshlab.meshset import shipped_bunny
+from bezier_filters.meshlab.meshset import bunny_path
 from bezier_filters.patches.harmonics import harmonic_basis
 from bezier_filters.surfaces import ellipsoid, sphere, torus
 from survivors import keep_survivors
@@ -156,7 +156,7 @@ def test_the_parts_do_not_depend_on_what_is_selected():
 @pytest.mark.parametrize(("deleted", "turned", "moved"), [(10, 1.0, 0.08), (30, 1.5, 0.13)])
 def test_a_scan_with_detail_as_long_as_its_noise_keeps_its_fit(deleted, turned, moved):
     """Otherwise a few vertices less turn normals by degrees, and move H by a fifth."""
-    ms = load_mesh(shipped_bunny())
+    ms = load_mesh(bunny_path())
     vertices, faces = ms.current_mesh().vertex_matrix(), ms.current_mesh().face_matrix()
     used = np.unique(faces)
     vertices, faces = vertices[used], np.searchsorted(used, faces).astype(np.int32)

@@ -154,7 +154,7 @@ def test_faces_that_are_not_understood_are_refused():
     for source, message in [
         (pyvista.ImageData(dimensions=(2, 2, 2)), "not a surface; .*extract_surface"),
         (pyvista.Plane().cast_to_unstructured_grid(), "not a surface; .*extract_surface"),
-        (pyvista.MultiBlock([pyvista.Sphere()]), "no surface"),
+        (pyvista.MultiBlock([pyvista.Sphere()]), "not a surface"),
         (trimesh.load_path(SHAPE.vertices[:3]), "whose entities cannot be read"),
         (mixed, "meshes and point clouds"),
         (trimesh.Scene(), "which is empty"),

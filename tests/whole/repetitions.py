@@ -11,7 +11,7 @@ from test_load import FUNCTIONS, digest_of, result_of
 
 from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
 from bezier_filters.meshlab.mesh_attributes import write_coordinates
-from bezier_filters.meshlab.meshset import preserved_filter_script
+from bezier_filters.meshlab.meshset import preserve_filter_script
 from bezier_filters.meshlab.scripts import FILTERS
 
 WARM_UP, REPETITIONS = 100, 1000
@@ -40,7 +40,7 @@ def all_filters(ms, rough):
             ms.delete_current_mesh()
             ms.set_current_mesh(main)
     state = digest_of(ms)
-    with preserved_filter_script(ms):
+    with preserve_filter_script(ms):
         write_coordinates(ms, rough)
     return state
 
