@@ -218,7 +218,7 @@ def importers(tree: Path) -> dict[Path, set[Path]]:
                 parts = node.module.split(".")
                 for target in (
                     tree.joinpath(*parts).with_suffix(".py"),
-                    *(tree / f / f"{parts[-1]}.py" for f in ("tests", "benchmarks")),
+                    *(tree / f / f"{parts[-1]}.py" for f in ("tests/helpers", "benchmarks")),
                 ):
                     taken = {alias.name for alias in node.names}
                     if taken & offered.get(target, set()) or {a.asname or a.name for a in node.names} & early:

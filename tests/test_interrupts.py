@@ -4,7 +4,7 @@ import sys
 
 import numpy as np
 import pytest
-from furnished import punched_torus
+from full_meshset import punched_torus
 
 from bezier_filters.arrays import unique_rows
 from bezier_filters.meshes.adjacency import vertex_adjacency

@@ -6,7 +6,7 @@ import os
 import sys
 
 import numpy as np
-from furnished import furnished, punched_torus
+from full_meshset import full_meshset, punched_torus
 from test_load import FUNCTIONS, digest_of, result_of
 
 from bezier_filters.meshlab.hole_filter import meshing_close_holes_by_bezier_patch
@@ -58,7 +58,7 @@ if __name__ == "__main__":
     if sys.argv[1] == "functions":
         print(*repeat(all_functions))
     else:
-        mesh_set = furnished(*punched_torus())
+        mesh_set = full_meshset(*punched_torus())
         meshing_close_holes_by_bezier_patch(mesh_set)
         coordinates = np.array(mesh_set.current_mesh().vertex_matrix())
         print(*repeat(lambda: all_filters(mesh_set, coordinates)))

@@ -9,7 +9,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pymeshlab
 from meshset_state import changed, mesh_state
-from second_opinion import largest_curvature, opinion
+from naive_reference import expected_fit, largest_curvature
 
 from baselines import ouyang_feng_normals, razdan_bae
 from bezier_filters import (
@@ -107,7 +107,7 @@ def check_statuses(vertices, faces, geometry):
     for vertex in (
         v for status in statuses for v in np.flatnonzero(geometry.status == status)[:: 1 + len(vertices) // 4]
     ):
-        status, other = FitStatus(geometry.status[vertex]), opinion(vertices, faces, int(vertex))
+        status, other = FitStatus(geometry.status[vertex]), expected_fit(vertices, faces, int(vertex))
         assert other.isolated in (None, status == FitStatus.ISOLATED), (vertex, status)
         assert other.fits in (None, status == FitStatus.OK), (vertex, status)
         if other.fits and other.tolerance * np.ptp(vertices, axis=0).max() < 1e-3:
