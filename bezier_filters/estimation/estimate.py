@@ -217,7 +217,7 @@ def estimate_vertex_geometry(
     if fold_test != "angle" and (radius is not None or not mesh.face_count):
         raise InvalidParameterError(f"fold_test: got {fold_test!r}; that is for rings of meshes with faces")
     if fallbacks != "sound" and radius is not None:
-        raise InvalidParameterError(f"fallbacks: got {fallbacks!r} and a radius; those of the paper are for rings")
+        raise InvalidParameterError(f"fallbacks: got {fallbacks!r} and a radius; the paper's fallbacks need rings")
     axes = None if x_axis is None else _directions(x_axis, mesh, "x_axis")
     mask = None if selected is None else check_selection(selected, mesh.vertex_count)
 
@@ -446,7 +446,7 @@ def _check_normals(normals: ArrayLike | None, mesh: TriangleMesh) -> FloatArray 
     if normals is None:
         return None
     if mesh.face_count:
-        raise InvalidParameterError("normals: got some for a mesh with faces, whose orientation says what is outside")
+        raise InvalidParameterError("normals: not allowed for a mesh with faces, whose orientation defines the outside")
     return _vectors(normals, mesh, "normals")
 
 

@@ -65,7 +65,7 @@ def check_detail(detail: object, rings: object = "auto", radius: object = None) 
         raise InvalidParameterError(f"detail: got {detail!r}, expected a positive length, or None")
     if rings != "auto" or radius is not None:
         size = "rings" if radius is None else "radius"
-        raise InvalidParameterError(f"detail: {size} says already how large neighbourhoods are; leave one of them out")
+        raise InvalidParameterError(f"detail: {size} determines the size of neighbourhoods already; omit one of them")
 
 
 def check_fit_noise(noise: object, fixed: PatchFit | None, rings: object, radius: object = None) -> None:
@@ -73,4 +73,4 @@ def check_fit_noise(noise: object, fixed: PatchFit | None, rings: object, radius
     check_noise(noise)
     if noise is not None and fixed is not None and (rings != "auto" or radius is not None):
         size = "rings" if radius is None else "radius"
-        raise InvalidParameterError(f"noise: {size} and alpha are given, and nothing depends on it; leave it out")
+        raise InvalidParameterError(f"noise: {size} and alpha are given, so the noise has no effect; omit it")

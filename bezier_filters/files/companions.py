@@ -27,7 +27,7 @@ def companion(path: Path, name: str) -> Path | None:
     if status is None:
         return None
     if not stat.S_ISREG(status.st_mode):
-        raise FieldFileError(f"{path} names {name[:80]!r}, which is no regular file")
+        raise FieldFileError(f"{path} names {name[:80]!r}, which is not a regular file")
     if status.st_size > _MAX_COMPANION_BYTES:
         raise FieldFileError(
             f"{path} names the file {name[:80]!r} of {status.st_size} bytes; {_MAX_COMPANION_BYTES} are the limit"
@@ -46,4 +46,4 @@ def check_companions(path: Path) -> None:
                 name = os.fsdecode(found[1].strip()).replace("\\", "/")
                 target = path.parent / name
                 if target.exists() and not target.is_file():
-                    raise FieldFileError(f"{path} names the material file {name[:80]!r}, which is no regular file")
+                    raise FieldFileError(f"{path} names the material file {name[:80]!r}, which is not a regular file")

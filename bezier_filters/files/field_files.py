@@ -149,7 +149,7 @@ def _read_npz(path: Path, stream: BinaryIO) -> dict[str, FloatArray]:
         with np.load(stream, allow_pickle=False) as arrays:
             return {name: arrays[name].astype(np.float64) for name in arrays.files}
     except _DAMAGES as error:
-        raise FieldFileError(f"{path} is not a whole NPZ file ({error}); write it again with save_fields") from error
+        raise FieldFileError(f"{path} is not a complete NPZ file ({error}); write it again with save_fields") from error
 
 
 def _read_ply(path: Path, stream: BinaryIO, head: bytes) -> dict[str, FloatArray]:

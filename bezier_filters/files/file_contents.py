@@ -135,7 +135,7 @@ def _read_obj(path: Path) -> FileContents:
             try:
                 corners = [_integer(word.partition(b"/")[0]) for word in words[1:]]
             except ValueError:
-                raise _misread(path, number, words, "numbers of vertices and nothing else") from None
+                raise _misread(path, number, words, "vertex indices only") from None
             # Negative indices count back from here; 0 is invalid.
             face = [k - 1 if k > 0 else len(vertices) + k if k else -1 for k in corners]
             if min(face, default=0) < 0:
@@ -160,7 +160,7 @@ def _read_off(path: Path, vertex_count: int, face_count: int, header_lines: int)
             try:
                 size, *corners = (_integer(word) for word in words[: _integer(words[0]) + 1])
             except ValueError:
-                raise _misread(path, number, words, "a number of corners and those") from None
+                raise _misread(path, number, words, "a number of corners and the corners") from None
             if size > len(corners):
                 raise FieldFileError(
                     f"{path} is cut short or has faces over several lines: line {number} announces {size} corners, but "

@@ -91,7 +91,7 @@ def check_gltf(path: Path) -> int | None:
     except FieldFileError:
         raise
     except CycleError as error:
-        raise FieldFileError(f"{path} has nodes that are inside themselves") from error
+        raise FieldFileError(f"{path} has a cycle of nodes") from error
     except (ValueError, KeyError, IndexError, TypeError, AttributeError, struct.error, RecursionError):
         return None
 

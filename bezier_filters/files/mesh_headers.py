@@ -159,7 +159,7 @@ def check_header(path: str | os.PathLike[str]) -> None:
     # In an OBJ file, a mark before a comment is harmless.
     if head.startswith(BOM_UTF8) and path.suffix.lower() in _MARKED and head[len(BOM_UTF8) :][:1] not in b"#\r\n":
         raise FieldFileError(
-            f"{path} begins with a byte order mark, which readers take for text; save it as UTF-8 without one"
+            f"{path} begins with a byte order mark, which readers mistake for text; save it as UTF-8 without one"
         )
     checks = {".ply": _check_ply, ".stl": _check_stl, ".off": _check_off}
     check = checks.get(path.suffix.lower())

@@ -136,7 +136,7 @@ def _border_loops(
     arrivals = np.bincount(end, minlength=mesh.vertex_count)[end]
     ambiguous = border.non_manifold[end] & ((last - first != 1) | (arrivals != 1))
     if ((last - first != arrivals) & ~ambiguous).any():
-        raise InvalidParameterError("on_border: got other vertices than those on the edges of one face only")
+        raise InvalidParameterError("on_border: got vertices other than the ends of edges with one face")
     components = _ambiguous_components(ambiguous, start, end, mesh.vertex_count)
     undetermined = np.zeros(len(start), dtype=np.bool_)
     undetermined[np.concatenate([*components, np.empty(0, dtype=np.int64)])] = True

@@ -93,12 +93,13 @@ def meshing_close_holes_by_bezier_patch(
         and ``topology_after`` (what pymeshlab counts: ``components``, ``genus``, ``boundary_loops`` with those of outer
         rims and islands, ``boundary_edges``, ``non_manifold_faces`` at such edges, ``non_manifold_vertices`` and
         ``two_manifold``; where the mesh is not a manifold the genus is None, and ``boundary_loops_by`` says that we
-        have counted the loops), ``warnings`` (texts: fills that need a look, because they cut faces, or are as wide as
-        half of the mesh, and holes that were left open because every fill would cut faces), ``remarks`` (texts: limits
-        that limit nothing), ``seconds`` (read, fit, write) and ``holes``, a dict for each with ``filled``, ``method``,
-        ``reason``, ``edge_count``, ``perimeter``, ``diameter``, ``islands``, ``is_outer_rim``, ``parts``,
-        ``crease_edges``, ``new_vertices`` and ``new_faces`` (numbers), ``rim_error`` (0), ``rim_dihedral`` (mean angle
-        along the rim, degrees) and ``self_intersections``; see `bezier_filters.HoleReport`. It can be written as JSON.
+        have counted the loops), ``warnings`` (texts: fills that need a look, because they intersect faces, or are as
+        wide as half of the mesh, and holes that were left open because every fill would intersect faces), ``remarks``
+        (texts: limits that limit nothing), ``seconds`` (read, fit, write) and ``holes``, a dict for each with
+        ``filled``, ``method``, ``reason``, ``edge_count``, ``perimeter``, ``diameter``, ``islands``, ``is_outer_rim``,
+        ``parts``, ``crease_edges``, ``new_vertices`` and ``new_faces`` (numbers), ``rim_error`` (0), ``rim_dihedral``
+        (mean angle along the rim, degrees) and ``self_intersections``; see `bezier_filters.HoleReport`. It can be
+        written as JSON.
 
     Examples
     --------
@@ -188,8 +189,9 @@ def fill_warnings(result: HoleFillingResult, diagonal: float) -> list[str]:
     texts = [
         f"{len(wide):,} of the filled holes as wide as half of the mesh or wider, perhaps the end of a part and not a "
         f"hole: a largest diameter of {100 * WIDE_HOLE_RATIO:g}% leaves such open",
-        f"{len(cutting):,} of the fills with faces that cut others, {sum(cutting):,} in all",
-        f"{len(open_):,} of the holes, left open because every fill would cut others; intersecting=True fills them",
+        f"{len(cutting):,} of the fills with faces that intersect others, {sum(cutting):,} in all",
+        f"{len(open_):,} of the holes, left open because every fill would intersect others; intersecting=True fills "
+        "them",
     ]
     return [text for text, holes in zip(texts, (wide, cutting, open_), strict=True) if holes]
 

@@ -227,5 +227,5 @@ def write_coordinates(ms: MeshSet, vertices: FloatArray) -> None:
         ms.delete_current_mesh()
         ms.set_current_mesh(wanted)
     if not np.array_equal(current_mesh(ms).vertex_matrix(), vertices):
-        raise BezierFilterError("pymeshlab did not take the new coordinates over bit for bit; they are too far apart")
+        raise BezierFilterError("pymeshlab could not store the new coordinates exactly; their range is too large")
     ms.compute_normal_per_vertex()

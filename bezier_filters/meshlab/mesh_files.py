@@ -140,7 +140,7 @@ def load_rows(path: Path, *, skip: bool) -> tuple[MeshSet, BoolArray | None]:
             _merge_layers(meshset, path.name)
         mesh = meshset.current_mesh() if len(list(meshset)) else None
         if mesh is None or mesh.vertex_number() == 0:
-            raise BezierFilterError(f"cannot read {printable_path(path)}: there are no vertices in it")
+            raise BezierFilterError(f"cannot read {printable_path(path)}: it has no vertices")
         lost = find_lost_rows(path, promised, mesh.vertex_number(), mesh.face_number(), skip=skip)
     except FieldFileError as error:
         raise BezierFilterError(
@@ -185,7 +185,7 @@ def columns_of(path: Path, kept: BoolArray | None, vertex_count: int) -> dict[st
 
 def _check_regular(path: Path) -> None:
     if not path.is_file():
-        kind = "it is a directory" if path.is_dir() else "it is no regular file" if path.exists() else "no such file"
+        kind = "it is a directory" if path.is_dir() else "it is not a regular file" if path.exists() else "no such file"
         raise BezierFilterError(f"cannot read {printable_path(path)}: {kind}")
     if path.stat().st_size == 0:
         raise BezierFilterError(f"cannot read {printable_path(path)}: the file is empty")

@@ -34,7 +34,7 @@ class ArrayFile:
         offset = self.offset + start * self.dtype.itemsize
         found: Values = np.fromfile(self.path, self.dtype, stop - start, offset=offset)
         if len(found) < stop - start:
-            raise FieldFileError(f"{self.path} is cut short: row {stop - 1} is not there")
+            raise FieldFileError(f"{self.path} is cut short: row {stop - 1} is missing")
         return found
 
     def memory_map(self, mode: Literal["r", "r+"] = "r") -> Values:

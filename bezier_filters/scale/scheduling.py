@@ -58,7 +58,7 @@ def start_workers(scheduler: Scheduler, *, workers: int, memory_limit: int | Non
         try:
             client = distributed.Client(scheduler, timeout="20s", set_as_default=False)
         except (OSError, ValueError) as error:
-            raise InvalidParameterError(f"scheduler: nothing answers at {scheduler}; {error}") from error
+            raise InvalidParameterError(f"scheduler: no response from {scheduler}; {error}") from error
         with client:
             yield Workers(lambda: client)
     elif scheduler is None:

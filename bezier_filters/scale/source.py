@@ -133,7 +133,7 @@ def _open_ply(path: Path) -> MeshSource:
             break
     if path.stat().st_size < offset:
         raise FieldFileError(
-            f"{path} is cut short or damaged, or has other faces than triangles: triangles would take {offset} bytes, "
+            f"{path} is cut short or damaged, or has faces other than triangles: triangles would take {offset} bytes, "
             f"it has {path.stat().st_size}"
         )
     return MeshSource((path,), places["vertex"], places["face"], corners[0].name)
@@ -144,8 +144,8 @@ def _rows_of(path: Path, header: PlyHeader, element: PlyElement, offset: int) ->
     lists = [item.name for item in element.properties if item.length_type]
     if lists and (element.name != "face" or lists[0] not in CORNERS or len(lists) > 1):
         raise FieldFileError(
-            f"{path}: the element {element.name} has lists of any length ({', '.join(lists)}), so that what "
-            "follows has no known place; save it without them"
+            f"{path}: the element {element.name} has lists of any length ({', '.join(lists)}), so that rows have no "
+            "fixed offsets; save it without them"
         )
     order = BYTE_ORDER[header.format]
     dtype = np.dtype([(name, order + code) for name, code in element.columns])

@@ -87,7 +87,9 @@ def open_tile(folder: Path, tile: int) -> Tile:
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
         whole = False
     if not whole:
-        raise DamagedTileError(f"tile {tile} is damaged: {path} is not what was written; resume to compute it again")
+        raise DamagedTileError(
+            f"tile {tile} is damaged: {path} does not match its checksum; resume to compute it again"
+        )
     return result
 
 

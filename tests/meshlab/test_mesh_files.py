@@ -243,7 +243,7 @@ def test_only_ply_holds_quality_and_columns(tmp_path, result):
 def test_a_gltf_file_without_a_mesh_is_refused(tmp_path):
     path = tmp_path / "empty.gltf"
     path.write_text(json.dumps({"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": []}]}), encoding="utf-8")
-    with pytest.raises(BezierFilterError, match="there are no vertices in it"):
+    with pytest.raises(BezierFilterError, match="it has no vertices"):
         load_mesh(path)
 
 

@@ -67,7 +67,7 @@ FILES = {
         hostile(3, 1)[:-100] + bytes(36) + b"\3" + bytes(8) + b"\xff" * 4,
         "has no vertex -1, which its face 0 names",
     ),
-    "no_vertices.ply": (hostile(0, 0)[:-100], "there are no vertices in it"),
+    "no_vertices.ply": (hostile(0, 0)[:-100], "it has no vertices"),
 }
 
 
