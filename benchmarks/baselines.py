@@ -4,6 +4,7 @@ None of the three has a public implementation, and none of the articles was at h
 says how the method was read.
 """
 
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -12,17 +13,16 @@ from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.estimation.estimate import estimate_vertex_geometry
-from bezier_filters.estimation.vertex_geometry import VertexGeometry
+from bezier_filters.fitting.fallbacks import fit_patches
+from bezier_filters.fitting.vertex_geometry import FitChoice, VertexGeometry
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.half_edges import face_neighbours
 from bezier_filters.meshes.mesh import triangle_mesh
-from bezier_filters.patches.smoothness import Smoothness
+from bezier_filters.patches.patch_fit import PatchFit
 from bezier_filters.runtime.parallel import Progress, RangeTask, run_in_chunks, runs_on_threads
 
 ShapeEquations = Literal["edges", "twists"]
-_SMOOTHNESS: dict[ShapeEquations, Smoothness] = {"edges": "paper", "twists": "twists"}
 TIE = 1e-6
 """Difference of cosines below which two neighbours are equally opposite: far above rounding."""
 ONE_LINE = 0.01
@@ -33,6 +33,26 @@ REACH = 2.5
 """Widths of a Gaussian up to which faces have a weight."""
 
 
+@dataclass(frozen=True)
+class TwistFit(PatchFit):
+    """A fit whose smoothness rows are the twists of the control net."""
+
+    @property
+    def smoothness_rows(self) -> FloatArray:
+        """Rows S, see `control_net_twists`."""
+        return control_net_twists(self.degree)
+
+
+def control_net_twists(degree: int) -> FloatArray:
+    """Twists b_ij - b_(i+1)j - b_i(j+1) + b_(i+1)(j+1) of the control net, shape (d^2, (d+1)^2).
+
+    They vanish if every mesh of the control net is a parallelogram.
+    """
+    differences = np.diff(np.eye(degree + 1), axis=0)
+    return np.asarray(np.kron(differences, differences), dtype=np.float64)
+
+
+@runs_on_threads
 def razdan_bae(
     vertices: ArrayLike,
     faces: ArrayLike,
@@ -92,18 +112,11 @@ def razdan_bae(
     >>> [round(float(razdan_bae(ball.vertices, ball.faces, alpha=a).mean_curvature.mean()), 2) for a in (0.8, 1)]
     [1.14, 1.0]
     """
-    if shape not in _SMOOTHNESS:
+    if shape not in get_args(ShapeEquations):
         raise InvalidParameterError(f"shape: got {shape!r}, expected one of {get_args(ShapeEquations)}")
-    return estimate_vertex_geometry(
-        vertices,
-        faces,
-        rings=rings,
-        alpha=alpha,
-        degree=2,
-        smoothness=_SMOOTHNESS[shape],
-        threads=threads,
-        progress=progress,
-    )
+    fit = PatchFit(2, alpha, "paper") if shape == "edges" else TwistFit(2, alpha, "paper")
+    geometry = fit_patches(triangle_mesh(vertices, faces), rings, fit, progress=progress)
+    return replace(geometry, fit=FitChoice(rings, 2, alpha, None))
 
 
 @runs_on_threads

@@ -46,7 +46,7 @@ PATIENCE = {"own": 45.0, "wide": 300.0}
 MEMORY = 8 << 30
 """Bytes of addresses for the tests."""
 
-FOLDERS = ("kernels", "patches", "learning", "holes", "meshes")
+FOLDERS = ("kernels", "patches", "surface_model", "holes", "meshes")
 TOPOLOGY = (
     "hole_detection",
     "hole_filling",
@@ -79,7 +79,7 @@ SPEED = re.compile(
 OWN = {
     "kernels": ["tests/test_differential_geometry.py", "tests/estimation/test_paper_mode.py"],
     "patches": ["tests/patches"],
-    "learning": [],
+    "surface_model": [],
     "holes": ["tests/holes/test_planar_fill.py"],
     "meshes": [],
 }
@@ -87,9 +87,9 @@ OWN = {
 WIDE = {
     "kernels": "kernels test_differential_geometry.py estimation/test_estimation.py estimation/test_extremality.py "
     "estimation/test_robust.py estimation/test_paper_mode.py estimation/test_convergence.py",
-    "patches": "patches estimation/test_paper_mode.py kernels learning/test_model_tree.py learning/test_noise_model.py "
-    "learning/test_ring_analysis.py estimation/test_extremality.py",
-    "learning": "learning smoothing/test_random_noise.py",
+    "patches": "patches estimation/test_paper_mode.py kernels surface_model/test_model_tree.py "
+    "surface_model/test_noise_model.py surface_model/test_ring_analysis.py estimation/test_extremality.py",
+    "surface_model": "surface_model smoothing/test_random_noise.py",
     "holes": "holes",
     "meshes": "meshes feature_lines holes/test_hole_filling.py meshlab/test_topology.py estimation/test_estimation.py",
 }

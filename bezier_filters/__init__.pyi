@@ -7,8 +7,6 @@ from .errors import InvalidMeshError as InvalidMeshError
 from .errors import InvalidParameterError as InvalidParameterError
 from .errors import InvalidScriptError as InvalidScriptError
 from .estimation.estimate import estimate_vertex_geometry as estimate_vertex_geometry
-from .estimation.vertex_geometry import VertexGeometry as VertexGeometry
-from .estimation.vertex_patch import vertex_patch as vertex_patch
 from .feature_lines.crease_lines import CreaseLine as CreaseLine
 from .feature_lines.crease_lines import Creases as Creases
 from .feature_lines.crease_lines import find_creases as find_creases
@@ -17,6 +15,8 @@ from .files.field_files import save_fields as save_fields
 from .files.filter_scripts import ScriptStep as ScriptStep
 from .files.filter_scripts import read_filter_script as read_filter_script
 from .files.filter_scripts import save_filter_script as save_filter_script
+from .fitting.vertex_geometry import VertexGeometry as VertexGeometry
+from .fitting.vertex_patch import vertex_patch as vertex_patch
 from .holes.fill_methods import HoleReport as HoleReport
 from .holes.hole_filling import HoleFillingResult as HoleFillingResult
 from .holes.hole_filling import fill_holes as fill_holes
@@ -57,10 +57,10 @@ from .meshlab.vertex_filters import (
 from .meshlab.vertex_filters import (
     compute_torsion_by_bezier_patch_per_vertex as compute_torsion_by_bezier_patch_per_vertex,
 )
-from .patches.fitting import PatchFit as PatchFit
-from .patches.fitting import fit_patch as fit_patch
 from .patches.patch import BezierPatch as BezierPatch
 from .patches.patch import ParameterRectangle as ParameterRectangle
+from .patches.patch_fit import PatchFit as PatchFit
+from .patches.patch_fit import fit_patch as fit_patch
 from .pictures.page import Page as Page
 from .pictures.page import show as show
 from .pictures.render import render_panels as render_panels

@@ -10,7 +10,15 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import Delaunay
 
 import baselines
-from baselines import REACH, SCALES, adaptive_gaussian_smoothing, gaussian_means, ouyang_feng_normals, razdan_bae
+from baselines import (
+    REACH,
+    SCALES,
+    adaptive_gaussian_smoothing,
+    control_net_twists,
+    gaussian_means,
+    ouyang_feng_normals,
+    razdan_bae,
+)
 from bezier_filters import FitStatus, InvalidMeshError, InvalidParameterError
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, ellipsoid, sphere, torus, waves
 from smoothing_peers import implicit_fairing
@@ -55,6 +63,21 @@ def test_edge_equations_overestimate_the_curvature_of_a_sphere_at_every_resoluti
         means.append(razdan_bae(ball.vertices, ball.faces).mean_curvature.mean())
     assert min(means) > 1.1
     assert abs(means[2] - means[1]) < 0.01
+
+
+@pytest.mark.parametrize("degree", [2, 3, 4])
+def test_twists_leave_exactly_sums_of_functions_of_one_parameter_free(degree):
+    """On the nets of these functions, whose coefficients are sums of one of i and one of j."""
+    rows = control_net_twists(degree)
+    assert rows.shape == (degree**2, (degree + 1) ** 2)
+    assert np.linalg.matrix_rank(rows) == len(rows)
+    i, j = np.divmod(np.arange((degree + 1) ** 2), degree + 1)
+    rng = np.random.default_rng(degree)
+    of_i, of_j = rng.normal(size=(2, degree + 1))
+    assert np.abs(rows @ (of_i[i] - 2.0 * of_j[j])).max() < 1e-12
+    # b_ij = (2 i / d - 1) (2 j / d - 1) is the net of s t: every twist is (2 / d)^2.
+    product = (2 * i / degree - 1) * (2 * j / degree - 1)
+    np.testing.assert_allclose(rows @ product, (2 / degree) ** 2, atol=1e-12)
 
 
 def test_unknown_shape_equations_are_refused():

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bezier_filters import FitStatus, InvalidParameterError, VertexGeometry, estimate_vertex_geometry
-from bezier_filters.estimation.vertex_geometry import FitChoice, empty_geometry
+from bezier_filters.fitting.vertex_geometry import FitChoice, empty_geometry
 from bezier_filters.surfaces import cylinder, height_field, sphere, torus
 
 angles = st.floats(0, 2 * np.pi)

@@ -207,8 +207,8 @@ def _inspect(source: Path, stage: console.Stage, *, skip: bool) -> tuple["Curren
 
 def _noise_of(mesh: "TriangleMesh") -> "Report":
     """Noise of a mesh, learned as for fitting and smoothing, as arguments of `noise_in_words`."""
-    from bezier_filters.estimation.first_call import first_call
-    from bezier_filters.estimation.noise_free import explain_unknown_noise, learn_mesh_noise
+    from bezier_filters.fitting.first_call import first_call
+    from bezier_filters.fitting.noise_level import explain_unknown_noise, learn_mesh_noise
     from bezier_filters.meshes.adjacency import vertex_adjacency
     from bezier_filters.runtime.parallel import use_threads
 

@@ -1,1 +1,1 @@
-"""Normals and curvatures of every vertex: the choice of the fit, its fallbacks and its result."""
+"""The public estimate of normals, curvatures and torsion, with sharp edges under noise."""

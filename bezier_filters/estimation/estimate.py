@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.estimation.adaptive_fit import (
+from bezier_filters.estimation.hidden_edges import hides_sharp_edges, noise_free_surface
+from bezier_filters.fitting.adaptive_fit import (
     MIN_MISFIT_RATIO,
     PROBE_COUNT,
     FindEdges,
@@ -25,20 +26,19 @@ from bezier_filters.estimation.adaptive_fit import (
     fit_regions,
     surface_learner,
 )
-from bezier_filters.estimation.fallbacks import (
+from bezier_filters.fitting.fallbacks import (
     Fallbacks,
     FoldTest,
     fallback_chain,
     fit_with_fallbacks,
     overall_progress,
 )
-from bezier_filters.estimation.first_call import first_call
-from bezier_filters.estimation.fit_options import Automatic, check_detail, check_fit_noise, check_radius, fit_options
-from bezier_filters.estimation.model_cache import MAX_CACHED_VERTICES, CachedFit, cache_fit, cache_key, look_up_fit
-from bezier_filters.estimation.noise_free import hides_sharp_edges, noise_free_surface
-from bezier_filters.estimation.outlier_removal import move_outliers, rebase_displacements
-from bezier_filters.estimation.point_cloud import point_cloud
-from bezier_filters.estimation.vertex_geometry import FitChoice, VertexGeometry, arrays_of, empty_geometry
+from bezier_filters.fitting.first_call import first_call
+from bezier_filters.fitting.fit_options import Automatic, check_detail, check_fit_noise, check_radius, fit_options
+from bezier_filters.fitting.model_cache import MAX_CACHED_VERTICES, CachedFit, cache_fit, cache_key, look_up_fit
+from bezier_filters.fitting.outlier_removal import move_outliers, rebase_displacements
+from bezier_filters.fitting.point_cloud import point_cloud
+from bezier_filters.fitting.vertex_geometry import FitChoice, VertexGeometry, arrays_of, empty_geometry
 from bezier_filters.kernels.kernel_input import (
     MIN_NEIGHBOURHOOD_WIDTH,
     KernelMesh,
@@ -47,17 +47,17 @@ from bezier_filters.kernels.kernel_input import (
     replace_vertices,
     use_smoothed_normals,
 )
-from bezier_filters.learning.learn import explain_unusable_mesh, sample_by_mode
-from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample, draw_from_mesh
-from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, check_selection, takes_arrays, triangle_mesh
 from bezier_filters.meshes.spatial_order import has_locality, identity_order, sort_spatially
 from bezier_filters.meshes.unit_size import normalizes_size
-from bezier_filters.patches.fitting import PatchFit
+from bezier_filters.patches.patch_fit import PatchFit
 from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.runtime.parallel import Progress, runs_on_threads
 from bezier_filters.status import FitStatus
+from bezier_filters.surface_model.learn import explain_unusable_mesh, sample_by_mode
+from bezier_filters.surface_model.neighbourhood_samples import NeighbourhoodSample, draw_from_mesh
+from bezier_filters.surface_model.noise_model import NoiseModel
 
 # Fractions of the probes with large residuals, see `MIN_MISFIT_RATIO`, and with failed fits, above which the mesh is
 # searched for sharp edges under the noise. Noisy blocks, joints, cubes and pyramids exceed one of them; noisy spheres,
@@ -132,9 +132,9 @@ def estimate_vertex_geometry(
         With a number for `alpha`, degree of the patch in each parameter: 2, 3 or 4, and "auto"
         is 3. Otherwise total degree of the polynomial: 2 to 6. Where nothing can be learned of a mesh, as on one of a
         few vertices, the fit has alpha 0.8 and this degree, 4 at most; ``fit.noise_reason`` says why.
-    smoothness : {"third_order", "paper", "twists"}
+    smoothness : {"third_order", "paper"}
         What S penalises: see `smoothness_matrix`. With ``"paper"``, "auto" stands for the paper's
-        settings: 2 rings, alpha 0.8, degree 3. With ``"twists"``, `alpha` must be a number.
+        settings: 2 rings, alpha 0.8, degree 3.
     fallbacks : {"sound", "paper"}
         What is tried where the surface folds over the tangent plane, with a number for `alpha`. ``"sound"``: the plane
         of the mean normal of the neighbourhood, then a quadratic fit of the 1-ring. ``"paper"``: the plane of the
@@ -149,7 +149,7 @@ def estimate_vertex_geometry(
     x_axis : (3,) or (n, 3) array_like of float, optional
         Directions of any length, one for all vertices or one each, whose projections are the x axes of the tangent
         planes. By default, and where they are zero or normal to the plane, x points to the neighbour that projects
-        farthest. What ``"paper"`` and ``"twists"`` give depends on it; fits that follow the data do not, and refuse it.
+        farthest. The result of ``"paper"`` depends on it; fits that follow the data do not, and refuse it.
     robust : bool, optional
         Whether points with large residuals lose their weight (Tukey's biweight), for scans with
         outliers: one vertex in twenty displaced by many times the noise. It takes about twice as long

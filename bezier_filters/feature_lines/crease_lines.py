@@ -17,16 +17,11 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray
 from bezier_filters.display import html_table
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError, is_real
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
-from bezier_filters.estimation.noise_free import (
-    RESIDUAL_NOISE_FRACTION,
-    hides_sharp_edges,
-    is_noisy,
-    learn_mesh_noise,
-    noise_free_surface,
-)
-from bezier_filters.estimation.vertex_geometry import VertexGeometry
+from bezier_filters.estimation.hidden_edges import RESIDUAL_NOISE_FRACTION, hides_sharp_edges, noise_free_surface
 from bezier_filters.feature_lines.crest_lines import crest_segments, interpolate_on_edges, ridge_and_ravine_fields
 from bezier_filters.fields import CREASES, column_names
+from bezier_filters.fitting.noise_level import is_noisy, learn_mesh_noise
+from bezier_filters.fitting.vertex_geometry import VertexGeometry
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.half_edges import MeshEdges, mesh_edges
 from bezier_filters.meshes.mesh import TriangleMesh, takes_arrays, triangle_mesh

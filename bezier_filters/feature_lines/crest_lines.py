@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from scipy.special import ndtr
 
 from bezier_filters.arrays import FloatArray, IntArray
-from bezier_filters.estimation.vertex_geometry import VertexGeometry
+from bezier_filters.fitting.vertex_geometry import VertexGeometry
 from bezier_filters.meshes.adjacency import Adjacency, mean_edge
 from bezier_filters.meshes.half_edges import MeshEdges
 from bezier_filters.meshes.mesh import TriangleMesh

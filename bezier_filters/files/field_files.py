@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from bezier_filters.arguments import brief_repr, path_of
 from bezier_filters.arrays import FloatArray
 from bezier_filters.errors import FieldFileError, InvalidParameterError
-from bezier_filters.estimation.vertex_geometry import VertexGeometry
 from bezier_filters.fields import CURVATURE, GRADE, PREFIX, QUALITY, TORSION, result_qualities
 from bezier_filters.files.mesh_headers import (
     BYTE_ORDER,
@@ -32,6 +31,7 @@ from bezier_filters.files.mesh_headers import (
     parse_header,
 )
 from bezier_filters.files.stored_grades import are_grades, grades_of_codes
+from bezier_filters.fitting.vertex_geometry import VertexGeometry
 from bezier_filters.runtime.atomic import atomic_write
 
 _DEFLATE_LIMIT = 1032  # largest compression ratio that deflate can reach
@@ -112,7 +112,7 @@ def save_fields(path: str | os.PathLike[str], geometry: VertexGeometry) -> None:
     --------
     >>> import pathlib, tempfile
     >>> ones, vectors, codes = np.ones(2), np.zeros((2, 3)), np.zeros(2, np.int32)
-    >>> from bezier_filters.estimation.vertex_geometry import FitChoice
+    >>> from bezier_filters.fitting.vertex_geometry import FitChoice
     >>> choice = FitChoice(rings=2, degree=3, alpha=0.8, noise_sigma=None)
     >>> principal = ones, 3 * ones, vectors, vectors, ones, ones
     >>> geometry = VertexGeometry(vectors, *principal, vectors, *[ones] * 4, codes, codes, choice)

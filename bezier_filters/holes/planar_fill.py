@@ -18,7 +18,7 @@ from bezier_filters.holes.loops import is_simple, plane_axes, triangulate_loop, 
 from bezier_filters.holes.polyharmonic_fairing import polyharmonic_continuation
 from bezier_filters.holes.refinement import Fill, flip_edges, refine
 from bezier_filters.meshes.triangles import area_vectors
-from bezier_filters.patches.fitting import PatchFit, fit_patch
+from bezier_filters.patches.patch_fit import PatchFit, fit_patch
 
 MIN_UPRIGHT_AREA = 1e-12  # rounding error of twice the area of a triangle, over the square of an edge
 PAPER_RINGS = 2  # rings around the hole that the paper's patch is fitted to, if they have enough points

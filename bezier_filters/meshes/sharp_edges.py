@@ -11,7 +11,7 @@ function                used for            angle above   edges nearby that are 
 ======================  ==================  ============  =======================================================
 
 Lines continue straight on along less sharp edges. Noise causes angles as well: under noise these rules are applied to
-the denoised surface of `estimation.noise_free`, where fits end at the edges of lines, too.
+the denoised surface of `estimation.hidden_edges`, where fits end at the edges of lines, too.
 """
 
 from math import cos, radians

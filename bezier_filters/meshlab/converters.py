@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from bezier_filters.arrays import FloatArray, IntArray
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.estimation.vertex_geometry import VertexGeometry
 from bezier_filters.fields import ESTIMATES, SMOOTH, fields_of
+from bezier_filters.fitting.vertex_geometry import VertexGeometry
 from bezier_filters.meshes.mesh import TriangleMesh, takes_arrays, triangle_mesh
 from bezier_filters.meshes.mesh_objects import mesh_of_object
 from bezier_filters.smoothing.smooth import SmoothingResult

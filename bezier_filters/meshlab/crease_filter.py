@@ -7,9 +7,9 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, Report
 from bezier_filters.errors import InvalidMeshError
-from bezier_filters.estimation.fit_options import Automatic
 from bezier_filters.feature_lines.crease_lines import COLORS, Creases, crease_columns, edge_mesh, find_creases
 from bezier_filters.fields import CREASES, PREFIX, column_names
+from bezier_filters.fitting.fit_options import Automatic
 from bezier_filters.meshlab.filter_run import Computed, Output, run_filter
 from bezier_filters.meshlab.meshset import (
     CurrentMesh,

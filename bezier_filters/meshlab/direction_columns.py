@@ -7,8 +7,8 @@ from bezier_filters.arguments import brief_repr
 from bezier_filters.arrays import BoolArray, FloatArray, Report
 from bezier_filters.differential_geometry import unit_directions
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.estimation.vertex_geometry import VertexGeometry
 from bezier_filters.fields import CURVATURE, PREFIX, qualities
+from bezier_filters.fitting.vertex_geometry import VertexGeometry
 from bezier_filters.meshlab.meshset import BezierFilterError
 
 Direction: TypeAlias = tuple[float, float, float]

@@ -8,7 +8,7 @@ from threading import Lock
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, IntArray, Report
-from bezier_filters.estimation.model_cache import cache_key
+from bezier_filters.fitting.model_cache import cache_key
 from bezier_filters.holes.hole_detection import find_holes
 from bezier_filters.meshes.adjacency import incoherent_vertices, vertex_adjacency
 from bezier_filters.meshes.face_sides import face_sides

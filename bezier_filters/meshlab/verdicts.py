@@ -3,7 +3,7 @@
 import numpy as np
 
 from bezier_filters.arrays import BoolArray, Report
-from bezier_filters.estimation.vertex_geometry import VertexGeometry
+from bezier_filters.fitting.vertex_geometry import VertexGeometry
 from bezier_filters.meshes.diagnosis import can_be_repaired, explain, inspect_mesh, is_fit, orientation_findings
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.meshlab.meshset import CurrentMesh

@@ -11,9 +11,9 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, Report
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
-from bezier_filters.estimation.fit_options import Automatic
-from bezier_filters.estimation.vertex_geometry import VertexGeometry
 from bezier_filters.fields import CURVATURE, GRADE, NORMALS, PREFIX, SMOOTH, TORSION, columns
+from bezier_filters.fitting.fit_options import Automatic
+from bezier_filters.fitting.vertex_geometry import VertexGeometry
 from bezier_filters.meshlab.direction_columns import Direction, check_direction, direction_columns
 from bezier_filters.meshlab.filter_run import Computed, Output, run_filter
 from bezier_filters.meshlab.mesh_attributes import write_coordinates

@@ -14,7 +14,7 @@ from bezier_filters.arrays import FloatArray
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.patches.polynomials import monomials_from_bernstein
 
-Smoothness = Literal["third_order", "paper", "twists"]
+Smoothness = Literal["third_order", "paper"]
 Penalty = Smoothness | Literal["flattest"]  # for points that do not determine a quadratic
 # Weight of second-order coefficients relative to those of third order and more: points that extend over 1/300 of the
 # neighbourhood in some direction still determine the curvature along it. With ten times the weight it is 1/100; a tenth
@@ -27,14 +27,13 @@ def smoothness_matrix(smoothness: Penalty, degree: int) -> FloatArray:
 
     Parameters
     ----------
-    smoothness : {"third_order", "paper", "twists", "flattest"}
+    smoothness : {"third_order", "paper", "flattest"}
         ``"paper"``: the second differences of the four boundary polygons of the control net
         (Li, Barsky, Jin 2009). It penalises quadratics, so curvature is biased at every
         resolution. ``"third_order"``: the patch's monomial coefficients of total degree >= 3;
-        all quadratics are free, so the fit is consistent for every alpha. ``"twists"``: the mixed
-        second differences of the control net (Farin's shape equations); u^2 and v^2 are free,
-        u v is not, so curvature is biased and depends on the axes. ``"flattest"``, not public: as
-        ``"third_order"``, with the least second-order coefficients among all fits to the points.
+        all quadratics are free, so the fit is consistent for every alpha. ``"flattest"``, not
+        public: as ``"third_order"``, with the least second-order coefficients among all fits to
+        the points.
     degree : int
         2, 3 or 4.
 
@@ -47,7 +46,6 @@ def smoothness_matrix(smoothness: Penalty, degree: int) -> FloatArray:
         "third_order": third_order_coefficients,
         "flattest": flattest_rows,
         "paper": boundary_second_differences,
-        "twists": control_net_twists,
     }
     if smoothness not in rows:
         raise InvalidParameterError(f"smoothness: got {smoothness!r}, expected one of {get_args(Smoothness)}")
@@ -67,15 +65,6 @@ def boundary_second_differences(degree: int) -> FloatArray:
         for k in range(degree - 1):
             rows[side, k, polygon[k : k + 3]] = 1.0, -2.0, 1.0
     return rows.reshape(-1, size * size)
-
-
-def control_net_twists(degree: int) -> FloatArray:
-    """Twists b_ij - b_(i+1)j - b_i(j+1) + b_(i+1)(j+1) of the control net, shape (d^2, (d+1)^2).
-
-    They vanish if every mesh of the control net is a parallelogram.
-    """
-    differences = np.diff(np.eye(degree + 1), axis=0)
-    return np.asarray(np.kron(differences, differences), dtype=np.float64)
 
 
 def third_order_coefficients(degree: int) -> FloatArray:

@@ -20,9 +20,9 @@ from bezier_filters.arrays import BoolArray, FloatArray, IntArray, Report
 from bezier_filters.display import color_range, noise_level, round_limits
 from bezier_filters.errors import InvalidParameterError
 from bezier_filters.estimation.estimate import estimate_vertex_geometry
-from bezier_filters.estimation.vertex_geometry import VertexGeometry
 from bezier_filters.feature_lines.crease_lines import Creases, edge_mesh, find_creases
 from bezier_filters.fields import ESTIMATES, FIELDS, GRADE, SMOOTH, Field, columns, values_of
+from bezier_filters.fitting.vertex_geometry import VertexGeometry
 from bezier_filters.holes.hole_filling import HoleFillingResult, fill_holes
 from bezier_filters.meshes.mesh import takes_arrays, triangle_mesh
 from bezier_filters.meshlab.hole_filter import fill_warnings

@@ -77,7 +77,7 @@ def opaque(number: int) -> int:
 
 _KERNEL_KINDS = {
     "kernels": "fit patches",
-    "estimation": "read point clouds",
+    "fitting": "read point clouds",
     "smoothing": "smooth",
     "holes": "fill holes",
 }

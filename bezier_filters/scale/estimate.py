@@ -9,12 +9,11 @@ import numpy as np
 
 from bezier_filters.arrays import Report
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.estimation.adaptive_fit import SurfaceFit, fit_regions
-from bezier_filters.estimation.fallbacks import fit_with_fallbacks
-from bezier_filters.estimation.outlier_removal import rebase_displacements
-from bezier_filters.estimation.vertex_geometry import FitChoice, FitPart, VertexGeometry, empty_geometry
 from bezier_filters.fields import CURVATURE, ESTIMATES, PREFIX, QUALITY, TORSION, Field, fields_of, values_of
-from bezier_filters.learning.model_tree import leaves
+from bezier_filters.fitting.adaptive_fit import SurfaceFit, fit_regions
+from bezier_filters.fitting.fallbacks import fit_with_fallbacks
+from bezier_filters.fitting.outlier_removal import rebase_displacements
+from bezier_filters.fitting.vertex_geometry import FitChoice, FitPart, VertexGeometry, empty_geometry
 from bezier_filters.runtime.parallel import single_threaded_blas
 from bezier_filters.scale.array_file import Values
 from bezier_filters.scale.halo import TilePart, tile_part
@@ -25,6 +24,7 @@ from bezier_filters.scale.source import SourcePath, open_source
 from bezier_filters.scale.store import Store
 from bezier_filters.scale.tiles import TileReport, table_of
 from bezier_filters.status import FitStatus
+from bezier_filters.surface_model.model_tree import leaves
 
 ALL = "all"  # every estimate
 QUALITIES = {CURVATURE: "mean", TORSION: "torsion", ALL: "mean"}  # default qualities

@@ -9,7 +9,7 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, IntArray
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.estimation.adaptive_fit import (
+from bezier_filters.fitting.adaptive_fit import (
     PROBE_COUNT,
     ProbeVertices,
     SurfaceFit,
@@ -17,28 +17,16 @@ from bezier_filters.estimation.adaptive_fit import (
     choose_fit,
     first_features,
 )
-from bezier_filters.estimation.fallbacks import FitAttempt, fit_with_fallbacks
-from bezier_filters.estimation.fit_options import check_detail, check_fit_noise, fit_options
-from bezier_filters.estimation.noise_free import estimate_noise
-from bezier_filters.estimation.outlier_removal import OUTLIER_REACH, move_outliers
-from bezier_filters.estimation.vertex_geometry import empty_geometry
+from bezier_filters.fitting.fallbacks import FitAttempt, fit_with_fallbacks
+from bezier_filters.fitting.fit_options import check_detail, check_fit_noise, fit_options
+from bezier_filters.fitting.noise_level import estimate_noise
+from bezier_filters.fitting.outlier_removal import OUTLIER_REACH, move_outliers
+from bezier_filters.fitting.vertex_geometry import empty_geometry
 from bezier_filters.kernels.kernel_input import KernelMesh, prepare_kernel_mesh, use_smoothed_normals
-from bezier_filters.learning.fit_spec import FitConstraints
-from bezier_filters.learning.learn import SAMPLES_PER_RING, SampleMode, learn_from_samples, sample_by_mode
-from bezier_filters.learning.model_tree import Leaf, leaves
-from bezier_filters.learning.neighbourhood_samples import (
-    NORMAL_CHECK_RINGS,
-    NeighbourhoodSample,
-    Population,
-    draw_vertices,
-)
-from bezier_filters.learning.noise_model import NoiseModel
-from bezier_filters.learning.ring_analysis import RingAnalysis
-from bezier_filters.learning.sample_check import explain_unusable_sample
 from bezier_filters.meshes.adjacency import Adjacency, vertex_adjacency
 from bezier_filters.meshes.frames import NORMAL_SMOOTHING_ROUNDS, tangent_planes
 from bezier_filters.meshes.mesh import TriangleMesh
-from bezier_filters.patches.fitting import PatchFit
+from bezier_filters.patches.patch_fit import PatchFit
 from bezier_filters.patches.smoothness import Smoothness
 from bezier_filters.scale.halo import Part, part_around, part_around_samples, restore_source_order, tile_part
 from bezier_filters.scale.store import Store
@@ -50,6 +38,18 @@ from bezier_filters.smoothing.mesh_parts import (
     next_unseen,
     sample_vertices,
 )
+from bezier_filters.surface_model.fit_spec import FitConstraints
+from bezier_filters.surface_model.learn import SAMPLES_PER_RING, SampleMode, learn_from_samples, sample_by_mode
+from bezier_filters.surface_model.model_tree import Leaf, leaves
+from bezier_filters.surface_model.neighbourhood_samples import (
+    NORMAL_CHECK_RINGS,
+    NeighbourhoodSample,
+    Population,
+    draw_vertices,
+)
+from bezier_filters.surface_model.noise_model import NoiseModel
+from bezier_filters.surface_model.ring_analysis import RingAnalysis
+from bezier_filters.surface_model.sample_check import explain_unusable_sample
 
 NORMAL_RINGS = 2  # rings that determine the normal of a vertex, also where its faces have zero area
 CREASE_RINGS = 2  # rings that determine the tangent plane and the sharp edges of a vertex
@@ -124,7 +124,7 @@ def _explain_unusable_store(store: Store, options: FitOptions) -> str:
 
 
 def learn_store_noise(store: Store, sigma: float | None = None, robust: bool | None = None) -> NoiseModel | None:
-    """The noise of a mesh, as `noise_free.learn_store_noise` learns it in memory."""
+    """The noise of a mesh, as `noise_level.learn_mesh_noise` learns it in memory."""
     return estimate_noise(partial(_learn_surface, store, FitOptions()), sigma, robust)
 
 

@@ -10,16 +10,9 @@ import numpy as np
 
 from bezier_filters.arrays import BoolArray, FloatArray, Report
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.estimation.adaptive_fit import SurfaceFit
-from bezier_filters.estimation.noise_free import (
-    choose_outliers_or_noise,
-    move_mesh_outliers,
-    needs_outlier_removal,
-    unfold_surface,
-)
-from bezier_filters.estimation.outlier_removal import OUTLIER_REACH
 from bezier_filters.fields import PREFIX, QUALITY
-from bezier_filters.learning.noise_model import NoiseModel
+from bezier_filters.fitting.adaptive_fit import SurfaceFit
+from bezier_filters.fitting.outlier_removal import OUTLIER_REACH
 from bezier_filters.meshes.adjacency import Adjacency, incoherent_vertices, vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.meshes.spatial_order import cuthill_mckee_order
@@ -36,6 +29,12 @@ from bezier_filters.scale.source import SourcePath, open_source
 from bezier_filters.scale.store import Store
 from bezier_filters.scale.tiles import Tile, TileReport, open_tile, table_of
 from bezier_filters.smoothing.denoise import SmoothingOptions, SmoothingPlan, denoise, halo_rings, learn_plan
+from bezier_filters.smoothing.denoise_with_outliers import (
+    choose_outliers_or_noise,
+    move_mesh_outliers,
+    needs_outlier_removal,
+    unfold_surface,
+)
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.impulses import (
     MAX_IMPULSE_ROUNDS,
@@ -57,6 +56,7 @@ from bezier_filters.smoothing.volume import (
     volume_steps,
     volumes_along,
 )
+from bezier_filters.surface_model.noise_model import NoiseModel
 
 # columns of the displacement and of the weight of sharp estimates
 DISPLACEMENT, SHARPNESS = PREFIX + "displacement", PREFIX + "sharpness"

@@ -17,7 +17,6 @@ from typing import NamedTuple
 import numpy as np
 
 from bezier_filters.arrays import FloatArray, SingleArray
-from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.meshes.adjacency import Adjacency, mean_edge
 from bezier_filters.meshes.mesh import TriangleMesh
 from bezier_filters.runtime.parallel import Progress, report
@@ -54,6 +53,7 @@ from bezier_filters.smoothing.risk import (
     select_estimates,
 )
 from bezier_filters.smoothing.sliding import TangentialMotion, choose_sliding, restrict_to_normals
+from bezier_filters.surface_model.noise_model import NoiseModel
 
 # kinds of estimates: the low-pass filter; one bilateral round after a slightly weaker low-pass filter; sharp ones
 LOW_PASS_KIND, WEAK_BILATERAL_KIND = 0, 1

@@ -1,7 +1,7 @@
 """Smoothing of meshes: the public function `smooth` and its result."""
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,17 +9,19 @@ from numpy.typing import ArrayLike
 from bezier_filters.arrays import BoolArray, FloatArray
 from bezier_filters.display import html_table, noise_in_words, noise_level
 from bezier_filters.errors import InvalidParameterError, is_integer
-from bezier_filters.estimation.estimate import estimate_vertex_geometry
-from bezier_filters.estimation.first_call import first_call
-from bezier_filters.estimation.fit_options import check_detail, check_noise
-from bezier_filters.estimation.noise_free import denoise_mesh, explain_unknown_noise, learn_mesh_noise
+from bezier_filters.fitting.fallbacks import fit_patches
+from bezier_filters.fitting.first_call import first_call
+from bezier_filters.fitting.fit_options import check_detail, check_noise, fit_options
+from bezier_filters.fitting.noise_level import explain_unknown_noise, learn_mesh_noise
 from bezier_filters.meshes.adjacency import Adjacency, longest_edges, mean_edge, vertex_adjacency
 from bezier_filters.meshes.half_edges import non_manifold_edge_vertices
 from bezier_filters.meshes.mesh import TriangleMesh, check_selection, takes_arrays, triangle_mesh
 from bezier_filters.meshes.spatial_order import ensure_locality
 from bezier_filters.meshes.unit_size import LENGTH, VOLUME, normalizes_size
+from bezier_filters.patches.patch_fit import PatchFit
 from bezier_filters.runtime.parallel import Progress, runs_on_threads
 from bezier_filters.smoothing.denoise import SmoothingOptions
+from bezier_filters.smoothing.denoise_with_outliers import denoise_mesh
 from bezier_filters.smoothing.flipped_faces import bad_faces, repair_flipped_faces
 from bezier_filters.smoothing.volume import (
     ClosedComponents,
@@ -236,7 +238,8 @@ def smooth(
     """
     given = triangle_mesh(vertices, faces)
     check_smoothing(method, iterations, noise, borders, detail, relax, rings, alpha)
-    rings, alpha = 2 if rings is None else rings, 0.8 if alpha is None else alpha
+    chosen = fit_options("auto" if rings is None else rings, "auto" if alpha is None else alpha, "auto", "paper")
+    ring_count, fit = int(chosen[0]), cast("PatchFit", chosen[1])
     adjacency = vertex_adjacency(given)
     ordered = ensure_locality(given, adjacency)
     mesh = ordered.mesh
@@ -257,10 +260,8 @@ def smooth(
                 found = denoise_mesh(current, adjacency, here, options, progress=part)
                 points, sharpness = found.points, np.maximum(sharpness, found.sharpness)
             else:
-                geometry = estimate_vertex_geometry(
-                    points, mesh.faces, rings=rings, alpha=alpha, smoothness="paper", progress=part
-                )
-                points = points + admissible_displacements(current, adjacency, geometry.displacements)
+                moves = fit_patches(current, ring_count, fit, progress=part).displacements
+                points = points + admissible_displacements(current, adjacency, moves)
             points = np.where(movable[:, np.newaxis], points, mesh.vertices)
             if np.array_equal(points, current.vertices) and (k or noise is None):
                 break  # further iterations would not change it

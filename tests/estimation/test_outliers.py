@@ -5,8 +5,8 @@ import pytest
 from scanner_noise import mean_edge_of
 
 from bezier_filters import estimate_vertex_geometry, smooth, triangle_mesh
-from bezier_filters.estimation.noise_free import learn_mesh_noise
-from bezier_filters.estimation.outlier_removal import _geometric_means, move_outliers
+from bezier_filters.fitting.noise_level import learn_mesh_noise
+from bezier_filters.fitting.outlier_removal import _geometric_means, move_outliers
 from bezier_filters.kernels.kernel_input import kernel_mesh
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.frames import tangent_planes

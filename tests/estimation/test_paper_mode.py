@@ -11,8 +11,8 @@ from reference import paper_rows
 
 from bezier_filters import FitStatus, PatchFit, estimate_vertex_geometry
 from bezier_filters.errors import InvalidParameterError
-from bezier_filters.estimation.fallbacks import fallback_chain, fit_with_fallbacks
-from bezier_filters.estimation.vertex_geometry import empty_geometry
+from bezier_filters.fitting.fallbacks import fallback_chain, fit_with_fallbacks
+from bezier_filters.fitting.vertex_geometry import empty_geometry
 from bezier_filters.kernels.kernel_input import prepare_kernel_mesh
 from bezier_filters.meshes.mesh import triangle_mesh
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, torus

@@ -14,8 +14,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bezier_filters.estimation.vertex_geometry import FitChoice, VertexGeometry
 from bezier_filters.files.field_files import FieldFileError, read_fields, save_fields
+from bezier_filters.fitting.vertex_geometry import FitChoice, VertexGeometry
 
 PLY_TYPES = {
     "b": "char",

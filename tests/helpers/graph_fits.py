@@ -7,8 +7,8 @@ from compiled import from_python
 from scipy.spatial import Delaunay
 
 from bezier_filters import FitStatus, triangle_mesh, vertex_adjacency
-from bezier_filters.estimation.fallbacks import FitAttempt, fit_with_fallbacks
-from bezier_filters.estimation.vertex_geometry import empty_geometry
+from bezier_filters.fitting.fallbacks import FitAttempt, fit_with_fallbacks
+from bezier_filters.fitting.vertex_geometry import empty_geometry
 from bezier_filters.kernels import fit_workspace as places
 from bezier_filters.kernels import graph_geometry as kernel
 from bezier_filters.kernels.kernel_input import FITTED, kernel_mesh

@@ -25,7 +25,7 @@ from bezier_filters import (
     vertex_patch,
 )
 from bezier_filters.errors import InvalidMeshError, InvalidParameterError
-from bezier_filters.estimation.outlier_removal import move_outliers
+from bezier_filters.fitting.outlier_removal import move_outliers
 from bezier_filters.kernels.kernel_input import prepare_kernel_mesh
 from bezier_filters.meshes.mesh import MAX_COORDINATE, MIN_COORDINATE
 from bezier_filters.meshlab.meshset import BezierFilterError

@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bezier_filters.arrays import FloatArray
-from bezier_filters.estimation.fallbacks import fit_with_fallbacks, spec_chain
-from bezier_filters.estimation.vertex_geometry import empty_geometry
+from bezier_filters.fitting.fallbacks import fit_with_fallbacks, spec_chain
+from bezier_filters.fitting.vertex_geometry import empty_geometry
 from bezier_filters.kernels.kernel_input import KernelMesh
-from bezier_filters.learning.neighbourhood_samples import NeighbourhoodSample
-from bezier_filters.learning.ring_analysis import analyse_rings
 from bezier_filters.patches.harmonics import HIGHEST_DEGREE, harmonic_basis
 from bezier_filters.patches.polynomials import total_degree_space
+from bezier_filters.surface_model.neighbourhood_samples import NeighbourhoodSample
+from bezier_filters.surface_model.ring_analysis import analyse_rings
 
 
 @dataclass(frozen=True)

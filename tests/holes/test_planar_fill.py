@@ -13,7 +13,7 @@ from bezier_filters.holes.influence_region import influence_regions
 from bezier_filters.holes.planar_fill import _frames, lagrange_displacement, paper_fill
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import triangle_mesh
-from bezier_filters.patches.fitting import PatchFit, fit_patch
+from bezier_filters.patches.patch_fit import PatchFit, fit_patch
 from bezier_filters.surfaces import cylinder, sphere, torus, waves
 
 

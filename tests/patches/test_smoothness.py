@@ -39,17 +39,6 @@ def test_paper_smoothness_penalises_quadratics():
 
 
 @pytest.mark.parametrize("degree", [2, 3, 4])
-def test_twists_leave_exactly_sums_of_functions_of_one_parameter_free(degree):
-    rows = smoothness_matrix("twists", degree)
-    assert rows.shape == (degree**2, (degree + 1) ** 2)
-    assert np.linalg.matrix_rank(rows) == len(rows)
-    for power in range(degree + 1):
-        assert np.abs(rows @ coefficients_of(lambda s, t, k=power: s**k - 2 * t**k, degree)).max() < 1e-11
-    # b_ij = (2 i / d - 1) (2 j / d - 1) is the net of s t: every twist is (2 / d)^2.
-    np.testing.assert_allclose(rows @ coefficients_of(lambda s, t: s * t, degree), (2 / degree) ** 2, atol=1e-12)
-
-
-@pytest.mark.parametrize("degree", [2, 3, 4])
 def test_third_order_leaves_exactly_the_quadratics_free(degree):
     rows = smoothness_matrix("third_order", degree)
     assert rows.shape == ((degree + 1) ** 2 - 6, (degree + 1) ** 2)

@@ -10,20 +10,34 @@ import bezier_filters
 
 PACKAGE = Path(bezier_filters.__file__).parent
 LAYERS = """
-_version arrays errors arguments fields parameters status display runtime
-differential_geometry patches
-surfaces meshes
+_version
+errors
+arrays
+arguments
+fields
+parameters
+status
+display
+runtime
+differential_geometry
+patches
+surfaces
+meshes
 kernels
-learning
-estimation smoothing
+surface_model
+fitting
+smoothing
+estimation
 feature_lines
-holes files
-meshlab scale
+holes
+files
+scale
+meshlab
 pictures
 cli
 __main__
 """
-"""Subpackages and modules at the top, one layer a line: each imports only from its own layer and those above it."""
+"""Subpackages and modules at the top, one a line: each imports only from itself and those above it."""
 
 
 def imports_of(path):

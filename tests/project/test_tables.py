@@ -11,8 +11,8 @@ import pytest
 import typer
 
 from bezier_filters.cli.commands import app
-from bezier_filters.estimation.vertex_geometry import empty_geometry
 from bezier_filters.fields import ESTIMATES, FIELDS, columns, qualities
+from bezier_filters.fitting.vertex_geometry import empty_geometry
 from bezier_filters.meshlab.meshset import PercentageValue, PureValue
 from bezier_filters.meshlab.scripts import FILTERS
 from bezier_filters.parameters import LENGTH_TYPE, PARAMETERS, QUALITY_OF

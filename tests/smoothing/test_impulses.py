@@ -148,7 +148,7 @@ def test_other_noise_is_smoothed_once(monkeypatch):
     shape = torus(resolution=20, jitter=0.2)
     learned = []
     monkeypatch.setattr(
-        "bezier_filters.estimation.noise_free.learn_impulses",
+        "bezier_filters.smoothing.denoise_with_outliers.learn_impulses",
         lambda *arguments: learned.append(learn_impulses(*arguments)) or learned[-1],
     )
     place = shape.vertices[:, 0] - shape.vertices[:, 0].min()

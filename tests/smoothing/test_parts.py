@@ -5,13 +5,13 @@ import pytest
 from numba import config
 from test_smoothing import edge_of, face_normals, with_noise
 
-from bezier_filters.learning.noise_model import NoiseModel
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.mesh import TriangleMesh, triangle_mesh
 from bezier_filters.smoothing.denoise import SmoothingOptions, denoise, halo_rings, learn_plan, remove_noise
 from bezier_filters.smoothing.flipped_faces import repair_flipped_faces
 from bezier_filters.smoothing.mesh_parts import MeshPart, sample_parts, whole_mesh
 from bezier_filters.smoothing.noise import roughest_vertices, roughness
+from bezier_filters.surface_model.noise_model import NoiseModel
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")

@@ -9,7 +9,6 @@ from scanner_noise import along_normals, averaged_noise, in_all_directions, mean
 from test_smoothing import mean_angle
 
 from bezier_filters import smooth
-from bezier_filters.learning.noise_model import HIDDEN_RANGE_FACTOR, MAX_UNDERESTIMATION, NoiseModel, rescale_noise
 from bezier_filters.meshes.adjacency import vertex_adjacency
 from bezier_filters.meshes.frames import tangent_planes
 from bezier_filters.meshes.mesh import triangle_mesh
@@ -17,6 +16,7 @@ from bezier_filters.smoothing.laplacian import umbrella_laplacian
 from bezier_filters.smoothing.mesh_parts import whole_mesh
 from bezier_filters.smoothing.noise import NoisyMesh
 from bezier_filters.smoothing.random_noise import WHITE, Correlation, random_signs
+from bezier_filters.surface_model.noise_model import HIDDEN_RANGE_FACTOR, MAX_UNDERESTIMATION, NoiseModel, rescale_noise
 from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, ellipsoid, sphere, torus, waves
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")

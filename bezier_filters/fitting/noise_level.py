@@ -1,0 +1,56 @@
+"""The noise of a mesh along its normals, estimated with or without outliers."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from bezier_filters.fitting.adaptive_fit import LearnSurface, learn_without_outliers, surface_learner
+from bezier_filters.kernels.kernel_input import prepare_kernel_mesh
+from bezier_filters.meshes.adjacency import Adjacency, mean_edge
+from bezier_filters.meshes.mesh import TriangleMesh
+from bezier_filters.surface_model.fit_spec import FitConstraints
+from bezier_filters.surface_model.learn import explain_unusable_mesh
+from bezier_filters.surface_model.noise_model import NoiseModel, rescale_noise
+
+# standard deviation of the noise over the mean edge, above which angles of flat edges look sharp: less noise turns a
+# face by 5 degrees at most
+MIN_MASKING_NOISE = 0.02
+# largest standard deviation of the noise over the mean edge: noise makes edges at least 2 / sqrt(pi) times its standard
+# deviation long, so larger estimates come from coarse shape
+MAX_NOISE_PER_EDGE = 0.5 * np.sqrt(np.pi)
+
+
+def learn_mesh_noise(
+    mesh: TriangleMesh, adjacency: Adjacency, sigma: float | None = None, robust: bool | None = None
+) -> NoiseModel | None:
+    """Estimate the noise along the normal, with a known standard deviation `sigma`, a length, or None.
+
+    The result is None if the mesh is too coarse. Outliers do not count as noise, unless `robust` is False.
+    """
+    arrays, fitted = prepare_kernel_mesh(mesh, adjacency=adjacency, creases=True)
+    return estimate_noise(
+        surface_learner(arrays, fitted), sigma, robust, MAX_NOISE_PER_EDGE * mean_edge(mesh, adjacency)
+    )
+
+
+def explain_unknown_noise(mesh: TriangleMesh, adjacency: Adjacency) -> str:
+    """Say why `learn_mesh_noise` finds no noise model."""
+    return explain_unusable_mesh(*prepare_kernel_mesh(mesh, adjacency=adjacency, creases=True))
+
+
+def estimate_noise(
+    learn: LearnSurface, sigma: float | None, robust: bool | None, most: float = np.inf
+) -> NoiseModel | None:
+    """Estimate the noise as `learn_mesh_noise`, in memory or in tiles; an estimate above `most` is discarded."""
+    if sigma == 0.0:
+        return NoiseModel(0.0)
+    _, leaf = learn_without_outliers(learn, FitConstraints(only_noise=True), robust)
+    learned = None if leaf is None or leaf.surface.noise.sigma > most else leaf.surface.noise
+    if learned is not None and robust is False:
+        learned = replace(learned, outliers=0.0)
+    return learned if sigma is None else rescale_noise(learned, sigma)
+
+
+def is_noisy(mesh: TriangleMesh, adjacency: Adjacency, sigma: float | None) -> bool:
+    """Whether noise of standard deviation `sigma`, a length, makes angles that look like sharp edges."""
+    return sigma is not None and sigma > MIN_MASKING_NOISE * mean_edge(mesh, adjacency)

@@ -1,0 +1,207 @@
+"""A regression tree of surface models, one per region of a mesh.
+
+Noise, density and shape may vary over a mesh. A first fit with one specification gives each vertex two features,
+curvedness and residual. The sample is split at the feature quantile that raises the likelihood most. Each
+side gets its own `SurfaceModel`, and the split is kept if the mean logarithm of the predicted error drops enough.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Generic, TypeAlias, TypeVar
+
+import numpy as np
+
+from bezier_filters.arrays import BoolArray, FloatArray, IntArray
+from bezier_filters.patches.harmonics import harmonic_basis
+from bezier_filters.surface_model.fit_spec import (
+    THIRD_ORDER,
+    FitConstraints,
+    FitSpec,
+    best_spec,
+    best_specs,
+    predict_under_model,
+    prefer_cubic,
+    specs_around,
+    specs_to_first_minimum,
+)
+from bezier_filters.surface_model.model import RingModel, SurfaceModel, learn_surface_model
+from bezier_filters.surface_model.noise_model import NoiseModel, rescale_noise
+from bezier_filters.surface_model.ring_analysis import FREE_DEGREE, RingAnalysis
+
+Kind = TypeVar("Kind")
+Other = TypeVar("Other")
+Features = Callable[[IntArray], FloatArray]  # features (k, F) of vertices (k,)
+
+SPLIT_QUANTILES = (0.15, 0.3, 0.5, 0.7, 0.85)  # candidate thresholds of a feature
+MIN_SPLIT_SAMPLES = 40  # neighbourhoods on each side of a split
+MIN_SPLIT_GAIN = 0.1  # mean decrease of the logarithm of the predicted error by a split
+MIN_CORRELATED_SPLIT_GAIN = 0.35  # the same under correlated noise, which is harder to separate from shape
+MAX_TREE_DEPTH = 3  # splits above each leaf
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """Model and fit specifications of a region."""
+
+    surface: SurfaceModel
+    specs: tuple[FitSpec, ...]  # one for each ring
+    chosen: FitSpec  # the best of them
+
+
+@dataclass(frozen=True)
+class Split(Generic[Kind]):
+    """Two regions: vertices whose feature is at most the threshold, and the others."""
+
+    feature: int
+    threshold: float
+    low: "Kind | Split[Kind]"
+    high: "Kind | Split[Kind]"
+
+
+Tree: TypeAlias = Kind | Split[Kind]  # splits, and something of one kind at every leaf
+
+
+def _ignore_overflow() -> np.errstate:
+    """Ignore overflow: with coordinates of very different sizes some errors are infinite; such fits are skipped."""
+    return np.errstate(over="ignore", invalid="ignore", divide="ignore")
+
+
+def fit_leaf(
+    analyses: Sequence[RingAnalysis],
+    constraints: FitConstraints,
+    correlated: NoiseModel | None = None,
+    *,
+    heavy: bool = False,
+    outliers: float = 0.0,
+    known: Sequence[RingModel] = (),
+) -> Leaf | None:
+    """One model for all neighbourhoods; None if the analyses allow no fit. The noise is white unless `correlated`.
+
+    `known` are models of single rings that were estimated before.
+    """
+    if not any(analysis.degree > FREE_DEGREE for analysis in analyses):
+        return None
+    if constraints.noise is not None:
+        correlated = rescale_noise(correlated, constraints.noise)
+    with _ignore_overflow():
+        surface = learn_surface_model(analyses, correlated, known=known)
+        surface = replace(surface, noise=replace(surface.noise, heavy=heavy, outliers=outliers))
+        return best_leaf(surface, best_specs(surface, constraints.degrees), constraints)
+
+
+def best_leaf(surface: SurfaceModel, specs: Sequence[FitSpec], constraints: FitConstraints) -> Leaf | None:
+    """A leaf with the best of the allowed fits; None if there is none."""
+    finite = tuple(spec for spec in specs if np.isfinite(spec.error))
+    allowed = constraints.select(finite)
+    if not allowed or not np.isfinite(surface.sigma):
+        return None
+    best = best_spec(specs_to_first_minimum(allowed) if surface.noise.sills else allowed)
+    return Leaf(surface, finite, prefer_cubic(surface, best) if THIRD_ORDER in constraints.degrees else best)
+
+
+def fit_region_leaf(root: Leaf, analyses: Sequence[RingAnalysis], constraints: FitConstraints) -> Leaf | None:
+    """A leaf for a region of another one; None if the analyses allow no fit.
+
+    Rings with a much larger error keep the specifications of the root.
+    """
+    if not any(analysis.degree > FREE_DEGREE for analysis in analyses):
+        return None
+    with _ignore_overflow():
+        surface = learn_surface_model(analyses, None if constraints.noise is None else root.surface.noise, root.surface)
+        own = specs_around(surface, constraints.degrees, constraints.rings or root.chosen.rings)
+        leaf = best_leaf(surface, own, constraints)
+    others = (spec for spec in root.specs if spec.rings not in {spec.rings for spec in own})
+    return None if leaf is None else replace(leaf, specs=(*own, *others))
+
+
+def grow_tree(
+    root: Leaf,
+    analyses: Sequence[RingAnalysis],
+    features: Features,
+    constraints: FitConstraints,
+    depth: int = MAX_TREE_DEPTH,
+) -> Tree[Leaf]:
+    """Split a leaf while the gain is large enough, `depth` times at most.
+
+    `features` gives the features at the centers of the neighbourhoods.
+    """
+    likeliest = max(_candidates(root, analyses, features), default=None) if depth else None
+    if likeliest is None:
+        return root
+    _, feature, threshold = likeliest
+    halves = (
+        [part.subset((features(part.centers)[:, feature] <= threshold) == is_low) for part in analyses]
+        for is_low in (True, False)
+    )
+    sides = [[part for part in half if part is not None] for half in halves]
+    parts = [fit_region_leaf(root, side, constraints) for side in sides]
+    leaves_ = [leaf for leaf in parts if leaf is not None]
+    if len(leaves_) < len(parts):
+        return root
+    gains = [log_error_reduction(root.chosen, leaf) for leaf in leaves_]
+    sizes = [max(len(part.centers) for part in side) for side in sides]
+    min_gain = MIN_CORRELATED_SPLIT_GAIN if root.surface.noise.sills else MIN_SPLIT_GAIN
+    if sum(s * n for s, n in zip(gains, sizes, strict=True)) <= min_gain * sum(sizes):
+        return root
+    low, high = (
+        grow_tree(leaf, side, features, constraints, depth - 1) for leaf, side in zip(leaves_, sides, strict=True)
+    )
+    return Split(feature, threshold, low, high)
+
+
+def log_error_reduction(spec: FitSpec, leaf: Leaf) -> float:
+    """Logarithm of the predicted error of a fit over that of the leaf's own fit; -inf if the leaf has no such ring."""
+    before = predict_under_model(spec, leaf.surface)
+    smallest = np.finfo(np.float64).tiny  # on exact planes there is no error at all
+    if before is None:
+        return -np.inf
+    return float(np.log(max(before.error, smallest)) - np.log(max(leaf.chosen.error, smallest)))
+
+
+def leaves(tree: Tree[Kind]) -> list[Kind]:
+    """The leaves, from left to right."""
+    return leaves(tree.low) + leaves(tree.high) if isinstance(tree, Split) else [tree]
+
+
+def map_leaves(tree: Tree[Kind], function: Callable[[Kind], Other]) -> Tree[Other]:
+    """The tree with a function applied to every leaf."""
+    if not isinstance(tree, Split):
+        return function(tree)
+    low, high = map_leaves(tree.low, function), map_leaves(tree.high, function)
+    return Split(tree.feature, tree.threshold, low, high)
+
+
+def leaf_numbers(tree: Tree[Kind], features: FloatArray) -> IntArray:
+    """Which of the `leaves` each row of features (n, F) belongs to, (n,)."""
+    if not isinstance(tree, Split):
+        return np.zeros(len(features), dtype=np.int32)
+    low, high = leaf_numbers(tree.low, features), leaf_numbers(tree.high, features)
+    is_low: BoolArray = features[:, tree.feature] <= tree.threshold
+    return np.where(is_low, low, high + len(leaves(tree.low))).astype(np.int32)
+
+
+def _candidates(root: Leaf, analyses: Sequence[RingAnalysis], features: Features) -> Iterator[tuple[float, int, float]]:
+    """Candidate splits: gain of the log likelihood, feature, threshold."""
+    analysis = next(analysis for analysis in analyses if analysis.rings == root.chosen.rings)
+    of_rows = features(analysis.centers)
+    everywhere = np.ones(len(of_rows), dtype=np.bool_)
+    for feature in range(of_rows.shape[1]):
+        for threshold in np.unique(np.quantile(of_rows[:, feature], SPLIT_QUANTILES)):
+            low = of_rows[:, feature] <= threshold
+            if min(low.sum(), (~low).sum()) < MIN_SPLIT_SAMPLES:
+                continue
+            gain = _log_likelihood(analysis, low) + _log_likelihood(analysis, ~low)
+            gain -= _log_likelihood(analysis, everywhere)
+            yield gain, feature, float(threshold)
+
+
+def _log_likelihood(analysis: RingAnalysis, rows: BoolArray) -> float:
+    """Maximum log likelihood of Gaussian terms of degree 3 and more and of Gaussian residuals, with own variances."""
+    free = harmonic_basis().term_count(FREE_DEGREE)
+    groups = harmonic_basis().groups[free : analysis.sums.scores.shape[1]]
+    groups = groups - harmonic_basis().groups[free]
+    sums = np.bincount(groups, weights=np.square(analysis.sums.scores[rows, free:]).sum(axis=0))
+    counts = np.bincount(groups) * rows.sum()
+    sums = np.append(sums, analysis.sums.residuals[rows, -1].sum())
+    counts = np.append(counts, analysis.sums.freedom[rows, -1].sum())
+    return float(-0.5 * (counts * np.log(np.maximum(sums, 1e-300) / np.maximum(counts, 1.0))).sum())

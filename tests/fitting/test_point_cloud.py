@@ -1,0 +1,263 @@
+"""Estimates on points alone: their neighbours, their outside, and the accuracy next to the same points' mesh."""
+
+from collections import namedtuple
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial import Delaunay
+
+from bezier_filters import (
+    FitStatus,
+    InvalidParameterError,
+    estimate_vertex_geometry,
+    triangle_mesh,
+    vertex_adjacency,
+)
+from bezier_filters.fitting.point_cloud import point_cloud
+from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, ellipsoid, sphere, torus, waves
+
+CLOSED = {"sphere": sphere(jitter=0.3), "ellipsoid": ellipsoid(jitter=0.3), "torus": torus(jitter=0.3)}
+
+
+Cloud = namedtuple("Cloud", "adjacency planes")
+
+
+def cloud_of(points, normals=None):
+    return Cloud(*point_cloud(triangle_mesh(points, []), normals))
+
+
+def noisy(surface, edges, seed=0):
+    """The vertices with noise of so many mean edges."""
+    corners = surface.vertices[surface.faces]
+    edge = np.linalg.norm(corners[:, 0] - corners[:, 1], axis=1).mean()
+    return surface.vertices + edges * edge * np.random.default_rng(seed).normal(size=surface.vertices.shape)
+
+
+def dots(a, b):
+    return np.einsum("ij,ij->i", a, b)
+
+
+def points_on_sphere(n, seed=0):
+    points = np.random.default_rng(seed).normal(size=(n, 3))
+    return points / np.linalg.norm(points, axis=1, keepdims=True)
+
+
+class TestNeighbours:
+    @given(st.integers(0, 50))
+    def test_points_of_a_plane_have_their_delaunay_neighbours(self, seed):
+        lattice = np.array(np.meshgrid(np.arange(16.0), np.arange(16.0))).reshape(2, -1).T
+        xy = lattice + np.random.default_rng(seed).uniform(-0.4, 0.4, lattice.shape)
+        rows = cloud_of(np.column_stack([xy, np.zeros(len(xy))])).adjacency.vertices
+        expected = vertex_adjacency(triangle_mesh(np.column_stack([xy, xy[:, 0]]), Delaunay(xy).simplices)).vertices
+        for i in np.flatnonzero(np.abs(lattice - 7.5).max(axis=1) < 5):
+            np.testing.assert_array_equal(rows.row(i), expected.row(i))
+
+    @pytest.mark.parametrize("surface", CLOSED.values(), ids=CLOSED)
+    def test_rows_are_symmetric_and_without_the_point_itself(self, surface):
+        rows = cloud_of(surface.vertices).adjacency.vertices
+        pairs = {(i, int(j)) for i in range(len(rows)) for j in rows.row(i)}
+        assert all((j, i) in pairs and i != j for i, j in pairs)
+
+    @pytest.mark.parametrize("jitter", [0.0, 0.3])
+    def test_a_point_at_a_straight_border_has_the_nearest_ones_there_only(self, jitter):
+        """Not those behind them, which touch the same straight line."""
+        sheet = waves(resolution=30, jitter=jitter)
+        cloud = cloud_of(sheet.vertices).adjacency
+        expected = vertex_adjacency(triangle_mesh(sheet.vertices, sheet.faces))
+        for i in np.flatnonzero(expected.on_boundary):
+            edges = sheet.vertices[cloud.vertices.row(i)] - sheet.vertices[i]
+            directions = edges / np.linalg.norm(edges, axis=1, keepdims=True)
+            assert ((directions @ directions.T) > np.cos(np.radians(10.0))).sum() == len(edges), i
+            assert 2 <= len(edges) <= len(expected.vertices.row(i)) + 3
+
+    def test_closed_bodies_have_no_boundary(self):
+        for surface in CLOSED.values():
+            assert not cloud_of(surface.vertices).adjacency.on_boundary.any()
+
+    def test_the_boundary_of_a_sheet_is_that_of_its_mesh(self):
+        sheet = waves(resolution=40, jitter=0.3)
+        expected = vertex_adjacency(triangle_mesh(sheet.vertices, sheet.faces)).on_boundary
+        np.testing.assert_array_equal(cloud_of(sheet.vertices).adjacency.on_boundary, expected)
+
+
+class TestOutside:
+    @pytest.mark.parametrize("edges", [0.0, 0.1, 0.3, 0.5])
+    @pytest.mark.parametrize("surface", CLOSED.values(), ids=CLOSED)
+    def test_normals_of_closed_bodies_point_outward(self, surface, edges):
+        normals = cloud_of(noisy(surface, edges)).planes.normals
+        assert (dots(normals, surface.normals) > 0).all()
+        np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0)
+
+    def test_a_block_with_sharp_edges(self):
+        vertices, _ = block_with_sharp_edges()
+        center = vertices.mean(axis=0)
+        assert (dots(cloud_of(vertices).planes.normals, vertices - center) > 0).all()
+
+    def test_bodies_apart_are_turned_each_for_itself(self):
+        ball = points_on_sphere(2000)
+        normals = cloud_of(np.vstack([ball, 0.3 * ball[:500] + 5.0])).planes.normals
+        assert (dots(normals, np.vstack([ball, ball[:500]])) > 0).all()
+
+    def test_both_sides_of_a_plate_face_away_from_each_other(self):
+        rng = np.random.default_rng(0)
+        lattice = np.array(np.meshgrid(np.arange(30.0), np.arange(30.0))).reshape(2, -1).T
+        below, above = (
+            np.column_stack([lattice + rng.uniform(-0.3, 0.3, lattice.shape), np.full(len(lattice), z)])
+            for z in (0.0, 2.5)
+        )
+        z = cloud_of(np.vstack([below, above])).planes.normals[:, 2]
+        inner = np.tile(np.abs(lattice - 14.5).max(axis=1) < 13, 2)
+        assert (np.sign(z) == np.repeat([-1, 1], len(lattice)))[inner].all()
+
+    @pytest.mark.parametrize("axis", [0, 1, 2])
+    def test_sheets_look_along_the_axis_that_they_face(self, axis):
+        sheet = waves(resolution=30, jitter=0.3)
+        turned = np.roll(sheet.vertices, axis + 1, axis=1)  # z to the axis
+        assert (cloud_of(turned).planes.normals[:, axis] > 0).all()
+
+    def test_given_normals_decide(self):
+        surface = CLOSED["torus"]
+        before = estimate_vertex_geometry(surface.vertices, None)
+        inward = estimate_vertex_geometry(surface.vertices, None, normals=-0.1 * surface.normals)
+        np.testing.assert_allclose(inward.normals, -before.normals, atol=1e-9)
+        np.testing.assert_allclose(inward.k_max, -before.k_min, atol=1e-9)
+
+    def test_a_few_given_normals_turn_their_whole_part(self):
+        surface = CLOSED["sphere"]
+        given = np.zeros_like(surface.vertices)
+        given[::50] = -surface.normals[::50]
+        both = np.vstack([surface.vertices, surface.vertices + 5.0])
+        normals = cloud_of(both, np.vstack([given, np.zeros_like(given)])).planes.normals
+        outward = dots(normals, np.vstack([surface.normals, surface.normals]))
+        assert (outward[: len(given)] < 0).all()
+        assert (outward[len(given) :] > 0).all()
+
+
+ACCURACY = {
+    "torus": torus(resolution=20, jitter=0.3),
+    "bumpy_star": bumpy_star(resolution=16, jitter=0.3),
+    "ellipsoid": ellipsoid(resolution=16, jitter=0.3),
+    "waves": waves(resolution=30, jitter=0.3),
+}
+
+
+@pytest.mark.parametrize("options", [{}, {"rings": 2, "alpha": 0.9}], ids=["auto", "fixed"])
+@pytest.mark.parametrize("edges", [0.0, 0.1, 0.3])
+@pytest.mark.parametrize("surface", ACCURACY.values(), ids=ACCURACY)
+def test_points_alone_are_estimated_about_as_well_as_their_mesh(surface, edges, options):
+    points = noisy(surface, edges)
+    inner = np.abs(points[:, :2]).max(axis=1) < (0.7 if surface is ACCURACY["waves"] else np.inf)
+
+    def errors(faces):
+        geometry = estimate_vertex_geometry(points, faces, **options)
+        assert sum(geometry.status_counts().values()) == len(points)
+        normal = np.linalg.norm(geometry.normals - surface.normals, axis=1)[inner]
+        mean = (geometry.mean_curvature - surface.mean_curvature)[inner]
+        return np.sqrt([np.mean(normal**2), np.mean(mean**2)])
+
+    assert (errors(None) < 2.2 * errors(surface.faces)).all()
+
+
+@pytest.mark.parametrize("resolution", [30, 40, 60])
+def test_no_point_at_a_border_is_flung_off(resolution):
+    """Nor does its standard error say less than a sixth: parts are learned from neighbourhoods without a border."""
+    surface = waves(resolution=resolution)
+    geometry = estimate_vertex_geometry(surface.vertices, None)
+    angles = np.arccos(np.clip(np.abs(dots(geometry.normals, surface.normals)), 0.0, 1.0))
+    assert np.degrees(angles).max() < 0.5
+    at_border = np.abs(surface.vertices[:, :2]).max(axis=1) == 1.0
+    assert (angles < 6.0 * geometry.normal_std + 1e-6)[at_border].mean() > 0.99
+
+
+@pytest.mark.parametrize("spacing", [1, 3, 6])
+def test_scan_lines(spacing):
+    """Points so many times denser along the lines than the lines are apart."""
+    rng, latitudes = np.random.default_rng(0), np.linspace(-1.4, 1.4, 40)
+    lines = []
+    for latitude in latitudes:
+        count = max(int(2 * np.pi * np.cos(latitude) / (latitudes[1] - latitudes[0]) * spacing), 6)
+        turn = 2 * np.pi * (np.arange(count) / count + rng.random())
+        lines.append(np.column_stack([np.cos(latitude) * np.cos(turn), np.cos(latitude) * np.sin(turn)]))
+        lines[-1] = np.column_stack([lines[-1], np.full(count, np.sin(latitude))])
+    points = np.vstack(lines)
+    geometry = estimate_vertex_geometry(points, None)
+    inner = np.abs(points[:, 2]) < 0.9
+    np.testing.assert_allclose(geometry.normals[inner], points[inner], atol=1e-4)
+    np.testing.assert_allclose(geometry.mean_curvature[inner], 1.0, atol=1e-3)
+
+
+def test_random_points():
+    points = points_on_sphere(3000)
+    geometry = estimate_vertex_geometry(points, None)
+    np.testing.assert_allclose(geometry.normals, points, atol=1e-3)
+    np.testing.assert_allclose(geometry.mean_curvature, 1.0, atol=1e-2)
+
+
+def test_order_of_the_points_does_not_matter():
+    points = points_on_sphere(1500)
+    order = np.random.default_rng(1).permutation(len(points))
+    options = {"rings": 2, "alpha": 0.9}
+    before, after = (estimate_vertex_geometry(p, None, **options) for p in (points, points[order]))
+    np.testing.assert_allclose(after.normals, before.normals[order], atol=1e-9)
+    np.testing.assert_allclose(after.k_max, before.k_max[order], atol=1e-9)
+    np.testing.assert_array_equal(after.status, before.status[order])
+
+
+def test_thread_count_changes_nothing(monkeypatch):
+    monkeypatch.setattr("bezier_filters.runtime.parallel.MIN_CHUNK", 100)
+    points = noisy(CLOSED["torus"], 0.1)
+    one, two = (estimate_vertex_geometry(points, np.empty((0, 3), int), threads=threads) for threads in (1, 2))
+    np.testing.assert_array_equal(one.normals, two.normals)
+    np.testing.assert_array_equal(one.k_max, two.k_max)
+
+
+class TestDegenerateClouds:
+    def test_points_at_the_same_place_count_as_one_neighbour(self):
+        points = points_on_sphere(1000)
+        twice = estimate_vertex_geometry(np.vstack([points, points, points[:300]]), None)
+        np.testing.assert_allclose(twice.mean_curvature, 1.0, atol=2e-2)
+        rows = cloud_of(np.vstack([points, points])).adjacency.vertices
+        np.testing.assert_array_equal(rows.row(7), rows.row(1007))
+        once = cloud_of(points).adjacency.vertices
+        np.testing.assert_array_equal(rows.row(7), once.row(7))
+
+    @pytest.mark.parametrize("n", [1, 2, 3, 5, 6, 8, 20, 21, 22])
+    def test_fewer_points_than_are_asked_for(self, n):
+        geometry = estimate_vertex_geometry(np.random.default_rng(n).normal(size=(n, 3)), None)
+        assert sum(geometry.status_counts().values()) == n
+        assert np.isfinite(geometry.k_max).all()
+        if n < 3:
+            assert geometry.status_counts() == {"ISOLATED": n}
+        elif n < 6:
+            assert geometry.status_counts() == {"NORMAL_ONLY": n}
+
+    def test_no_points(self):
+        assert estimate_vertex_geometry(np.empty((0, 3)), None).status_counts() == {}
+
+    @pytest.mark.parametrize("points", [np.zeros((50, 3)), np.outer(np.arange(50.0), [1, 2, 3])], ids=["place", "line"])
+    def test_points_at_one_place_or_on_a_line_have_no_plane(self, points):
+        geometry = estimate_vertex_geometry(points, None)
+        assert (geometry.status == FitStatus.ISOLATED).all()
+        assert not geometry.normals.any()
+
+    def test_a_far_point_spoils_nothing(self):
+        points = np.vstack([points_on_sphere(1000), [[100.0, 0.0, 0.0]]])
+        geometry = estimate_vertex_geometry(points, None)
+        assert np.median(np.abs(geometry.mean_curvature[:-1] - 1.0)) < 1e-3
+        assert (dots(geometry.normals, points)[:-1] > 0).mean() > 0.95
+
+
+@pytest.mark.parametrize(
+    ("faces", "normals", "message"),
+    [
+        ([[0, 1, 2]], np.ones((4, 3)), "normals: got some for a mesh with faces"),
+        (None, np.ones((3, 3)), r"normals: got shape \(3, 3\), expected finite numbers of shape \(4, 3\)"),
+        (None, np.full((4, 3), np.nan), "expected finite numbers"),
+        (None, "up", "normals: expected real numbers"),
+    ],
+)
+def test_bad_normals_are_refused(faces, normals, message):
+    with pytest.raises(InvalidParameterError, match=message):
+        estimate_vertex_geometry(np.random.default_rng(0).normal(size=(4, 3)), faces, normals=normals)

@@ -1,0 +1,96 @@
+"""Noise that turns single normals is told from thin parts and sharp edges, whose normals turn away, too."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numba import config
+from scanner_noise import in_all_directions
+
+from bezier_filters import estimate_vertex_geometry
+from bezier_filters.fitting.adaptive_fit import _region_fit
+from bezier_filters.kernels.kernel_input import prepare_kernel_mesh
+from bezier_filters.meshes.mesh import triangle_mesh
+from bezier_filters.surface_model.fit_spec import FitConstraints
+from bezier_filters.surface_model.learn import CANDIDATE_RINGS, learn_surface
+from bezier_filters.surfaces import block_with_sharp_edges, bumpy_star, ellipsoid, sphere, torus
+
+pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="takes too long without the compiler")
+
+
+def noise_of(vertices, faces):
+    arrays, adjacency = prepare_kernel_mesh(triangle_mesh(vertices, faces), creases=True)
+    return learn_surface(arrays, adjacency, FitConstraints())[1].surface.noise
+
+
+def flattened(surface, factor):
+    return surface.vertices * np.array([1.0, 1.0, factor]), surface.faces
+
+
+CLEAN = {
+    "lens": flattened(sphere(resolution=12, jitter=0.2), 0.03),
+    "finer lens": flattened(sphere(resolution=24, jitter=0.2), 0.03),
+    "disc": flattened(sphere(resolution=12, jitter=0.2), 0.1),
+    "flat ring": flattened(torus(resolution=24, jitter=0.2), 0.1),
+    "flatter ring": flattened(torus(resolution=24, jitter=0.2), 0.03),
+    "block": block_with_sharp_edges(resolution=12, jitter=0.2),
+    "star": flattened(bumpy_star(resolution=12, jitter=0.2), 1.0),
+}
+SURFACES = {
+    "torus": torus(resolution=24, jitter=0.3),
+    "star": bumpy_star(resolution=16, jitter=0.2),
+    "ellipsoid": ellipsoid(resolution=12, jitter=0.2),
+}
+each_surface = pytest.mark.parametrize("surface", SURFACES.values(), ids=SURFACES)
+
+
+@pytest.mark.parametrize("name", CLEAN)
+def test_knife_edges_and_sharp_edges_are_not_heavy_noise(name):
+    assert not noise_of(*CLEAN[name]).heavy
+
+
+@each_surface
+@pytest.mark.parametrize(("level", "heavy"), [(0.1, False), (0.2, False), (0.5, True), (0.6, True)])
+def test_noise_of_half_an_edge_in_every_coordinate_is_heavy(surface, level, heavy):
+    noise = noise_of(in_all_directions(surface.vertices, surface.faces, level), surface.faces)
+    assert noise.heavy == heavy
+
+
+def curvature_error(surface, geometry):
+    return np.sqrt(np.square(geometry.mean_curvature - surface.mean_curvature).mean())
+
+
+@pytest.mark.parametrize("rings", [None, 3, 7])
+def test_every_ring_is_analysed_once_and_the_wanted_one_in_any_case(rings):
+    surface = SURFACES["ellipsoid"]
+    noisy = in_all_directions(surface.vertices, surface.faces, 0.1)
+    arrays, adjacency = prepare_kernel_mesh(triangle_mesh(noisy, surface.faces), creases=True)
+    found = [analysis.rings for analysis in learn_surface(arrays, adjacency, FitConstraints(rings=rings))[0]]
+    assert found == sorted(set(found))
+    assert set(range(1, 6)) < set(found) <= {*CANDIDATE_RINGS, rings}
+    assert rings is None or rings in found
+
+
+@each_surface
+@pytest.mark.parametrize("options", [{}, {"radius": 0.4}], ids=["rings", "balls"])
+def test_curvature_survives_heavy_noise(surface, options):
+    """Single normals tell nothing then: a wide quadric over planes from these is no use."""
+    vertices = in_all_directions(surface.vertices, surface.faces, 0.5)
+    geometry = estimate_vertex_geometry(vertices, surface.faces, **options)
+    counts = geometry.status_counts()
+    assert counts["OK"] > 0.97 * len(vertices)
+    plain = estimate_vertex_geometry(vertices, surface.faces, rings=5, degree=2, alpha=1.0)
+    assert curvature_error(surface, geometry) < 0.5 * curvature_error(surface, plain)
+    assert np.einsum("ij,ij->i", geometry.normals, surface.normals).min() > 0.0
+
+
+@pytest.mark.parametrize("exact", ["normal_noise", "curvature_noise"])
+def test_parts_of_a_surface_that_is_exact_elsewhere_have_fits_of_their_own(exact):
+    """Standard errors of 0, as a flat whole has, are no unit for those of a part."""
+    surface = bumpy_star(resolution=12, jitter=0.2)
+    arrays, adjacency = prepare_kernel_mesh(triangle_mesh(surface.vertices, surface.faces), creases=True)
+    leaf = learn_surface(arrays, adjacency, FitConstraints())[1]
+    assert not _region_fit(leaf, leaf).attempts
+    part = _region_fit(replace(leaf, chosen=replace(leaf.chosen, **{exact: 0.0})), leaf)
+    assert part.attempts
+    assert not np.isfinite(part.error_ratios).any()
