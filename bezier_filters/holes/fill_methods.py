@@ -30,7 +30,7 @@ from bezier_filters.meshes.unit_size import LENGTH
 FillingMethod = Literal["auto", "paper"]
 
 MAX_BULGE = 0.5  # of a fill beyond the bounding box of its rim, in diameters of the hole
-INTERSECTING = "every fill would intersect other faces, intersecting=True takes the one with the fewest intersections"
+INTERSECTING = "every fill would cut other faces, intersecting=True takes the one that cuts least"
 SIZE_LIMITED = "its triangles stay larger than those around it, as there would be too many"
 # A fill is flattened around its intersecting faces if there are at most this number and fraction of them, within at
 # most this number of rings.
@@ -242,7 +242,7 @@ def _best_attempt(
                 least, best, placed = count, attempt, faces
             if count == 0:
                 break
-            problem = f"{count} of its faces would intersect others"
+            problem = f"{count} of its faces would cut others"
         reasons.append((attempt, f"{attempt.kind}: {problem}"))
     if best is None or placed is None or (least and not task.intersecting):
         remarks = [INTERSECTING] if least else []

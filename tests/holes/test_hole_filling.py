@@ -199,7 +199,7 @@ def test_an_outer_rim_gives_way_to_the_holes_of_its_sheet():
     without = fill_holes(surface.vertices, surface.faces, outer_rims=True)
     assert without.holes[0].self_intersections == result.holes[0].self_intersections
     assert not without.holes[0].filled
-    assert without.holes[0].reason.startswith("every fill would intersect other faces")
+    assert without.holes[0].reason.startswith("every fill would cut other faces")
     for own, other in zip(result.holes[1:], without.holes[1:], strict=True):
         np.testing.assert_array_equal(result.faces[own.new_faces], without.faces[other.new_faces])
     for attribute, rows in (("new_vertices", result.vertices), ("new_faces", result.faces)):
