@@ -68,31 +68,31 @@ def _continue_densely(points: FloatArray, faces: IntArray, values: FloatArray, o
     n, free = len(points), len(points) - len(values)
     stiffness, areas, result = np.zeros((n, n)), np.zeros(n), np.zeros((n, values.shape[1]))
     result[: len(values)] = values
-    scratch = np.empty((len(faces), 3)), np.empty((free, n)), np.empty(n), np.empty((free, free))
-    _solve_densely(points, faces, order, stiffness, areas, result, *scratch)
+    weights = np.empty((len(faces), 3))
+    _measure_mesh(points, faces, areas, weights)
+    scratch = np.empty((free, n)), np.empty(n), np.empty((free, free))
+    _solve_densely(faces, weights, areas, order, stiffness, result, *scratch)
     return result
 
 
 @jit(fastmath=FASTMATH)
 def _solve_densely(
-    points: FloatArray,
     faces: IntArray,
+    weights: FloatArray,
+    areas: FloatArray,
     order: int,
     stiffness: FloatArray,
-    areas: FloatArray,
     result: FloatArray,
-    weights: FloatArray,
     rows: FloatArray,
     weighted: FloatArray,
     matrix: FloatArray,
 ) -> None:
-    """Solve for the last u values; they, the cotangent matrix (n, n) and the areas (n,) are zero at first.
+    """Solve for the last u values; they and the cotangent matrix (n, n) are zero at first.
 
-    The last arrays, (m, 3), (u, n), (n,), and (u, u), are scratch.
+    The last arrays, (u, n), (n,), and (u, u), are scratch.
     """
     n, free = stiffness.shape[0], rows.shape[0]
     first = n - free
-    _measure_mesh(points, faces, areas, weights)
     for f in range(faces.shape[0]):
         for k in range(3):
             i, j = faces[f, k], faces[f, (k + 1) % 3]
